@@ -1,0 +1,47 @@
+# Variables: PYTHON (interpreter that makes .venv), UV (empty: use venv and pip even where uv is
+# present), OUT (where the demo writes), ARGS (passed on to the demo or to pytest), DIST (wheels).
+PYTHON ?= python3
+OUT ?= build/demo
+DIST ?= dist
+ARGS ?=
+
+BIN := .venv/bin
+READY := .venv/.ready
+
+# One thread in the numeric libraries: times stay comparable between machines and between runs,
+# and two processes on two cores do not fight over them.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint wheel lock clean
+
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-6s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+demo: $(READY)  ## touches named on the iCub's body, written to build/demo (or OUT=folder)
+	$(BIN)/skinmap demo --out "$(OUT)" $(ARGS)
+
+test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: $(READY)  ## style, formatting, types, import order
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+wheel: $(READY)  ## the distribution, written to dist (or DIST=folder)
+	rm -rf build/lib build/bdist.*  # a module deleted since would still be packed from here
+	$(BIN)/python -m build --quiet --wheel --no-isolation --outdir "$(DIST)"
+
+lock:  ## renew constraints.txt with the newest versions that fit together
+	scripts/lock.sh
+
+clean:  ## remove all that these targets made, .venv too
+	rm -rf .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(READY): pyproject.toml constraints.txt
+	@PYTHON="$(PYTHON)" scripts/environment.sh .venv -e '.[dev]'
+	@touch $@
