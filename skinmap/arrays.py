@@ -1,0 +1,102 @@
+"""Checks at the border: they validate, convert and return; the maths inside trusts them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skinmap.errors import InvalidArrayError, InvalidMeshError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+def check_finite(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> FloatArray:
+    """Convert to float64 of a given shape and refuse NaN and infinity.
+
+    Parameters
+    ----------
+    values : array-like
+        What came.
+    name : str
+        How messages call it.
+    shape : tuple of int or None
+        Wanted shape; None stands for any length.
+
+    Returns
+    -------
+    array of float
+        A C-contiguous float64 array, never a view that the caller could spoil through
+        a conversion; the same object where nothing had to change.
+
+    Raises
+    ------
+    InvalidArrayError
+        Wrong shape or type, or a value that is not finite (says which row).
+    """
+    try:
+        array = np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidArrayError(f"{name} must be numbers of shape {_words(shape)}") from error
+    fits = array.ndim == len(shape) and all(
+        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        raise InvalidArrayError(f"{name} must have shape {_words(shape)}, got {array.shape}")
+    if not np.isfinite(array).all():
+        row = int(np.argwhere(~np.isfinite(array))[0, 0])
+        raise InvalidArrayError(f"{name} holds NaN or infinity, first in row {row}")
+    return array
+
+
+def check_points(points: ArrayLike, name: str = "points") -> FloatArray:
+    """Positions of shape (n, 3) [m], finite.
+
+    Raises
+    ------
+    InvalidArrayError
+        Wrong shape or a value that is not finite.
+    """
+    return check_finite(points, name, (None, 3))
+
+
+def check_faces(faces: ArrayLike, n_vertices: int, name: str = "faces") -> IntArray:
+    """Triangles of shape (m, 3) whose indices lie in 0..n_vertices-1.
+
+    Raises
+    ------
+    InvalidMeshError
+        Wrong shape or type, or an index outside (says which face and which index).
+    """
+    array = np.asarray(faces)
+    if array.size == 0:
+        array = array.reshape(0, 3).astype(np.int64)
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
+        raise InvalidMeshError(
+            f"{name} must be integers of shape (m, 3), got {array.dtype} {array.shape}"
+        )
+    outside = (array < 0) | (array >= n_vertices)
+    if outside.any():
+        face, corner = np.argwhere(outside)[0]
+        raise InvalidMeshError(
+            f"{name} point outside the vertices: face {face} has index {array[face, corner]}, "
+            f"vertices are 0..{n_vertices - 1}"
+        )
+    return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def freeze(obj: object, **arrays: NDArray[Any]) -> None:
+    """Set read-only copies of arrays as attributes of a frozen dataclass (in `__post_init__`)."""
+    for name, array in arrays.items():
+        own = np.array(array)
+        own.flags.writeable = False
+        object.__setattr__(obj, name, own)
+
+
+def _words(shape: tuple[int | None, ...]) -> str:
+    letters = iter("nmk")
+    inner = ", ".join(str(size) if size is not None else next(letters) for size in shape)
+    return f"({inner},)" if len(shape) == 1 else f"({inner})"

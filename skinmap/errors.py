@@ -1,0 +1,88 @@
+"""Errors and warnings: one root, and each leaf is also the builtin a caller would expect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class SkinError(Exception):
+    """Root of every error that Skinmap raises on purpose."""
+
+
+class InvalidArrayError(SkinError, ValueError):
+    """An array has the wrong shape, type or content."""
+
+
+class InvalidMeshError(SkinError, ValueError):
+    """Triangles that are not a usable surface."""
+
+
+class FlatteningError(SkinError, ArithmeticError):
+    """A surface that cannot be laid flat, and why."""
+
+
+class NotFittedError(SkinError, ValueError, AttributeError):
+    """A model was asked before it was trained."""
+
+
+class SkinMismatchError(SkinError, ValueError):
+    """Data or a model that belong to another skin."""
+
+
+class OutputError(SkinError, OSError):
+    """A result that cannot be written where it was asked for."""
+
+
+class MissingLibraryError(SkinError, ImportError):
+    """A system library or an optional package that is not installed."""
+
+
+class MissingFileError(SkinError, FileNotFoundError):
+    """A file that does not exist."""
+
+    def __init__(self, path: Path | str, expected: str) -> None:
+        super().__init__(f"no file {str(path)!r}; expected {expected}")
+        self.path = Path(path)
+
+
+class UnknownNameError(SkinError, LookupError):
+    """A name that nothing has, with the names that exist.
+
+    Parameters
+    ----------
+    kind : str
+        What was looked for, in the singular ("part", "flattening method").
+    name : str
+        What came.
+    known : iterable of str
+        What exists.
+    """
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        self.kind, self.name, self.known = kind, name, tuple(known)
+        exists = ", ".join(self.known) if self.known else "none"
+        super().__init__(f"no {kind} {name!r}; there is: {exists}")
+
+
+class DataFormatError(SkinError, ValueError):
+    """A file that does not follow its format.
+
+    Parameters
+    ----------
+    message : str
+        What came and what was expected.
+    path : path-like
+        The file.
+    line : int, optional
+        Line of the file, counted from 1.
+    """
+
+    def __init__(self, message: str, path: Path | str, line: int | None = None) -> None:
+        self.path, self.line = Path(path), line
+        where = f"{path}:{line}" if line is not None else str(path)
+        super().__init__(f"{where}: {message}")
+
+
+class SkinWarning(UserWarning):
+    """A result that stands but deserves a second look."""

@@ -1,0 +1,1 @@
+"""Arrays in, arrays out: triangles, topology, proximity, distances, rigid transforms."""

@@ -1,0 +1,60 @@
+"""Nearest things: spacing of points, neighbour graphs, closest points on a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.spatial import cKDTree
+
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+
+
+def median_spacing(points: FloatArray) -> float:
+    """Median distance to the nearest other point [m]; 0 for fewer than two points."""
+    if len(points) < 2:
+        return 0.0
+    distance, _ = cKDTree(points).query(points, k=2)
+    return float(np.median(distance[:, 1]))
+
+
+def nearest(points: FloatArray, k: int) -> tuple[FloatArray, IntArray]:
+    """Distances (n, k) [m] and indices (n, k) of the k nearest others, fewer if n is small."""
+    k = min(k, len(points) - 1)
+    distance, index = cKDTree(points).query(points, k=k + 1)
+    # A coincident point may come before the query itself: move self to the front.
+    own = index == np.arange(len(points))[:, None]
+    missing = ~own.any(axis=1)
+    own[missing, -1] = True
+    order = np.argsort(~own, axis=1, kind="stable")[:, 1:]
+    return np.take_along_axis(distance, order, 1), np.take_along_axis(index, order, 1)
+
+
+def neighbour_graph(points: FloatArray, k: int, limit: float) -> csr_array:
+    """Symmetric (n, n) graph of the k nearest within a limit [m], weighted by distance [m]."""
+    distance, index = nearest(points, k)
+    row = np.repeat(np.arange(len(points)), index.shape[1])
+    keep = distance.ravel() <= limit
+    graph = coo_array(
+        (distance.ravel()[keep], (row[keep], index.ravel()[keep])), shape=(len(points),) * 2
+    ).tocsr()
+    return graph.maximum(graph.T)
+
+
+def closest_on_mesh(
+    points: FloatArray, vertices: FloatArray, faces: IntArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Distance (n,) [m], face (n,) and closest point (n, 3) [m] on a mesh, through libigl."""
+    import igl
+
+    squared, face, closest = igl.point_mesh_squared_distance(points, vertices, faces)
+    return np.sqrt(squared), np.asarray(face, np.int64), closest
+
+
+def ray_hits(
+    origins: FloatArray, directions: FloatArray, vertices: FloatArray, faces: IntArray
+) -> BoolArray:
+    """(n,) whether each ray meets the mesh, through trimesh (Embree where it is installed)."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    return np.asarray(mesh.ray.intersects_any(origins, directions))

@@ -1,0 +1,39 @@
+"""Rigid transforms, written T_a_b: they map b-coordinates to a."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinmap.arrays import FloatArray, check_finite
+from skinmap.errors import InvalidArrayError
+
+
+def check_transform(transform: ArrayLike, name: str = "transform") -> FloatArray:
+    """A rigid (4, 4) matrix.
+
+    Raises
+    ------
+    InvalidArrayError
+        Not of that shape, not finite, or not a rotation with a translation.
+    """
+    matrix = check_finite(transform, name, (4, 4))
+    rotation = matrix[:3, :3]
+    # URDF files give angles with six or more digits; 1e-6 forgives them and nothing coarser.
+    if not (
+        np.allclose(rotation @ rotation.T, np.eye(3), rtol=0, atol=1e-6)
+        and np.linalg.det(rotation) > 0
+        and np.array_equal(matrix[3], [0, 0, 0, 1])
+    ):
+        raise InvalidArrayError(f"{name} is not rigid: {matrix.tolist()}")
+    return matrix
+
+
+def transform_points(transform: FloatArray, points: FloatArray) -> FloatArray:
+    """(n, 3) points [m] carried by a (4, 4) transform."""
+    return points @ transform[:3, :3].T + transform[:3, 3]
+
+
+def transform_directions(transform: FloatArray, directions: FloatArray) -> FloatArray:
+    """(n, 3) directions turned by a (4, 4) transform."""
+    return directions @ transform[:3, :3].T

@@ -1,0 +1,67 @@
+"""Plug-ins by name: what we ship and what entry points add, loaded on first look-up only."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from typing import Generic, TypeVar
+
+from skinmap.errors import UnknownNameError
+
+T = TypeVar("T")
+logger = logging.getLogger(__name__)
+
+
+class Registry(Generic[T]):
+    """Things of one kind under their names.
+
+    Parameters
+    ----------
+    kind : str
+        What the things are, in the singular, for messages.
+    group : str
+        Entry-point group that other distributions add to.
+    """
+
+    def __init__(self, kind: str, group: str) -> None:
+        self.kind, self.group = kind, group
+        self._own: dict[str, T] = {}
+        self._plugins: dict[str, T] | None = None
+
+    def register(self, name: str) -> Callable[[T], T]:
+        """Decorator that adds one of ours under a name."""
+
+        def add(thing: T) -> T:
+            self._own[name] = thing
+            return thing
+
+        return add
+
+    def names(self) -> tuple[str, ...]:
+        """All names, ours first."""
+        return tuple(dict.fromkeys([*self._own, *self._loaded()]))
+
+    def get(self, name: str) -> T:
+        """Look a name up.
+
+        Raises
+        ------
+        UnknownNameError
+            If nothing has that name (says which names exist).
+        """
+        if name in self._own:
+            return self._own[name]
+        if name in self._loaded():
+            return self._loaded()[name]
+        raise UnknownNameError(self.kind, name, self.names())
+
+    def _loaded(self) -> dict[str, T]:
+        if self._plugins is None:
+            self._plugins = {}
+            for point in entry_points(group=self.group):
+                try:
+                    self._plugins[point.name] = point.load()
+                except Exception:  # another distribution's fault must not take ours down
+                    logger.exception("plug-in %s of %s does not load", point.name, self.group)
+        return self._plugins
