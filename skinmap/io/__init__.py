@@ -1,0 +1,1 @@
+"""Files in and out: taxel tables, URDF bodies, robot manifests."""

@@ -1,0 +1,50 @@
+"""Taxel positions as the iCub software keeps them (`positions/*.txt`).
+
+A header of `key value` lines, `[calibration]`, then one row per channel: `x y z nx ny nz` [m].
+Row i is channel i; twelve channels make a module. A row of zeros is a channel without a taxel.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from skinmap.errors import DataFormatError
+from skinmap.io.text import parse_floats, read_text
+from skinmap.skin.taxels import TaxelTable
+
+CHANNELS_PER_MODULE = 12
+SECTION = "[calibration]"
+
+
+def read_icub(path: Path) -> TaxelTable:
+    """Read the placed taxels: every row that is not all zero, the last row included.
+
+    Raises
+    ------
+    DataFormatError
+        Wrong column count, a word that is no number, or no placed taxel.
+    """
+    lines = read_text(path).splitlines()
+    start = next((i + 1 for i, text in enumerate(lines) if text.strip() == SECTION), 0)
+    if start == 0 and any(text.strip().startswith(("name", "taxel2Repr")) for text in lines):
+        raise DataFormatError(f"a header but no line {SECTION}", path)
+    rows = []
+    for line, text in enumerate(lines[start:], start=start + 1):
+        words = text.split()
+        if not words:
+            continue
+        if len(words) != 6:
+            raise DataFormatError(f"expected 6 columns, got {len(words)}", path, line)
+        rows.append(parse_floats(words, path, line))
+    values = np.array(rows, dtype=np.float64).reshape(-1, 6)
+    channels = np.flatnonzero(values[:, :3].any(axis=1))
+    if len(channels) == 0:
+        raise DataFormatError("no placed taxel: every row is zero", path)
+    return TaxelTable(
+        channels,
+        channels // CHANNELS_PER_MODULE,
+        values[channels, :3],
+        values[channels, 3:],
+    )

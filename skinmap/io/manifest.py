@@ -1,0 +1,144 @@
+"""Robot manifests: which body, which parts, which taxel tables (schema in docs/manifest.md)."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import skinmap
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.io.readers import read_taxels
+from skinmap.io.text import read_text
+from skinmap.io.urdf import UrdfBody
+from skinmap.skin.robot import Part, Robot
+from skinmap.skin.taxels import TaxelTable
+
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+PART_KEYS = {"name", "link", "taxels", "format", "units", "module", "drawing"}
+ROBOT_KEYS = {"name", "urdf", "pose_deg"}
+
+
+def data_folder() -> Path:
+    """The folder of built-in data: inside the installed package, else beside it in a checkout."""
+    package = Path(skinmap.__file__).resolve().parent
+    return package / "data" if (package / "data").is_dir() else package.parent / "data"
+
+
+def builtin_robots() -> tuple[str, ...]:
+    """Names of the robots that ship with Skinmap."""
+    return tuple(sorted(path.parent.name for path in data_folder().glob("*/*.toml")))
+
+
+def load_robot(robot: str | Path) -> Robot:
+    """A robot by built-in name or by the path of its manifest; no part is read yet.
+
+    Raises
+    ------
+    UnknownNameError
+        A name that is neither built in nor a file.
+    DataFormatError, MissingFileError
+        A manifest that is wrong, or names a file that does not exist.
+    """
+    if str(robot) in builtin_robots():
+        return read_manifest(data_folder() / str(robot) / f"{robot}.toml")
+    path = Path(robot)
+    if path.suffix == ".toml" or path.exists():
+        return read_manifest(path)
+    raise UnknownNameError(
+        "robot (built in, or a path to a manifest .toml)", str(robot), builtin_robots()
+    )
+
+
+def read_manifest(path: Path) -> Robot:
+    """A robot from its manifest file."""
+    if not path.is_file():
+        raise MissingFileError(path, "a robot manifest (.toml)")
+    try:
+        document = tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise DataFormatError(f"not TOML: {error}", path) from None
+    unknown = set(document) - {"robot", "part"}
+    if unknown:
+        raise DataFormatError(f"unknown tables {sorted(unknown)}; there is: robot, part", path)
+    head = _table(document.get("robot"), ROBOT_KEYS, {"name", "urdf"}, "[robot]", path)
+    entries = document.get("part", [])
+    if not isinstance(entries, list) or not entries:
+        raise DataFormatError("a manifest needs at least one [[part]]", path)
+    body = UrdfBody(_locate_urdf(head["urdf"], path))
+    parts: dict[str, Part] = {}
+    for number, entry in enumerate(entries, start=1):
+        what = f"[[part]] number {number}"
+        part = _part(_table(entry, PART_KEYS, {"name", "link", "taxels"}, what, path), path)
+        if part.name in parts:
+            raise DataFormatError(f"two parts are called {part.name!r}", path)
+        if part.link not in body.links:
+            raise UnknownNameError(f"link (part {part.name!r})", part.link, body.visible_links)
+        parts[part.name] = part
+    return Robot(head["name"], body, parts, _pose(head.get("pose_deg", {}), body, path))
+
+
+def _part(entry: dict[str, Any], path: Path) -> Part:
+    units = entry.get("units", "m")
+    if units not in UNITS:
+        raise UnknownNameError("unit", units, UNITS)
+    table = path.parent / entry["taxels"]
+    return Part(
+        entry["name"],
+        entry["link"],
+        _reader(table, entry.get("format"), UNITS[units]),
+        entry.get("module"),
+    )
+
+
+def _reader(path: Path, format: str | None, scale: float) -> Callable[[], TaxelTable]:
+    def read() -> TaxelTable:
+        table = read_taxels(path, format)
+        return TaxelTable(table.channels, table.modules, table.positions * scale, table.normals)
+
+    return read
+
+
+def _pose(angles_deg: dict[str, Any], body: UrdfBody, path: Path) -> dict[str, float]:
+    pose = {}
+    for joint, angle in angles_deg.items():
+        if joint not in body.joints:
+            raise UnknownNameError("joint", joint, body.joints)
+        if not isinstance(angle, int | float):
+            raise DataFormatError(f"pose_deg.{joint} must be a number, got {angle!r}", path)
+        pose[joint] = math.radians(angle)
+    return pose
+
+
+def _table(entry: Any, keys: set[str], needed: set[str], what: str, path: Path) -> dict[str, Any]:
+    if not isinstance(entry, dict):
+        raise DataFormatError(f"a manifest needs {what}", path)
+    if set(entry) - keys:
+        raise DataFormatError(
+            f"{what} has unknown keys {sorted(set(entry) - keys)}; there is: {sorted(keys)}", path
+        )
+    for key in keys - {"pose_deg"}:
+        if key in needed and key not in entry:
+            raise DataFormatError(f"{what} lacks {key!r}", path)
+        if key in entry and not isinstance(entry[key], str):
+            raise DataFormatError(f"{key} of {what} must be text, got {entry[key]!r}", path)
+    return entry
+
+
+def _locate_urdf(urdf: str, manifest: Path) -> Path:
+    """A path beside the manifest, or `package:model` of an installed model package."""
+    package, colon, model = urdf.partition(":")
+    if not colon:
+        return manifest.parent / urdf
+    try:
+        module = importlib.import_module(package.replace("-", "_"))
+    except ImportError:
+        raise DataFormatError(f"the package {package!r} is not installed", manifest) from None
+    if not (hasattr(module, "get_robot_names") and hasattr(module, "get_model_file")):
+        raise DataFormatError(f"the package {package!r} holds no robot models", manifest)
+    if model not in module.get_robot_names():
+        raise UnknownNameError(f"model in {package}", model, module.get_robot_names())
+    return Path(module.get_model_file(model))

@@ -1,0 +1,142 @@
+"""A robot body from URDF: links, poses, and visual meshes read only when they are asked for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.rigid import check_transform, transform_points
+
+
+class UrdfBody:
+    """Kinematics and visual meshes of a URDF file.
+
+    Parameters
+    ----------
+    path : Path
+        The URDF file. `package://NAME/...` is looked up in the folders above it.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or one that is no URDF.
+    """
+
+    def __init__(self, path: Path) -> None:
+        import yourdfpy
+
+        if not path.is_file():
+            raise MissingFileError(path, "a URDF file")
+        self.path = path
+        # yourdfpy warns about every material it does not know; none of them matters here.
+        logging.getLogger("yourdfpy").setLevel(logging.ERROR)
+        try:
+            self._urdf = yourdfpy.URDF.load(
+                str(path), build_scene_graph=True, load_meshes=False, load_collision_meshes=False
+            )
+        except Exception as error:  # lxml, yourdfpy and numpy each raise their own kinds
+            raise DataFormatError(f"not a URDF that can be read: {error}", path) from error
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names of all links."""
+        return tuple(self._urdf.link_map)
+
+    @property
+    def visible_links(self) -> tuple[str, ...]:
+        """Names of the links that carry a visual mesh."""
+        return tuple(
+            name
+            for name, link in self._urdf.link_map.items()
+            if any(visual.geometry.mesh is not None for visual in link.visuals)
+        )
+
+    @property
+    def joints(self) -> dict[str, tuple[float, float]]:
+        """Lower and upper limit [rad or m] of each joint that moves."""
+        limits = {}
+        for name in self._urdf.actuated_joint_names:
+            limit = self._urdf.joint_map[name].limit
+            bounds = (-np.inf, np.inf)
+            if limit is not None and limit.lower is not None and limit.upper is not None:
+                bounds = (float(limit.lower), float(limit.upper))
+            limits[name] = bounds
+        return limits
+
+    def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
+        """T_root_link (4, 4) of every link for joint angles [rad]; joints not named are at zero.
+
+        Raises
+        ------
+        UnknownNameError
+            A joint that the URDF lacks.
+        """
+        for name in angles:
+            if name not in self.joints:
+                raise UnknownNameError("joint", name, self.joints)
+        self._urdf.update_cfg({name: float(angles.get(name, 0.0)) for name in self.joints})
+        return {link: np.array(self._urdf.get_transform(link)) for link in self.links}
+
+    def mesh(self, link: str) -> TriangleMesh:
+        """Visual mesh of one link in the link's frame [m].
+
+        Raises
+        ------
+        UnknownNameError, MissingFileError, DataFormatError
+            No such link, or a mesh that is missing or cannot be read.
+        """
+        if link not in self._urdf.link_map:
+            raise UnknownNameError("link", link, self.visible_links)
+        vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+        for visual in self._urdf.link_map[link].visuals:
+            mesh = visual.geometry.mesh
+            if mesh is None:
+                continue
+            points, triangles = read_mesh(self._resolve(mesh.filename))
+            points = points * (1.0 if mesh.scale is None else np.asarray(mesh.scale))
+            if visual.origin is not None:
+                points = transform_points(check_transform(visual.origin, "visual origin"), points)
+            vertices.append(points)
+            faces.append(triangles + count)
+            count += len(points)
+        return TriangleMesh(np.concatenate(vertices), np.concatenate(faces))
+
+    def _resolve(self, name: str) -> Path:
+        if name.startswith("package://"):
+            package, _, rest = name.removeprefix("package://").partition("/")
+            for folder in self.path.resolve().parents:
+                for root in (folder, folder / package):
+                    if root.name == package and (root / rest).is_file():
+                        return root / rest
+            raise MissingFileError(name, f"a mesh in a folder {package!r} above {self.path.name}")
+        path = self.path.parent / name.removeprefix("file://")
+        if not path.is_file():
+            raise MissingFileError(path, "a mesh that the URDF names")
+        return path
+
+
+def read_mesh(path: Path) -> tuple[FloatArray, np.ndarray]:
+    """Vertices (n, 3) and faces (m, 3) of a mesh file in its own units, through trimesh.
+
+    Raises
+    ------
+    DataFormatError
+        Not a mesh that can be read, or one without a triangle.
+    """
+    import trimesh
+
+    try:
+        mesh = trimesh.load_mesh(str(path))
+        vertices = np.asarray(mesh.vertices, np.float64)
+        faces = np.asarray(mesh.faces, np.int64)
+    except Exception as error:  # each format has its own kinds of failure
+        raise DataFormatError(f"not a mesh that can be read: {error}", path) from error
+    if len(faces) == 0 or not np.isfinite(vertices).all():
+        raise DataFormatError("a mesh without triangles or with NaN in it", path)
+    return vertices, faces

@@ -1,0 +1,1 @@
+"""What a skin is: taxel table, robot and links, repair of normals."""

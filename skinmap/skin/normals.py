@@ -1,0 +1,105 @@
+"""Repair of normals: files store placeholders, so estimate them from the positions."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import InvalidArrayError, SkinWarning
+from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.proximity import median_spacing, nearest, neighbour_graph, ray_hits
+
+NEIGHBOURS = 10  # two rings of a hexagonal lattice, half of them missing at a border
+PATCH_GAP = 2.5  # in spacings: further apart, points belong to different patches
+LIFT = 0.3  # in spacings (2 mm on the iCub): past the cover that taxels lie on or just under
+
+
+def patch_labels(points: FloatArray) -> IntArray:
+    """(n,) label of the connected patch of each point, by the gap between points alone."""
+    limit = PATCH_GAP * median_spacing(points)
+    _, label = connected_components(neighbour_graph(points, NEIGHBOURS, limit), directed=False)
+    return np.asarray(label, np.int64)
+
+
+def estimate_normals(points: FloatArray, k: int = NEIGHBOURS) -> FloatArray:
+    """(n, 3) unit normals of unknown sign: the direction of least variance of the k nearest.
+
+    References
+    ----------
+    Hoppe et al., "Surface Reconstruction from Unorganized Points", SIGGRAPH 1992.
+    """
+    _, index = nearest(points, k)
+    hood = points[np.column_stack([np.arange(len(points)), index])]
+    centred = hood - hood.mean(axis=1, keepdims=True)
+    _, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))
+    return np.ascontiguousarray(vectors[:, :, 0])
+
+
+def orient_normals(points: FloatArray, normals: FloatArray, labels: IntArray) -> FloatArray:
+    """Normals that agree in sign within each patch.
+
+    The sign spreads along a minimum spanning tree with the weight 1 - |n_i . n_j|, so that it
+    crosses sharp bends last (Hoppe 1992).
+    """
+    weight = neighbour_graph(points, NEIGHBOURS, PATCH_GAP * median_spacing(points)).tocoo()
+    dots = np.abs(np.einsum("ij,ij->i", normals[weight.row], normals[weight.col]))
+    weight.data = 1.0 - np.minimum(dots, 1.0) + 1e-9  # a stored zero would read as no edge
+    tree = minimum_spanning_tree(weight.tocsr())
+    oriented = normals.copy()
+    for label in np.unique(labels):
+        root = int(np.flatnonzero(labels == label)[0])
+        order, parent = breadth_first_order(tree, root, directed=False)
+        for child in order[1:]:
+            if oriented[child] @ oriented[parent[child]] < 0:
+                oriented[child] *= -1
+    return oriented
+
+
+def outward_normals(
+    points: FloatArray, normals: FloatArray, labels: IntArray, body: TriangleMesh | None
+) -> FloatArray:
+    """Normals turned to the side from which the body does not hide the skin, patch by patch.
+
+    From just above each taxel one ray goes out along the normal and one against it; the side
+    on which fewer rays meet the body is the outside. Link meshes are open and double-walled,
+    so the sign of the nearest face says nothing. Without a body, away from the middle of all
+    points: a guess, right for limbs and wrong for a flat board, so it warns.
+    """
+    outward = normals.copy()
+    if body is None or len(body.faces) == 0:
+        warnings.warn(
+            "no body mesh: normals point away from the middle of the taxels, which is a guess",
+            SkinWarning,
+            stacklevel=2,
+        )
+        margin = np.einsum("ij,ij->i", points - points.mean(axis=0), normals)
+    else:
+        lift = normals * (LIFT * median_spacing(points))
+        above = ray_hits(points + lift, normals, body.vertices, body.faces)
+        below = ray_hits(points - lift, -normals, body.vertices, body.faces)
+        margin = below.astype(np.float64) - above
+    for label in np.unique(labels):
+        inside = labels == label
+        if margin[inside].sum() < 0:
+            outward[inside] *= -1
+    return outward
+
+
+def repair_normals(points: FloatArray, body: TriangleMesh | None) -> FloatArray:
+    """(n, 3) unit normals estimated from positions (n, 3) [m], consistent and outward.
+
+    Raises
+    ------
+    InvalidArrayError
+        Fewer than three points, or all of them on one line: no surface there.
+    """
+    centred = points - points.mean(axis=0)
+    if len(points) < 3 or np.linalg.matrix_rank(centred, tol=1e-9 * np.abs(centred).max()) < 2:
+        raise InvalidArrayError(f"{len(points)} taxels that span no surface: no normals there")
+    labels = patch_labels(points)
+    return outward_normals(
+        points, orient_normals(points, estimate_normals(points), labels), labels, body
+    )

@@ -1,0 +1,69 @@
+"""A part's skin: taxels with repaired normals, on one link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, freeze
+from skinmap.errors import InvalidArrayError
+from skinmap.geometry.mesh import TriangleMesh
+from skinmap.skin.normals import repair_normals
+from skinmap.skin.taxels import TaxelTable
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Skin:
+    """Taxels of one part, dense rows 0..n-1, in the frame of their link.
+
+    Attributes
+    ----------
+    part, link : str
+        Names of the part and of the URDF body that carries it.
+    channels, modules : (n,) int
+        Place in the live vector, and module, of each taxel.
+    positions : (n, 3) float
+        [m].
+    normals : (n, 3) float
+        Unit, outward.
+    """
+
+    part: str
+    link: str
+    channels: IntArray
+    modules: IntArray
+    positions: FloatArray
+    normals: FloatArray
+
+    def __post_init__(self) -> None:
+        positions = check_points(self.positions, "positions")
+        normals = check_finite(self.normals, "normals", (len(positions), 3))
+        channels, modules = np.asarray(self.channels), np.asarray(self.modules)
+        if channels.shape != (len(positions),) or modules.shape != (len(positions),):
+            raise InvalidArrayError(
+                f"channels and modules must have shape ({len(positions)},), "
+                f"got {channels.shape} and {modules.shape}"
+            )
+        freeze(self, channels=channels, modules=modules, positions=positions, normals=normals)
+
+    def __len__(self) -> int:
+        return len(self.channels)
+
+
+def skin_from_points(
+    positions: ArrayLike, normals: ArrayLike | None = None, *, part: str = "skin"
+) -> Skin:
+    """A skin from bare positions (n, 3) [m]; normals (n, 3) are estimated where none are given."""
+    points = check_points(positions, "positions")
+    if normals is None:
+        normals = repair_normals(points, None)
+    index = np.arange(len(points))
+    return Skin(part, "", index, np.zeros_like(index), points, np.asarray(normals))
+
+
+def skin_from_table(table: TaxelTable, body: TriangleMesh | None, part: str, link: str) -> Skin:
+    """A part's skin from its table and its link's mesh: the stored normals are replaced."""
+    normals = repair_normals(table.positions, body)
+    return Skin(part, link, table.channels, table.modules, table.positions, normals)
