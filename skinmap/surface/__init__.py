@@ -1,0 +1,1 @@
+"""The Delaunay surface mesh over the taxels."""
