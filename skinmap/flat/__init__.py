@@ -1,0 +1,1 @@
+"""Flat maps: flattening methods, distortion, packing of charts."""

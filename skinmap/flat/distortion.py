@@ -1,0 +1,141 @@
+"""What a flat map costs: distortion of each triangle, and summaries.
+
+sigma_1 >= sigma_2 are the singular values of the map of one triangle to the plane, at the
+global scale s with s^2 = sum A3D / sum A2D, so that the size of the map does not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinmap.arrays import FloatArray, IntArray, check_faces, check_finite, check_points, freeze
+from skinmap.geometry.topology import edges
+from skinmap.geometry.triangles import (
+    face_areas,
+    jacobians,
+    signed_areas,
+    singular_values,
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Distortion:
+    """Distortion per triangle (m,) and per edge (e,).
+
+    Attributes
+    ----------
+    quasi_conformal : (m,) float
+        sigma_1 / sigma_2 >= 1; 1 keeps angles (Degener 2003).
+    area : (m,) float
+        sigma_1 sigma_2; 1 keeps areas; not positive where a triangle flips.
+    symmetric_dirichlet : (m,) float
+        sigma_1^2 + sigma_2^2 + sigma_1^-2 + sigma_2^-2 >= 4 (Smith and Schaefer 2015);
+        inf where a triangle flips.
+    edge_strain : (e,) float
+        Scaled flat length over length on the skin, minus 1.
+    edge_lengths : (e,) float
+        On the skin [m]: the weights of `edge_strain`.
+    edges : (e, 2) int
+    face_areas : (m,) float
+        On the skin [m2]: the weights of the rest.
+    flips : int
+        Triangles turned over by the map.
+    """
+
+    quasi_conformal: FloatArray
+    area: FloatArray
+    symmetric_dirichlet: FloatArray
+    edge_strain: FloatArray
+    edge_lengths: FloatArray
+    edges: IntArray
+    face_areas: FloatArray
+    flips: int
+
+    def __post_init__(self) -> None:
+        arrays = {name: getattr(self, name) for name in self.__slots__ if name != "flips"}
+        freeze(self, **arrays)
+
+    @property
+    def edge_rms(self) -> float:
+        """Root mean square of the edge strain, edges weighted by their length."""
+        return float(np.sqrt(np.average(self.edge_strain**2, weights=self.edge_lengths)))
+
+    @property
+    def area_sd(self) -> float:
+        """Root mean square of ln(area distortion), weighted by area; inf with a flip."""
+        if self.flips:
+            return float("inf")
+        return float(np.sqrt(np.average(np.log(self.area) ** 2, weights=self.face_areas)))
+
+    def summary(self) -> dict[str, object]:
+        """The numbers of one map, ready for JSON."""
+        return {
+            "flips": self.flips,
+            "quasi_conformal": spread(self.quasi_conformal, self.face_areas),
+            "area_sd": self.area_sd,
+            "symmetric_dirichlet": spread(self.symmetric_dirichlet, self.face_areas),
+            "edge_rms_percent": 100.0 * self.edge_rms,
+        }
+
+    def face_edge_strain(self, faces: IntArray) -> FloatArray:
+        """(m,) root mean square of the strain of the three edges of each face."""
+        n = int(self.edges.max()) + 1
+        key = self.edges[:, 0] * n + self.edges[:, 1]
+        sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 3, 2), axis=2)
+        place = np.searchsorted(key, sides[..., 0] * n + sides[..., 1])
+        return np.asarray(np.sqrt((self.edge_strain[place] ** 2).mean(axis=1)))
+
+
+def spread(values: FloatArray, weights: FloatArray) -> dict[str, float]:
+    """Weighted mean, weighted 95th percentile and maximum."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    p95 = values[order][np.searchsorted(total, 0.95 * total[-1])]
+    mean = np.average(values, weights=weights)
+    return {"mean": float(mean), "p95": float(p95), "max": float(values.max())}
+
+
+def measure_distortion(vertices: ArrayLike, faces: ArrayLike, uv: ArrayLike) -> Distortion:
+    """Distortion of a flat map.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array-like of float
+        [m].
+    faces : (m, 3) array-like of int
+        At least one triangle.
+    uv : (n, 2) array-like of float
+        Flat coordinates, in any unit.
+
+    Raises
+    ------
+    InvalidArrayError, InvalidMeshError
+        Wrong shapes, values that are not finite, indices outside.
+    """
+    points = check_points(vertices, "vertices")
+    triangles = check_faces(faces, len(points))
+    flat = check_finite(uv, "uv", (len(points), 2))
+    weights = face_areas(points, triangles)
+    signed = signed_areas(flat, triangles)
+    scale = np.sqrt(weights.sum() / max(np.abs(signed).sum(), np.finfo(float).tiny))
+    first, second = singular_values(jacobians(points, triangles, flat * scale))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(second != 0, first / np.abs(second), np.inf)
+        inverse = 1.0 / first**2 + 1.0 / second**2
+        dirichlet = np.where(second > 0, first**2 + second**2 + inverse, np.inf)
+    pairs = edges(triangles)
+    length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+    flat_length = scale * np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1)
+    return Distortion(
+        ratio,
+        first * second,
+        dirichlet,
+        flat_length / length - 1.0,
+        length,
+        pairs,
+        weights,
+        int(np.count_nonzero(signed <= 0)),
+    )
