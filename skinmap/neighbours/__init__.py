@@ -1,0 +1,1 @@
+"""Neighbour offsets of each taxel and the periodic structures among them."""

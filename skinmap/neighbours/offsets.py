@@ -1,0 +1,140 @@
+"""Where each taxel's neighbours lie in its own tangent plane, in frames that follow the lattice."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.flat.flat_map import FlatMap
+from skinmap.geometry.proximity import median_spacing
+from skinmap.geometry.triangles import cross_products, unit
+
+BAND = 0.8e-3  # half-width of the soft radius [m]: taxels this close to it are optional
+LATTICE = 6  # hexagonal: directions repeat every pi / 3
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Neighbourhoods:
+    """Neighbours of n taxels within a soft radius, padded to k places.
+
+    Attributes
+    ----------
+    index : (n, k) int
+        Taxel in each place; -1 where there is none.
+    offsets : (n, k, 2) float
+        In the tangent plane, at their full 3D length [m]; 0 in empty places.
+    required : (n, k) bool
+        Whether a place counts for sure: not in the soft band, not empty.
+    """
+
+    index: IntArray
+    offsets: FloatArray
+    required: BoolArray
+
+    def __post_init__(self) -> None:
+        freeze(self, index=self.index, offsets=self.offsets, required=self.required)
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    @property
+    def filled(self) -> BoolArray:
+        """(n, k) places that hold a neighbour."""
+        return np.asarray(self.index >= 0)
+
+
+def neighbourhoods(
+    points: FloatArray,
+    normals: FloatArray,
+    reference: FloatArray,
+    *,
+    radius: float,
+    band: float = BAND,
+) -> Neighbourhoods:
+    """Neighbours of each point within a soft radius, as offsets in its tangent plane.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) array of float
+        [m]; unit.
+    reference : (n, 3) array of float
+        A direction in each tangent plane that offsets are measured from (the second axis).
+    radius, band : float
+        Neighbours up to radius + band count; beyond radius - band they are optional [m].
+    """
+    pairs = cKDTree(points).query_pairs(radius + band, output_type="ndarray")
+    pairs = np.concatenate([pairs, pairs[:, ::-1]])
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    source, target = pairs[:, 0], pairs[:, 1]
+    count = np.bincount(source, minlength=len(points))
+    place = np.arange(len(source)) - np.repeat(np.cumsum(count) - count, count)
+    up = unit(reference - normals * np.einsum("ij,ij->i", reference, normals)[:, None])
+    right = np.cross(up, normals)
+    step = points[target] - points[source]
+    flat = np.column_stack(
+        [np.einsum("ij,ij->i", step, right[source]), np.einsum("ij,ij->i", step, up[source])]
+    )
+    distance = np.linalg.norm(step, axis=1)
+    width = max(int(count.max(initial=0)), 1)
+    index = np.full((len(points), width), -1)
+    offsets = np.zeros((len(points), width, 2))
+    required = np.zeros((len(points), width), bool)
+    index[source, place] = target
+    offsets[source, place] = unit(flat) * distance[:, None]
+    required[source, place] = distance <= radius - band
+    return Neighbourhoods(index, offsets, required)
+
+
+def flat_map_directions(flat: FlatMap) -> FloatArray:
+    """(n, 3) direction on the skin along which the flat map's second coordinate grows.
+
+    Each chart is first turned by less than pi / 6 so that its lattice lies along the axes:
+    then structures of one patch mean the same on another.
+    """
+    directions = np.zeros((len(flat.mesh.skin), 3))
+    for chart in flat.charts:
+        phase = lattice_phase(chart.uv)
+        height = chart.uv @ np.array([-np.sin(phase), np.cos(phase)])
+        np.add.at(
+            directions,
+            chart.taxels[chart.faces.ravel()],
+            np.repeat(_gradients(flat.mesh.vertices[chart.taxels], chart.faces, height), 3, axis=0),
+        )
+    return unit(directions)[flat.mesh.representative]
+
+
+def lattice_phase(uv: FloatArray) -> float:
+    """Angle [rad], at most pi / 6 in size, of the nearest-neighbour directions of a lattice."""
+    limit = 1.25 * median_spacing(uv)
+    pairs = cKDTree(uv).query_pairs(limit, output_type="ndarray")
+    if len(pairs) == 0:
+        return 0.0
+    step = uv[pairs[:, 1]] - uv[pairs[:, 0]]
+    angle = np.arctan2(step[:, 1], step[:, 0])
+    return float(np.angle(np.exp(1j * LATTICE * angle).sum()) / LATTICE)
+
+
+def _gradients(vertices: FloatArray, faces: IntArray, values: FloatArray) -> FloatArray:
+    """(m, 3) gradient of a vertex function on each face, weighted by the area of the face."""
+    normal = unit(cross_products(vertices, faces))
+    corners = vertices[faces]
+    opposite = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+    return 0.5 * np.einsum("mi,mij->mj", values[faces], np.cross(normal[:, None], opposite))
+
+
+def concatenate(hoods: Sequence[Neighbourhoods]) -> Neighbourhoods:
+    """Neighbourhoods of several skins as one; indices count on from skin to skin."""
+    width = max(hood.index.shape[1] for hood in hoods)
+    index, offsets, required, start = [], [], [], 0
+    for hood in hoods:
+        fill = ((0, 0), (0, width - hood.index.shape[1]))
+        shifted = np.where(hood.filled, hood.index + start, -1)
+        index.append(np.pad(shifted, fill, constant_values=-1))
+        offsets.append(np.pad(hood.offsets, (*fill, (0, 0))))
+        required.append(np.pad(hood.required, fill))
+        start += len(hood)
+    return Neighbourhoods(np.concatenate(index), np.concatenate(offsets), np.concatenate(required))
