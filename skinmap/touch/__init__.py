@@ -1,0 +1,1 @@
+"""Touches: recordings, the simulator, contacts and their geometry, histograms."""

@@ -1,0 +1,62 @@
+"""Everything that touches on one part's skin are measured with, computed when first asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from skinmap.arrays import IntArray
+from skinmap.flat.flat_map import DEFAULT, FlatMap, flatten
+from skinmap.neighbours.offsets import Neighbourhoods, flat_map_directions, neighbourhoods
+from skinmap.neighbours.structures import RADIUS
+from skinmap.skin.skin import Skin
+from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
+from skinmap.touch.contacts import SkinGeometry, measure_skin
+
+
+class PreparedSkin:
+    """A skin with its surface mesh, flat map, distances and neighbourhoods, each made once.
+
+    Parameters
+    ----------
+    skin : Skin
+    method : str
+        Flattening method.
+    radius : float
+        Of the neighbourhoods [m].
+    """
+
+    def __init__(self, skin: Skin, *, method: str = DEFAULT, radius: float = RADIUS) -> None:
+        self.skin, self.method, self.radius = skin, method, radius
+
+    def __len__(self) -> int:
+        return len(self.skin)
+
+    @cached_property
+    def mesh(self) -> SurfaceMesh:
+        """Delaunay surface mesh."""
+        return build_surface(self.skin)
+
+    @cached_property
+    def flat(self) -> FlatMap:
+        """Flat map of all patches."""
+        return flatten(self.mesh, method=self.method)
+
+    @cached_property
+    def geometry(self) -> SkinGeometry:
+        """Adjacency, areas and distances along the skin."""
+        return measure_skin(self.mesh)
+
+    @cached_property
+    def hoods(self) -> Neighbourhoods:
+        """Neighbour offsets in frames that follow the lattice of each chart."""
+        directions = flat_map_directions(self.flat)
+        return neighbourhoods(
+            self.skin.positions, self.skin.normals, directions, radius=self.radius
+        )
+
+    @cached_property
+    def patches(self) -> IntArray:
+        """(n,) patch of each taxel."""
+        return np.asarray(self.mesh.taxel_patches)

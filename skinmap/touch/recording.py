@@ -1,0 +1,114 @@
+"""Recordings: pressures over time, with the touch event and label of each sample."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
+
+FORMAT = "skinmap-recording-1"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Recording:
+    """Samples of one part.
+
+    Attributes
+    ----------
+    part : str
+    times : (t,) float
+        [s], not decreasing.
+    pressures : (t, n_taxels) uint8
+        0 at rest, 255 at most.
+    events : (t,) int
+        Touch event of each sample; -1 between touches.
+    labels : tuple of str
+        Gesture of each event, in the order of their numbers.
+    """
+
+    part: str
+    times: FloatArray
+    pressures: NDArray[np.uint8]
+    events: IntArray
+    labels: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        times = np.asarray(self.times, np.float64)
+        pressures = np.asarray(self.pressures)
+        events = np.asarray(self.events, np.int64)
+        if pressures.dtype != np.uint8 or pressures.ndim != 2:
+            raise InvalidArrayError(
+                f"pressures must be uint8 of shape (t, n), got {pressures.dtype} {pressures.shape}"
+            )
+        if times.shape != (len(pressures),) or events.shape != (len(pressures),):
+            raise InvalidArrayError(
+                f"times and events must have shape ({len(pressures)},), "
+                f"got {times.shape} and {events.shape}"
+            )
+        if len(events) and not -1 <= events.min() <= events.max() < len(self.labels):
+            raise InvalidArrayError(f"events must lie in -1..{len(self.labels) - 1}")
+        if not np.isfinite(times).all() or (np.diff(times) < 0).any():
+            raise InvalidArrayError("times must be finite and must not run backwards")
+        freeze(self, times=times, pressures=pressures, events=events)
+
+    def touches(self) -> Iterator[tuple[int, str, NDArray[np.uint8]]]:
+        """Number, label and samples (k, n_taxels) of each touch event."""
+        for event, label in enumerate(self.labels):
+            yield event, label, self.pressures[self.events == event]
+
+
+def save_recordings(recordings: list[Recording], path: Path) -> None:
+    """Write recordings of several parts into one file (a zip of arrays and JSON)."""
+    head = {
+        "format": FORMAT,
+        "recordings": [{"part": r.part, "labels": list(r.labels)} for r in recordings],
+    }
+    arrays: dict[str, Any] = {"head": np.frombuffer(json.dumps(head).encode(), np.uint8)}
+    for number, recording in enumerate(recordings):
+        arrays[f"times_{number}"] = recording.times
+        arrays[f"pressures_{number}"] = recording.pressures
+        arrays[f"events_{number}"] = recording.events
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    path.write_bytes(buffer.getvalue())
+
+
+def load_recordings(path: Path) -> list[Recording]:
+    """Read what `save_recordings` wrote.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or not a recording of ours.
+    """
+    if not path.is_file():
+        raise MissingFileError(path, "a recording made by `skinmap simulate`")
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            head = json.loads(arrays["head"].tobytes())
+            if head["format"] != FORMAT:
+                raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
+            return [
+                Recording(
+                    str(entry["part"]),
+                    arrays[f"times_{number}"],
+                    arrays[f"pressures_{number}"],
+                    arrays[f"events_{number}"],
+                    tuple(map(str, entry["labels"])),
+                )
+                for number, entry in enumerate(head["recordings"])
+            ]
+    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+        if isinstance(error, DataFormatError):
+            raise
+        raise DataFormatError(f"not a recording of ours: {error}", path) from error
