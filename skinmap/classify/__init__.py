@@ -1,0 +1,1 @@
+"""Classifiers of touches: contact geometry (the default), histograms, and how well they do."""

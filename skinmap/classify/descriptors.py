@@ -1,0 +1,104 @@
+"""Descriptors: from the samples of a touch to rows of numbers that a classifier learns from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import NotFittedError
+from skinmap.neighbours.offsets import concatenate
+from skinmap.neighbours.structures import Structures, assign, find_structures
+from skinmap.touch.codebook import Codebook, histograms, learn_codebook
+from skinmap.touch.contact_geometry import contact_geometry
+from skinmap.touch.contacts import pool_event, pressed
+from skinmap.touch.prepared import PreparedSkin
+
+COUNTS = 255.0
+ROWS = 8  # samples of one touch that histograms are counted on: neighbours in time are alike
+BOOK_SAMPLES = 120  # samples of one part that the codebook is learnt from
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Touch:
+    """One touch: its skin, its samples (k, n) of 0 to 255 counts, and its label if known."""
+
+    skin: PreparedSkin
+    samples: NDArray[np.uint8]
+    label: str = ""
+
+
+class Descriptor(Protocol):
+    """What a classifier sees of a touch."""
+
+    def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
+        """Learn what the description needs (codebooks, say) from training touches."""
+
+    def describe(self, touch: Touch) -> FloatArray:
+        """(rows, d) numbers of one touch; no row where nothing is touched."""
+
+
+class ContactGeometry:
+    """One row a touch: lengths, areas and counts of the pooled contacts on the skin."""
+
+    def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
+        """Nothing to learn."""
+
+    def describe(self, touch: Touch) -> FloatArray:
+        """(1, 13) numbers, see `contact_geometry.FEATURES`; (0, 13) where nothing is touched."""
+        row = contact_geometry(touch.skin.geometry, pool_event(touch.samples))[None]
+        return row if row[0, 0] > 0 else row[:0]
+
+
+class Histograms:
+    """Votes for codewords of periodic structures (the first paper).
+
+    Parameters
+    ----------
+    literal : bool
+        As published: no rotation, rest counted, one row a sample. Else rotations by pi / 3,
+        rest dropped and one row a touch, the mean over its samples.
+    """
+
+    def __init__(self, *, literal: bool = False) -> None:
+        self.literal = literal
+        self.codebook: Codebook | None = None
+        self._structures: dict[PreparedSkin, Structures] = {}
+
+    def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
+        """Find the structures of all skins together and learn the codebook from their samples."""
+        skins = list(dict.fromkeys(touch.skin for touch in touches))
+        rotations = 1 if self.literal else 6
+        found = find_structures(concatenate([skin.hoods for skin in skins]), rotations=rotations)
+        self._structures = {}
+        pools = []
+        for skin in skins:
+            self._structures[skin] = assign(skin.hoods, found.prototypes)
+            own = [touch.samples for touch in touches if touch.skin is skin]
+            samples = np.concatenate([pressed(block) for block in own])
+            some = rng.choice(len(samples), min(BOOK_SAMPLES, len(samples)), replace=False)
+            pools.append((self._structures[skin], samples[some] / COUNTS))
+        self.codebook = learn_codebook(pools, rng=rng, literal=self.literal)
+
+    def describe(self, touch: Touch) -> FloatArray:
+        """(rows, bins) votes of one touch."""
+        if self.codebook is None:
+            raise NotFittedError("no codebook yet: train the classifier first")
+        samples = pressed(touch.samples) / COUNTS
+        some = np.linspace(0, len(samples) - 1, min(ROWS, len(samples))).astype(np.int64)
+        votes = histograms(self.codebook, self.structures(touch.skin), samples[some])
+        if self.literal or len(votes) == 0:
+            return votes.astype(np.float64)
+        return votes.mean(axis=0, keepdims=True)
+
+    def structures(self, skin: PreparedSkin) -> Structures:
+        """The structures of a skin among those that were learnt; -1 for taxels that match none."""
+        if self.codebook is None:
+            raise NotFittedError("no codebook yet: train the classifier first")
+        if skin not in self._structures:
+            self._structures[skin] = assign(skin.hoods, self.codebook.prototypes)
+        return self._structures[skin]

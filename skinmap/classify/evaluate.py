@@ -1,0 +1,81 @@
+"""How well classifiers do: on other touches of the same parts, and on parts never trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skinmap.classify.classifier import TouchClassifier
+from skinmap.classify.descriptors import Touch
+from skinmap.errors import UnknownNameError
+from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.recording import Recording
+
+HELD_OUT = 0.3  # share of the touches of the trained parts that only test
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """How many of n touches got their right name, overall and by label and part."""
+
+    accuracy: float
+    touches: int
+    per_label: Mapping[str, float]
+    per_part: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """Touches to train on, other touches of the same parts, and touches of other parts."""
+
+    train: tuple[Touch, ...]
+    same_parts: tuple[Touch, ...]
+    other_parts: tuple[Touch, ...]
+
+
+def split_touches(
+    skins: Mapping[str, PreparedSkin],
+    recordings: Sequence[Recording],
+    train_parts: Sequence[str],
+    *,
+    rng: np.random.Generator,
+) -> Split:
+    """Divide touch events, never samples of one event, into training and two tests.
+
+    Raises
+    ------
+    UnknownNameError
+        A part to train on that no recording is of.
+    """
+    recorded = [recording.part for recording in recordings]
+    for part in train_parts:
+        if part not in recorded:
+            raise UnknownNameError("recorded part", part, recorded)
+    train: list[Touch] = []
+    same: list[Touch] = []
+    other: list[Touch] = []
+    for recording in recordings:
+        skin = skins[recording.part]
+        touches = [Touch(skin, samples, label) for _, label, samples in recording.touches()]
+        if recording.part not in train_parts:
+            other.extend(touches)
+            continue
+        held = rng.permutation(len(touches)) < HELD_OUT * len(touches)
+        same.extend(touch for touch, out in zip(touches, held, strict=True) if out)
+        train.extend(touch for touch, out in zip(touches, held, strict=True) if not out)
+    return Split(tuple(train), tuple(same), tuple(other))
+
+
+def score(classifier: TouchClassifier, touches: Sequence[Touch]) -> Score:
+    """Accuracy per touch event; NaN where there is no touch."""
+    right = np.array([classifier.predict(touch).label == touch.label for touch in touches])
+    labels = np.array([touch.label for touch in touches])
+    parts = np.array([touch.skin.skin.part for touch in touches])
+    return Score(
+        float(right.mean()) if len(right) else float("nan"),
+        len(right),
+        {str(label): float(right[labels == label].mean()) for label in np.unique(labels)},
+        {str(part): float(right[parts == part].mean()) for part in np.unique(parts)},
+    )

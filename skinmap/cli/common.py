@@ -1,0 +1,91 @@
+"""What commands share: options, JSON output, progress."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from skinmap.skin.robot import Robot
+
+robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
+part_option = click.option(
+    "--part", "parts", multiple=True, help="Only this part; may be repeated."
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+seed_option = click.option("--seed", default=0, show_default=True, help="Seed of all randomness.")
+out_option = click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for pictures."
+)
+
+
+def open_robot(robot: str, parts: tuple[str, ...]) -> tuple[Robot, tuple[str, ...]]:
+    """A robot and the parts asked for (all of them by default), names checked.
+
+    Raises
+    ------
+    UnknownNameError
+        A robot or a part that does not exist.
+    """
+    from skinmap.io.manifest import load_robot
+
+    loaded = load_robot(robot)
+    for part in parts:
+        loaded.part(part)
+    return loaded, tuple(dict.fromkeys(parts)) or loaded.parts
+
+
+def emit(result: dict[str, Any]) -> None:
+    """Print one JSON object on standard output; what is not finite becomes null."""
+    click.echo(json.dumps(plain(result), indent=2, allow_nan=False))
+
+
+def plain(value: Any) -> Any:
+    """Nested data with Python numbers only, None for NaN and infinity."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return round(value, 6) if math.isfinite(value) else None
+    return str(value) if isinstance(value, Path) else value
+
+
+def table(columns: list[str], rows: list[list[Any]]) -> None:
+    """Print a table for people, numbers to the right."""
+    from rich.console import Console
+    from rich.table import Table
+
+    drawn = Table(box=None, header_style="bold")
+    for place, column in enumerate(columns):
+        texts = any(isinstance(row[place], str) for row in rows)
+        drawn.add_column(column, justify="left" if texts else "right", no_wrap=True)
+    for row in rows:
+        drawn.add_row(*(f"{cell:.3g}" if isinstance(cell, float) else str(cell) for cell in row))
+    # A pipe has no width; what is cut off there cannot be read at all.
+    console = Console() if Console().is_terminal else Console(width=200)
+    console.print(drawn)
+
+
+@contextmanager
+def progress(total: int, title: str) -> Iterator[Callable[[str], None]]:
+    """A progress bar on standard error; call what it yields once a step, with what comes next."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=total)
+
+        def advance(what: str = "") -> None:
+            bar.update(task, advance=1, description=f"{title} {what}".rstrip())
+
+        yield advance

@@ -1,0 +1,95 @@
+"""`skinmap flatten`: flat maps of the skin and what they distort."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from skinmap.cli.common import (
+    emit,
+    json_option,
+    open_robot,
+    out_option,
+    part_option,
+    robot_argument,
+    table,
+)
+
+if TYPE_CHECKING:
+    from skinmap.flat.flat_map import Chart, FlatMap
+
+
+@click.command("flatten")
+@robot_argument
+@part_option
+@click.option("--method", default="balanced", show_default=True, help="Flattening method.")
+@out_option
+@json_option
+def command(
+    robot: str, parts: tuple[str, ...], method: str, out: Path | None, as_json: bool
+) -> None:
+    """Lay every patch of a robot's skin flat and measure the distortion.
+
+    \b
+    Example:  skinmap flatten icub --part torso --method bff --out maps
+    """
+    from skinmap.flat.flat_map import flatten
+    from skinmap.flat.methods import flatteners
+    from skinmap.surface.surface_mesh import build_surface
+
+    flatteners.get(method)
+    loaded, names = open_robot(robot, parts)
+    maps = {name: flatten(build_surface(loaded.skin(name)), method=method) for name in names}
+    rows = [patch_row(name, chart) for name, flat in maps.items() for chart in flat.charts]
+    files = write_maps(maps, out) if out is not None else []
+    if as_json:
+        seconds = sum(row["seconds"] for row in rows)
+        emit({"robot": loaded.name, "patches": rows, "seconds": seconds, "files": files})
+        return
+    table(
+        ["part", "patch", "taxels", "holes", "method", "flips", "edge rms %", "area sd", "angle"],
+        [
+            [
+                row["part"],
+                row["patch"],
+                row["vertices"],
+                row["holes"],
+                row["method"],
+                row["flips"],
+                row["edge_rms_percent"],
+                row["area_sd"],
+                row["quasi_conformal"]["mean"],
+            ]
+            for row in rows
+        ],
+    )
+    for file in files:
+        click.echo(str(Path(out or ".") / file))
+
+
+def patch_row(part: str, chart: Chart) -> dict[str, Any]:
+    """The numbers of one chart, ready for JSON."""
+    return {
+        "part": part,
+        "patch": chart.patch,
+        "vertices": len(chart.taxels),
+        "faces": len(chart.faces),
+        "holes": chart.holes,
+        "method": chart.method,
+        "fallback": chart.fallback,
+        **chart.distortion.summary(),
+        "seconds": chart.seconds,
+    }
+
+
+def write_maps(maps: dict[str, FlatMap], out: Path) -> list[str]:
+    """One picture a part; returns the names written."""
+    from skinmap.cli.figures import flat_map_figure
+    from skinmap.io.output import staged_folder
+
+    with staged_folder(out) as stage:
+        for name, flat in maps.items():
+            flat_map_figure(flat, stage / f"{name}.png")
+    return [f"{name}.png" for name in maps]

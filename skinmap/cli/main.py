@@ -1,0 +1,95 @@
+"""`skinmap`: the group of commands, each loaded only when it is called or listed."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import traceback
+from importlib.metadata import entry_points
+
+import click
+
+from skinmap import __version__
+from skinmap.errors import SkinError
+
+# name: (module, one line for the list); the module holds a click command called `command`.
+COMMANDS = {
+    "inspect": ("skinmap.cli.inspect", "What a robot's skin is made of, and whether it fits."),
+    "flatten": ("skinmap.cli.flatten", "Flat maps of the skin and what they distort."),
+    "structures": ("skinmap.cli.structures", "Periodic neighbourhood structures of the layout."),
+    "simulate": ("skinmap.cli.simulate", "Simulated touches on the skin, as a recording."),
+    "train": ("skinmap.cli.train", "Train a touch classifier on a recording."),
+    "classify": ("skinmap.cli.classify", "Name the touches of a recording."),
+}
+GROUP = "skinmap.commands"
+
+
+class LazyGroup(click.Group):
+    """Commands of ours by module, those of other packages by entry point."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All names, the demo first: it is where people start."""
+        names = [*COMMANDS, *(point.name for point in entry_points(group=GROUP))]
+        return sorted(dict.fromkeys(names), key=lambda name: (name != "demo", names.index(name)))
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Load one command; None if there is none of that name."""
+        if cmd_name in COMMANDS:
+            command: click.Command = importlib.import_module(COMMANDS[cmd_name][0]).command
+            return command
+        for point in entry_points(group=GROUP, name=cmd_name):
+            loaded: click.Command = point.load()
+            return loaded
+        return None
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing those of ours."""
+        rows = []
+        for name in self.list_commands(ctx):
+            if name in COMMANDS:
+                rows.append((name, COMMANDS[name][1]))
+            elif (command := self.get_command(ctx, name)) is not None:
+                rows.append((name, command.get_short_help_str(80)))
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="skinmap")
+@click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+@click.pass_context
+def cli(ctx: click.Context, debug: bool) -> None:
+    """From a robot's meshes and taxel positions to named touches on its skin.
+
+    Start with:  skinmap demo
+    """
+    ctx.obj = {"debug": debug}
+
+
+def main() -> None:
+    """Run a command: exit 0 done, 2 bad input with one line, 1 a fault of ours."""
+    debug = "--debug" in sys.argv[1:]
+    try:
+        cli.main(standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        sys.exit(stop.exit_code)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except SkinError as error:
+        _fail(str(error), 2, debug)
+    except (KeyboardInterrupt, click.Abort):
+        _fail("interrupted", 130, debug=False)
+    except BrokenPipeError:  # the reader of our output went away: nothing is wrong
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except Exception as error:  # noqa: BLE001 - the last resort: a fault of ours, said plainly
+        _fail(f"a fault of ours: {type(error).__name__}: {error} (see --debug)", 1, debug)
+
+
+def _fail(message: str, code: int, debug: bool) -> None:
+    if debug:
+        traceback.print_exc()
+    click.echo(f"Error: {' '.join(message.split())}", err=True)
+    sys.exit(code)
