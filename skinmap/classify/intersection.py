@@ -56,15 +56,16 @@ class IntersectionSVC(ClassifierMixin, BaseEstimator):
 
     def decision_function(self, X: ArrayLike) -> FloatArray:
         """(n,) or (n, classes) decision values of histograms (n, d)."""
+        check_is_fitted(self)
         return np.asarray(self.svc_.decision_function(self._kernel(X)))
 
     def predict(self, X: ArrayLike) -> Any:
         """(n,) labels of histograms (n, d)."""
+        check_is_fitted(self)
         return self.svc_.predict(self._kernel(X))
 
     def _kernel(self, X: ArrayLike) -> FloatArray:
         """Kernel against all training histograms; only the support columns are ever read."""
-        check_is_fitted(self)
         histograms = validate_data(self, X, reset=False)
         self._refuse_negative(histograms)
         kernel = np.zeros((len(histograms), self.n_train_))

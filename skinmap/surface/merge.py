@@ -6,25 +6,35 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.topology import boundary_loops, face_components, loop_length
-from skinmap.geometry.triangles import cross_2d, edge_lengths, smallest_altitudes
+from skinmap.geometry.triangles import (
+    cross_2d,
+    edge_lengths,
+    face_normals,
+    smallest_altitudes,
+    unit,
+)
 from skinmap.surface.stars import tangent_frames
 
 SLIVER = 0.02  # in spacings: flatter triangles are three taxels in a row
+FACING = 0.3  # cosine between a triangle's normal and its taxels': 73 degrees
 SMALL_HOLE = 8  # vertices: inner loops up to here are disagreements between stars
 
 
-def consensus(points: FloatArray, votes: IntArray, spacing: float) -> IntArray:
+def consensus(points: FloatArray, normals: FloatArray, votes: IntArray, spacing: float) -> IntArray:
     """Faces (m, 3) chosen from voted triangles (t, 3): most votes first, then shortest.
 
-    A triangle is taken if each of its directed edges is still free, which keeps the mesh
-    edge-manifold, oriented and free of folds, and if no corner would be pinched.
+    Slivers and triangles that stand upright on the skin (three border taxels round a bend) are
+    none of it. A triangle is taken if each of its directed edges is still free, which keeps the
+    mesh edge-manifold, oriented and free of folds; smaller fans at pinched corners go at last.
     """
     if len(votes) == 0:
         return np.zeros((0, 3), np.int64)
     start = np.argmin(votes, axis=1)
     rolled = np.take_along_axis(votes, (start[:, None] + np.arange(3)) % 3, axis=1)
     triangles, count = np.unique(rolled, axis=0, return_counts=True)
+    upright = face_normals(points, triangles) * unit(normals[triangles].sum(axis=1))
     solid = smallest_altitudes(points, triangles) > SLIVER * spacing
+    solid &= upright.sum(axis=1) > FACING
     triangles, count = triangles[solid], count[solid]
     longest = edge_lengths(points, triangles).max(axis=1)
     taken: set[tuple[int, int]] = set()
@@ -112,34 +122,38 @@ def fill_holes(
 
 
 def close_loop(points: FloatArray, normals: FloatArray, loop: IntArray) -> IntArray:
-    """Faces (k - 2, 3) that close a boundary loop of k vertices, best-shaped ear first."""
+    """Faces (k - 2, 3) that close a boundary loop of k vertices, the worst one as good as can be.
+
+    Klincsek's dynamic programme over chords: of all triangulations the one whose flattest
+    triangle is least flat, so triangles turned over or without area come last.
+    """
     hole = loop[::-1]  # a boundary loop runs with its faces, so the hole's own turn is reversed
-    normal = normals[hole].sum(axis=0)
-    first, second = tangent_frames((normal / max(np.linalg.norm(normal), 1e-300))[None])
+    normal = unit(normals[hole].sum(axis=0))
+    first, second = tangent_frames(normal[None])
     flat = points[hole] @ np.column_stack([first[0], second[0]])
-    left = list(range(len(hole)))
-    faces = []
-    while len(left) > 3:
-        ears = [_ear_quality(flat, left, i) for i in range(len(left))]
-        best = int(np.argmax(ears))
-        a, b, c = left[best - 1], left[best], left[(best + 1) % len(left)]
-        faces.append((hole[a], hole[b], hole[c]))
-        left.pop(best)
-    faces.append(tuple(hole[left]))
+    n = len(hole)
+    worst = np.full((n, n), np.inf)  # quality of the worst triangle beyond the chord i, j
+    split = np.zeros((n, n), np.int64)
+    for span in range(2, n):
+        for i in range(n - span):
+            j = i + span
+            between = np.arange(i + 1, j)
+            shape = _quality(flat[i], flat[between], flat[j])
+            value = np.minimum(shape, np.minimum(worst[i, between], worst[between, j]))
+            worst[i, j], split[i, j] = value.max(), between[np.argmax(value)]
+    faces, chords = [], [(0, n - 1)]
+    while chords:
+        i, j = chords.pop()
+        if j - i >= 2:
+            m = int(split[i, j])
+            faces.append(hole[[i, m, j]])
+            chords += [(i, m), (m, j)]
     return np.array(faces, dtype=np.int64)
 
 
-def _ear_quality(flat: FloatArray, left: list[int], i: int) -> float:
-    """Twice the area over the squared longest edge of an ear; negative where it is no ear."""
-    corners = [left[i - 1], left[i], left[(i + 1) % len(left)]]
-    a, b, c = flat[corners]
-    area = float(cross_2d(b - a, c - a))
-    longest = max(float((p - q) @ (p - q)) for p, q in ((a, b), (b, c), (c, a)))
-    quality = area / longest if longest > 0 else 0.0
-    others = flat[[k for k in left if k not in corners]]
-    inside = (
-        (cross_2d(b - a, others - a) > 0)
-        & (cross_2d(c - b, others - b) > 0)
-        & (cross_2d(a - c, others - c) > 0)
-    )
-    return quality - 2.0 if inside.any() else quality
+def _quality(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """(k,) twice the signed area over the squared longest edge of triangles a, b (k, 2), c."""
+    sides = np.stack([b - a, b - c, np.broadcast_to(c - a, b.shape)])
+    longest = (sides**2).sum(axis=2).max(axis=0)
+    area = cross_2d(b - a, c - a)
+    return np.divide(area, longest, out=np.zeros_like(area), where=longest > 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray, IntArray, check_faces, check_points, freeze
 from skinmap.errors import InvalidMeshError
@@ -106,7 +107,8 @@ def build_surface(skin: Skin, *, max_edge: float | None = None) -> SurfaceMesh:
     points, normals = skin.positions[vertices], skin.normals[vertices]
     spacing = median_spacing(points)
     limit = EDGE_LIMIT * spacing if max_edge is None else max_edge
-    faces = consensus(points, delaunay_stars(points, normals, spacing, limit), spacing)
+    votes = delaunay_stars(points, normals, spacing, limit)
+    faces = consensus(points, normals, votes, spacing)
     faces = fill_holes(points, normals, faces)
     if len(faces) == 0:
         raise InvalidMeshError(
@@ -122,8 +124,6 @@ def merge_coincident(positions: FloatArray) -> tuple[IntArray, IntArray]:
     everyone = np.arange(len(points))
     distinct = np.unique(points, axis=0)
     tolerance = MERGE * median_spacing(distinct)
-    from scipy.spatial import cKDTree
-
     pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray") if len(points) else []
     representative = everyone.copy()
     for low, high in sorted(map(tuple, np.asarray(pairs).reshape(-1, 2).tolist())):

@@ -130,8 +130,5 @@ def histograms(codebook: Codebook, structures: Structures, samples: FloatArray) 
         # |x - c|^2 = |x|^2 + |c|^2 - 2 x.c; the first term is the same for all words.
         cost = (words**2).sum(axis=1) - 2.0 * seen @ words.T
         np.add.at(votes[:, number], (np.broadcast_to(rows, cost.shape[:2]), cost.argmin(axis=2)), 1)
-    return votes.reshape(len(samples), -1) if codebook.literal else _without_rest(votes)
-
-
-def _without_rest(votes: IntArray) -> IntArray:
-    return np.ascontiguousarray(votes[:, :, 1:]).reshape(len(votes), -1)
+    counted = votes if codebook.literal else votes[:, :, 1:]
+    return counted.reshape(len(samples), codebook.bins)

@@ -94,7 +94,8 @@ def load_recordings(path: Path) -> list[Recording]:
     if not path.is_file():
         raise MissingFileError(path, "a recording made by `skinmap simulate`")
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        # Opened here: numpy leaves a damaged file open when it opens it itself.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             head = json.loads(arrays["head"].tobytes())
             if head["format"] != FORMAT:
                 raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)

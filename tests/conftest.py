@@ -1,0 +1,96 @@
+"""Shapes and skins that many tests share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import skinmap
+from skinmap.touch.prepared import PreparedSkin
+
+# FORMATS.md of the field, section 2: taxel places in one module, in mm, origin at its centre.
+PAD_12 = [
+    (7.5, -1.443), (10, -5.774), (5, -5.774), (0, -2.887), (-5, -5.774), (-10, -5.774),
+    (-7.5, -1.443), (-2.5, 1.443), (-2.5, 7.217), (0, 11.547), (2.5, 7.217), (2.5, 1.443),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def icub():
+    """The robot that ships with Skinmap."""
+    return skinmap.load_robot("icub")
+
+
+@pytest.fixture(scope="session")
+def prepared(icub) -> Callable[[str], PreparedSkin]:
+    """Prepared skins of the iCub by part, each made once for the whole run."""
+    made: dict[str, PreparedSkin] = {}
+
+    def get(part: str) -> PreparedSkin:
+        if part not in made:
+            made[part] = PreparedSkin(icub.skin(part))
+        return made[part]
+
+    return get
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20)
+
+
+@pytest.fixture(scope="session")
+def tiling_12() -> np.ndarray:
+    """A flat tiling of 72 12-pad modules of side 30 mm, (864, 3) in metres."""
+    pad, side = np.array(PAD_12), 30.0
+    height = side * np.sqrt(3) / 2
+    modules = []
+    for i in range(6):
+        for j in range(6):
+            corner = np.array([side * (i + 0.5 * j), height * j])
+            modules.append(pad + corner)
+            modules.append(-pad + corner + [side / 2, height / 3])
+    flat = np.concatenate(modules) * 1e-3
+    return np.column_stack([flat, np.zeros(len(flat))])
+
+
+@pytest.fixture(scope="session")
+def hexagons() -> np.ndarray:
+    """A hexagonal lattice of 12 x 14 points with a pitch of 6.5 mm, (168, 2) in metres."""
+    row, column = np.divmod(np.arange(168), 12)
+    return 6.5e-3 * np.column_stack([column + 0.5 * (row % 2), row * np.sqrt(3) / 2])
+
+
+@pytest.fixture(scope="session")
+def square_grid():
+    """A function: (vertices, faces) of an n x n unit grid, two triangles a cell."""
+
+    def make(n: int) -> tuple[np.ndarray, np.ndarray]:
+        row, column = np.divmod(np.arange(n * n), n)
+        vertices = np.column_stack([column, row, np.zeros(n * n)]) / (n - 1)
+        corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+        lower = np.column_stack([corner, corner + 1, corner + n])
+        upper = np.column_stack([corner + 1, corner + n + 1, corner + n])
+        return vertices, np.concatenate([lower, upper])
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def half_cylinder(square_grid):
+    """The 15 x 15 grid bent round a cylinder of radius 1/3: isometric but for its facets."""
+    vertices, faces = square_grid(15)
+    angle = 3.0 * vertices[:, 0]
+    bent = np.column_stack([np.sin(angle) / 3.0, vertices[:, 1], (1 - np.cos(angle)) / 3.0])
+    return bent, faces
+
+
+@pytest.fixture(scope="session")
+def sphere():
+    """An icosphere: closed, 162 vertices."""
+    import trimesh
+
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)

@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from skinmap.errors import OutputError
+from skinmap.io.output import staged_file, staged_folder
+
+
+def test_staged_folder_moves_files_and_leaves_nothing_else(tmp_path):
+    out = tmp_path / "a" / "b"
+    with staged_folder(out) as stage:
+        (stage / "sub").mkdir()
+        (stage / "sub" / "x.txt").write_text("x")
+        assert not (out / "sub").exists()
+    assert sorted(p.name for p in out.rglob("*")) == ["sub", "x.txt"]
+
+
+def test_staged_folder_that_fails_leaves_old_results_alone(tmp_path):
+    (tmp_path / "x.txt").write_text("old")
+    with pytest.raises(RuntimeError, match="boom"), staged_folder(tmp_path) as stage:
+        (stage / "x.txt").write_text("new")
+        raise RuntimeError("boom")
+    assert [p.name for p in tmp_path.iterdir()] == ["x.txt"]
+    assert (tmp_path / "x.txt").read_text() == "old"
+
+
+def test_staged_folder_that_fails_removes_the_folder_it_made(tmp_path):
+    with pytest.raises(RuntimeError, match="boom"), staged_folder(tmp_path / "new"):
+        raise RuntimeError("boom")
+    assert not (tmp_path / "new").exists()
+
+
+def test_staged_folder_refuses_a_file_as_folder(tmp_path):
+    (tmp_path / "f").write_text("")
+    with (
+        pytest.raises(OutputError, match="cannot write to the folder"),
+        staged_folder(tmp_path / "f"),
+    ):
+        pytest.fail("the body must not run")
+
+
+def test_staged_folder_refuses_where_nothing_can_be_made():
+    # Not even root can make a folder there.
+    with pytest.raises(OutputError, match="/proc/skinmap"), staged_folder(Path("/proc/skinmap")):
+        pytest.fail("the body must not run")
+
+
+def test_staged_file_appears_whole_or_not_at_all(tmp_path):
+    path = tmp_path / "m.bin"
+    with pytest.raises(RuntimeError, match="boom"), staged_file(path) as stage:
+        stage.write_text("half")
+        raise RuntimeError("boom")
+    assert list(tmp_path.iterdir()) == []
+    with staged_file(path) as stage:
+        stage.write_text("whole")
+    assert path.read_text() == "whole"
+    assert [p.name for p in tmp_path.iterdir()] == ["m.bin"]
+
+
+def test_staged_file_refuses_a_missing_folder_and_a_folder(tmp_path):
+    with pytest.raises(OutputError, match="cannot write"), staged_file(tmp_path / "no" / "m"):
+        pytest.fail("the body must not run")
+    with pytest.raises(OutputError, match="it is a folder"), staged_file(tmp_path):
+        pytest.fail("the body must not run")

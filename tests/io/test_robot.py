@@ -1,0 +1,178 @@
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skinmap
+from skinmap.errors import DataFormatError, MissingFileError, SkinError, UnknownNameError
+from skinmap.io import urdf
+from skinmap.io.manifest import data_folder, load_robot
+from skinmap.io.urdf import UrdfBody, read_mesh
+
+MANIFEST = """
+[robot]
+name = "one"
+urdf = "icub-models:iCubGazeboV2_7"
+[[part]]
+name = "hand"
+link = "r_hand"
+taxels = "right_hand.csv"
+"""
+
+
+@pytest.fixture
+def manifest(tmp_path):
+    """A function that writes a manifest beside a real taxel table and returns its path."""
+    shutil.copy(data_folder() / "icub" / "taxels" / "right_hand.csv", tmp_path)
+
+    def write(text: str = MANIFEST) -> Path:
+        (tmp_path / "robot.toml").write_text(text)
+        return tmp_path / "robot.toml"
+
+    return write
+
+
+def test_icub_has_13_parts_and_4326_taxels(icub):
+    assert len(icub.parts) == 13
+    assert sum(len(icub.skin(part)) for part in icub.parts) == 4326
+
+
+def test_tables_of_the_icub_are_those_the_readme_lists():
+    folder = data_folder() / "icub"
+    listed = dict(
+        re.findall(r"`(taxels/\S+)` \| \d+ \| `(\w{64})`", (folder / "README.md").read_text())
+    )
+    assert len(listed) == 13
+    for name, digest in listed.items():
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+
+
+def test_taxels_of_the_icub_lie_on_their_links(icub):
+    from skinmap.geometry.proximity import closest_on_mesh
+
+    for part in icub.parts:
+        skin, mesh = icub.skin(part), icub.mesh(icub.part(part).link)
+        distance, _, _ = closest_on_mesh(skin.positions, mesh.vertices, mesh.faces)
+        assert np.median(distance) < 1.5e-3, part  # medians are 0.5 to 1.4 mm
+        assert distance.max() < 5e-3, part
+
+
+def test_one_part_reads_one_mesh(monkeypatch):
+    opened = []
+    monkeypatch.setattr(urdf, "read_mesh", lambda path: opened.append(path) or read_mesh(path))
+    skinmap.load_robot("icub").skin("right_forearm")
+    assert [path.name for path in opened] == ["sim_sea_2-5_r_forearm_prt-binary.stl"]
+
+
+def test_poses_are_rigid_and_follow_the_joints(icub):
+    from skinmap.geometry.rigid import check_transform
+
+    rest, bent = icub.body.poses({}), icub.body.poses({"r_elbow": 1.0})
+    for link, pose in rest.items():
+        check_transform(pose, link)
+    moved = {link for link in rest if not np.allclose(rest[link], bent[link])}
+    assert "r_forearm" in moved
+    assert not moved & {"l_forearm", "chest", "r_upper_arm"}
+
+
+def test_poses_at_rest_are_the_same_after_another_pose(icub):
+    rest = icub.body.poses({})["r_hand"]
+    icub.body.poses({"r_elbow": 1.0})
+    np.testing.assert_array_equal(icub.body.poses({})["r_hand"], rest)
+
+
+def test_pose_of_the_icub_lies_within_its_limits(icub):
+    for joint, angle in icub.pose.items():
+        low, high = icub.body.joints[joint]
+        assert low <= angle <= high, joint
+
+
+def test_manifest_of_a_user_loads(manifest):
+    robot = load_robot(manifest())
+    assert robot.name == "one"
+    assert len(robot.skin("hand")) == 48
+
+
+def test_units_of_a_manifest_scale_positions(manifest):
+    metres = load_robot(manifest()).part("hand").read().positions
+    inches = load_robot(manifest(MANIFEST + 'units = "in"\n')).part("hand").read().positions
+    np.testing.assert_allclose(inches, 0.0254 * metres, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        ("[robot]", "[robot", DataFormatError, "not TOML"),
+        ('name = "one"', "", DataFormatError, "lacks 'name'"),
+        ('name = "one"', "name = 3", DataFormatError, "must be text, got 3"),
+        ("[[part]]", "[[parts]]", DataFormatError, "unknown tables"),
+        (
+            'link = "r_hand"',
+            'link = "r_hnd"',
+            UnknownNameError,
+            "no link .*'r_hnd'; there is: .*r_hand",
+        ),
+        ('link = "r_hand"', "", DataFormatError, "lacks 'link'"),
+        ('link = "r_hand"', 'link = "r_hand"\ncolour = "red"', DataFormatError, "unknown keys"),
+        ('link = "r_hand"', 'link = "r_hand"\nunits = "ell"', UnknownNameError, "no unit 'ell'"),
+        ("icub-models:iCubGazeboV2_7", "icub-models:iCub9", UnknownNameError, "no model in"),
+        ("icub-models:iCubGazeboV2_7", "no-such-thing:a", DataFormatError, "not installed"),
+        ("icub-models:iCubGazeboV2_7", "numpy:a", DataFormatError, "holds no robot models"),
+        ("icub-models:iCubGazeboV2_7", "gone.urdf", MissingFileError, "a URDF file"),
+        ('urdf = "icub', 'pose_deg = {x = 1}\nurdf = "icub', UnknownNameError, "no joint 'x'"),
+        ('urdf = "icub', 'pose_deg = {r_elbow = "x"}\nurdf = "icub', DataFormatError, "a number"),
+    ],
+)
+def test_manifest_says_what_is_wrong(manifest, old, new, error, message):
+    assert old in MANIFEST
+    with pytest.raises(error, match=message):
+        load_robot(manifest(MANIFEST.replace(old, new)))
+
+
+def test_two_parts_of_one_name_are_refused(manifest):
+    part = MANIFEST[MANIFEST.index("[[part]]") :]
+    with pytest.raises(DataFormatError, match="two parts are called 'hand'"):
+        load_robot(manifest(MANIFEST + part))
+
+
+def test_load_robot_names_what_is_built_in():
+    with pytest.raises(UnknownNameError, match=r"no robot .*'icu'; there is: icub"):
+        load_robot("icu")
+    with pytest.raises(MissingFileError, match="manifest"):
+        load_robot("gone.toml")
+
+
+def test_robot_names_its_parts(icub):
+    with pytest.raises(UnknownNameError, match="no part 'tail'; there is: torso, left_arm"):
+        icub.skin("tail")
+    with pytest.raises(UnknownNameError, match="no link 'tail'"):
+        icub.mesh("tail")
+    with pytest.raises(UnknownNameError, match="no joint 'tail'"):
+        icub.body.poses({"tail": 0.0})
+
+
+def test_every_error_is_a_skin_error_and_a_builtin(tmp_path):
+    with pytest.raises(LookupError):
+        load_robot("icu")
+    with pytest.raises(FileNotFoundError):
+        UrdfBody(tmp_path / "gone.urdf")
+    with pytest.raises(SkinError):
+        UrdfBody(tmp_path / "gone.urdf")
+
+
+@pytest.mark.parametrize("text", ["", "no xml", "<robot", "<robot name='r'><link/></robot>"])
+def test_urdf_that_is_none_is_refused(tmp_path, text):
+    (tmp_path / "r.urdf").write_text(text)
+    with pytest.raises(DataFormatError, match="not a URDF"):
+        UrdfBody(tmp_path / "r.urdf")
+
+
+def test_read_mesh_refuses_what_is_none(tmp_path):
+    (tmp_path / "m.stl").write_text("not a mesh")
+    with pytest.raises(DataFormatError, match=r"m\.stl"):
+        read_mesh(tmp_path / "m.stl")
