@@ -11,14 +11,19 @@ from typing import Any
 __version__ = "0.1.0"
 
 _PUBLIC = {
-    "load_robot": "skinmap.io.manifest",
+    "build_surface": ("skinmap.surface.surface_mesh", "build_surface"),
+    "flatten": ("skinmap.flat.flat_map", "flatten"),
+    "flatteners": ("skinmap.flat.methods", "flattener_names"),
+    "load_classifier": ("skinmap.classify.model_file", "load_classifier"),
+    "load_robot": ("skinmap.io.manifest", "load_robot"),
 }
 __all__ = ["__version__", *_PUBLIC]
 
 
 def __getattr__(name: str) -> Any:
     if name in _PUBLIC:
-        return getattr(importlib.import_module(_PUBLIC[name]), name)
+        module, attribute = _PUBLIC[name]
+        return getattr(importlib.import_module(module), attribute)
     raise AttributeError(f"module 'skinmap' has no attribute {name!r}")
 
 

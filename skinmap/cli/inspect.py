@@ -26,19 +26,9 @@ def command(robot: str, parts: tuple[str, ...], as_json: bool) -> None:
     if as_json:
         emit({"robot": loaded.name, "parts": rows, "taxels": sum(row["taxels"] for row in rows)})
         return
+    columns = ["part", "link", "taxels", "modules", "distance mm", "max", "pitch mm"]
     table(
-        [
-            "part",
-            "link",
-            "taxels",
-            "modules",
-            "distance mm",
-            "max",
-            "pitch mm",
-            "normals deg",
-            "seen from",
-            "",
-        ],
+        [*columns, "normals deg", "inward", "covered", "verdict"],
         [
             [
                 row["name"],
@@ -56,6 +46,9 @@ def command(robot: str, parts: tuple[str, ...], as_json: bool) -> None:
             for row in rows
         ],
     )
+    for row in rows:
+        for warning in row["warnings"]:
+            click.echo(f"{row['name']}: {warning}")
 
 
 def inspect_part(robot: Any, name: str) -> dict[str, Any]:

@@ -24,6 +24,11 @@ flatteners.register("bff")(bff)
 flatteners.register("fast")(bff)
 
 
+def flattener_names() -> tuple[str, ...]:
+    """Names of the flattening methods, those of plug-ins included."""
+    return flatteners.names()
+
+
 @flatteners.register("tutte")
 def tutte(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """Uniform-weight embedding on a circle: never flips, always stretches."""

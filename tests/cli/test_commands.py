@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from skinmap.cli.common import plain
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+
+
+def run(*words: str) -> dict:
+    """The JSON that a command prints, and nothing else, on standard output."""
+    result = CliRunner().invoke(cli, [*words, "--json"], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def run_process(*words: str) -> subprocess.CompletedProcess[str]:
+    script = "import sys; from skinmap.cli.main import main; sys.argv[0] = 'skinmap'; main()"
+    return subprocess.run(
+        [sys.executable, "-c", script, *words], capture_output=True, text=True, timeout=120
+    )
+
+
+def test_inspect_counts_and_measures_a_part():
+    result = run("inspect", "icub", "--part", "right_foot")
+    (part,) = result["parts"]
+    assert (part["name"], part["link"], part["taxels"], part["modules"]) == (
+        "right_foot", "r_foot", 250, 25,
+    )  # fmt: skip
+    assert part["pitch_mm"]["median"] == pytest.approx(6.533, abs=0.05)
+    assert part["distance_mm"]["max"] < 1.0
+    assert (part["verdict"], part["warnings"], part["inward"]) == ("ok", [], 0)
+
+
+def test_flatten_writes_a_picture_and_its_numbers(tmp_path):
+    result = run("flatten", "icub", "--part", "left_forearm", "--out", str(tmp_path))
+    assert [row["patch"] for row in result["patches"]] == [0, 1]
+    assert sum(row["vertices"] for row in result["patches"]) == 240
+    assert all(row["flips"] == 0 and not row["fallback"] for row in result["patches"])
+    assert [path.name for path in tmp_path.iterdir()] == result["files"] == ["left_forearm.png"]
+    assert (tmp_path / "left_forearm.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_structures_of_a_sole_are_few(tmp_path):
+    result = run("structures", "--part", "left_foot", "--out", str(tmp_path))
+    assert result["structures"] == len(result["table"]) <= 7  # a 10-pad tiling has 7 at most
+    assert sum(row["taxels"] for row in result["table"]) == result["taxels"] == 250
+    assert (tmp_path / "structures.png").exists()
+
+
+def test_simulate_train_classify_and_back(tmp_path):
+    recording, model = tmp_path / "t.npz", tmp_path / "m.skinmodel"
+    made = run(
+        "simulate", "icub", "--part", "left_foot", "--part", "right_hand",
+        "--per-gesture", "10", "-o", str(recording),
+    )  # fmt: skip
+    assert {row["part"] for row in made["parts"]} == {"left_foot", "right_hand"}
+    trained = run("train", str(recording), "--part", "left_foot", "-o", str(model))
+    assert trained["tested"]["same_parts"] == 12
+    assert trained["accuracy"]["same_parts"] >= 0.75  # 12 touches, 28 to learn from
+    named = run("classify", str(model), str(recording), "--part", "right_hand")
+    assert len(named["touches"]) == sum(made["parts"][1]["touches"].values())
+    assert {row["part"] for row in named["touches"]} == {"right_hand"}
+    assert all(0 <= row["confidence"] <= 1 for row in named["touches"])
+
+
+def test_same_seed_writes_the_same_recording(tmp_path):
+    for name in ("a.npz", "b.npz"):
+        run(
+            "simulate", "--part", "left_hand", "--per-gesture", "1", "--seed", "4",
+            "-o", str(tmp_path / name),
+        )  # fmt: skip
+    from skinmap.touch.recording import load_recordings
+
+    one, other = (load_recordings(tmp_path / name)[0] for name in ("a.npz", "b.npz"))
+    assert (one.pressures == other.pressures).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("inspect", "icu"), "no robot .*'icu'; there is: icub"),
+        (("inspect", "icub", "--part", "tail"), "no part 'tail'; there is: torso"),
+        (("flatten", "icub", "--method", "best"), "no flattening method 'best'"),
+        (("flatten", "gone.toml"), r"no file 'gone\.toml'"),
+        (("structures", "--radius-mm", "-1"), "must be above 0"),
+        (("simulate", "--gesture", "slap", "--part", "torso", "-o", "x.npz"), "no gesture 'slap'"),
+        (("simulate", "--part", "left_hand", "-o", "/proc/x/y.npz"), "cannot write"),
+        (("train", "gone.npz"), r"no file 'gone\.npz'"),
+        (("classify", "gone.skinmodel", "gone.npz"), r"no file 'gone\.skinmodel'"),
+        (("dance",), "No such command 'dance'"),
+        (("inspect", "--size", "3"), "No such option"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_exit_2(words, message, tmp_path, monkeypatch):
+    import re
+
+    monkeypatch.chdir(tmp_path)
+    result = run_process(*words)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    (line,) = [line for line in result.stderr.splitlines() if line.startswith("Error:")]
+    assert re.search(message, line)
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_debug_shows_the_traceback():
+    result = run_process("--debug", "inspect", "icu")
+    assert result.returncode == 2
+    assert "Traceback" in result.stderr
+
+
+def test_errors_of_ours_reach_python_as_they_are():
+    with pytest.raises(SkinError, match="no robot"):
+        CliRunner().invoke(cli, ["inspect", "icu"], catch_exceptions=False)
+
+
+def test_tables_for_people_name_every_part():
+    result = CliRunner().invoke(cli, ["inspect", "icub", "--part", "left_hand"])
+    assert result.exit_code == 0
+    assert "left_hand" in result.output
+    assert "covered" in result.output
+
+
+def test_plain_turns_what_json_lacks_into_null():
+    import numpy as np
+
+    assert plain({"a": np.inf, "b": [np.nan, np.float64(1.5), np.int64(3)]}) == {
+        "a": None,
+        "b": [None, 1.5, 3],
+    }
