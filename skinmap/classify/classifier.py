@@ -14,7 +14,7 @@ from skinmap.errors import InvalidArrayError, NotFittedError
 from skinmap.registry import Registry
 
 NO_CONTACT = "no_contact"
-ROWS = 2000  # training rows at most: the cost of a Gram matrix grows with the square
+ROWS = 1200  # training rows at most: the cost of a Gram matrix grows with the square
 DEFAULT = "contact-geometry"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -91,10 +92,17 @@ def _plain_figure(size: tuple[float, float]) -> Any:
     return Figure(figsize=size, dpi=DPI, layout="constrained")
 
 
-def _save(figure: Any, path: Path) -> None:
+def picture_bytes(figure: Any) -> bytes:
+    """A matplotlib figure as PNG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    FigureCanvasAgg(figure).print_figure(str(path), facecolor="white")
+    buffer = io.BytesIO()
+    FigureCanvasAgg(figure).print_figure(buffer, facecolor="white", format="png")
+    return buffer.getvalue()
+
+
+def _save(figure: Any, path: Path) -> None:
+    path.write_bytes(picture_bytes(figure))
 
 
 def _draw_triangles(

@@ -2,45 +2,79 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import click
 
 from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_argument, table
 
+TABLES = (".txt", ".csv")
+
 
 @click.command("inspect")
 @robot_argument
 @part_option
+@click.option("--module", help="Module layout of a bare table (triangle_10pad, a .toml, a .csv).")
+@click.option("--fit", is_flag=True, help="Fit each part rigidly to its link, and report.")
+@click.option(
+    "--html", type=click.Path(path_type=Path, dir_okay=False), help="Report with pictures."
+)
 @json_option
-def command(robot: str, parts: tuple[str, ...], as_json: bool) -> None:
-    """Show the parts of a robot: taxels, distance to the body, pitch, normals.
+def command(
+    robot: str,
+    parts: tuple[str, ...],
+    module: str | None,
+    fit: bool,
+    html: Path | None,
+    as_json: bool,
+) -> None:
+    """Show the parts of a robot: taxels, repairs, distance to the body, pitch, modules, verdict.
 
-    ROBOT is a built-in name (default: icub) or the path of a manifest.
+    ROBOT is a built-in name (default: icub), the path of a manifest, or a bare taxel table.
 
     \b
     Example:  skinmap inspect icub --part right_forearm --json
     """
-    loaded, names = open_robot(robot, parts)
-    rows = [inspect_part(loaded, name) for name in names]
+    from skinmap.cli.inspection import inspect_part, inspect_table
+
+    if Path(robot).suffix.lower() in TABLES:
+        rows = [inspect_table(Path(robot), module)]
+        name, loaded = Path(robot).name, None
+    else:
+        loaded, names = open_robot(robot, parts)
+        rows = [inspect_part(loaded, name, fit=fit) for name in names]
+        name = loaded.name
+    if html is not None:
+        from skinmap.cli.inspection_report import write_inspection
+        from skinmap.io.output import staged_file
+
+        with staged_file(html) as stage:
+            write_inspection(name, rows, loaded, stage)
     if as_json:
-        emit({"robot": loaded.name, "parts": rows, "taxels": sum(row["taxels"] for row in rows)})
+        files = [] if html is None else [html]
+        taxels = sum(row["taxels"] for row in rows)
+        emit({"robot": name, "parts": rows, "taxels": taxels, "files": files})
         return
+    _print(rows)
+
+
+def _print(rows: list[dict[str, Any]]) -> None:
     columns = ["part", "link", "taxels", "modules", "distance mm", "max", "pitch mm"]
     table(
-        [*columns, "normals deg", "inward", "covered", "verdict"],
+        [*columns, "rebuilt", "inward", "covered", "verdict"],
         [
             [
                 row["name"],
                 row["link"],
                 row["taxels"],
                 row["modules"],
-                row["distance_mm"]["median"],
-                row["distance_mm"]["max"],
+                row["distance_mm"]["median"] if row["distance_mm"] else "-",
+                row["distance_mm"]["max"] if row["distance_mm"] else "-",
                 row["pitch_mm"]["median"],
-                row["normal_angle_deg"]["median"],
-                row["inward"],
-                row["covered"],
+                row["rebuilt"],
+                row.get("inward", "-"),
+                row.get("covered", "-"),
                 row["verdict"],
             ]
             for row in rows
@@ -49,50 +83,10 @@ def command(robot: str, parts: tuple[str, ...], as_json: bool) -> None:
     for row in rows:
         for warning in row["warnings"]:
             click.echo(f"{row['name']}: {warning}")
-
-
-def inspect_part(robot: Any, name: str) -> dict[str, Any]:
-    """The numbers of one part, ready for JSON."""
-    import numpy as np
-
-    from skinmap.skin.fit import measure_fit
-
-    skin = robot.skin(name)
-    fit = measure_fit(skin, robot.mesh(skin.link))
-    inward = int(fit.inward.sum())
-    warnings = []
-    if inward:
-        warnings.append(f"{inward} normals point into the body: inspect the link's mesh")
-    if np.median(fit.distance) > np.median(fit.pitch):
-        warnings.append(
-            "taxels lie further from the body than from each other: wrong frame or unit"
-        )
-    return {
-        "name": name,
-        "link": skin.link,
-        "channels": int(skin.channels.max()) + 1,
-        "taxels": len(skin),
-        "modules": len(np.unique(skin.modules)),
-        "distance_mm": _spread(fit.distance * 1e3),
-        "pitch_mm": _spread(fit.pitch * 1e3),
-        "normal_angle_deg": {
-            **_spread(np.degrees(fit.normal_angle)),
-            "share_within_15": float((fit.normal_angle <= np.radians(15.0)).mean()),
-        },
-        "inward": inward,
-        "covered": int(fit.covered.sum()),
-        "verdict": "look again" if warnings else "ok",
-        "warnings": warnings,
-    }
-
-
-def _spread(values: Any) -> dict[str, float]:
-    import numpy as np
-
-    return {
-        "mean": float(values.mean()),
-        "median": float(np.median(values)),
-        "p95": float(np.percentile(values, 95)),
-        "min": float(values.min()),
-        "max": float(values.max()),
-    }
+        if "fit" in row:
+            fit = row["fit"]
+            click.echo(
+                f"{row['name']}: mean distance {fit['mean_before_mm']:.2f} mm, "
+                f"{fit['mean_after_mm']:.2f} mm after {fit['shift_mm']:.1f} mm and "
+                f"{fit['angle_deg']:.1f} deg"
+            )

@@ -6,6 +6,7 @@ import importlib
 import os
 import sys
 import traceback
+import warnings
 from importlib.metadata import entry_points
 
 import click
@@ -70,6 +71,7 @@ def cli(ctx: click.Context, debug: bool) -> None:
 def main() -> None:
     """Run a command: exit 0 done, 2 bad input with one line, 1 a fault of ours."""
     debug = "--debug" in sys.argv[1:]
+    warnings.showwarning = _warn
     try:
         cli.main(standalone_mode=False)
     except click.exceptions.Exit as stop:
@@ -86,6 +88,11 @@ def main() -> None:
         sys.exit(0)
     except Exception as error:  # noqa: BLE001 - the last resort: a fault of ours, said plainly
         _fail(f"a fault of ours: {type(error).__name__}: {error} (see --debug)", 1, debug)
+
+
+def _warn(message: Warning | str, *_: object, **__: object) -> None:
+    """One line on standard error, without the place in our code that warned."""
+    click.echo(f"Warning: {message}", err=True)
 
 
 def _fail(message: str, code: int, debug: bool) -> None:

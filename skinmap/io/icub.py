@@ -2,20 +2,25 @@
 
 A header of `key value` lines, `[calibration]`, then one row per channel: `x y z nx ny nz` [m].
 Row i is channel i; twelve channels make a module. A row of zeros is a channel without a taxel.
+`taxel2Repr ( ... )` in the header has a number per channel: its representative, -1 for none and -2
+for a thermal pad; it may be shorter or longer than the rows.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 
+from skinmap.arrays import IntArray
 from skinmap.errors import DataFormatError
 from skinmap.io.text import parse_floats, read_text
-from skinmap.skin.taxels import TaxelTable
+from skinmap.skin.taxels import UNKNOWN, TaxelTable
 
 CHANNELS_PER_MODULE = 12
 SECTION = "[calibration]"
+MOST_CHANNELS = 1_000_000  # far above any skin; a file that claims more is damaged
 
 
 def read_icub(path: Path) -> TaxelTable:
@@ -38,6 +43,9 @@ def read_icub(path: Path) -> TaxelTable:
         if len(words) != 6:
             raise DataFormatError(f"expected 6 columns, got {len(words)}", path, line)
         rows.append(parse_floats(words, path, line))
+    head = " ".join(lines[:start])
+    if len(rows) > MOST_CHANNELS:
+        raise DataFormatError(f"{len(rows)} channels, at most {MOST_CHANNELS} are read", path)
     values = np.array(rows, dtype=np.float64).reshape(-1, 6)
     channels = np.flatnonzero(values[:, :3].any(axis=1))
     if len(channels) == 0:
@@ -47,4 +55,26 @@ def read_icub(path: Path) -> TaxelTable:
         channels // CHANNELS_PER_MODULE,
         values[channels, :3],
         values[channels, 3:],
+        _representatives(head, path)[channels],
+        _word(head, "name"),
     )
+
+
+def _representatives(head: str, path: Path) -> IntArray:
+    """(large,) `taxel2Repr` of the header, UNKNOWN past its end."""
+    listed = re.search(r"taxel2Repr\s*\(([^)]*)\)", head)
+    known = np.full(MOST_CHANNELS, UNKNOWN)
+    if listed:
+        words = listed.group(1).split()
+        if len(words) > MOST_CHANNELS:
+            raise DataFormatError(f"taxel2Repr lists {len(words)} channels", path)
+        try:
+            known[: len(words)] = [int(word) for word in words]
+        except ValueError:
+            raise DataFormatError("taxel2Repr must list whole numbers", path) from None
+    return known
+
+
+def _word(head: str, key: str) -> str:
+    found = re.search(rf"(?:^|\s){key}\s+(\S+)", head)
+    return found.group(1) if found else ""

@@ -14,11 +14,13 @@ from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.io.readers import read_taxels
 from skinmap.io.text import read_text
 from skinmap.io.urdf import UrdfBody
-from skinmap.skin.robot import Part, Robot
+from skinmap.skin.layouts import module_layout
+from skinmap.skin.repair import replace
+from skinmap.skin.robot import AUTO, Part, Robot
 from skinmap.skin.taxels import TaxelTable
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
-PART_KEYS = {"name", "link", "taxels", "format", "units", "module", "drawing"}
+PART_KEYS = {"name", "link", "taxels", "format", "units", "module", "drawing", "frame"}
 ROBOT_KEYS = {"name", "urdf", "pose_deg"}
 
 
@@ -90,14 +92,15 @@ def _part(entry: dict[str, Any], path: Path) -> Part:
         entry["name"],
         entry["link"],
         _reader(table, entry.get("format"), UNITS[units]),
-        entry.get("module"),
+        module_layout(entry["module"], path.parent) if "module" in entry else None,
+        entry.get("frame", AUTO),
     )
 
 
 def _reader(path: Path, format: str | None, scale: float) -> Callable[[], TaxelTable]:
     def read() -> TaxelTable:
         table = read_taxels(path, format)
-        return TaxelTable(table.channels, table.modules, table.positions * scale, table.normals)
+        return replace(table, positions=table.positions * scale)
 
     return read
 

@@ -59,17 +59,24 @@ def orient_normals(points: FloatArray, normals: FloatArray, labels: IntArray) ->
 
 
 def outward_normals(
-    points: FloatArray, normals: FloatArray, labels: IntArray, body: TriangleMesh | None
+    points: FloatArray,
+    normals: FloatArray,
+    labels: IntArray,
+    body: TriangleMesh | None,
+    hint: FloatArray | None = None,
 ) -> FloatArray:
     """Normals turned to the side from which the body does not hide the skin, patch by patch.
 
     From just above each taxel one ray goes out along the normal and one against it; the side
     on which fewer rays meet the body is the outside. Link meshes are open and double-walled,
-    so the sign of the nearest face says nothing. Without a body, away from the middle of all
-    points: a guess, right for limbs and wrong for a flat board, so it warns.
+    so the sign of the nearest face says nothing. Without a body a hint (n, 3) decides, such as
+    the normals of fitted modules; without that, away from the middle of all points: a guess,
+    right for limbs and wrong for a flat board, so it warns.
     """
     outward = normals.copy()
-    if body is None or len(body.faces) == 0:
+    if (body is None or len(body.faces) == 0) and hint is not None:
+        margin = np.einsum("ij,ij->i", hint, normals)
+    elif body is None or len(body.faces) == 0:
         warnings.warn(
             "no body mesh: normals point away from the middle of the taxels, which is a guess",
             SkinWarning,
@@ -88,8 +95,12 @@ def outward_normals(
     return outward
 
 
-def repair_normals(points: FloatArray, body: TriangleMesh | None) -> FloatArray:
+def repair_normals(
+    points: FloatArray, body: TriangleMesh | None, hint: FloatArray | None = None
+) -> FloatArray:
     """(n, 3) unit normals estimated from positions (n, 3) [m], consistent and outward.
+
+    `hint` (n, 3) are rough outward directions for where there is no body.
 
     Raises
     ------
@@ -100,6 +111,5 @@ def repair_normals(points: FloatArray, body: TriangleMesh | None) -> FloatArray:
     if len(points) < 3 or np.linalg.matrix_rank(centred, tol=1e-9 * np.abs(centred).max()) < 2:
         raise InvalidArrayError(f"{len(points)} taxels that span no surface: no normals there")
     labels = patch_labels(points)
-    return outward_normals(
-        points, orient_normals(points, estimate_normals(points), labels), labels, body
-    )
+    oriented = orient_normals(points, estimate_normals(points), labels)
+    return outward_normals(points, oriented, labels, body, hint)

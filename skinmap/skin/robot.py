@@ -6,9 +6,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import numpy as np
+
 from skinmap.arrays import FloatArray
 from skinmap.errors import UnknownNameError
 from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.proximity import closest_on_mesh
+from skinmap.geometry.rigid import transform_points
+from skinmap.skin.layouts import ModuleLayout
+from skinmap.skin.repair import RepairReport, repair_table, replace
 from skinmap.skin.skin import Skin, skin_from_table
 from skinmap.skin.taxels import TaxelTable
 
@@ -35,14 +41,30 @@ class Body(Protocol):
         """Visual mesh of one link in its frame [m]."""
 
 
+AUTO = "auto"
+DH_SUFFIX = "_dh_frame"
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What the manifest says of one part."""
+    """What the manifest says of one part.
+
+    Attributes
+    ----------
+    name, link : str
+    read : callable
+        Reads the table.
+    layout : ModuleLayout or None
+    frame : str
+        Frame that the positions are in: a link of the body, or "auto": the part's link, or
+        `<link>_dh_frame` where the body has one and the taxels fit the link better from there.
+    """
 
     name: str
     link: str
     read: Callable[[], TaxelTable]
-    module: str | None = None
+    layout: ModuleLayout | None = None
+    frame: str = AUTO
 
 
 @dataclass(eq=False)
@@ -65,6 +87,8 @@ class Robot:
     pose: Mapping[str, float] = field(default_factory=dict)
     _skins: dict[str, Skin] = field(default_factory=dict, repr=False)
     _meshes: dict[str, TriangleMesh] = field(default_factory=dict, repr=False)
+    _repairs: dict[str, RepairReport] = field(default_factory=dict, repr=False)
+    _frames: dict[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -85,11 +109,65 @@ class Robot:
 
     def skin(self, part: str) -> Skin:
         """The taxels of a part with repaired normals; reads its table and its link's mesh."""
-        spec = self.part(part)
         if part not in self._skins:
-            table = spec.read()
-            self._skins[part] = skin_from_table(table, self.mesh(spec.link), part, spec.link)
+            report = self.repair(part)
+            link = self.part(part).link
+            self._skins[part] = skin_from_table(report.table, self.mesh(link), part, link)
         return self._skins[part]
+
+    def repair(self, part: str) -> RepairReport:
+        """The table of a part, mended, with what was done to it (see `skinmap.skin.repair`)."""
+        spec = self.part(part)
+        if part not in self._repairs:
+            table, frame = self._in_link_frame(spec)
+            self._frames[part] = frame
+            self._repairs[part] = repair_table(table, spec.layout)
+        return self._repairs[part]
+
+    def frame(self, part: str) -> str:
+        """Frame that the positions of a part turned out to be in."""
+        self.repair(part)
+        return self._frames[part]
+
+    def _in_link_frame(self, spec: Part) -> tuple[TaxelTable, str]:
+        table = spec.read()
+        if spec.frame == spec.link:
+            return table, spec.link
+        frame = spec.link + DH_SUFFIX if spec.frame == AUTO else spec.frame
+        if frame not in self.body.links:
+            if spec.frame == AUTO:
+                return table, spec.link
+            raise UnknownNameError(f"frame (part {spec.name!r})", frame, self.body.links)
+        rest = self.body.poses({})
+        T_link_frame = np.linalg.inv(rest[spec.link]) @ rest[frame]
+        carried = replace(table, positions=transform_points(T_link_frame, table.positions))
+        if spec.frame == AUTO and self._misfit(table, spec) <= self._misfit(carried, spec):
+            return table, spec.link
+        return carried, frame
+
+    def _misfit(self, table: TaxelTable, spec: Part) -> float:
+        mesh = self.mesh(spec.link)
+        if len(mesh.faces) == 0:
+            return 0.0
+        distance, _, _ = closest_on_mesh(table.positions, mesh.vertices, mesh.faces)
+        return float(np.median(distance))
+
+    def module_frames(self, part: str) -> dict[int, FloatArray]:
+        """T_link_module (4, 4) of the modules that the body has frames for.
+
+        The URDFs of the iCub name them `<link>_skin_<module>`; those of the foot go by the sole.
+        """
+        link = self.part(part).link
+        found = {}
+        for prefix in (f"{link}_skin_", f"{link.replace('foot', 'sole')}_skin_"):
+            for name in self.body.links:
+                if name.startswith(prefix) and name.removeprefix(prefix).isdigit():
+                    found[int(name.removeprefix(prefix))] = name
+        if not found:
+            return {}
+        rest = self.body.poses({})
+        T_link_root = np.linalg.inv(rest[link])
+        return {module: T_link_root @ rest[name] for module, name in sorted(found.items())}
 
     def mesh(self, link: str) -> TriangleMesh:
         """Visual mesh of a link in its frame [m], read once."""

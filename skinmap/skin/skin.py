@@ -63,7 +63,17 @@ def skin_from_points(
     return Skin(part, "", index, np.zeros_like(index), points, np.asarray(normals))
 
 
-def skin_from_table(table: TaxelTable, body: TriangleMesh | None, part: str, link: str) -> Skin:
-    """A part's skin from its table and its link's mesh: the stored normals are replaced."""
-    normals = repair_normals(table.positions, body)
+def skin_from_table(
+    table: TaxelTable,
+    body: TriangleMesh | None,
+    part: str,
+    link: str,
+    *,
+    hint: FloatArray | None = None,
+) -> Skin:
+    """A part's skin from its table and its link's mesh: the stored normals are replaced.
+
+    `hint` (n, 3) are rough outward directions for where there is no body.
+    """
+    normals = repair_normals(table.positions, body, hint)
     return Skin(part, link, table.channels, table.modules, table.positions, normals)

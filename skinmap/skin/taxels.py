@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, freeze
 from skinmap.errors import InvalidArrayError
+
+ABSENT, THERMAL, UNKNOWN = -1, -2, -3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -24,23 +26,33 @@ class TaxelTable:
         [m].
     normals : (n, 3) float
         As the file has them; placeholders more often than not, zero where there are none.
+    representative : (n,) int
+        What an iCub file says of each: the channel that stands for it, `ABSENT`, `THERMAL` or,
+        where it says nothing, `UNKNOWN`; all unknown if not given.
+    link : str
+        The link that the file names, if any.
     """
 
     channels: IntArray
     modules: IntArray
     positions: FloatArray
     normals: FloatArray
+    representative: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    link: str = ""
 
     def __post_init__(self) -> None:
         positions = check_points(self.positions, "positions")
         n = len(positions)
         normals = check_finite(self.normals, "normals", (n, 3))
         channels = np.asarray(self.channels, np.int64)
+        stated = np.asarray(self.representative, np.int64)
+        if len(stated) == 0:
+            stated = np.full(n, UNKNOWN)
         modules = np.asarray(self.modules, np.int64)
-        if channels.shape != (n,) or modules.shape != (n,):
+        if not channels.shape == modules.shape == stated.shape == (n,):
             raise InvalidArrayError(
                 f"channels and modules must have shape ({n},), "
-                f"got {channels.shape} and {modules.shape}"
+                f"got {channels.shape}, {modules.shape} and {stated.shape}"
             )
         if n and channels.min() < 0:
             raise InvalidArrayError(f"channels start at 0, got {channels.min()}")
@@ -54,6 +66,7 @@ class TaxelTable:
             modules=modules[order],
             positions=positions[order],
             normals=normals[order],
+            representative=stated[order],
         )
 
     def __len__(self) -> int:

@@ -27,14 +27,41 @@ def run_process(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_inspect_counts_and_measures_a_part():
-    result = run("inspect", "icub", "--part", "right_foot")
+    result = run("inspect", "icub", "--part", "left_foot")
     (part,) = result["parts"]
     assert (part["name"], part["link"], part["taxels"], part["modules"]) == (
-        "right_foot", "r_foot", 250, 25,
+        "left_foot", "l_foot", 250, 25,
     )  # fmt: skip
     assert part["pitch_mm"]["median"] == pytest.approx(6.533, abs=0.05)
     assert part["distance_mm"]["max"] < 1.0
     assert (part["verdict"], part["warnings"], part["inward"]) == ("ok", [], 0)
+
+
+def test_inspect_names_swapped_modules():
+    (part,) = run("inspect", "icub", "--part", "right_foot")["parts"]
+    assert len(part["swapped"]) == 12
+    assert part["verdict"] == "check the module numbers against the hardware"
+    assert "modules stand where the URDF has others: 0 at 4" in part["warnings"][0]
+
+
+def test_inspect_fits_and_reports_in_html(tmp_path):
+    page = tmp_path / "hand.html"
+    result = run("inspect", "icub", "--part", "left_hand", "--fit", "--html", str(page))
+    (part,) = result["parts"]
+    assert part["fit"]["mean_after_mm"] < part["fit"]["mean_before_mm"]
+    assert result["files"] == [str(page)]
+    text = page.read_text()
+    assert "left_hand" in text
+    assert "data:image/png;base64," in text
+
+
+def test_inspect_reads_a_bare_table(tmp_path):
+    from skinmap.io.manifest import data_folder
+
+    path = data_folder() / "icub" / "taxels" / "left_foot.csv"
+    (part,) = run("inspect", str(path), "--module", "triangle_10pad")["parts"]
+    assert (part["name"], part["taxels"], part["distance_mm"]) == ("left_foot", 250, None)
+    assert part["module_side_mm"] == pytest.approx(33.46, abs=0.05)
 
 
 def test_flatten_writes_a_picture_and_its_numbers(tmp_path):

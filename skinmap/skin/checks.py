@@ -1,0 +1,171 @@
+"""Checks of a skin against what else is known: module layout, module frames, the mirror image."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from skinmap.arrays import FloatArray
+from skinmap.geometry.proximity import nearest
+from skinmap.geometry.rigid import transform_points
+from skinmap.skin.layouts import ModuleLayout
+from skinmap.skin.modules import ModulePose, fit_modules, rigid_fit
+from skinmap.skin.skin import Skin
+from skinmap.skin.taxels import TaxelTable
+
+TURNED = np.radians(45.0)  # from the usual angle of a part: boards turn by thirds of a circle
+MIRROR_STEPS = 15  # of the nearest-neighbour fit: steps below 0.01 mm by then
+NEAR = 0.5  # of a module's side: a frame this near to a module is that module's
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleCheck:
+    """What is odd about the modules of a part.
+
+    Attributes
+    ----------
+    missing : tuple of int
+        Modules that the body has frames for and the table has no taxels of.
+    swapped : dict of int to int
+        Modules that stand where the body has another one's frame.
+    rotated, mirrored : tuple of int
+        Modules turned in their plane against the others, or laid out as a mirror image.
+    pitch, side : float
+        Median distance of neighbours inside modules, and side of the boards as the distance of
+        neighbouring modules tells it [m]; NaN where unknown.
+    """
+
+    missing: tuple[int, ...]
+    swapped: Mapping[int, int]
+    rotated: tuple[int, ...]
+    mirrored: tuple[int, ...]
+    pitch: float
+    side: float
+
+
+def check_modules(
+    table: TaxelTable, skin: Skin, layout: ModuleLayout, frames: Mapping[int, FloatArray]
+) -> ModuleCheck:
+    """Compare the modules of a table with their layout and with frames from the body.
+
+    Parameters
+    ----------
+    table : TaxelTable
+        In the frame of its link.
+    skin : Skin
+        The same taxels with repaired normals.
+    layout : ModuleLayout
+    frames : mapping of int to (4, 4) array
+        T_link_module; empty where the body has none.
+    """
+    poses = {m: pose for m, pose in fit_modules(table, layout).items() if pose.sure}
+    swapped = _swapped(poses, frames, layout)
+    return ModuleCheck(
+        tuple(sorted(set(frames) - set(table.modules.tolist()))),
+        swapped,
+        _rotated(poses, frames, swapped),
+        _mirrored(skin, poses),
+        _pitch(table),
+        _side(poses),
+    )
+
+
+def mirror_distance(points: FloatArray, others: FloatArray) -> float:
+    """Median distance [m] from points (n, 3) to the mirror image of others (m, 3), best laid.
+
+    Channels of left and right parts are wired differently, so only the shape is compared: the
+    image is laid over the points by its principal axes in each of their four proper ways and
+    moved to its nearest neighbours from there.
+    """
+    image = others * [-1.0, 1.0, 1.0]
+    tree = cKDTree(points)
+    here, there = _principal_axes(points), _principal_axes(image)
+    best = np.inf
+    for signs in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        turn = here @ np.diag([signs[0], signs[1], signs[0] * signs[1]]) @ there.T
+        laid = (image - image.mean(axis=0)) @ turn.T + points.mean(axis=0)
+        for _ in range(MIRROR_STEPS):
+            _, index = tree.query(laid)
+            laid = transform_points(rigid_fit(laid, points[index], np.ones(len(laid))), laid)
+        best = min(best, float(np.median(tree.query(laid)[0])))
+    return best
+
+
+def _principal_axes(points: FloatArray) -> FloatArray:
+    """Right-handed principal axes (3, 3) of points, as columns."""
+    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    axes[2] = np.cross(axes[0], axes[1])
+    return np.asarray(axes.T)
+
+
+def _swapped(
+    poses: Mapping[int, ModulePose], frames: Mapping[int, FloatArray], layout: ModuleLayout
+) -> dict[int, int]:
+    if not frames:
+        return {}
+    names = np.array(list(frames))
+    origins = np.array([frames[name][:3, 3] for name in frames])
+    reach = NEAR * (layout.side or 4.0 * layout.pitch)
+    found = {}
+    for module, pose in poses.items():
+        gap = np.linalg.norm(origins - pose.T_link_module[:3, 3], axis=1)
+        there = int(names[np.argmin(gap)])
+        if gap.min() <= reach and there != module:
+            found[module] = there
+    return found
+
+
+def _rotated(
+    poses: Mapping[int, ModulePose], frames: Mapping[int, FloatArray], swapped: Mapping[int, int]
+) -> tuple[int, ...]:
+    """Modules whose angle against their frame differs from the part's usual one.
+
+    Where most angles disagree with each other the frames follow no convention to compare with.
+    """
+    angles = {}
+    for module, pose in poses.items():
+        name = swapped.get(module, module)
+        if name in frames:
+            x = pose.T_link_module[:3, :3].T @ frames[name][:3, 0]
+            angles[module] = np.arctan2(x[1], x[0])
+    if len(angles) < 3:
+        return ()
+    values = np.array(list(angles.values()))
+    apart = np.abs(np.angle(np.exp(1j * (values[:, None] - values[None]))))
+    usual = int(np.argmax((apart < TURNED).sum(axis=1)))
+    if (apart[usual] < TURNED).mean() < 0.5:
+        return ()
+    return tuple(m for m, gap in zip(angles, apart[usual], strict=True) if gap >= TURNED)
+
+
+def _mirrored(skin: Skin, poses: Mapping[int, ModulePose]) -> tuple[int, ...]:
+    """Modules whose order of slots turns against the outside.
+
+    A flat board fits its mirror image just as well, turned over: only the normal tells.
+    """
+    found = []
+    for module, pose in poses.items():
+        outward = skin.normals[skin.modules == module].sum(axis=0)
+        if pose.T_link_module[:3, 2] @ outward < 0:
+            found.append(module)
+    return tuple(found)
+
+
+def _pitch(table: TaxelTable) -> float:
+    gaps = []
+    for module in np.unique(table.modules):
+        points = table.positions[table.modules == module]
+        if len(points) > 1:
+            gaps.append(nearest(points, 1)[0][:, 0])
+    return float(np.median(np.concatenate(gaps))) if gaps else float("nan")
+
+
+def _side(poses: Mapping[int, ModulePose]) -> float:
+    """Side of triangular boards: neighbouring centres are side / sqrt(3) apart."""
+    if len(poses) < 2:
+        return float("nan")
+    centres = np.array([pose.T_link_module[:3, 3] for pose in poses.values()])
+    return float(np.sqrt(3.0) * np.median(nearest(centres, 1)[0]))

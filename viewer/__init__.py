@@ -1,0 +1,1 @@
+"""The viewer: skins, pressures and named touches on the robot's body."""

@@ -1,0 +1,102 @@
+"""The camera's behaviour: it keeps the whole body in the picture and turns towards touches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+import pyvista as pv
+from vtkmodules.vtkRenderingCore import vtkRenderer
+
+from skinmap.arrays import FloatArray
+from viewer.camera import (
+    Margins,
+    Target,
+    View,
+    best_view,
+    fit,
+    make_locator,
+    project,
+    sees,
+    silhouette,
+)
+from viewer.label_places import Coverage
+
+Mode = Literal["auto", "still", "free"]
+
+
+class Framing:
+    """Keeps one renderer's camera on the body.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        Shows the body.
+    body : pyvista.PolyData
+        All that can hide a touch, placed [m].
+    points : (n, 3) float
+        Points of all that must be in the picture [m].
+    front : View
+        Where to look from when nothing is touched.
+    margins : Margins
+        Space kept free around the body.
+    mode : {"auto", "still", "free"}
+        "auto" turns towards touches, "still" keeps its direction, "free" is led by the mouse.
+    """
+
+    def __init__(
+        self,
+        renderer: vtkRenderer,
+        body: pv.PolyData,
+        points: FloatArray,
+        front: View,
+        margins: Margins,
+        mode: Mode,
+    ) -> None:
+        self.renderer, self.margins, self.mode = renderer, margins, mode
+        self.front = self.view = self.goal = front
+        self._points, self._hull = points, silhouette(points)
+        self._locator = make_locator(body)
+        self._targets: Sequence[Target] = ()
+        self._busy: Coverage | None = None
+        self._fitted: tuple[View, tuple[int, int]] | None = None
+
+    def aim(self, targets: Sequence[Target]) -> None:
+        """Choose where to look from for these targets."""
+        self._targets = targets
+        if self.mode == "auto" and targets:
+            self.goal = best_view(targets, self._locator, self.front, self.goal)
+
+    def look(self, view: View, mode: Mode) -> None:
+        """Turn to a view, and go on in a mode."""
+        self.view = self.goal = view
+        self.mode = mode
+        self._fitted = None
+
+    def turn(self, step: float) -> None:
+        """Turn by at most `step` [deg] towards the goal, the whole body in the picture."""
+        if self.mode == "free":
+            self._busy = None
+            return
+        self.view = self.view.towards(self.goal, step)
+        size = self.renderer.GetSize()
+        if self._fitted == (self.view, size):
+            return
+        camera = self.renderer.GetActiveCamera()
+        fit(camera, self.view, self._hull, size, self.margins)
+        self.renderer.ResetCameraClippingRange()
+        self._fitted, self._busy = (self.view, size), None
+
+    def busy(self) -> Coverage:
+        """Where the body is in the picture."""
+        if self._busy is None:
+            places = project(self.renderer, self._points)
+            self._busy = Coverage(places, self.renderer.GetSize())
+        return self._busy
+
+    def hidden(self, target: Target) -> bool:
+        """Whether the camera does not see the middle of a target."""
+        place = np.array(self.renderer.GetActiveCamera().GetPosition())
+        way = place - target.points[target.middle]
+        return not sees(self._locator, target, way / np.linalg.norm(way))

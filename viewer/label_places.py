@@ -1,0 +1,115 @@
+"""Where labels go: beside what they name, clear of each other, of the body and of the border."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from skinmap.arrays import FloatArray
+
+Box = tuple[float, float, float, float]  # left, bottom, right, top [px], y upwards
+
+ANGLES = np.radians([0, 180, 30, 150, -30, 210, 60, 120, -60, 240, 90, 270])
+REACHES = (0.05, 0.09, 0.13, 0.17, 0.21, 0.26, 0.32)  # from anchor to box, in frame heights
+# What a box pays, in [px] of distance to its anchor:
+COVERED = 1.2  # frame heights, where it lies wholly on the body
+AVOIDED = 2.0  # times that for title and colour bar
+SHARED = 4.0  # times that for another box
+MOVED = 1.0  # per pixel away from its last place, up to MOST of the frame's height
+MOST = 0.2
+
+
+class Coverage:
+    """How much of any box is covered by points of a picture, on a coarse grid.
+
+    Parameters
+    ----------
+    points : (n, 2) float
+        Where something is drawn [px].
+    size : (int, int)
+        Width and height of the picture [px].
+    cell : int
+        Side of the grid's cells [px]: a cell with a point in it counts as covered.
+    """
+
+    def __init__(self, points: FloatArray, size: tuple[int, int], cell: int = 12) -> None:
+        self.cell = cell
+        columns, rows = (-(-side // cell) for side in size)
+        place = np.floor(points / cell).astype(np.int64)
+        inside = ((place >= 0) & (place < [columns, rows])).all(axis=1)
+        taken = np.zeros((columns + 1, rows + 1))
+        taken[place[inside, 0] + 1, place[inside, 1] + 1] = 1.0
+        self._sums = taken.cumsum(axis=0).cumsum(axis=1)
+
+    def under(self, boxes: FloatArray) -> FloatArray:
+        """(n,) covered area under boxes (n, 4) [px2]."""
+        limit = np.array(self._sums.shape) - 1
+        low = np.clip(np.floor(boxes[:, :2] / self.cell).astype(np.int64), 0, limit)
+        high = np.clip(np.ceil(boxes[:, 2:] / self.cell).astype(np.int64), 0, limit)
+        (x0, y0), (x1, y1), sums = low.T, high.T, self._sums
+        cells = sums[x1, y1] - sums[x0, y1] - sums[x1, y0] + sums[x0, y0]
+        return np.asarray(cells * self.cell**2)
+
+
+def overlaps(boxes: FloatArray, others: FloatArray) -> FloatArray:
+    """(n,) area that each of boxes (n, 4) shares with all of others (m, 4) together [px2]."""
+    low = np.maximum(boxes[:, None, :2], others[None, :, :2])
+    high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
+    return np.asarray(np.clip(high - low, 0.0, None).prod(axis=2).sum(axis=1))
+
+
+def place_boxes(
+    anchors: FloatArray,
+    sizes: FloatArray,
+    frame: Box,
+    avoid: Sequence[Box] = (),
+    before: Sequence[Box | None] = (),
+    busy: Coverage | None = None,
+) -> list[Box]:
+    """A box for each anchor, one after the other, where it costs least.
+
+    Parameters
+    ----------
+    anchors : (n, 2) float
+        What the boxes belong to [px].
+    sizes : (n, 2) float
+        Width and height of each box [px].
+    frame : Box
+        Boxes stay inside.
+    avoid : sequence of Box
+        What is better not covered: the title, the colour bar.
+    before : sequence of Box or None
+        Where each box was in the last picture: it stays there while that is good enough.
+    busy : Coverage, optional
+        What the picture shows under the boxes: boxes go where there is little of it.
+    """
+    height = frame[3] - frame[1]
+    avoided = np.array(avoid).reshape(-1, 4)
+    placed = np.zeros((0, 4))
+    for i, (anchor, size) in enumerate(zip(anchors, sizes, strict=True)):
+        boxes = candidates(anchor, size, frame)
+        middle = (boxes[:, :2] + boxes[:, 2:]) / 2
+        area = SHARED * overlaps(boxes, placed) + AVOIDED * overlaps(boxes, avoided)
+        if busy is not None:
+            area += busy.under(boxes)
+        cost = COVERED * height * area / size.prod() + np.linalg.norm(middle - anchor, axis=1)
+        last = before[i] if i < len(before) else None
+        if last is not None:
+            was = np.array([last[0] + last[2], last[1] + last[3]]) / 2
+            moved = np.linalg.norm(middle - was, axis=1)
+            cost += MOVED * np.minimum(moved, MOST * height)
+        placed = np.vstack([placed, boxes[np.argmin(cost)]])
+    return [(left, bottom, right, top) for left, bottom, right, top in placed.tolist()]
+
+
+def candidates(anchor: FloatArray, size: FloatArray, frame: Box) -> FloatArray:
+    """(c, 4) boxes around an anchor, each pushed into the frame [px]."""
+    way = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
+    side = np.sign(np.round(way, 6)) * size / 2
+    reach = np.array(REACHES)[:, None, None] * (frame[3] - frame[1])
+    middle = (anchor + way * reach + side).reshape(-1, 2)
+    low = np.array(frame[:2]) + size / 2
+    high = np.maximum(np.array(frame[2:]) - size / 2, low)
+    middle = np.clip(middle, low, high)
+    return np.hstack([middle - size / 2, middle + size / 2])

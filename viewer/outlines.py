@@ -1,0 +1,73 @@
+"""Outlines of touches: on the body and on the flat map, coloured by class."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyvista as pv
+
+from skinmap.arrays import FloatArray
+from skinmap.live.touches import NamedTouch
+from skinmap.touch.contacts import ACTIVE
+from viewer.colours import rgb
+from viewer.contours import Outline, outline
+from viewer.skin_layer import SkinLayer
+
+PEAK_SHARE = 0.25  # of a touch's largest pressure: where its outline runs, if above the noise
+WIDTH = 3.0  # [px]
+HALO = 6.0  # white under the line, so that it shows on any pressure [px]
+
+
+def outline_touch(
+    layer: SkinLayer, touch: NamedTouch, others: Sequence[NamedTouch] = ()
+) -> Outline:
+    """Outline of one touch on its part, without the pressures of other touches on it."""
+    pressures = layer.pressures.copy()
+    for other in others:
+        if other is not touch and other.part == touch.part:
+            pressures[np.setdiff1d(other.taxels, touch.taxels)] = 0.0
+    values = layer.soft @ pressures
+    touched = np.zeros(len(pressures))
+    touched[touch.taxels] = 1.0
+    peak = float(values[layer.fine.linear @ touched > 0.0].max(initial=0.0))
+    return outline(layer.fine.faces, layer.border, values, max(ACTIVE, PEAK_SHARE * peak))
+
+
+class OutlineLayer:
+    """All outlines of one renderer: one mesh, drawn as coloured lines with a white halo."""
+
+    def __init__(self, plotter: pv.Plotter) -> None:
+        self.lines = pv.PolyData()
+        self.actors = []
+        for width, halo in ((HALO, True), (WIDTH, False)):
+            actor = pv.Actor(mapper=pv.DataSetMapper(self.lines))
+            actor.prop.line_width = width
+            actor.prop.lighting = False
+            actor.prop.render_lines_as_tubes = False
+            actor.mapper.SetScalarVisibility(not halo)
+            # Both lie on the sheet: the halo is pushed back, the line pulled forward.
+            actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+            offset = 0.0 if halo else -20.0
+            actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, offset)
+            actor.prop.color = "white"
+            plotter.add_actor(actor, reset_camera=False, render=False)
+            self.actors.append(actor)
+
+    def show(self, segments: Sequence[FloatArray], colours: Sequence[str]) -> None:
+        """Draw segments (k, 2, 3) [m] of each touch in its colour; replaces what was there."""
+        if not sum(len(part) for part in segments):
+            self.lines.Initialize()
+            return
+        points = np.concatenate([part.reshape(-1, 3) for part in segments])
+        tints = [
+            np.tile(np.rint(rgb(colour) * 255).astype(np.uint8), (len(part), 1))
+            for part, colour in zip(segments, colours, strict=True)
+        ]
+        count = len(points) // 2
+        cells = np.column_stack([np.full(count, 2), np.arange(2 * count).reshape(-1, 2)])
+        self.lines.Initialize()
+        self.lines.points = points.astype(np.float32)
+        self.lines.lines = cells.ravel()
+        self.lines.cell_data["colour"] = np.concatenate(tints)
+        self.lines.cell_data.active_scalars_name = "colour"
