@@ -19,6 +19,9 @@ AZIMUTHS = np.arange(-180.0, 180.0, 15.0)
 ELEVATIONS = (12.0, 35.0, -20.0)
 FACING = 0.2  # cosine between a normal and the way to the camera: flatter is not seen
 CLEAR = 6e-3  # a ray starts this far above the taxel, clear of the cover it lies in [m]
+TURN_COST = 0.12  # of half a turn away from the front, in targets seen from straight above
+RISE_COST = 0.8  # of 90 degrees up or down
+RESTLESS = 0.15  # how much better a view must be to be worth turning to
 HIDDEN = 0.15  # what a touch behind something else counts, against one in view
 
 
@@ -99,13 +102,13 @@ def best_view(
             seen += np.sqrt(facing) * (1.0 if clear else HIDDEN)
         turn = abs((view.azimuth - front.azimuth + 180.0) % 360.0 - 180.0) / 180.0
         rise = abs(view.elevation - front.elevation) / 90.0
-        return float(seen / max(len(targets), 1) - 0.12 * turn - 0.25 * rise)
+        return float(seen / max(len(targets), 1) - TURN_COST * turn - RISE_COST * rise)
 
     views = [front] + [
         View(front.azimuth + float(a), elevation) for elevation in ELEVATIONS for a in AZIMUTHS
     ]
     best = max(views, key=worth)
-    return best if worth(best) > worth(now) + 0.15 else now
+    return best if worth(best) > worth(now) + RESTLESS else now
 
 
 def silhouette(points: FloatArray) -> FloatArray:

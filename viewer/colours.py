@@ -29,7 +29,7 @@ PRESSURE_STOPS = (
     (1.00, "#5c0a2e"),
 )
 # Cool or dark, so that none is taken for a pressure, and each of another lightness.
-CLASS_COLOURS = ("#0063b2", "#008c6e", "#7a2a93", "#1d2733", "#3fa4e0", "#5d6b00")
+CLASS_COLOURS = ("#1f6fd0", "#00966f", "#6a1b7a", "#101418", "#4fb0e8", "#5d6b00")
 
 
 def rgb(colour: str) -> FloatArray:

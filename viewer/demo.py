@@ -34,7 +34,7 @@ EVERY = 2  # samples a movie frame: 25 frames a second of a 50 Hz recording
 STAGGER = 0.45  # between the starts of two touches of the replay [s]
 ROUNDS = 2  # touches on each part of the replay
 SHOWN = 6  # parts of the replay at most: more labels than that cannot be read
-TRIES = 3  # simulated touches of each gesture that the one that faces the camera is chosen from
+TRIES = 4  # simulated touches of each gesture that the one that faces the camera is chosen from
 FACING = 0.3  # cosine: touches that turn further from the camera are left out of the still
 STILL_SIZE = (1600, 1100)
 MOVIE_SIZE = (1024, 768)
@@ -134,11 +134,11 @@ def _show(
     scene = make_scene(analysis.robot, analysis.skins)
     touches = visible_touches(analysis, scene, tested, rng)
     advance("still")
-    first = {
-        part: events[0]
+    seen = {
+        part: [touch for touch in events if _facing(touch, scene) >= FACING]
         for part, events in touches.items()
-        if events and _facing(events[0], scene) >= FACING
     }
+    first = {part: events[0] for part, events in seen.items() if events}
     write_still(scene, analysis.skins, first, classifier, folder / "robot.png")
     scene.close()
     tracks = {part: track(events, start) for start, (part, events) in enumerate(touches.items())}
@@ -162,11 +162,9 @@ def visible_touches(
         labels = [name for name in reversed(GESTURES) if name in recording.labels]
         chosen[part] = []
         for turn in range(min(ROUNDS, len(labels))):
-            label = labels[(number + 2 * turn) % len(labels)]
+            label = labels[(number + 2 + 2 * turn) % len(labels)]
             same = [touch for touch in pool if touch.label == label]
             chosen[part].append(max(same, key=lambda touch: _facing(touch, scene)))
-        # What the camera sees best comes first: the first touch of each part is in the still.
-        chosen[part].sort(key=lambda touch: -_facing(touch, scene))
     return chosen
 
 

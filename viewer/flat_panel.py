@@ -19,7 +19,8 @@ from viewer.skin_layer import DOT_SHARE, PRESSURE, SkinLayer, hexagons, shown
 
 ROWS = 6  # touches that the list shows
 MAP_LOW, MAP_HIGH, MAP_SIDE = 0.34, 0.86, 0.07  # where the map lies, in shares of the panel
-BAR = 0.05  # length of the scale bar [m]
+BARS = (0.1, 0.05, 0.02, 0.01, 0.005)  # lengths of the scale bar [m]
+DOT_PX = 3.0  # largest radius of a dot [px]
 
 
 class FlatPanel:
@@ -97,7 +98,8 @@ class FlatPanel:
             self._sheets[part] = sheet
         used = np.isfinite(uv[:, 0])
         up = np.tile([0.0, 0.0, 1.0], (int(used.sum()), 1))
-        radius = DOT_SHARE * median_spacing(layer.skin.positions)
+        metres = self.fit()
+        radius = min(DOT_SHARE * median_spacing(layer.skin.positions), DOT_PX * metres)
         self._sheet.mapper.dataset = self._sheets[part]
         self._dots.mapper.dataset = hexagons(_lifted(uv[used], 1e-3), up, radius)
         self._border.mapper.dataset = make_lines(_lifted(self._uv[part][:, :2], 5e-4), layer.border)
@@ -108,7 +110,6 @@ class FlatPanel:
             f"{len(layer.skin)} taxels, {charts} {'patch' if charts == 1 else 'patches'}"
         )
         self.refresh()
-        self.fit()
 
     def coordinates(self) -> FloatArray:
         """(v, 2) flat-map coordinates of the vertices of the sheet shown [m]."""
@@ -120,8 +121,8 @@ class FlatPanel:
             layer = self.layers[self.part]
             write_values(self._sheets[self.part], PRESSURE, shown(layer.field(layer.pressures)))
 
-    def fit(self) -> None:
-        """Place the camera so that the map fills its place in the panel, and the scale bar."""
+    def fit(self) -> float:
+        """Place the camera so that the map fills its place in the panel; metres per pixel."""
         uv = self._uv[self.part]
         width, height = self.renderer.GetSize()
         low, high = uv[:, :2].min(axis=0), uv[:, :2].max(axis=0)
@@ -136,11 +137,18 @@ class FlatPanel:
         camera.SetViewUp(0.0, 1.0, 0.0)
         camera.SetParallelScale(height * metres / 2)
         camera.SetClippingRange(0.5, 1.5)
+        self._show_scale(middle, metres)
+        return metres
+
+    def _show_scale(self, middle: FloatArray, metres: float) -> None:
+        """Draw a bar of a round length below the map."""
+        width, height = self.renderer.GetSize()
+        length = next((bar for bar in BARS if bar < 0.45 * width * metres), BARS[-1])
         left = middle[0] + (MAP_SIDE - 0.5) * width * metres
         y = middle[1] + (0.32 - 0.5) * height * metres
-        bar = np.array([[left, y, 0.0], [left + BAR, y, 0.0]])
+        bar = np.array([[left, y, 0.0], [left + length, y, 0.0]])
         self._scale.mapper.dataset = make_lines(bar, np.array([[0, 1]]))
-        self._length.write(f"{BAR * 100:.0f} cm")
+        self._length.write(f"{length * 100:g} cm")
 
     def show_touches(
         self, touches: Sequence[NamedTouch], segments: Sequence[tuple[str, FloatArray]]

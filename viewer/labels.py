@@ -126,10 +126,10 @@ class LabelLayer:
         for label, box in zip(labels, self.boxes, strict=True):
             colour, anchor = rgb(label.colour) * 255, np.array(label.anchor)
             lines.append((np.array([anchor, _nearest(box, anchor)]), colour))
-            shapes.append((_disc(anchor, 0.34 * self.font_px), WHITE))
-            shapes.append((_disc(anchor, 0.26 * self.font_px), colour))
+            shapes.append((_disc(anchor, 0.27 * self.font_px), WHITE))
+            shapes.append((_disc(anchor, 0.20 * self.font_px), colour))
             if label.hidden:
-                shapes.append((_disc(anchor, 0.14 * self.font_px), WHITE))
+                shapes.append((_disc(anchor, 0.11 * self.font_px), WHITE))
             shapes.append((_rounded(_grown(box, 1.5), corner + 1.5), WHITE))
             shapes.append((_rounded(box, corner), colour))
         self._shapes.Initialize()

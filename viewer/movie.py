@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -72,9 +73,10 @@ def _write(path: Path, frames: Iterable[Picture], fps: float) -> int:
             "output_params": ["-crf", QUALITY, "-preset", "veryfast", "-movflags", "+faststart"],
             "ffmpeg_log_level": "error",
         }
-    count = 0
     open_writer: Any = imageio.get_writer
-    with open_writer(str(path), **options) as writer:
+    count = 0
+    # `closing`, as imageio's own with statement leaves ffmpeg running after an exception.
+    with closing(open_writer(str(path), **options)) as writer:
         for picture in frames:
             height, width = picture.shape[:2]
             writer.append_data(picture[: height - height % 2, : width - width % 2])

@@ -16,16 +16,18 @@ from viewer.scene import Scene
 Moment = tuple[Mapping[str, ArrayLike], list[NamedTouch], str | None]
 PERIOD = 1.0 / 50.0  # of the samples [s]
 IDLE = 0.02  # between two looks at mouse and keys while nothing moves [s]
-HELP = """
- space   pause, go on 
- a       camera turns to the touches by itself 
- r       look from the front 
- h       this help 
- q       close 
-
- drag    turn (left), move (middle) 
- wheel   zoom 
-"""
+HELP = (
+    "",
+    "space   pause, go on",
+    "a       camera turns to the touches by itself",
+    "r       look from the front",
+    "h       this help",
+    "q       close",
+    "",
+    "drag    turn (left), move (middle)",
+    "wheel   zoom",
+    "",
+)
 
 
 class Controls:
@@ -59,7 +61,7 @@ class Controls:
 
     def toggle_help(self) -> None:
         """Show or hide the list of keys."""
-        self._help.write("" if self.help_shown else HELP)
+        self._help.write("" if self.help_shown else "\n".join(f" {line} " for line in HELP))
         self._help.to_front()
 
     def follow(self) -> None:

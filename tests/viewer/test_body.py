@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+
+from skinmap.errors import UnknownNameError
+from skinmap.geometry.mesh import TriangleMesh
+
+
+def test_drawable_is_light_near_the_original_and_shaded(opengl, icub):
+    from skinmap.geometry.proximity import closest_on_mesh
+    from viewer.body import drawable
+
+    mesh = icub.mesh("root_link")
+    drawn = drawable(mesh)
+    assert drawn.n_cells <= 0.25 * len(mesh.faces)
+    points = np.asarray(drawn.points, float)
+    distance, _, _ = closest_on_mesh(points, mesh.vertices, mesh.faces)
+    # A pixel is about 1.3 mm on the whole robot.
+    assert np.quantile(distance, 0.99) < 1.3e-3
+    normals = np.asarray(drawn.point_data["Normals"])
+    length = np.linalg.norm(normals, axis=1)
+    # Zero normals would be drawn black: only slivers without area may have them.
+    assert (np.abs(length - 1.0) < 1e-3).mean() > 0.995
+
+
+def test_drawable_leaves_small_and_empty_meshes_alone(opengl, icub):
+    from viewer.body import drawable
+
+    mesh = icub.mesh("r_forearm")
+    assert drawable(mesh).n_cells == len(mesh.faces)
+    empty = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
+    assert drawable(empty).n_cells == 0
+
+
+def test_body_meshes_reads_only_the_links_asked_for(opengl):
+    import skinmap
+    from viewer.body import body_meshes
+
+    robot = skinmap.load_robot("icub")
+    read = []
+    original = robot.body.mesh
+    robot.body.mesh = lambda link: read.append(link) or original(link)
+    assert list(body_meshes(robot, ["l_hand"])) == ["l_hand"]
+    assert read == ["l_hand"]
+
+
+def test_check_links_names_what_exists(opengl, icub):
+    from viewer.body import check_links
+
+    with pytest.raises(UnknownNameError, match=r"'r_forarm'.*r_forearm"):
+        check_links(icub, ["r_forarm"])
+
+
+def test_standing_pose_keeps_the_robot_upright_within_its_limits(icub):
+    for joint, angle in icub.pose.items():
+        low, high = icub.body.joints[joint]
+        assert low <= angle <= high, joint
+    poses = icub.body.poses(icub.pose)
+    left, right = poses["l_foot"], poses["r_foot"]
+    # Feet level with each other and flat on the floor.
+    assert abs(left[2, 3] - right[2, 3]) < 2e-3
+    zero = icub.body.poses({})
+    for foot in ("l_foot", "r_foot"):
+        turn = poses[foot][:3, :3] @ zero[foot][:3, :3].T
+        assert turn[2, 2] > np.cos(np.radians(1.0))

@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from viewer.camera import Margins, Target, View, best_view, fit, front_view, make_locator, sees
+
+SIZE = (900, 700)
+
+
+@pytest.fixture
+def ball(opengl):
+    import pyvista as pv
+
+    return make_locator(pv.Sphere(radius=0.1))
+
+
+def target(direction):
+    way = np.array(direction, float)
+    return Target(0.101 * way[None], way[None], 0)
+
+
+def test_front_view_looks_at_the_side_with_the_skin():
+    normals = np.array([[-1.0, 0.1, 0.0], [-1.0, -0.1, 0.0], [0.0, 0.0, 1.0]])
+    assert abs(abs(front_view(normals).azimuth) - 180.0) <= 20.0
+
+
+def test_sees_tells_front_from_back(ball):
+    assert sees(ball, target([1, 0, 0]), np.array([1.0, 0.0, 0.0]))
+    assert not sees(ball, target([-1, 0, 0]), np.array([1.0, 0.0, 0.0]))
+
+
+def test_sees_notices_what_stands_before(opengl):
+    import pyvista as pv
+
+    wall = make_locator(pv.Plane(center=(0.5, 0, 0), direction=(1, 0, 0)))
+    assert not sees(wall, target([1, 0, 0]), np.array([1.0, 0.0, 0.0]))
+    assert sees(wall, target([1, 0, 0]), np.array([0.6, 0.0, 0.8]))
+
+
+@pytest.mark.parametrize("azimuth", [90.0, -90.0, 150.0])
+def test_best_view_turns_to_a_touch_behind(ball, azimuth):
+    front = View(-30.0, 12.0)
+    touched = target(View(azimuth, 12.0).direction)
+    view = best_view([touched], ball, front, front)
+    assert view.direction @ touched.normals[0] > 0.8
+
+
+def test_best_view_stays_where_it_is_for_a_touch_in_view(ball):
+    front = View(-30.0, 12.0)
+    assert best_view([target(front.direction)], ball, front, front) is front
+    assert best_view([], ball, front, front) is front
+
+
+def test_view_turns_the_short_way_and_arrives():
+    view = View(170.0, 10.0).towards(View(-170.0, 10.0), 5.0)
+    assert_allclose(view.azimuth, 175.0)
+    for _ in range(10):
+        view = view.towards(View(-170.0, 10.0), 5.0)
+    assert view == View(-170.0, 10.0)
+
+
+@pytest.mark.parametrize("view", [View(0, 12), View(130, -20), View(-75, 35)])
+def test_fit_fills_the_picture_without_cutting(opengl, view):
+    from vtkmodules.vtkRenderingCore import vtkCamera
+
+    points = np.random.default_rng(3).normal(0, [0.2, 0.1, 0.4], (500, 3))
+    camera, margins = vtkCamera(), Margins(left=90, right=60, top=40, bottom=20)
+    fit(camera, view, points, SIZE, margins)
+    matrix = camera.GetCompositeProjectionTransformMatrix(SIZE[0] / SIZE[1], -1, 1)
+    T = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+    clip = np.column_stack([points, np.ones(500)]) @ T.T
+    pixels = (clip[:, :2] / clip[:, 3:] + 1) / 2 * SIZE
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    # Six rounds of a contraction: within two pixels.
+    assert (low >= np.array([90, 20]) - 2).all()
+    assert (high <= np.array([900 - 60, 700 - 40]) + 2).all()
+    room = np.array([750, 640])
+    assert ((high - low) / room).max() > 0.98

@@ -1,0 +1,57 @@
+import os
+import subprocess
+import sys
+
+import pytest
+
+from skinmap.errors import MissingLibraryError
+from viewer.display import WINDOW_CLASS, has_display, require_opengl, window_class
+
+linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux only")
+
+
+@pytest.fixture(autouse=True)
+def keep_window_class(monkeypatch):
+    monkeypatch.setenv(WINDOW_CLASS, os.environ.get(WINDOW_CLASS, ""))
+
+
+@linux
+@pytest.mark.parametrize("off_screen", [True, False])
+def test_require_opengl_without_any_library_says_what_to_install_in_one_line(off_screen):
+    with pytest.raises(MissingLibraryError, match="libgl1 libegl1") as caught:
+        require_opengl(off_screen=off_screen, loads=lambda name: False)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("libraries", "hidden", "expected"),
+    [
+        ({"libGL.so.1", "libEGL.so.1"}, True, "vtkEGLRenderWindow"),
+        ({"libGL.so.1", "libEGL.so.1"}, False, None),
+        ({"libGL.so.1", "libOSMesa.so.8"}, True, "vtkOSOpenGLRenderWindow"),
+        ({"libOSMesa.so"}, True, "vtkOSOpenGLRenderWindow"),
+    ],
+)
+def test_window_class_follows_the_libraries_that_load(libraries, hidden, expected):
+    assert window_class(hidden, libraries.__contains__) == expected
+
+
+@linux
+def test_require_opengl_sets_what_vtk_reads(monkeypatch):
+    require_opengl(off_screen=True, loads=lambda name: True)
+    assert os.environ[WINDOW_CLASS] == "vtkEGLRenderWindow"
+    require_opengl(off_screen=False, loads=lambda name: True)
+    assert WINDOW_CLASS not in os.environ
+
+
+@linux
+@pytest.mark.parametrize("display", ["", ":987"])
+def test_has_display_is_false_without_a_server_that_answers(monkeypatch, display):
+    monkeypatch.setenv("DISPLAY", display)
+    assert not has_display()
+
+
+def test_display_is_asked_without_importing_vtk():
+    code = "import sys, viewer.display; print(any('vtk' in m or m == 'numpy' for m in sys.modules))"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert answer.stdout.strip() == "False", answer.stderr

@@ -1,0 +1,64 @@
+import subprocess
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+import viewer.movie
+from skinmap.errors import InvalidArrayError, OutputError
+from viewer.movie import write_movie
+
+
+def pictures(count, size=(64, 80)):
+    for k in range(count):
+        picture = np.full((*size, 3), 255, np.uint8)
+        picture[:, : 2 + 3 * k] = (20, 90, 180)
+        yield picture
+
+
+def read_movie(path, size):
+    """All pictures of a movie, decoded by ffmpeg itself: imageio's reader leaves pipes open."""
+    program = imageio_ffmpeg.get_ffmpeg_exe()
+    command = [program, "-v", "error", "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    answer = subprocess.run(command, capture_output=True, check=True)
+    return np.frombuffer(answer.stdout, np.uint8).reshape(-1, *size, 3)
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film.gif"])
+def test_write_movie_holds_every_picture(tmp_path, name):
+    path = write_movie(tmp_path / name, pictures(12), 25)
+    film = read_movie(path, (64, 80))
+    assert film.shape == (12, 64, 80, 3)
+    # The bar grows: each picture is where it belongs. Compression blurs the edge, not the order.
+    dark = (film[..., 0] < 128).sum(axis=(1, 2))
+    assert (np.diff(dark.astype(int)) > 0).all()
+    assert [file.name for file in tmp_path.iterdir()] == [name]
+
+
+def test_write_movie_cuts_odd_sizes_to_even(tmp_path):
+    path = write_movie(tmp_path / "odd.mp4", pictures(3, (65, 81)), 25)
+    assert len(read_movie(path, (64, 80))) == 3
+
+
+def test_write_movie_without_ffmpeg_is_a_gif(tmp_path, monkeypatch):
+    monkeypatch.setattr(viewer.movie, "has_ffmpeg", lambda: False)
+    path = write_movie(tmp_path / "film.mp4", pictures(3), 25)
+    assert path == tmp_path / "film.gif"
+    assert [file.name for file in tmp_path.iterdir()] == ["film.gif"]
+
+
+def test_write_movie_that_fails_midway_leaves_nothing(tmp_path):
+    def broken():
+        yield from pictures(2)
+        raise RuntimeError("the source is gone")
+
+    with pytest.raises(RuntimeError, match="gone"):
+        write_movie(tmp_path / "film.mp4", broken(), 25)
+    with pytest.raises(InvalidArrayError, match="at least one picture"):
+        write_movie(tmp_path / "film.gif", iter(()), 25)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_write_movie_into_a_missing_folder_says_so(tmp_path):
+    with pytest.raises(OutputError, match="none"):
+        write_movie(tmp_path / "none" / "film.mp4", pictures(2), 25)
