@@ -98,12 +98,22 @@ def run_demo(
 
 
 def show_window(stage: Stage) -> None:
-    """Play the replay in a live window until it is closed."""
+    """Play the replay over and over in a live window until it is closed."""
     from viewer.window import play
 
     scene = make_scene(stage.robot, stage.skins, off_screen=False, window_size=MOVIE_SIZE)
-    frames = replay(stage.skins, stage.tracks, stage.classifier, rate=RATE)
-    play(scene, ((frame.pressures, list(frame.touches), newest(frame)) for frame in frames))
+    play(scene, _moments(stage))
+
+
+def _moments(
+    stage: Stage,
+) -> Iterator[tuple[Mapping[str, NDArray[np.uint8]], list[NamedTouch], str | None]]:
+    """What the window shows, without end."""
+    while True:
+        for frame in replay(stage.skins, stage.tracks, stage.classifier, rate=RATE):
+            yield frame.pressures, list(frame.touches), newest(frame)
+        if not any(len(track) for track in stage.tracks.values()):
+            return
 
 
 def make_scene(

@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Callable
 
-from skinmap.errors import MissingLibraryError
+from skinmap.errors import MissingLibraryError, OutputError
 
 DEBIAN_PACKAGES = "libgl1 libegl1"
 WINDOW_CLASS = "VTK_DEFAULT_OPENGL_WINDOW"  # VTK reads it when it makes a window
@@ -49,15 +49,14 @@ def has_display() -> bool:
     return True
 
 
-def require_opengl(
-    *, off_screen: bool | None = None, loads: Callable[[str], bool] = loads
-) -> str | None:
+def require_opengl(*, window: bool = False, loads: Callable[[str], bool] = loads) -> str | None:
     """Find a library to draw with and tell VTK which kind of window to make.
 
     Parameters
     ----------
-    off_screen : bool, optional
-        Draw without a window. By default, where there is no display.
+    window : bool
+        Whether a window will be opened. Pictures alone are drawn through the display too where
+        there is one: two kinds of OpenGL contexts in one program get in each other's way.
     loads : callable, optional
         Whether a library can be loaded; tests pretend with it.
 
@@ -70,11 +69,15 @@ def require_opengl(
     ------
     MissingLibraryError
         No library that could draw: one line that says what to install.
+    OutputError
+        A window is wanted and there is no display.
     """
     if not sys.platform.startswith("linux"):
         return None
-    hidden = not has_display() if off_screen is None else off_screen
-    chosen = window_class(hidden, loads)
+    display = has_display()
+    chosen = window_class(not display, loads)
+    if window and not display:
+        raise OutputError("no display to open a window on; ask for a picture or a movie instead")
     if chosen is None:
         os.environ.pop(WINDOW_CLASS, None)
     else:

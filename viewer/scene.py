@@ -82,7 +82,7 @@ class Scene:
         off_screen: bool = True,
         camera: Mode = "auto",
     ) -> None:
-        require_opengl(off_screen=off_screen)
+        require_opengl(window=not off_screen)
         self.robot = robot
         shown_parts = tuple(meshes) if parts is None else tuple(parts)
         for part in shown_parts:

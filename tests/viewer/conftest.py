@@ -18,7 +18,7 @@ PARTS = ("torso", "left_arm")
 def opengl() -> None:
     """Skips where nothing can draw; set-up installs what is needed, so only elsewhere."""
     try:
-        require_opengl(off_screen=True)
+        require_opengl()
     except MissingLibraryError as error:
         pytest.skip(str(error))
 

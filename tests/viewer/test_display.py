@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from skinmap.errors import MissingLibraryError
+from skinmap.errors import MissingLibraryError, OutputError
 from viewer.display import WINDOW_CLASS, has_display, require_opengl, window_class
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux only")
@@ -16,11 +16,18 @@ def keep_window_class(monkeypatch):
 
 
 @linux
-@pytest.mark.parametrize("off_screen", [True, False])
-def test_require_opengl_without_any_library_says_what_to_install_in_one_line(off_screen):
+@pytest.mark.parametrize("window", [True, False])
+def test_require_opengl_without_any_library_says_what_to_install_in_one_line(window):
     with pytest.raises(MissingLibraryError, match="libgl1 libegl1") as caught:
-        require_opengl(off_screen=off_screen, loads=lambda name: False)
+        require_opengl(window=window, loads=lambda name: False)
     assert "\n" not in str(caught.value)
+
+
+@linux
+def test_require_opengl_refuses_a_window_without_a_display(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(OutputError, match="no display"):
+        require_opengl(window=True, loads=lambda name: True)
 
 
 @pytest.mark.parametrize(
@@ -38,9 +45,11 @@ def test_window_class_follows_the_libraries_that_load(libraries, hidden, expecte
 
 @linux
 def test_require_opengl_sets_what_vtk_reads(monkeypatch):
-    require_opengl(off_screen=True, loads=lambda name: True)
+    monkeypatch.setattr("viewer.display.has_display", lambda: False)
+    require_opengl(loads=lambda name: True)
     assert os.environ[WINDOW_CLASS] == "vtkEGLRenderWindow"
-    require_opengl(off_screen=False, loads=lambda name: True)
+    monkeypatch.setattr("viewer.display.has_display", lambda: True)
+    require_opengl(window=True, loads=lambda name: True)
     assert WINDOW_CLASS not in os.environ
 
 
