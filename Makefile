@@ -14,10 +14,10 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint wheel lock clean
+.PHONY: help demo test lint bench-loading wheel lock clean
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-6s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(READY)  ## touches named on the iCub's body, written to build/demo (or OUT=folder)
 	$(BIN)/skinmap demo --out "$(OUT)" $(ARGS)
@@ -30,6 +30,9 @@ lint: $(READY)  ## style, formatting, types, import order
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+bench-loading: $(READY)  ## time and memory to load 1 and 13 parts, to benchmarks/results
+	$(BIN)/python benchmarks/loading.py
 
 wheel: $(READY)  ## the distribution, written to dist (or DIST=folder)
 	rm -rf build/lib build/bdist.*  # a module deleted since would still be packed from here

@@ -11,17 +11,18 @@ from typing import Any
 
 import skinmap
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.io.mesh_body import MeshBody
 from skinmap.io.readers import read_taxels
 from skinmap.io.text import read_text
 from skinmap.io.urdf import UrdfBody
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.repair import replace
-from skinmap.skin.robot import AUTO, Part, Robot
+from skinmap.skin.robot import AUTO, Body, Part, Robot
 from skinmap.skin.taxels import TaxelTable
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 PART_KEYS = {"name", "link", "taxels", "format", "units", "module", "drawing", "frame"}
-ROBOT_KEYS = {"name", "urdf", "pose_deg"}
+ROBOT_KEYS = {"name", "urdf", "mesh", "units", "pose_deg"}
 
 
 def data_folder() -> Path:
@@ -66,11 +67,11 @@ def read_manifest(path: Path) -> Robot:
     unknown = set(document) - {"robot", "part"}
     if unknown:
         raise DataFormatError(f"unknown tables {sorted(unknown)}; there is: robot, part", path)
-    head = _table(document.get("robot"), ROBOT_KEYS, {"name", "urdf"}, "[robot]", path)
+    head = _table(document.get("robot"), ROBOT_KEYS, {"name"}, "[robot]", path)
     entries = document.get("part", [])
     if not isinstance(entries, list) or not entries:
         raise DataFormatError("a manifest needs at least one [[part]]", path)
-    body = UrdfBody(_locate_urdf(head["urdf"], path))
+    body = _body(head, path)
     parts: dict[str, Part] = {}
     for number, entry in enumerate(entries, start=1):
         what = f"[[part]] number {number}"
@@ -83,15 +84,27 @@ def read_manifest(path: Path) -> Robot:
     return Robot(head["name"], body, parts, _pose(head.get("pose_deg", {}), body, path))
 
 
+def _body(head: dict[str, Any], path: Path) -> Body:
+    """The URDF of a robot, or the one mesh of a single body."""
+    if ("urdf" in head) == ("mesh" in head):
+        raise DataFormatError("[robot] needs either 'urdf' or 'mesh'", path)
+    if "mesh" in head:
+        return MeshBody(path.parent / head["mesh"], scale=_metres(head.get("units", "m")))
+    return UrdfBody(_locate_urdf(head["urdf"], path))
+
+
+def _metres(unit: str) -> float:
+    if unit not in UNITS:
+        raise UnknownNameError("unit", unit, UNITS)
+    return UNITS[unit]
+
+
 def _part(entry: dict[str, Any], path: Path) -> Part:
-    units = entry.get("units", "m")
-    if units not in UNITS:
-        raise UnknownNameError("unit", units, UNITS)
     table = path.parent / entry["taxels"]
     return Part(
         entry["name"],
         entry["link"],
-        _reader(table, entry.get("format"), UNITS[units]),
+        _reader(table, entry.get("format"), _metres(entry.get("units", "m"))),
         module_layout(entry["module"], path.parent) if "module" in entry else None,
         entry.get("frame", AUTO),
     )
@@ -105,7 +118,7 @@ def _reader(path: Path, format: str | None, scale: float) -> Callable[[], TaxelT
     return read
 
 
-def _pose(angles_deg: dict[str, Any], body: UrdfBody, path: Path) -> dict[str, float]:
+def _pose(angles_deg: dict[str, Any], body: Body, path: Path) -> dict[str, float]:
     pose = {}
     for joint, angle in angles_deg.items():
         if joint not in body.joints:
