@@ -84,5 +84,9 @@ class DataFormatError(SkinError, ValueError):
         super().__init__(f"{where}: {message}")
 
 
+class ForbiddenPathError(SkinError, PermissionError):
+    """A file that a manifest may not read, and what would allow it."""
+
+
 class SkinWarning(UserWarning):
     """A result that stands but deserves a second look."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.cli.common import emit, json_option, open_robot, part_option, table
+from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_option, table
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.command("classify")
 @click.argument("model", type=click.Path(path_type=Path))
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--robot", default="icub", show_default=True, help="Robot that was recorded.")
+@robot_option
 @part_option
 @json_option
 def command(

@@ -7,14 +7,44 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
 
-robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
+F = TypeVar("F", bound=Callable[..., Any])
+OUTSIDE = "skinmap.allow_outside"
+
+
+def _note_outside(ctx: click.Context, _: click.Parameter, value: bool) -> None:
+    ctx.meta[OUTSIDE] = value
+
+
+outside_option = click.option(
+    "--allow-outside",
+    is_flag=True,
+    expose_value=False,
+    callback=_note_outside,
+    help="Let a manifest read files outside its own folder.",
+)
+_robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
+_robot_option = click.option(
+    "--robot", default="icub", show_default=True, help="Robot that was recorded."
+)
+
+
+def robot_argument(command: F) -> F:
+    """The robot as an argument, with the option that lets its manifest look around."""
+    return _robot_argument(outside_option(command))
+
+
+def robot_option(command: F) -> F:
+    """The robot as an option, for commands whose argument is a recording."""
+    return _robot_option(outside_option(command))
+
+
 part_option = click.option(
     "--part", "parts", multiple=True, help="Only this part; may be repeated."
 )
@@ -35,7 +65,9 @@ def open_robot(robot: str, parts: tuple[str, ...]) -> tuple[Robot, tuple[str, ..
     """
     from skinmap.io.manifest import load_robot
 
-    loaded = load_robot(robot)
+    ctx = click.get_current_context(silent=True)
+    allow_outside = bool(ctx is not None and ctx.meta.get(OUTSIDE))
+    loaded = load_robot(robot, allow_outside=allow_outside)
     for part in parts:
         loaded.part(part)
     return loaded, tuple(dict.fromkeys(parts)) or loaded.parts

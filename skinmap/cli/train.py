@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from skinmap.cli.common import emit, json_option, open_robot, part_option, seed_option
+from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_option, seed_option
 
 
 @click.command("train")
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--robot", default="icub", show_default=True, help="Robot that was recorded.")
+@robot_option
 @part_option
 @click.option(
     "--classifier", default="contact-geometry", show_default=True, help="Which classifier."

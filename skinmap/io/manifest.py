@@ -10,7 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import skinmap
-from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.errors import (
+    DataFormatError,
+    ForbiddenPathError,
+    MissingFileError,
+    UnknownNameError,
+)
 from skinmap.io.mesh_body import MeshBody
 from skinmap.io.readers import read_taxels
 from skinmap.io.text import read_text
@@ -36,8 +41,11 @@ def builtin_robots() -> tuple[str, ...]:
     return tuple(sorted(path.parent.name for path in data_folder().glob("*/*.toml")))
 
 
-def load_robot(robot: str | Path) -> Robot:
+def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     """A robot by built-in name or by the path of its manifest; no part is read yet.
+
+    A manifest reads from its own folder and from installed packages only, unless
+    `allow_outside` is given: one from a stranger must not open whatever it names.
 
     Raises
     ------
@@ -45,19 +53,21 @@ def load_robot(robot: str | Path) -> Robot:
         A name that is neither built in nor a file.
     DataFormatError, MissingFileError
         A manifest that is wrong, or names a file that does not exist.
+    ForbiddenPathError
+        A manifest that names a file outside its folder.
     """
     if str(robot) in builtin_robots():
         return read_manifest(data_folder() / str(robot) / f"{robot}.toml")
     path = Path(robot)
     if path.suffix == ".toml" or path.exists():
-        return read_manifest(path)
+        return read_manifest(path, allow_outside=allow_outside)
     raise UnknownNameError(
         "robot (built in, or a path to a manifest .toml)", str(robot), builtin_robots()
     )
 
 
-def read_manifest(path: Path) -> Robot:
-    """A robot from its manifest file."""
+def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
+    """A robot from its manifest file; see `load_robot`."""
     if not path.is_file():
         raise MissingFileError(path, "a robot manifest (.toml)")
     try:
@@ -71,11 +81,13 @@ def read_manifest(path: Path) -> Robot:
     entries = document.get("part", [])
     if not isinstance(entries, list) or not entries:
         raise DataFormatError("a manifest needs at least one [[part]]", path)
-    body = _body(head, path)
+    inside = None if allow_outside else path.resolve().parent
+    body = _body(head, path, inside)
     parts: dict[str, Part] = {}
     for number, entry in enumerate(entries, start=1):
         what = f"[[part]] number {number}"
-        part = _part(_table(entry, PART_KEYS, {"name", "link", "taxels"}, what, path), path)
+        keys = _table(entry, PART_KEYS, {"name", "link", "taxels"}, what, path)
+        part = _part(keys, path, inside)
         if part.name in parts:
             raise DataFormatError(f"two parts are called {part.name!r}", path)
         if part.link not in body.links:
@@ -84,13 +96,32 @@ def read_manifest(path: Path) -> Robot:
     return Robot(head["name"], body, parts, _pose(head.get("pose_deg", {}), body, path))
 
 
-def _body(head: dict[str, Any], path: Path) -> Body:
+def beside(manifest: Path, name: str, inside: Path | None) -> Path:
+    """The path of a file named in a manifest, which may not lead out of the folder `inside`.
+
+    Raises
+    ------
+    ForbiddenPathError
+        It does, by `..`, an absolute path or a link.
+    """
+    path = manifest.parent / name
+    if inside is not None and not path.resolve().is_relative_to(inside):
+        raise ForbiddenPathError(
+            f"{manifest} names {name!r}, outside its own folder; allow it with --allow-outside"
+        )
+    return path
+
+
+def _body(head: dict[str, Any], path: Path, inside: Path | None) -> Body:
     """The URDF of a robot, or the one mesh of a single body."""
     if ("urdf" in head) == ("mesh" in head):
         raise DataFormatError("[robot] needs either 'urdf' or 'mesh'", path)
     if "mesh" in head:
-        return MeshBody(path.parent / head["mesh"], scale=_metres(head.get("units", "m")))
-    return UrdfBody(_locate_urdf(head["urdf"], path))
+        mesh = beside(path, head["mesh"], inside)
+        return MeshBody(mesh, scale=_metres(head.get("units", "m")))
+    if ":" in head["urdf"]:
+        return UrdfBody(_package_model(head["urdf"], path))
+    return UrdfBody(beside(path, head["urdf"], inside), inside=inside)
 
 
 def _metres(unit: str) -> float:
@@ -99,13 +130,19 @@ def _metres(unit: str) -> float:
     return UNITS[unit]
 
 
-def _part(entry: dict[str, Any], path: Path) -> Part:
-    table = path.parent / entry["taxels"]
+def _part(entry: dict[str, Any], path: Path, inside: Path | None) -> Part:
+    table = beside(path, entry["taxels"], inside)
+    layout = None
+    if "module" in entry:
+        file = entry["module"].endswith((".toml", ".csv"))
+        layout = module_layout(
+            str(beside(path, entry["module"], inside)) if file else entry["module"]
+        )
     return Part(
         entry["name"],
         entry["link"],
         _reader(table, entry.get("format"), _metres(entry.get("units", "m"))),
-        module_layout(entry["module"], path.parent) if "module" in entry else None,
+        layout,
         entry.get("frame", AUTO),
     )
 
@@ -144,11 +181,9 @@ def _table(entry: Any, keys: set[str], needed: set[str], what: str, path: Path) 
     return entry
 
 
-def _locate_urdf(urdf: str, manifest: Path) -> Path:
-    """A path beside the manifest, or `package:model` of an installed model package."""
-    package, colon, model = urdf.partition(":")
-    if not colon:
-        return manifest.parent / urdf
+def _package_model(urdf: str, manifest: Path) -> Path:
+    """The URDF of `package:model`, a model of an installed package of robots."""
+    package, _, model = urdf.partition(":")
     try:
         module = importlib.import_module(package.replace("-", "_"))
     except ImportError:

@@ -9,7 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.errors import (
+    DataFormatError,
+    ForbiddenPathError,
+    MissingFileError,
+    UnknownNameError,
+)
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.rigid import check_transform, transform_points
 
@@ -21,6 +26,8 @@ class UrdfBody:
     ----------
     path : Path
         The URDF file. `package://NAME/...` is looked up in the folders above it.
+    inside : Path, optional
+        Folder that no mesh may lie outside of.
 
     Raises
     ------
@@ -28,12 +35,12 @@ class UrdfBody:
         No such file, or one that is no URDF.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, inside: Path | None = None) -> None:
         import yourdfpy
 
         if not path.is_file():
             raise MissingFileError(path, "a URDF file")
-        self.path = path
+        self.path, self.inside = path, inside
         # yourdfpy warns about every material it does not know; none of them matters here.
         logging.getLogger("yourdfpy").setLevel(logging.ERROR)
         try:
@@ -108,6 +115,15 @@ class UrdfBody:
         return TriangleMesh(np.concatenate(vertices), np.concatenate(faces))
 
     def _resolve(self, name: str) -> Path:
+        path = self._locate(name)
+        if self.inside is not None and not path.resolve().is_relative_to(self.inside):
+            raise ForbiddenPathError(
+                f"{self.path} names the mesh {name!r}, outside {self.inside}; "
+                "allow it with --allow-outside"
+            )
+        return path
+
+    def _locate(self, name: str) -> Path:
         if name.startswith("package://"):
             package, _, rest = name.removeprefix("package://").partition("/")
             for folder in self.path.resolve().parents:

@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 
 import skinmap
-from skinmap.errors import DataFormatError, MissingFileError, SkinError, UnknownNameError
+from skinmap.errors import (
+    DataFormatError,
+    ForbiddenPathError,
+    MissingFileError,
+    SkinError,
+    UnknownNameError,
+)
 from skinmap.io import urdf
 from skinmap.io.manifest import data_folder, load_robot
 from skinmap.io.urdf import UrdfBody, read_mesh
@@ -176,3 +182,84 @@ def test_read_mesh_refuses_what_is_none(tmp_path):
     (tmp_path / "m.stl").write_text("not a mesh")
     with pytest.raises(DataFormatError, match=r"m\.stl"):
         read_mesh(tmp_path / "m.stl")
+
+
+def outside_manifests(folder):
+    """A manifest for each way out of its folder, with the file outside really there."""
+    outside = folder.parent / "outside"
+    outside.mkdir()
+    for name in ("right_hand.csv", "board.toml", "ball.stl"):
+        (outside / name).write_text("x")
+    (folder / "link.csv").symlink_to(outside / "right_hand.csv")
+    part = MANIFEST[MANIFEST.index("[[part]]") :]
+    single = '[robot]\nname = "one"\nmesh = "../outside/ball.stl"\n'
+    return [
+        MANIFEST.replace("right_hand.csv", "../outside/right_hand.csv"),
+        MANIFEST.replace("right_hand.csv", str(outside / "right_hand.csv")),
+        MANIFEST.replace("right_hand.csv", "link.csv"),
+        MANIFEST + 'module = "../outside/board.toml"\n',
+        MANIFEST.replace("icub-models:iCubGazeboV2_7", "../outside/robot.urdf"),
+        single + part.replace("r_hand", "body"),
+    ]
+
+
+def test_manifest_may_not_read_outside_its_folder(tmp_path):
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    shutil.copy(data_folder() / "icub" / "taxels" / "right_hand.csv", folder)
+    path = folder / "robot.toml"
+    for text in outside_manifests(folder):
+        path.write_text(text)
+        with pytest.raises(ForbiddenPathError, match="outside its own folder"):
+            load_robot(path)
+
+
+def test_manifest_reads_outside_when_allowed(tmp_path):
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    shutil.copy(data_folder() / "icub" / "taxels" / "right_hand.csv", tmp_path)
+    (folder / "robot.toml").write_text(MANIFEST.replace("right_hand.csv", "../right_hand.csv"))
+    robot = load_robot(folder / "robot.toml", allow_outside=True)
+    assert len(robot.skin("hand")) == 48
+
+
+def test_urdf_of_a_manifest_may_not_read_meshes_outside(tmp_path):
+    import trimesh
+
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    trimesh.creation.icosphere(subdivisions=1).export(tmp_path / "ball.stl")
+    (folder / "r.urdf").write_text(
+        '<robot name="r"><link name="a"><visual><geometry><mesh filename="../ball.stl"/>'
+        "</geometry></visual></link></robot>"
+    )
+    assert len(UrdfBody(folder / "r.urdf").mesh("a").faces) == 80
+    with pytest.raises(ForbiddenPathError, match=r"mesh '\.\./ball\.stl'"):
+        UrdfBody(folder / "r.urdf", inside=folder).mesh("a")
+
+
+def test_dh_frames_are_used_where_they_fit_better(tmp_path, icub):
+    from skinmap.io.table import write_csv
+    from skinmap.skin.repair import replace
+
+    table = icub.part("right_hand").read()
+    rest = icub.body.poses({})
+    T_dh_link = np.linalg.inv(rest["r_hand_dh_frame"]) @ rest["r_hand"]
+    moved = table.positions @ T_dh_link[:3, :3].T + T_dh_link[:3, 3]
+    write_csv(replace(table, positions=moved), tmp_path / "right_hand.csv")
+    (tmp_path / "robot.toml").write_text(MANIFEST)
+    robot = load_robot(tmp_path / "robot.toml")
+    assert robot.frame("hand") == "r_hand_dh_frame"
+    np.testing.assert_allclose(robot.skin("hand").positions, table.positions, atol=1e-12)
+    assert icub.frame("right_hand") == "r_hand"
+
+
+def test_frames_of_a_manifest_can_be_given(manifest):
+    robot = load_robot(manifest(MANIFEST + 'frame = "r_forearm"\n'))
+    rest = robot.body.poses({})
+    table = robot.part("hand").read()
+    T_hand_forearm = np.linalg.inv(rest["r_hand"]) @ rest["r_forearm"]
+    expected = table.positions @ T_hand_forearm[:3, :3].T + T_hand_forearm[:3, 3]
+    np.testing.assert_allclose(robot.repair("hand").table.positions, expected, atol=1e-12)
+    with pytest.raises(UnknownNameError, match=r"no frame \(part 'hand'\) 'nowhere'"):
+        load_robot(manifest(MANIFEST + 'frame = "nowhere"\n')).skin("hand")
