@@ -17,6 +17,7 @@ TABLES = (".txt", ".csv")
 @part_option
 @click.option("--module", help="Module layout of a bare table (triangle_10pad, a .toml, a .csv).")
 @click.option("--fit", is_flag=True, help="Fit each part rigidly to its link, and report.")
+@click.option("--skip", "skipped", multiple=True, help="Repair step to leave out; may be repeated.")
 @click.option(
     "--html", type=click.Path(path_type=Path, dir_okay=False), help="Report with pictures."
 )
@@ -26,23 +27,27 @@ def command(
     parts: tuple[str, ...],
     module: str | None,
     fit: bool,
+    skipped: tuple[str, ...],
     html: Path | None,
     as_json: bool,
 ) -> None:
     """Show the parts of a robot: taxels, repairs, distance to the body, pitch, modules, verdict.
 
     ROBOT is a built-in name (default: icub), the path of a manifest, or a bare taxel table.
+    Repair steps are units, thermal, collapsed and normals.
 
     \b
     Example:  skinmap inspect icub --part right_forearm --json
     """
-    from skinmap.cli.inspection import inspect_part, inspect_table
+    from skinmap.cli.inspection import inspect_part, inspect_table, repair_steps
 
+    steps = repair_steps(skipped)
     if Path(robot).suffix.lower() in TABLES:
-        rows = [inspect_table(Path(robot), module)]
+        rows = [inspect_table(Path(robot), module, steps)]
         name, loaded = Path(robot).name, None
     else:
         loaded, names = open_robot(robot, parts)
+        loaded.steps = steps
         rows = [inspect_part(loaded, name, fit=fit) for name in names]
         name = loaded.name
     if html is not None:

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import FloatArray
+from skinmap.errors import UnknownNameError
 from skinmap.io.readers import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
 from skinmap.skin.fit import SkinFit, measure_fit
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.modules import module_normals, slots_of
 from skinmap.skin.registration import fit_to_mesh
-from skinmap.skin.repair import RepairReport, repair_table
+from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, repair_table
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import skin_from_table
+from skinmap.surface.surface_mesh import merge_coincident
 
 MM = 1e3
 FAR = 5e-3  # a taxel further from its link than this is not on it [m]
@@ -62,13 +64,28 @@ def inspect_part(robot: Robot, name: str, *, fit: bool = False) -> dict[str, Any
     return _judged(row, warnings + row.pop("notes"))
 
 
-def inspect_table(path: Path, module: str | None) -> dict[str, Any]:
+def repair_steps(skipped: Collection[str]) -> tuple[str, ...]:
+    """The repair steps less those to leave out.
+
+    Raises
+    ------
+    UnknownNameError
+        A step that does not exist.
+    """
+    for step in skipped:
+        if step not in ALL_STEPS:
+            raise UnknownNameError("repair step", step, ALL_STEPS)
+    return tuple(step for step in ALL_STEPS if step not in skipped)
+
+
+def inspect_table(path: Path, module: str | None, steps: Collection[str]) -> dict[str, Any]:
     """The numbers of a bare table without a body, ready for JSON."""
     layout = None if module is None else module_layout(module)
     table = read_taxels(path)
-    report = repair_table(table, layout)
+    report = repair_table(table, layout, steps=steps)
     hint = None if layout is None else module_normals(report.table, layout)
-    skin = skin_from_table(report.table, None, path.stem, table.link, hint=hint)
+    keep = NORMALS not in steps
+    skin = skin_from_table(report.table, None, path.stem, table.link, hint=hint, keep_normals=keep)
     row = _table_row(report, path.stem, table.link, skin.normals, layout)
     row["distance_mm"] = None
     warnings: list[str] = []
@@ -120,6 +137,7 @@ def _table_row(
         "taxels": len(table),
         "modules": len(np.unique(table.modules)),
         "distinct": distinct,
+        "coincident": int((merge_coincident(table.positions)[0] != np.arange(len(table))).sum()),
         "rebuilt": len(report.rebuilt),
         "normals_repaired": replaced,
         "thermal": pads,

@@ -1,7 +1,8 @@
 """Repair of taxel tables: units, thermal pads, collapsed modules; each step optional, reported.
 
 Nothing is lost: a report keeps the table as it came, and leaving a step out of `steps` undoes
-it. Normals are repaired when the skin is made (see `normals`).
+it. Normals are repaired when the skin is made (see `normals`); coincident taxels stay taxels and
+share a vertex of the surface mesh, which keeps the map (`SurfaceMesh.representative`).
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from skinmap.skin.layouts import ModuleLayout
 from skinmap.skin.modules import fit_modules, shared_places, slots_of
 from skinmap.skin.taxels import THERMAL, UNKNOWN, TaxelTable
 
-STEPS = ("units", "thermal", "collapsed")
+NORMALS = "normals"  # taken when the skin is made
+ALL_STEPS = ("units", "thermal", "collapsed", NORMALS)
 UNIT_METRES = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "mil": 2.54e-5, "um": 1e-6, "km": 1e3}
 PITCHES = (1e-3, 4e-2)  # of robot skins, where no layout says better [m]
 MISFIT = 0.4  # in pitches: bent boards of the iCub stay below 0.25, other layouts above 0.5
@@ -62,7 +64,7 @@ def repair_table(
     table: TaxelTable,
     layout: ModuleLayout | None,
     *,
-    steps: Collection[str] = STEPS,
+    steps: Collection[str] = ALL_STEPS,
     known: Mapping[int, FloatArray] | None = None,
 ) -> RepairReport:
     """Mend what files are known to have wrong.
@@ -73,7 +75,7 @@ def repair_table(
     layout : ModuleLayout or None
         Without one, thermal pads are known from the file alone and nothing is rebuilt.
     steps : collection of str
-        Which of `STEPS` to take.
+        Which of `ALL_STEPS` to take.
     known : mapping of int to (4, 4) array, optional
         T_link_module of modules, where the URDF has frames for them.
 
@@ -83,8 +85,8 @@ def repair_table(
         A step that does not exist.
     """
     for step in steps:
-        if step not in STEPS:
-            raise UnknownNameError("repair step", step, STEPS)
+        if step not in ALL_STEPS:
+            raise UnknownNameError("repair step", step, ALL_STEPS)
     original, unit = table, "m"
     if "units" in steps:
         unit = detect_unit(table.positions, layout)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -14,7 +14,7 @@ from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
 from skinmap.skin.layouts import ModuleLayout
-from skinmap.skin.repair import RepairReport, repair_table, replace
+from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, repair_table, replace
 from skinmap.skin.skin import Skin, skin_from_table
 from skinmap.skin.taxels import TaxelTable
 
@@ -79,12 +79,15 @@ class Robot:
         Links, meshes and poses.
     pose : dict
         Joint angles [rad] of a natural pose, for pictures.
+    steps : collection of str
+        Repair steps to take, all of `skinmap.skin.repair.ALL_STEPS` by default.
     """
 
     name: str
     body: Body
     part_specs: Mapping[str, Part]
     pose: Mapping[str, float] = field(default_factory=dict)
+    steps: Collection[str] = ALL_STEPS
     _skins: dict[str, Skin] = field(default_factory=dict, repr=False)
     _meshes: dict[str, TriangleMesh] = field(default_factory=dict, repr=False)
     _repairs: dict[str, RepairReport] = field(default_factory=dict, repr=False)
@@ -112,7 +115,10 @@ class Robot:
         if part not in self._skins:
             report = self.repair(part)
             link = self.part(part).link
-            self._skins[part] = skin_from_table(report.table, self.mesh(link), part, link)
+            keep = NORMALS not in self.steps
+            self._skins[part] = skin_from_table(
+                report.table, self.mesh(link), part, link, keep_normals=keep
+            )
         return self._skins[part]
 
     def repair(self, part: str) -> RepairReport:
@@ -121,7 +127,9 @@ class Robot:
         if part not in self._repairs:
             table, frame = self._in_link_frame(spec)
             self._frames[part] = frame
-            self._repairs[part] = repair_table(table, spec.layout)
+            self._repairs[part] = repair_table(
+                table, spec.layout, steps=self.steps, known=self.module_frames(part)
+            )
         return self._repairs[part]
 
     def frame(self, part: str) -> str:

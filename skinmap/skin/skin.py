@@ -70,10 +70,12 @@ def skin_from_table(
     link: str,
     *,
     hint: FloatArray | None = None,
+    keep_normals: bool = False,
 ) -> Skin:
     """A part's skin from its table and its link's mesh: the stored normals are replaced.
 
-    `hint` (n, 3) are rough outward directions for where there is no body.
+    `hint` (n, 3) are rough outward directions for where there is no body; `keep_normals` trusts
+    the file.
     """
-    normals = repair_normals(table.positions, body, hint)
+    normals = table.normals if keep_normals else repair_normals(table.positions, body, hint)
     return Skin(part, link, table.channels, table.modules, table.positions, normals)

@@ -314,3 +314,56 @@ def test_skin_from_a_repaired_table_has_unit_normals(icub):
     report = icub.repair("left_foot")
     skin = skin_from_table(report.table, icub.mesh("l_foot"), "left_foot", "l_foot")
     np.testing.assert_allclose(np.linalg.norm(skin.normals, axis=1), 1.0, rtol=1e-12)
+
+
+@real_files
+def test_real_forearm_marks_thermal_pads_as_absent():
+    # No file of the forearm says -2: its pads are -1 and have no place.
+    table = real("left_forearm_V2")
+    assert not (table.representative == THERMAL).any()
+    assert not np.isin(table.channels % 12, [6, 10]).any()
+
+
+@real_files
+def test_real_last_rows_are_taxels():
+    for name, last in (("left_leg_upper", 1343), ("right_leg_upper", 1343), ("left_arm", 767)):
+        assert real(name).channels.max() == last
+
+
+@real_files
+def test_real_normals_are_placeholders_or_absent():
+    assert not real("left_forearm_nomesh").normals.any()
+    length = np.linalg.norm(real("left_arm_mesh").normals, axis=1)
+    assert 0.49 < length.min() < 0.99 < length.max() < 1.01
+    assert len(np.unique(real("left_leg_lower").normals, axis=0)) == 1
+
+
+@real_files
+def test_real_shared_places_contain_the_modules_representative():
+    for name in ("left_forearm_V2", "torso"):
+        table = real(name)
+        shared = shared_places(table)
+        for module in np.unique(table.modules[shared]):
+            group = table.channels[shared & (table.modules == module)]
+            assert 12 * module + LAYOUT.centre in group, (name, module)
+
+
+def test_stored_normals_of_nine_live_parts_are_far_from_their_modules(icub):
+    # What the files ship: the median angle between stored normal and module plane per part.
+    far = 0
+    for part in icub.parts:
+        table, skin = icub.repair(part).original, icub.skin(part)
+        length = np.linalg.norm(table.normals, axis=1)
+        cosine = np.abs(np.einsum("ij,ij->i", table.normals, skin.normals)) / length
+        far += np.degrees(np.median(np.arccos(np.clip(cosine, 0, 1)))) > 20.0
+    assert far >= 9
+
+
+def test_steps_of_a_robot_can_be_left_out(icub):
+    import skinmap
+
+    robot = skinmap.load_robot("icub")
+    robot.steps = ("units",)
+    skin = robot.skin("left_foot")
+    np.testing.assert_array_equal(skin.normals, robot.repair("left_foot").original.normals)
+    assert not np.allclose(skin.normals, icub.skin("left_foot").normals)
