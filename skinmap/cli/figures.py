@@ -115,15 +115,14 @@ def _draw_triangles(
 ) -> None:
     from matplotlib.collections import PolyCollection
 
-    faces = np.concatenate([chart.taxels[chart.faces] for chart in flat.charts])
-    corners = flat.uv[faces] * MM
+    corners = np.concatenate([chart.uv[chart.faces] for chart in flat.charts]) * MM
     triangles = PolyCollection(
         list(corners), array=values, cmap=colours, edgecolors="white", linewidths=0.25
     )
     triangles.set_clim(*limits)
     axis.add_collection(triangles)
-    used = np.unique(faces)
-    axis.plot(*(flat.uv[used] * MM).T, ".", color="#303030", markersize=1.6)
+    dots = np.concatenate([chart.uv for chart in flat.charts]) * MM
+    axis.plot(*dots.T, ".", color="#303030", markersize=1.6)
     axis.set_aspect("equal")
     axis.autoscale_view()
     axis.margins(0.03)

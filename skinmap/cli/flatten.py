@@ -77,6 +77,7 @@ def patch_row(part: str, chart: Chart) -> dict[str, Any]:
         "vertices": len(chart.taxels),
         "faces": len(chart.faces),
         "holes": chart.holes,
+        "cut_mm": 1e3 * chart.seam_length,
         "method": chart.method,
         "fallback": chart.fallback,
         **chart.distortion.summary(),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import FlatteningError, SkinWarning
+from skinmap.flat.cutting import open_surface
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.methods import flatteners
 from skinmap.flat.packing import pack, upright
@@ -33,11 +34,11 @@ class Chart:
     patch : int
         Number of the patch in its surface mesh.
     taxels : (k,) int
-        Taxel of each chart vertex.
+        Taxel of each chart vertex; taxels on a seam come twice or more.
     faces : (m, 3) int
         Chart vertices.
     uv : (k, 2) float
-        [m].
+        Packed beside the other charts [m].
     distortion : Distortion
     method : str
         The method that made it.
@@ -45,6 +46,8 @@ class Chart:
         Whether that is not the one asked for.
     holes : int
         Boundary loops beside the outer one.
+    seam_length : float
+        Of the cuts that opened a tube or a closed skin [m].
     seconds : float
         CPU time of the solve.
     """
@@ -57,6 +60,7 @@ class Chart:
     method: str
     fallback: bool
     holes: int
+    seam_length: float
     seconds: float
 
     def __post_init__(self) -> None:
@@ -72,7 +76,8 @@ class FlatMap:
     mesh : SurfaceMesh
     charts : tuple of Chart
     uv : (n, 2) float
-        Packed coordinates of every taxel [m]; NaN for a taxel that no face uses.
+        Packed coordinates of every taxel [m], one of them for a taxel on a seam; NaN for a
+        taxel that no face uses.
     """
 
     mesh: SurfaceMesh
@@ -96,14 +101,15 @@ def flatten(mesh: SurfaceMesh, *, method: str = DEFAULT) -> FlatMap:
     UnknownNameError
         No such method.
     FlatteningError
-        A patch that is closed, a tube, or has a triangle without area.
+        A patch with a triangle without area, or one that no method lays flat without a flip.
     """
     flatteners.get(method)
     charts = [_flatten_patch(mesh, patch, method) for patch in range(mesh.n_patches)]
     placed = pack([chart.uv for chart in charts], CHART_GAP)
+    charts = [replace(chart, uv=flat) for chart, flat in zip(charts, placed, strict=True)]
     uv = np.full((len(mesh.skin), 2), np.nan)
-    for chart, coordinates in zip(charts, placed, strict=True):
-        uv[chart.taxels] = coordinates
+    for chart in charts:
+        uv[chart.taxels] = chart.uv
     return FlatMap(mesh, tuple(charts), uv[mesh.representative])
 
 
@@ -113,11 +119,25 @@ def _flatten_patch(mesh: SurfaceMesh, patch: int, method: str) -> Chart:
     vertices = mesh.vertices[taxels]
     where = f"patch {patch} of {mesh.skin.part!r}"
     started = time.process_time()
+    check_surface(faces)
+    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE)
+    vertices, faces, taxels = vertices[cut.origin], cut.faces, taxels[cut.origin]
     uv, used, holes = flatten_disc(vertices, faces, method=method, where=where)
     seconds = time.process_time() - started
     uv = upright(uv, vertices @ limb_axis(mesh.vertices))
     distortion = measure_distortion(vertices, faces, uv)
-    return Chart(patch, taxels, faces, uv, distortion, used, used != method, holes, seconds)
+    return Chart(
+        patch,
+        taxels,
+        faces,
+        uv,
+        distortion,
+        used,
+        used != method,
+        holes,
+        cut.seam_length,
+        seconds,
+    )
 
 
 def limb_axis(points: FloatArray) -> FloatArray:

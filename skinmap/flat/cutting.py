@@ -1,0 +1,174 @@
+"""Cutting surfaces open until they are discs: tubes along a seam, closed skins along a slit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.geometry.topology import boundary_loops, edges, euler_number, half_edges, loop_length
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CutMesh:
+    """A surface with its seams opened.
+
+    Attributes
+    ----------
+    faces : (m, 3) int
+        Over the new vertices, in the order of the faces that came.
+    origin : (k,) int
+        Old vertex of each new one; vertices on a seam come twice or more.
+    seam_length : float
+        [m].
+    """
+
+    faces: IntArray
+    origin: IntArray
+    seam_length: float
+
+    def __post_init__(self) -> None:
+        freeze(self, faces=self.faces, origin=self.origin)
+
+
+def open_surface(
+    vertices: FloatArray,
+    faces: IntArray,
+    *,
+    hole_share: float,
+    avoid: IntArray | None = None,
+) -> CutMesh:
+    """Cut a connected surface until only its outer border and small holes are left.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float
+        [m]; every vertex belongs to a face.
+    faces : (m, 3) array of int
+    hole_share : float
+        Holes up to this share of the outer border's length are left for filling.
+    avoid : (k,) array of int, optional
+        Vertices that seams keep away from where there is another way.
+
+    Returns
+    -------
+    CutMesh
+        A disc but for small holes. Handles (a torus) are cut along the loops that libigl finds.
+    """
+    cuts = np.zeros((0, 2), np.int64)
+    loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
+    if not loops:
+        handles = 2 - euler_number(faces)
+        cuts = _slit(vertices, faces, avoid) if handles == 0 else _handle_cuts(faces)
+    else:
+        limit = hole_share * loop_length(vertices, loops[0])
+        wide = [loop for loop in loops[1:] if loop_length(vertices, loop) > limit]
+        for loop in wide:
+            cuts = np.concatenate([cuts, _seam(vertices, faces, loops[0], loop, cuts, avoid)])
+        if euler_number(faces) != 2 - len(loops):
+            cuts = np.concatenate([cuts, _handle_cuts(faces)])
+    if len(cuts) == 0:
+        return CutMesh(faces, np.arange(len(vertices)), 0.0)
+    length = np.linalg.norm(vertices[cuts[:, 0]] - vertices[cuts[:, 1]], axis=1).sum()
+    opened, origin = split_along(faces, cuts)
+    return CutMesh(opened, origin, float(length))
+
+
+def split_along(faces: IntArray, cuts: IntArray) -> tuple[IntArray, IntArray]:
+    """Faces (m, 3) with the edges (c, 2) opened, and the old vertex (k,) of each new one.
+
+    Corners of one vertex stay together where an uncut edge joins their faces.
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    n = int(faces.max()) + 1
+    directed = half_edges(faces)
+    key = directed.min(axis=1) * n + directed.max(axis=1)
+    cut = np.isin(key, np.sort(cuts, axis=1) @ [n, 1])
+    order = np.lexsort((np.arange(len(key)), key))
+    first, second = order[:-1], order[1:]
+    joined = (key[first] == key[second]) & ~cut[first]
+    first, second = first[joined], second[joined]
+    # Half-edge 3 f + i runs from corner i to corner i + 1 of face f; its twin runs back.
+    start = np.arange(len(directed))
+    end = start - start % 3 + (start + 1) % 3
+    pairs = np.concatenate(
+        [
+            np.column_stack([start[first], end[second]]),
+            np.column_stack([end[first], start[second]]),
+        ]
+    )
+    same = faces.ravel()[pairs[:, 0]] == faces.ravel()[pairs[:, 1]]
+    pairs = pairs[same]
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(faces.size,) * 2)
+    _, label = connected_components(graph, directed=False)
+    _, corner, opened = np.unique(label, return_index=True, return_inverse=True)
+    return opened.reshape(-1, 3), faces.ravel()[corner]
+
+
+def _seam(
+    vertices: FloatArray,
+    faces: IntArray,
+    outer: IntArray,
+    inner: IntArray,
+    cuts: IntArray,
+    avoid: IntArray | None,
+) -> IntArray:
+    """Edges (c, 2) of the cheapest path between two loops, earlier cuts counting as border."""
+    graph = _costs(vertices, faces, avoid)
+    sources = np.unique(np.concatenate([outer, cuts.ravel()]))
+    cost, before, _ = dijkstra(
+        graph, directed=False, indices=sources, min_only=True, return_predecessors=True
+    )
+    return _walk_back(int(inner[np.argmin(cost[inner])]), before)
+
+
+def _slit(vertices: FloatArray, faces: IntArray, avoid: IntArray | None) -> IntArray:
+    """Edges of a slit half round a closed surface, where it crosses fewest vertices."""
+    pairs = edges(faces)
+    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    plain = _graph(len(vertices), pairs, length)
+    start = int(np.argmax(dijkstra(plain, directed=False, indices=0)))
+    end = int(np.argmax(dijkstra(plain, directed=False, indices=start)))
+    cost = np.ones(len(pairs)) + length / length.max()
+    cost = cost * _penalty(pairs, avoid)
+    graph = _graph(len(vertices), pairs, cost)
+    _, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
+    return _walk_back(end, before)
+
+
+def _handle_cuts(faces: IntArray) -> IntArray:
+    """Edges (c, 2) that open every handle, through libigl."""
+    import igl
+
+    paths = igl.cut_to_disk(np.asarray(faces, np.int64))
+    steps = [np.column_stack([path[:-1], path[1:]]) for path in map(np.asarray, paths)]
+    return np.concatenate([np.zeros((0, 2), np.int64), *steps])
+
+
+def _costs(vertices: FloatArray, faces: IntArray, avoid: IntArray | None) -> csr_array:
+    pairs = edges(faces)
+    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    return _graph(len(vertices), pairs, length * _penalty(pairs, avoid))
+
+
+def _penalty(pairs: IntArray, avoid: IntArray | None) -> FloatArray:
+    """Twenty times the cost for edges that touch a vertex to keep away from."""
+    if avoid is None:
+        return np.ones(len(pairs))
+    return np.where(np.isin(pairs, avoid).any(axis=1), 20.0, 1.0)
+
+
+def _graph(n: int, pairs: IntArray, cost: FloatArray) -> csr_array:
+    graph = coo_array((cost, pairs.T), shape=(n, n)).tocsr()
+    return graph.maximum(graph.T)
+
+
+def _walk_back(end: int, before: IntArray) -> IntArray:
+    path = [end]
+    while before[path[-1]] >= 0:
+        path.append(int(before[path[-1]]))
+    return np.column_stack([path[:-1], path[1:]])

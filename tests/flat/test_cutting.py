@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from skinmap.flat.cutting import open_surface, split_along
+from skinmap.flat.flat_map import flatten, flatten_disc
+from skinmap.geometry.topology import boundary_loops, check_surface, euler_number
+from skinmap.geometry.triangles import face_areas
+from skinmap.skin.skin import skin_from_points
+from skinmap.surface.surface_mesh import build_surface
+
+SHARE = 0.35
+
+
+def tube(around: int, along: int, radius: float, length: float):
+    """Vertices and faces of an open tube."""
+    i, j = np.meshgrid(np.arange(around), np.arange(along))
+    angle = 2 * np.pi * i.ravel() / around
+    height = length * j.ravel() / (along - 1)
+    vertices = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), height])
+    p = (np.arange(along - 1)[:, None] * around + np.arange(around)).ravel()
+    q = (np.arange(along - 1)[:, None] * around + (np.arange(around) + 1) % around).ravel()
+    lower = np.column_stack([p, q, p + around])
+    upper = np.column_stack([q, q + around, p + around])
+    return vertices, np.concatenate([lower, upper])
+
+
+def check_opened(vertices, faces, cut):
+    check_surface(cut.faces)
+    assert euler_number(cut.faces) == 1
+    assert len(boundary_loops(cut.faces)) == 1
+    np.testing.assert_array_equal(cut.origin[cut.faces], faces)
+    moved = vertices[cut.origin]
+    np.testing.assert_array_equal(face_areas(moved, cut.faces), face_areas(vertices, faces))
+
+
+def test_a_disc_is_left_alone(square_grid):
+    vertices, faces = square_grid(5)
+    cut = open_surface(vertices, faces, hole_share=SHARE)
+    np.testing.assert_array_equal(cut.faces, faces)
+    assert cut.seam_length == 0.0
+
+
+def test_a_tube_is_cut_along_its_shortest_seam():
+    vertices, faces = tube(24, 20, 1.0, 5.0)
+    cut = open_surface(vertices, faces, hole_share=SHARE)
+    check_opened(vertices, faces, cut)
+    assert cut.seam_length == pytest.approx(5.0)
+    assert len(cut.origin) == len(vertices) + 20
+
+
+def test_a_closed_skin_is_slit(sphere):
+    vertices, faces = sphere
+    cut = open_surface(vertices, faces, hole_share=SHARE)
+    check_opened(vertices, faces, cut)
+    assert cut.seam_length == pytest.approx(np.pi, rel=0.1)  # half round the unit sphere
+
+
+def test_a_torus_is_opened():
+    mesh = trimesh.creation.torus(1.0, 0.3, major_sections=24, minor_sections=12)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces, np.int64)
+    check_opened(vertices, faces, open_surface(vertices, faces, hole_share=SHARE))
+
+
+def test_a_seam_keeps_away_from_chosen_vertices():
+    vertices, faces = tube(24, 20, 1.0, 5.0)
+    first = open_surface(vertices, faces, hole_share=SHARE)
+    on_seam = np.flatnonzero(np.bincount(first.origin) > 1)
+    other = open_surface(vertices, faces, hole_share=SHARE, avoid=on_seam)
+    assert not set(np.flatnonzero(np.bincount(other.origin) > 1)) & set(on_seam)
+
+
+def test_split_along_opens_inner_edges_only(square_grid):
+    vertices, faces = square_grid(4)
+    _, origin = split_along(faces, np.array([[5, 6]]))
+    # One inner edge: its ends hold the mesh together, so nothing comes apart.
+    assert len(origin) == len(vertices)
+    _, origin = split_along(faces, np.array([[5, 6], [6, 7]]))
+    assert len(origin) == len(vertices) + 2  # 7 lies on the border: 6 and 7 are doubled
+
+
+def test_a_tube_of_taxels_flattens_to_its_unrolled_length():
+    vertices, _ = tube(24, 12, 0.04, 0.1)
+    normals = vertices * [1, 1, 0] / 0.04
+    (chart,) = flatten(build_surface(skin_from_points(vertices, normals))).charts
+    # Uncut, a tube cannot be flattened; cut, what is left are its facets (cut measured: 0.5 %).
+    assert chart.distortion.flips == 0
+    assert chart.distortion.edge_rms < 0.006
+    assert chart.seam_length == pytest.approx(0.1, rel=0.01)
+    width = np.sort(np.ptp(chart.uv, axis=0))
+    np.testing.assert_allclose(width, sorted([0.1, 2 * np.pi * 0.04]), rtol=0.02)
+    doubled = np.flatnonzero(np.bincount(chart.taxels) > 1)
+    assert len(doubled) == 12
+
+
+@pytest.mark.parametrize("ratio", [10, 100])
+def test_long_tubes_flatten(ratio):
+    vertices, faces = tube(12, 12 * ratio // 3, 1.0, 2.0 * ratio)
+    cut = open_surface(vertices, faces, hole_share=SHARE)
+    uv, method, _ = flatten_disc(vertices[cut.origin], cut.faces)
+    assert method == "balanced"
+    assert np.isfinite(uv).all()
+
+
+def test_a_closed_skin_flattens_without_flips(sphere):
+    vertices, _ = sphere
+    flat = flatten(build_surface(skin_from_points(0.1 * vertices, vertices)))
+    assert flat.flips == 0
+    assert np.isfinite(flat.uv).all()
