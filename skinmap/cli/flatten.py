@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from skinmap.flat.flat_map import Chart, FlatMap
 
 
+MESHES = (".stl", ".obj", ".ply", ".off", ".dae", ".glb")
+
+
 @click.command("flatten")
 @robot_argument
 @part_option
@@ -30,7 +33,9 @@ if TYPE_CHECKING:
 def command(
     robot: str, parts: tuple[str, ...], method: str, out: Path | None, as_json: bool
 ) -> None:
-    """Lay every patch of a robot's skin flat and measure the distortion.
+    """Lay every patch of a robot's skin, or any triangle mesh, flat and measure the distortion.
+
+    ROBOT is a built-in name (default: icub), the path of a manifest, or a mesh file.
 
     \b
     Example:  skinmap flatten icub --part torso --method bff --out maps
@@ -40,6 +45,9 @@ def command(
     from skinmap.surface.surface_mesh import build_surface
 
     flatteners.get(method)
+    if Path(robot).suffix.lower() in MESHES:
+        _flatten_file(Path(robot), method, as_json)
+        return
     loaded, names = open_robot(robot, parts)
     maps = {name: flatten(build_surface(loaded.skin(name)), method=method) for name in names}
     rows = [patch_row(name, chart) for name, flat in maps.items() for chart in flat.charts]
@@ -48,8 +56,44 @@ def command(
         seconds = sum(row["seconds"] for row in rows)
         emit({"robot": loaded.name, "patches": rows, "seconds": seconds, "files": files})
         return
+    _print(rows)
+    for file in files:
+        click.echo(str(Path(out or ".") / file))
+
+
+def _flatten_file(path: Path, method: str, as_json: bool) -> None:
+    from skinmap.errors import MissingFileError
+    from skinmap.flat.mesh_charts import flatten_mesh
+    from skinmap.io.urdf import read_mesh
+
+    if not path.is_file():
+        raise MissingFileError(path, "a mesh file")
+    charts = flatten_mesh(*read_mesh(path), method=method)
+    rows = [
+        {
+            "part": path.name,
+            "patch": number,
+            "vertices": len(chart.vertices),
+            "faces": len(chart.faces),
+            "holes": chart.holes,
+            "cut_mm": 1e3 * chart.seam_length,
+            "method": chart.method,
+            "fallback": chart.fallback,
+            **chart.distortion.summary(),
+            "seconds": chart.seconds,
+        }
+        for number, chart in enumerate(charts)
+    ]
+    if as_json:
+        seconds = sum(chart.seconds for chart in charts)
+        emit({"robot": path.name, "patches": rows, "seconds": seconds, "files": []})
+    else:
+        _print(rows)
+
+
+def _print(rows: list[dict[str, Any]]) -> None:
     table(
-        ["part", "patch", "taxels", "holes", "method", "flips", "edge rms %", "area sd", "angle"],
+        ["part", "patch", "vertices", "holes", "method", "flips", "edge rms %", "area sd", "angle"],
         [
             [
                 row["part"],
@@ -65,8 +109,6 @@ def command(
             for row in rows
         ],
     )
-    for file in files:
-        click.echo(str(Path(out or ".") / file))
 
 
 def patch_row(part: str, chart: Chart) -> dict[str, Any]:

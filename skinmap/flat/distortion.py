@@ -34,6 +34,11 @@ class Distortion:
     symmetric_dirichlet : (m,) float
         sigma_1^2 + sigma_2^2 + sigma_1^-2 + sigma_2^-2 >= 4 (Smith and Schaefer 2015);
         inf where a triangle flips.
+    stretch : (m,) float
+        L2 texture stretch sqrt((sigma_1^-2 + sigma_2^-2) / 2) >= 1 in the mean (Sander 2001);
+        inf where a triangle collapses.
+    arap : (m,) float
+        (sigma_1 - 1)^2 + (sigma_2 - 1)^2, 0 for an isometry (Liu 2008).
     edge_strain : (e,) float
         Scaled flat length over length on the skin, minus 1.
     edge_lengths : (e,) float
@@ -48,6 +53,8 @@ class Distortion:
     quasi_conformal: FloatArray
     area: FloatArray
     symmetric_dirichlet: FloatArray
+    stretch: FloatArray
+    arap: FloatArray
     edge_strain: FloatArray
     edge_lengths: FloatArray
     edges: IntArray
@@ -77,6 +84,8 @@ class Distortion:
             "quasi_conformal": spread(self.quasi_conformal, self.face_areas),
             "area_sd": self.area_sd,
             "symmetric_dirichlet": spread(self.symmetric_dirichlet, self.face_areas),
+            "stretch_l2": float(np.sqrt(np.average(self.stretch**2, weights=self.face_areas))),
+            "arap_energy": float(np.average(self.arap, weights=self.face_areas)),
             "edge_rms_percent": 100.0 * self.edge_rms,
         }
 
@@ -133,6 +142,8 @@ def measure_distortion(vertices: ArrayLike, faces: ArrayLike, uv: ArrayLike) -> 
         ratio,
         first * second,
         dirichlet,
+        np.sqrt(0.5 * inverse),
+        (first - 1.0) ** 2 + (second - 1.0) ** 2,
         flat_length / length - 1.0,
         length,
         pairs,

@@ -14,7 +14,12 @@ from skinmap.flat.cutting import open_surface
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.methods import flatteners
 from skinmap.flat.packing import pack, upright
-from skinmap.geometry.topology import boundary_loops, check_surface, euler_number, loop_length
+from skinmap.geometry.topology import (
+    boundary_loops,
+    check_surface,
+    euler_number,
+    loop_length,
+)
 from skinmap.geometry.triangles import signed_areas, smallest_altitudes
 from skinmap.surface.merge import close_loop
 from skinmap.surface.surface_mesh import SurfaceMesh

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -172,3 +173,19 @@ def test_inspect_leaves_repairs_out_when_asked():
     result = run_process("inspect", "--part", "left_foot", "--skip", "polish")
     assert result.returncode == 2
     assert "no repair step 'polish'; there is: units, thermal" in result.stderr
+
+
+def test_flatten_takes_any_mesh_file(tmp_path):
+    import trimesh
+
+    path = tmp_path / "tube.obj"
+    mesh = trimesh.creation.cylinder(0.05, 0.2, sections=32)
+    caps = np.abs(mesh.face_normals[:, 2]) > 0.5
+    mesh.update_faces(~caps)
+    mesh.export(path)
+    (row,) = run("flatten", str(path), "--method", "bff")["patches"]
+    assert (row["flips"], row["method"], row["fallback"]) == (0, "bff", False)
+    assert row["cut_mm"] == pytest.approx(200.0)
+    assert row["edge_rms_percent"] < 0.5
+    result = run_process("flatten", str(tmp_path / "gone.obj"))
+    assert (result.returncode, "no file" in result.stderr) == (2, True)

@@ -17,6 +17,8 @@ def test_plane_to_itself_is_perfect(square_grid):
     assert_allclose(d.quasi_conformal, 1.0, atol=1e-7)
     assert_allclose(d.area, 1.0, atol=1e-12)
     assert_allclose(d.symmetric_dirichlet, 4.0, atol=1e-12)
+    assert_allclose(d.stretch, 1.0, atol=1e-12)
+    assert_allclose(d.arap, 0.0, atol=1e-12)
     assert d.edge_rms < 1e-12
     assert d.area_sd < 1e-12
     assert d.flips == 0
@@ -29,6 +31,9 @@ def test_stretch_by_two_has_its_closed_form(square_grid):
     assert_allclose(d.quasi_conformal, 2.0, rtol=1e-9)
     assert_allclose(d.area, 1.0, rtol=1e-12)
     assert_allclose(d.symmetric_dirichlet, 5.0, rtol=1e-9)
+    # sqrt((1/2 + 2) / 2), and (sqrt(2) - 1)^2 + (1/sqrt(2) - 1)^2.
+    assert_allclose(d.stretch, np.sqrt(1.25), rtol=1e-9)
+    assert_allclose(d.arap, (2**0.5 - 1) ** 2 + (0.5**0.5 - 1) ** 2, rtol=1e-9)
 
 
 def test_unrolled_cylinder_is_isometric_but_for_its_facets(half_cylinder, square_grid):

@@ -11,7 +11,7 @@ from skinmap.flat.flat_map import flatten, flatten_disc, limb_axis
 from skinmap.flat.methods import flatteners
 from skinmap.flat.packing import pack, upright
 from skinmap.geometry.topology import boundary_loops
-from skinmap.geometry.triangles import signed_areas
+from skinmap.geometry.triangles import face_areas, signed_areas
 
 FREE = ["bff", "fast", "lscm", "arap", "balanced", "slim", "accurate"]
 FIXED = ["tutte", "harmonic"]
@@ -170,3 +170,20 @@ def test_flatten_disc_refuses_reversed_faces(square_grid):
 def test_flatten_names_the_methods(prepared):
     with pytest.raises(UnknownNameError, match="no flattening method 'best'; there is: bff, fast"):
         flatten(prepared("left_hand").mesh, method="best")
+
+
+def test_flatten_mesh_takes_every_component_of_a_soup(square_grid, sphere):
+    from skinmap.flat.mesh_charts import flatten_mesh
+
+    grid, faces = square_grid(6)
+    ball, ball_faces = sphere
+    # As a mesh file comes: every face with corners of its own, and a vertex that none uses.
+    vertices = np.concatenate([grid[faces].reshape(-1, 3), ball[ball_faces].reshape(-1, 3) + 5.0])
+    soup = np.arange(len(vertices)).reshape(-1, 3)
+    vertices = np.concatenate([vertices, [[9.0, 9, 9]]])
+    flat, cut = sorted(flatten_mesh(vertices, soup), key=lambda chart: len(chart.vertices))
+    assert (len(flat.vertices), flat.seam_length) == (36, 0.0)
+    assert flat.distortion.edge_rms < 1e-7
+    assert cut.distortion.flips == 0
+    assert cut.seam_length > 0
+    assert face_areas(vertices[flat.vertices], flat.faces).sum() == pytest.approx(1.0)
