@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pyvista as pv
 
-from skinmap.arrays import FloatArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.proximity import median_spacing
+from skinmap.geometry.triangles import edge_lengths
 from skinmap.live.touches import NamedTouch
 from viewer.colours import DOT, FAINT, PANEL, RIM, class_colour
 from viewer.outlines import OutlineLayer
@@ -21,6 +22,9 @@ ROWS = 6  # touches that the list shows
 MAP_LOW, MAP_HIGH, MAP_SIDE = 0.34, 0.86, 0.07  # where the map lies, in shares of the panel
 BARS = (0.1, 0.05, 0.02, 0.01, 0.005)  # lengths of the scale bar [m]
 DOT_PX = 3.0  # largest radius of a dot [px]
+
+
+SEAM_STRETCH = 3.0  # longer against the skin than any flat triangle becomes
 
 
 class FlatPanel:
@@ -93,7 +97,8 @@ class FlatPanel:
         layer, uv = self.layers[part], self.flat_maps[part].uv
         if part not in self._sheets:
             self._uv[part] = _lifted(layer.fine.linear @ np.nan_to_num(uv), 0.0)
-            sheet = make_mesh(self._uv[part], layer.fine.faces)
+            faces = _off_seams(self._uv[part], layer.fine.positions, layer.fine.faces)
+            sheet = make_mesh(self._uv[part], faces)
             sheet.point_data[PRESSURE] = np.zeros(len(self._uv[part]), np.float32)
             self._sheets[part] = sheet
         used = np.isfinite(uv[:, 0])
@@ -180,3 +185,9 @@ def caption(touch: NamedTouch) -> str:
 
 def _lifted(uv: FloatArray, height: float) -> FloatArray:
     return np.column_stack([uv, np.full(len(uv), height)])
+
+
+def _off_seams(uv: FloatArray, points: FloatArray, faces: IntArray) -> IntArray:
+    """Faces that the flat map keeps whole: those on a seam would lie right across it."""
+    flat, round_ = edge_lengths(uv, faces).max(axis=1), edge_lengths(points, faces).max(axis=1)
+    return np.asarray(faces[flat <= SEAM_STRETCH * round_])

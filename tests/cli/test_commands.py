@@ -189,3 +189,21 @@ def test_flatten_takes_any_mesh_file(tmp_path):
     assert row["edge_rms_percent"] < 0.5
     result = run_process("flatten", str(tmp_path / "gone.obj"))
     assert (result.returncode, "no file" in result.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("inspect", "--part", "left_foot", "--fit"),
+        ("flatten", "--part", "left_hand"),
+        ("structures", "--part", "left_hand"),
+    ],
+)
+def test_every_key_that_json_has_is_documented(words):
+    from pathlib import Path
+
+    text = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
+    result = run(*words)
+    rows = [row for value in result.values() if isinstance(value, list) for row in value]
+    keys = {*result, *(key for row in rows if isinstance(row, dict) for key in row)}
+    assert [key for key in sorted(keys) if f"`{key}`" not in text] == []
