@@ -18,9 +18,11 @@ from skinmap.cli.common import (
 )
 
 if TYPE_CHECKING:
+    from skinmap.arrays import FloatArray
     from skinmap.flat.flat_map import Chart, FlatMap
 
 
+MOST_GEODESIC = 20_000  # vertices: exact geodesics of more take minutes
 MESHES = (".stl", ".obj", ".ply", ".off", ".dae", ".glb")
 
 
@@ -50,7 +52,11 @@ def command(
         return
     loaded, names = open_robot(robot, parts)
     maps = {name: flatten(build_surface(loaded.skin(name)), method=method) for name in names}
-    rows = [patch_row(name, chart) for name, flat in maps.items() for chart in flat.charts]
+    rows = [
+        patch_row(name, chart, flat.mesh.vertices[chart.taxels])
+        for name, flat in maps.items()
+        for chart in flat.charts
+    ]
     files = write_maps(maps, out) if out is not None else []
     if as_json:
         seconds = sum(row["seconds"] for row in rows)
@@ -63,12 +69,14 @@ def command(
 
 def _flatten_file(path: Path, method: str, as_json: bool) -> None:
     from skinmap.errors import MissingFileError
+    from skinmap.flat.geodesic import geodesic_stress
     from skinmap.flat.mesh_charts import flatten_mesh
     from skinmap.io.urdf import read_mesh
 
     if not path.is_file():
         raise MissingFileError(path, "a mesh file")
-    charts = flatten_mesh(*read_mesh(path), method=method)
+    vertices, faces = read_mesh(path)
+    charts = flatten_mesh(vertices, faces, method=method)
     rows = [
         {
             "part": path.name,
@@ -80,6 +88,9 @@ def _flatten_file(path: Path, method: str, as_json: bool) -> None:
             "method": chart.method,
             "fallback": chart.fallback,
             **chart.distortion.summary(),
+            "geodesic_stress": geodesic_stress(vertices[chart.vertices], chart.faces, chart.uv)
+            if len(chart.vertices) <= MOST_GEODESIC
+            else None,
             "seconds": chart.seconds,
         }
         for number, chart in enumerate(charts)
@@ -111,8 +122,10 @@ def _print(rows: list[dict[str, Any]]) -> None:
     )
 
 
-def patch_row(part: str, chart: Chart) -> dict[str, Any]:
-    """The numbers of one chart, ready for JSON."""
+def patch_row(part: str, chart: Chart, vertices: FloatArray) -> dict[str, Any]:
+    """The numbers of one chart with vertices (k, 3) [m], ready for JSON."""
+    from skinmap.flat.geodesic import geodesic_stress
+
     return {
         "part": part,
         "patch": chart.patch,
@@ -123,6 +136,7 @@ def patch_row(part: str, chart: Chart) -> dict[str, Any]:
         "method": chart.method,
         "fallback": chart.fallback,
         **chart.distortion.summary(),
+        "geodesic_stress": geodesic_stress(vertices, chart.faces, chart.uv),
         "seconds": chart.seconds,
     }
 

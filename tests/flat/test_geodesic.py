@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinmap.flat.geodesic import _inside, geodesic_stress
+
+
+def test_a_plane_has_no_stress(square_grid):
+    vertices, faces = square_grid(7)
+    # Exact geodesics are sums of square roots: half of the digits are left.
+    assert geodesic_stress(vertices, faces, vertices[:, :2]) < 1e-7
+
+
+def test_an_unrolled_cylinder_has_the_stress_of_its_facets(half_cylinder, square_grid):
+    vertices, faces = half_cylinder
+    flat, _ = square_grid(15)
+    # Facets are 0.19 % short of the arc, and the diagonals bend once a facet.
+    assert geodesic_stress(vertices, faces, flat[:, :2]) < 0.003
+
+
+def test_a_notch_does_not_count(square_grid):
+    vertices, faces = square_grid(11)
+    middle = vertices[faces].mean(axis=1)
+    notch = (np.abs(middle[:, 0] - 0.5) < 0.11) & (middle[:, 1] > 0.35)
+    used, compact = np.unique(faces[~notch], return_inverse=True)
+    points, horseshoe = vertices[used], compact.reshape(-1, 3)
+    uv = points[:, :2]
+    assert geodesic_stress(points, horseshoe, uv) < 1e-7
+    corner = int(np.argmin(np.linalg.norm(uv - [0, 1], axis=1)))
+    other = int(np.argmin(np.linalg.norm(uv - [1, 1], axis=1)))
+    free = _inside(uv, horseshoe, corner)
+    assert not free[other]
+    assert free[int(np.argmin(np.linalg.norm(uv, axis=1)))]  # straight down along the border
+
+
+def test_stress_of_a_stretch_has_its_closed_form(square_grid):
+    vertices, faces = square_grid(5)
+    uv = vertices[:, :2] * [2.0, 1.0]
+    step = vertices[:, None, :2] - vertices[None, :, :2]
+    real = np.linalg.norm(step, axis=2)
+    flat = np.linalg.norm(step * [2**0.5, 0.5**0.5], axis=2)  # at the scale that keeps the area
+    expected = np.sqrt(((flat - real) ** 2).sum() / (real**2).sum())
+    assert geodesic_stress(vertices, faces, uv, sources=25) == pytest.approx(expected, rel=1e-6)
+
+
+def test_stress_of_the_icub_is_small(prepared):
+    flat = prepared("left_forearm").flat
+    for chart in flat.charts:
+        vertices = flat.mesh.vertices[chart.taxels]
+        assert geodesic_stress(vertices, chart.faces, chart.uv) < 0.012
