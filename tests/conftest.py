@@ -94,3 +94,17 @@ def sphere():
 
     mesh = trimesh.creation.icosphere(subdivisions=2)
     return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
+
+
+@pytest.fixture(scope="session")
+def same_table():
+    """A function: whether two tables hold the same bits."""
+
+    def check(one, other) -> None:
+        for name in ("channels", "modules", "positions", "normals"):
+            a, b = getattr(one, name), getattr(other, name)
+            assert a.dtype == b.dtype
+            # Bytes, not values: 0.0 equals -0.0 and yet differs.
+            assert np.ascontiguousarray(a).tobytes() == np.ascontiguousarray(b).tobytes(), name
+
+    return check

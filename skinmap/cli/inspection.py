@@ -10,6 +10,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import UnknownNameError
+from skinmap.io.drawing import read_drawing
 from skinmap.io.readers import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
 from skinmap.skin.fit import SkinFit, measure_fit
@@ -47,6 +48,16 @@ def inspect_part(robot: Robot, name: str, *, fit: bool = False) -> dict[str, Any
         row["module_side_mm"] = check.side * MM
         row["swapped"] = {str(module): there for module, there in check.swapped.items()}
         warnings += _module_warnings(check, spec.layout.side)
+    if spec.drawing is not None:
+        drawn = read_drawing(spec.drawing).channels
+        missing = np.setdiff1d(report.table.channels, drawn)
+        extra = np.setdiff1d(drawn, report.table.channels)
+        row["drawing"] = {"taxels": len(drawn), "missing": len(missing), "extra": len(extra)}
+        if len(missing) or len(extra):
+            warnings.append(
+                f"{spec.drawing.name} is another skin's: {len(missing)} taxels are not drawn, "
+                f"{len(extra)} drawn ones are not in the table"
+            )
     twin = _twin(name)
     if twin in robot.parts:
         others = robot.repair(twin).table.positions
@@ -189,6 +200,8 @@ def _judged(row: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
     verdict = "ok"
     if any("swapped" in text or "URDF has others" in text for text in warnings):
         verdict = "check the module numbers against the hardware"
+    if any("another skin's" in text for text in warnings):
+        verdict = "name the drawing that belongs to the table"
     if any("normals point" in text or "off the link" in text for text in warnings):
         verdict = "check frame and unit"
     if any("still share" in text for text in warnings):

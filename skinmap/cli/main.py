@@ -17,6 +17,7 @@ from skinmap.errors import SkinError
 # name: (module, one line for the list); the module holds a click command called `command`.
 COMMANDS = {
     "inspect": ("skinmap.cli.inspect", "What a robot's skin is made of, and whether it fits."),
+    "export": ("skinmap.cli.export", "Taxels of a part in the formats of others."),
     "flatten": ("skinmap.cli.flatten", "Flat maps of the skin and what they distort."),
     "structures": ("skinmap.cli.structures", "Periodic neighbourhood structures of the layout."),
     "simulate": ("skinmap.cli.simulate", "Simulated touches on the skin, as a recording."),

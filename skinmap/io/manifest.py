@@ -72,8 +72,8 @@ def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
         raise MissingFileError(path, "a robot manifest (.toml)")
     try:
         document = tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as error:
-        raise DataFormatError(f"not TOML: {error}", path) from None
+    except (ValueError, RecursionError) as error:  # huge numbers and deep nests are no TOML errors
+        raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
     unknown = set(document) - {"robot", "part"}
     if unknown:
         raise DataFormatError(f"unknown tables {sorted(unknown)}; there is: robot, part", path)
@@ -144,6 +144,7 @@ def _part(entry: dict[str, Any], path: Path, inside: Path | None) -> Part:
         _reader(table, entry.get("format"), _metres(entry.get("units", "m"))),
         layout,
         entry.get("frame", AUTO),
+        beside(path, entry["drawing"], inside) if "drawing" in entry else None,
     )
 
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from skinmap.errors import MissingFileError, UnknownNameError
+from skinmap.errors import UnknownNameError
 from skinmap.io.icub import read_icub
+from skinmap.io.skinware import read_skinware
 from skinmap.io.table import read_csv
+from skinmap.io.tactile_urdf import read_tactile_urdf
+from skinmap.io.text import check_file
 from skinmap.registry import Registry
 from skinmap.skin.taxels import TaxelTable
 
@@ -15,7 +18,10 @@ Reader = Callable[[Path], TaxelTable]
 readers: Registry[Reader] = Registry("taxel format", "skinmap.readers")
 readers.register("csv")(read_csv)
 readers.register("icub")(read_icub)
-SUFFIXES = {".csv": "csv", ".txt": "icub"}
+readers.register("skinware")(read_skinware)
+readers.register("urdf")(read_tactile_urdf)
+# `skin.calib` is the name that Skinware gives its database.
+SUFFIXES = {".csv": "csv", ".txt": "icub", ".calib": "skinware", ".urdf": "urdf"}
 
 
 def read_taxels(path: Path, format: str | None = None) -> TaxelTable:
@@ -24,12 +30,11 @@ def read_taxels(path: Path, format: str | None = None) -> TaxelTable:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or one that does not follow its format.
+        No such file, one that does not follow its format, or one that is too large.
     UnknownNameError
         A format that no reader has.
     """
-    if not path.is_file():
-        raise MissingFileError(path, "a taxel table")
+    check_file(path, "a taxel table")
     if format is None:
         if path.suffix.lower() not in SUFFIXES:
             raise UnknownNameError("reader for files ending in", path.suffix, SUFFIXES)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
+from array import array
 from pathlib import Path
 
 import numpy as np
 
 from skinmap.errors import DataFormatError, InvalidArrayError
-from skinmap.io.text import parse_floats, read_text
+from skinmap.io.text import MOST_CHANNEL, parse_floats, read_text
 from skinmap.skin.taxels import TaxelTable
 
 COLUMNS = ("channel", "module", "x", "y", "z", "nx", "ny", "nz")
@@ -23,31 +24,41 @@ def read_csv(path: Path) -> TaxelTable:
     DataFormatError
         Wrong header, column count, number, channel or module (says which line).
     """
-    rows = list(csv.reader(io.StringIO(read_text(path))))
-    if not rows or tuple(cell.strip() for cell in rows[0]) != COLUMNS:
-        came = ",".join(rows[0]) if rows else "an empty file"
-        raise DataFormatError(f"expected the header {','.join(COLUMNS)}, got {came!r}", path, 1)
-    values = []
-    for line, row in enumerate(rows[1:], start=2):
-        if not row:
-            continue
-        if len(row) != len(COLUMNS):
-            raise DataFormatError(f"expected {len(COLUMNS)} columns, got {len(row)}", path, line)
-        numbers = parse_floats(row, path, line)
-        if numbers[0] != int(numbers[0]) or numbers[1] != int(numbers[1]) or numbers[0] < 0:
-            raise DataFormatError(
-                f"channel and module must be whole numbers, got {row[0]} and {row[1]}", path, line
-            )
-        values.append(numbers)
+    reader = csv.reader(io.StringIO(read_text(path)))
+    values = array("d")  # a list of lists would take ten times the file's size
+    try:
+        header = next(reader, None)
+        if header is None or tuple(cell.strip() for cell in header) != COLUMNS:
+            came = ",".join(header)[:200] if header is not None else "an empty file"
+            raise DataFormatError(f"expected the header {','.join(COLUMNS)}, got {came!r}", path, 1)
+        for row in reader:
+            if row:
+                values.extend(_numbers(row, path, reader.line_num))
+    except csv.Error as error:
+        raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
     if not values:
         raise DataFormatError("the table has no taxel", path, 1)
-    table = np.array(values)
+    table = np.array(values).reshape(-1, len(COLUMNS))
     try:
         return TaxelTable(
             table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:5], table[:, 5:]
         )
     except InvalidArrayError as error:
         raise DataFormatError(str(error), path) from None
+
+
+def _numbers(row: list[str], path: Path, line: int) -> list[float]:
+    if len(row) != len(COLUMNS):
+        raise DataFormatError(f"expected {len(COLUMNS)} columns, got {len(row)}", path, line)
+    numbers = parse_floats(row, path, line)
+    channel, module = numbers[:2]
+    if channel != int(channel) or module != int(module) or channel < 0:
+        raise DataFormatError(
+            f"channel and module must be whole numbers, got {row[0]} and {row[1]}", path, line
+        )
+    if max(channel, abs(module)) > MOST_CHANNEL:
+        raise DataFormatError(f"channel or module beyond {MOST_CHANNEL}", path, line)
+    return numbers
 
 
 def write_csv(table: TaxelTable, path: Path) -> None:

@@ -3,10 +3,41 @@
 from __future__ import annotations
 
 import math
+import stat
 from collections.abc import Sequence
 from pathlib import Path
 
 from skinmap.errors import DataFormatError, MissingFileError
+
+MOST_BYTES = 64 * 2**20  # the largest real table has 0.1 MB; more is another kind of file
+MOST_WHOLE = 2**53  # beyond it a float has no room for every whole number
+# Channels and modules are counted, so a number beyond this is damage; it also keeps sums in range.
+MOST_CHANNEL = 2**31 - 1
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a regular file, for any path that a file may name."""
+    try:
+        return stat.S_ISREG(path.stat().st_mode)
+    except (OSError, ValueError):  # a name that is too long, or with a NUL in it
+        return False
+
+
+def check_file(path: Path, expected: str, most_bytes: int = MOST_BYTES) -> None:
+    """Refuse what is no regular file, or too large, before any of it is read.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file (`expected` says what it should be), or one above `most_bytes`.
+    """
+    if not is_file(path):
+        raise MissingFileError(path, expected)
+    size = path.stat().st_size
+    if size > most_bytes:
+        raise DataFormatError(
+            f"{size / 2**20:.0f} MB; at most {most_bytes / 2**20:.0f} MB are read", path
+        )
 
 
 def read_text(path: Path) -> str:
@@ -15,19 +46,18 @@ def read_text(path: Path) -> str:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or not text.
+        No such file, not text, or above 64 MB.
     """
+    check_file(path, "a text file")
     try:
         return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise MissingFileError(path, "a text file") from None
     except UnicodeDecodeError as error:
         raise DataFormatError(f"not a text file ({error.reason})", path) from None
     except OSError as error:
         raise DataFormatError(f"cannot be read: {error.strerror}", path) from None
 
 
-def parse_floats(words: Sequence[str], path: Path, line: int) -> list[float]:
+def parse_floats(words: Sequence[str], path: Path, line: int | None) -> list[float]:
     """Finite numbers from the words of one line.
 
     Raises
@@ -38,10 +68,46 @@ def parse_floats(words: Sequence[str], path: Path, line: int) -> list[float]:
     values = []
     for word in words:
         try:
-            value = float(word)
+            value = float(_plain(word))
         except ValueError:
-            raise DataFormatError(f"expected a number, got {word.strip()!r}", path, line) from None
+            raise DataFormatError(f"expected a number, got {_shown(word)}", path, line) from None
         if not math.isfinite(value):
-            raise DataFormatError(f"expected a finite number, got {word.strip()!r}", path, line)
+            raise DataFormatError(f"expected a finite number, got {_shown(word)}", path, line)
         values.append(value)
     return values
+
+
+def parse_whole(
+    words: Sequence[str], path: Path, line: int | None, *, most: int = MOST_WHOLE
+) -> list[int]:
+    """Whole numbers in -most..most from the words of one line.
+
+    Raises
+    ------
+    DataFormatError
+        A word that is no whole number, or one out of range.
+    """
+    values = []
+    for word in words:
+        try:
+            value = int(_plain(word))
+        except ValueError:
+            raise DataFormatError(
+                f"expected a whole number, got {_shown(word)}", path, line
+            ) from None
+        if abs(value) > most:
+            raise DataFormatError(f"{_shown(word)} is beyond {most}", path, line)
+        values.append(value)
+    return values
+
+
+def _plain(word: str) -> str:
+    """The word, unless only Python would call it a number (1_000, other scripts' digits)."""
+    if "_" in word or not word.isascii():
+        raise ValueError(word)
+    return word
+
+
+def _shown(word: str) -> str:
+    text = word.strip()
+    return repr(text if len(text) <= 40 else text[:37] + "...")

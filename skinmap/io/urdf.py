@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,6 +18,13 @@ from skinmap.errors import (
 )
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.rigid import check_transform, transform_points
+from skinmap.io.safe_xml import read_xml
+from skinmap.io.text import check_file, is_file
+from skinmap.io.urdf_check import read_urdf
+
+# trimesh reads more, archives and scene formats among them, that may name or unpack other files.
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".glb", ".gltf", ".off")
+MOST_MESH_BYTES = 512 * 2**20
 
 
 class UrdfBody:
@@ -32,20 +40,23 @@ class UrdfBody:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or one that is no URDF.
+        No such file, or one that is no URDF, whose joints go in a circle, or with XML entities.
     """
 
     def __init__(self, path: Path, *, inside: Path | None = None) -> None:
         import yourdfpy
+        from lxml import etree
 
-        if not path.is_file():
-            raise MissingFileError(path, "a URDF file")
+        root = read_urdf(path)
         self.path, self.inside = path, inside
         # yourdfpy warns about every material it does not know; none of them matters here.
         logging.getLogger("yourdfpy").setLevel(logging.ERROR)
         try:
             self._urdf = yourdfpy.URDF.load(
-                str(path), build_scene_graph=True, load_meshes=False, load_collision_meshes=False
+                io.BytesIO(etree.tostring(root, encoding="utf-8")),  # what was checked, no more
+                build_scene_graph=True,
+                load_meshes=False,
+                load_collision_meshes=False,
             )
         except Exception as error:  # lxml, yourdfpy and numpy each raise their own kinds
             raise DataFormatError(f"not a URDF that can be read: {error}", path) from error
@@ -128,11 +139,11 @@ class UrdfBody:
             package, _, rest = name.removeprefix("package://").partition("/")
             for folder in self.path.resolve().parents:
                 for root in (folder, folder / package):
-                    if root.name == package and (root / rest).is_file():
+                    if root.name == package and is_file(root / rest):
                         return root / rest
             raise MissingFileError(name, f"a mesh in a folder {package!r} above {self.path.name}")
         path = self.path.parent / name.removeprefix("file://")
-        if not path.is_file():
+        if not is_file(path):
             raise MissingFileError(path, "a mesh that the URDF names")
         return path
 
@@ -142,11 +153,16 @@ def read_mesh(path: Path) -> tuple[FloatArray, np.ndarray]:
 
     Raises
     ------
-    DataFormatError
-        Not a mesh that can be read, or one without a triangle.
+    MissingFileError, DataFormatError
+        No such file, not a mesh that can be read, one without a triangle, or above 512 MB.
     """
     import trimesh
 
+    check_file(path, "a mesh", MOST_MESH_BYTES)
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise DataFormatError(f"not a mesh; there is: {', '.join(MESH_SUFFIXES)}", path)
+    if path.suffix.lower() == ".dae":
+        read_xml(path, "a COLLADA mesh", MOST_MESH_BYTES)  # COLLADA is XML with all its doors
     try:
         mesh = trimesh.load_mesh(str(path))
         vertices = np.asarray(mesh.vertices, np.float64)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -58,6 +59,8 @@ class Part:
     frame : str
         Frame that the positions are in: a link of the body, or "auto": the part's link, or
         `<link>_dh_frame` where the body has one and the taxels fit the link better from there.
+    drawing : Path or None
+        A hand-drawn 2D layout of the part to compare with.
     """
 
     name: str
@@ -65,6 +68,7 @@ class Part:
     read: Callable[[], TaxelTable]
     layout: ModuleLayout | None = None
     frame: str = AUTO
+    drawing: Path | None = None
 
 
 @dataclass(eq=False)

@@ -207,3 +207,31 @@ def test_every_key_that_json_has_is_documented(words):
     rows = [row for value in result.values() if isinstance(value, list) for row in value]
     keys = {*result, *(key for row in rows if isinstance(row, dict) for key in row)}
     assert [key for key in sorted(keys) if f"`{key}`" not in text] == []
+
+
+@pytest.mark.parametrize(("drawing", "missing"), [("left_arm_V2_7.ini", 0), ("left_arm.ini", None)])
+def test_inspect_compares_with_a_drawing(tmp_path, drawing, missing):
+    import shutil
+    from pathlib import Path
+
+    gui = Path(__file__).parents[3] / "shared" / "data" / "icub-main" / "skinGui"
+    if not gui.is_dir():
+        pytest.skip("the drawings of icub-main are not beside the checkout")
+    from skinmap.io.manifest import data_folder
+
+    shutil.copy(data_folder() / "icub" / "taxels" / "left_arm.csv", tmp_path)
+    shutil.copy(gui / drawing, tmp_path)
+    path = tmp_path / "arm.toml"
+    path.write_text(
+        '[robot]\nname = "arm"\nurdf = "icub-models:iCubGazeboV2_7"\n[[part]]\nname = "left_arm"\n'
+        f'link = "l_upper_arm"\ntaxels = "left_arm.csv"\ndrawing = "{drawing}"\n'
+    )
+    result = run_process("inspect", str(path), "--json")
+    assert result.returncode == 0, result.stderr
+    (part,) = json.loads(result.stdout)["parts"]
+    if missing == 0:
+        assert (part["drawing"]["missing"], part["drawing"]["extra"]) == (0, 0)
+        assert part["verdict"] == "ok"
+    else:
+        assert part["drawing"]["missing"] > 0
+        assert part["verdict"] == "name the drawing that belongs to the table"

@@ -1,0 +1,108 @@
+"""`skinmap export`: taxels in the formats of others."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_argument
+
+if TYPE_CHECKING:
+    from skinmap.skin.taxels import TaxelTable
+
+FORMATS = ("csv", "icub", "urdf", "ply", "vtp")
+
+
+@click.command("export")
+@robot_argument
+@part_option
+@click.option(
+    "--format", "format", type=click.Choice(FORMATS), default="csv", show_default=True,
+    help="Format to write.",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), required=True, help="File to write."
+)
+@click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
+@click.option("--read-as", help="Format of a bare table, if its suffix does not tell.")
+@json_option
+def command(
+    robot: str,
+    parts: tuple[str, ...],
+    format: str,
+    output: Path,
+    unrepaired: bool,
+    read_as: str | None,
+    as_json: bool,
+) -> None:
+    """Write the taxels of a part: csv, icub (positions .txt), urdf (tactile extension), ply, vtp.
+
+    ROBOT is a built-in name (default: icub), the path of a manifest, or a bare taxel table. The
+    taxels of a robot are repaired and in the frame of their link, those of a bare table as they
+    are.
+
+    \b
+    Example:  skinmap export icub --part torso --format icub -o torso.txt
+    Example:  skinmap export torso.txt --format csv -o torso.csv
+    """
+    from skinmap.io.output import staged_file
+
+    name, part, table = _table(robot, parts, unrepaired, read_as)
+    with staged_file(output) as stage:
+        _write(table, stage, format, name, part)
+    row = _row(part, table)
+    if as_json:
+        emit({"robot": name, "format": format, "parts": [row], "files": [output]})
+        return
+    click.echo(f"{part}: {row['taxels']} taxels, {row['modules']} modules")
+    click.echo(str(output))
+
+
+def _table(
+    robot: str, parts: tuple[str, ...], unrepaired: bool, read_as: str | None
+) -> tuple[str, str, TaxelTable]:
+    """Names of the robot and the part, and the taxels."""
+    from skinmap.io.readers import SUFFIXES, read_taxels
+    from skinmap.skin.taxels import TaxelTable
+
+    path = Path(robot)
+    if read_as is not None or path.suffix.lower() in SUFFIXES:
+        if parts:
+            raise click.UsageError(f"--part is for a robot; {robot} is a bare table")
+        return path.stem, path.stem, read_taxels(path, read_as)
+    loaded, names = open_robot(robot, parts)
+    if len(names) > 1:
+        raise click.UsageError(f"a file holds one part, --part chooses it: {', '.join(names)}")
+    (name,) = names
+    link = loaded.part(name).link
+    if unrepaired:
+        read = loaded.part(name).read()
+        return loaded.name, name, dataclasses.replace(read, link=read.link or link)
+    skin = loaded.skin(name)
+    table = TaxelTable(skin.channels, skin.modules, skin.positions, skin.normals, link=link)
+    return loaded.name, name, table
+
+
+def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) -> None:
+    from skinmap.io import export
+    from skinmap.io.table import write_csv
+
+    if format == "urdf":
+        export.write_tactile_urdf({part: table}, path, robot=robot)
+    elif format == "icub":
+        export.write_icub(table, path, name=table.link or "_".join(part.split()))
+    else:
+        {"csv": write_csv, "ply": export.write_ply, "vtp": export.write_vtp}[format](table, path)
+
+
+def _row(part: str, table: TaxelTable) -> dict[str, Any]:
+    return {
+        "name": part,
+        "link": table.link,
+        "channels": int(table.channels[-1]) + 1,
+        "taxels": len(table),
+        "modules": len(set(table.modules.tolist())),
+    }

@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+from skinmap.io.icub import read_icub
+from skinmap.io.readers import read_taxels
+
+
+def run(*words: str) -> dict:
+    result = CliRunner().invoke(cli, ["export", *words, "--json"], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def test_export_writes_a_part_that_existing_users_can_read(tmp_path, icub):
+    path = tmp_path / "torso.txt"
+    result = run("icub", "--part", "torso", "--format", "icub", "-o", str(path))
+    assert result["files"] == [str(path)]
+    assert result["parts"] == [
+        {"name": "torso", "link": "chest", "channels": 756, "taxels": 430, "modules": 43}
+    ]
+    table, skin = read_icub(path), icub.skin("torso")
+    assert table.link == "chest"
+    for name in ("channels", "modules", "positions", "normals"):
+        np.testing.assert_array_equal(getattr(table, name), getattr(skin, name))
+
+
+def test_export_of_what_was_exported_changes_nothing(tmp_path, same_table):
+    first = tmp_path / "a.csv"
+    run("icub", "--part", "left_foot", "--format", "csv", "-o", str(first))
+    for format, name in (("icub", "b.txt"), ("urdf", "c.urdf"), ("csv", "d.csv")):
+        second = tmp_path / name
+        run(str(first), "--format", format, "-o", str(second))
+        same_table(read_taxels(second), read_taxels(first))
+        first = second
+
+
+@pytest.mark.parametrize("format", ["ply", "vtp"])
+def test_export_for_viewers(tmp_path, format):
+    path = tmp_path / f"t.{format}"
+    assert (
+        run("--part", "left_hand", "--format", format, "-o", str(path))["parts"][0]["modules"] == 4
+    )
+    assert path.stat().st_size > 2000
+
+
+def test_export_unrepaired_writes_what_the_file_says(tmp_path, icub, same_table):
+    path = tmp_path / "t.csv"
+    run("icub", "--part", "right_hand", "--unrepaired", "-o", str(path))
+    same_table(read_taxels(path), icub.part("right_hand").read())
+
+
+def test_export_reads_a_bare_table_in_a_format_that_is_named(tmp_path):
+    (tmp_path / "skin.db").write_text("1\n0 5 1000000 0 0 0 0 1000000000 1 0\n")
+    result = run(str(tmp_path / "skin.db"), "--read-as", "skinware", "-o", str(tmp_path / "t.csv"))
+    assert result["robot"] == result["parts"][0]["name"] == "skin"
+    np.testing.assert_array_equal(read_taxels(tmp_path / "t.csv").positions, [[1e-3, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("icub",), "a file holds one part, --part chooses it: torso, left_arm"),
+        (("icub", "--part", "tail"), "no part 'tail'; there is: torso"),
+        (("gone.csv",), r"no file 'gone\.csv'; expected a taxel table"),
+        (("gone.csv", "--part", "torso"), "--part is for a robot"),
+        (("gone.csv", "--read-as", "excel"), "no file"),
+        (("icub", "--part", "torso", "--format", "excel"), "'excel' is not one of 'csv'"),
+    ],
+)
+def test_export_says_what_is_wrong_and_writes_nothing(tmp_path, monkeypatch, words, message):
+    import re
+
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(cli, ["export", *words, "-o", "t.out"])
+    assert isinstance(result.exception, SkinError | SystemExit)
+    text = str(result.exception) if isinstance(result.exception, SkinError) else result.output
+    assert re.search(message, " ".join(text.split()))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_export_for_people(tmp_path):
+    path = str(tmp_path / "t.csv")
+    result = CliRunner().invoke(cli, ["export", "--part", "left_hand", "-o", path])
+    assert result.exit_code == 0
+    assert result.output.split("\n")[:2] == ["left_hand: 48 taxels, 4 modules", path]
