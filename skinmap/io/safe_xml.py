@@ -9,6 +9,7 @@ from skinmap.errors import DataFormatError
 from skinmap.io.text import MOST_BYTES, check_file
 
 FORBIDDEN = (b"<!DOCTYPE", b"<!ENTITY")  # the door of entity bombs and of external references
+MOST_TAGS = 200_000  # the parsed tree takes some 500 bytes for each
 INCLUDE = "{http://www.w3.org/2001/XInclude}"
 
 
@@ -34,6 +35,8 @@ def read_xml(path: Path, expected: str, most_bytes: int = MOST_BYTES) -> Any:
         if word in data:
             line = data[: data.index(word)].count(b"\n") + 1
             raise DataFormatError(f"{word.decode()} is not allowed (entities)", path, line)
+    if data.count(b"<") > MOST_TAGS:
+        raise DataFormatError(f"more than {MOST_TAGS} tags", path)
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,

@@ -80,7 +80,7 @@ def _rows(path: Path) -> IntArray:
                 f"uid {numbers[UID]} is no channel (0..{MOST_CHANNEL})", path, line
             )
         values.extend(numbers)
-    rows = np.array(values, np.int64).reshape(-1, len(COLUMNS))
+    rows = np.frombuffer(values, np.int64).reshape(-1, len(COLUMNS))
     if count < 1:
         raise DataFormatError("expected the number of taxels, at least 1", path, count_line)
     if len(rows) != count:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from array import array
 from pathlib import Path
 
@@ -24,7 +23,7 @@ def read_csv(path: Path) -> TaxelTable:
     DataFormatError
         Wrong header, column count, number, channel or module (says which line).
     """
-    reader = csv.reader(io.StringIO(read_text(path)))
+    reader = csv.reader(read_text(path).splitlines(keepends=True))
     values = array("d")  # a list of lists would take ten times the file's size
     try:
         header = next(reader, None)
@@ -38,7 +37,7 @@ def read_csv(path: Path) -> TaxelTable:
         raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
     if not values:
         raise DataFormatError("the table has no taxel", path, 1)
-    table = np.array(values).reshape(-1, len(COLUMNS))
+    table = np.frombuffer(values).reshape(-1, len(COLUMNS))
     try:
         return TaxelTable(
             table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:5], table[:, 5:]

@@ -22,7 +22,7 @@ from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import MOST_CHANNEL, parse_floats, parse_whole
 from skinmap.skin.taxels import TaxelTable
 
-MOST_TAXELS = 200_000  # a short line of XML can ask for any number of them
+MOST_TAXELS = 100_000  # a short line of XML can ask for any number of them
 ORDERS = {"row-major": True, "col-major": False, "column-major": False}
 SAME_DIRECTION = 1e-6  # between rpy and our exact normal; both come from the same numbers
 
@@ -115,26 +115,24 @@ def _sensor(element: Any, tactile: Any, path: Path, most: int) -> TaxelTable:
 
 def _taxels(elements: list[Any], path: Path) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
     """Channels (n,), modules (n,), positions (n, 3) and normals (n, 3) of a list of taxels."""
-    channels, modules, positions, normals = [], [], [], []
-    for element in elements:
+    n = len(elements)
+    channels, modules = np.empty(n, np.int64), np.empty(n, np.int64)
+    positions, normals = np.empty((n, 3)), np.empty((n, 3))
+    for row, element in enumerate(elements):
         line = element.sourceline
         words = [attribute(element, "idx", path), element.get("module", "0")]
-        channel, module = parse_whole(words, path, line, most=MOST_CHANNEL)
-        if channel < 0:
-            raise DataFormatError(f"idx starts at 0, got {channel}", path, line)
-        xyz, rpy = _pose(element, path)
-        normal = _rotation(rpy)[:, 2]
+        channels[row], modules[row] = parse_whole(words, path, line, most=MOST_CHANNEL)
+        if channels[row] < 0:
+            raise DataFormatError(f"idx starts at 0, got {channels[row]}", path, line)
+        positions[row], rpy = _pose(element, path)
+        normals[row] = _rotation(rpy)[:, 2]
         if element.get("normal") is not None:
             exact = np.array(_numbers(element, "normal", 3, path))
             length = float(np.linalg.norm(exact))
-            if length > 0 and np.abs(exact / length - normal).max() > SAME_DIRECTION:
+            if length > 0 and np.abs(exact / length - normals[row]).max() > SAME_DIRECTION:
                 raise DataFormatError("normal and rpy disagree", path, line)
-            normal = exact
-        channels.append(channel)
-        modules.append(module)
-        positions.append(xyz)
-        normals.append(normal)
-    return np.array(channels), np.array(modules), np.array(positions), np.array(normals)
+            normals[row] = exact
+    return channels, modules, positions, normals
 
 
 def _array(element: Any, path: Path, most: int) -> tuple[IntArray, FloatArray]:

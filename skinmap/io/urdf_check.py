@@ -13,7 +13,8 @@ from skinmap.errors import DataFormatError
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import parse_floats
 
-MOST_LINKS = 5_000  # a humanoid has some hundred; poses of more take minutes
+# A humanoid has some hundred links, ten deep. Poses take the cube of a chain's length.
+MOST_LINKS, MOST_DEPTH = 2_000, 200
 NUMBERS = {
     ("origin", "xyz"): (3,),
     ("origin", "rpy"): (3,),
@@ -85,17 +86,25 @@ def _ends(joint: Any, links: dict[str, Any], path: Path) -> tuple[str, str]:
 
 
 def _check_tree(links: dict[str, Any], parents: dict[str, str], path: Path) -> None:
-    """Every link must reach the one link without a parent."""
-    reaches: set[str] = set()
-    for link in links:
-        seen: dict[str, None] = {}
-        while link in parents and link not in reaches:
-            if link in seen:
-                circle = " > ".join([*list(seen)[list(seen).index(link) :], link])
+    """Every link must reach the one link without a parent, in not too many joints."""
+    depths: dict[str, int] = {}
+    for start in links:
+        way: dict[str, None] = {}  # from the link towards the root, up to where it is known
+        link = start
+        while link in parents and link not in depths:
+            if link in way:
+                circle = " > ".join([*list(way)[list(way).index(link) :], link])
                 raise DataFormatError(f"not a URDF: joints go in a circle: {circle}", path)
-            seen[link] = None
+            way[link] = None
             link = parents[link]
-        reaches.update(seen)
+        depth = depths.setdefault(link, 0)
+        for link in reversed(way):
+            depth += 1
+            depths[link] = depth
+        if depth > MOST_DEPTH:
+            raise DataFormatError(
+                f"a chain of {depth} joints ends at {start!r}, at most {MOST_DEPTH} are read", path
+            )
     roots = [link for link in links if link not in parents]
     if len(roots) > 1:
         raise DataFormatError(

@@ -102,6 +102,26 @@ def test_urdf_that_is_no_tree_of_links_is_refused(urdf, old, new, message):
         UrdfBody(urdf(old, new))
 
 
+def chain(n: int) -> str:
+    """A URDF of n links in a row."""
+    links = "".join(f'<link name="{i}"/>' for i in reversed(range(n)))
+    joints = "".join(
+        f'<joint name="{i}" type="fixed"><parent link="{i}"/><child link="{i + 1}"/></joint>'
+        for i in range(n - 1)
+    )
+    return f'<robot name="r">{links}{joints}</robot>'
+
+
+def test_chains_that_take_for_ever_are_refused(urdf):
+    assert len(UrdfBody(urdf(text=chain(201))).links) == 201
+    with pytest.raises(DataFormatError, match="a chain of 201 joints ends at '201', at most 200"):
+        UrdfBody(urdf(text=chain(202)))
+    with pytest.raises(DataFormatError, match="2001 links, at most 2000"):
+        UrdfBody(urdf(text=chain(2001)))
+    with pytest.raises(DataFormatError, match="more than 200000 tags"):
+        UrdfBody(urdf("</robot>", "<a/>" * 200_000 + "</robot>"))
+
+
 def test_a_joint_that_does_not_turn_may_have_no_axis(urdf):
     # The iCub's own URDF has such fixed joints.
     assert UrdfBody(urdf('<child link="c"/>', '<child link="c"/><axis xyz="0 0 0"/>')).links
