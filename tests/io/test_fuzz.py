@@ -27,31 +27,28 @@ from skinmap.io.urdf import UrdfBody, read_mesh
 from skinmap.skin.taxels import TaxelTable
 
 WORDS = [
-    b"", b"nan", b"-inf", b"1e308", b"-1e308", b"1e999", b"99999999999999999999", b"-1", b"0",
+    b"", b"nan", b"-inf", b"1e308", b"-1e308", b"1e999", b"-1", b"0",
     b"1_000", b"0x1p3", b"2.5", b"x", b"\xc3\xa9", b"\xff", b"\0", b"\r", b'"', b"'", b"<", b">",
     b"&a;", b"&#0;", b"#", b"[", b"]", b"(", b")", b",", b"=", b"../..", b"/dev/zero", b":",
-    b"true", b"1e-320", b"9" * 5000, b"1 2 3 4",
+    b"true", b"1e-320", b"9" * 5000, b"1 2 3 4", b"package:x", b":x", b"x:", b"\\u0000",
 ]  # fmt: skip
+KINDS = ["flip", "drop", "double", "swap", "word", "insert", "cut"]
+SHARE = st.floats(0, 1, exclude_max=True)
+ACCIDENT = st.tuples(st.sampled_from(KINDS), SHARE, SHARE, st.sampled_from(WORDS))
+accidents = st.lists(ACCIDENT, min_size=1, max_size=4)
 
-mutations = st.lists(
-    st.tuples(
-        st.sampled_from(["flip", "drop", "double", "swap", "word", "insert", "cut"]),
-        st.floats(0, 1, exclude_max=True),
-        st.floats(0, 1, exclude_max=True),
-        st.sampled_from(WORDS),
-    ),
-    min_size=1,
-    max_size=4,
-)
+# The same examples each time: a gate that fails by chance teaches nobody.
 fuzz = settings(
-    max_examples=150,
+    max_examples=300,
     deadline=None,
+    derandomize=True,
+    database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 
 
 def mutate(data: bytes, steps: list[tuple[str, float, float, bytes]]) -> bytes:
-    """The data after some accidents; the two numbers of each say where, as shares of the whole."""
+    """The data after some accidents; their two numbers say where, as shares of the whole."""
     for kind, where, other, word in steps:
         if not data:
             return data
@@ -137,7 +134,7 @@ def test_originals_are_whole(tmp_path, originals, format, tables):
 
 
 @fuzz
-@given(steps=mutations)
+@given(steps=accidents)
 @pytest.mark.parametrize("format", READERS)
 def test_damaged_tables_are_read_or_refused(tmp_path, originals, format, steps):
     (tmp_path / "t").write_bytes(mutate(originals[format], steps))
@@ -146,7 +143,7 @@ def test_damaged_tables_are_read_or_refused(tmp_path, originals, format, steps):
 
 
 @fuzz
-@given(steps=mutations)
+@given(steps=accidents)
 @pytest.mark.parametrize("name", ["left_forearm_V2.txt", "right_leg_upper.txt", "torso.txt"])
 def test_damaged_files_of_the_icub_are_read_or_refused(tmp_path, icub_main, name, steps):
     data = (icub_main / "positions" / name).read_bytes()
@@ -156,7 +153,7 @@ def test_damaged_files_of_the_icub_are_read_or_refused(tmp_path, icub_main, name
 
 
 @fuzz
-@given(steps=mutations)
+@given(steps=accidents)
 @pytest.mark.parametrize("name", ["left_hand_V2_1.ini", "right_arm_V2_7.ini", "torso_left_top.ini"])
 def test_damaged_drawings_are_read_or_refused(tmp_path, icub_main, name, steps):
     data = (icub_main / "skinGui" / name).read_bytes()
@@ -241,21 +238,21 @@ def test_the_robot_is_whole(robot_folder):
 
 
 @fuzz
-@given(steps=mutations)
+@given(steps=accidents)
 def test_damaged_urdfs_are_read_or_refused(robot_folder, steps):
     (robot_folder / "damaged.urdf").write_bytes(mutate(URDF, steps))
     outcome(walk_body, robot_folder / "damaged.urdf")
 
 
 @fuzz
-@given(steps=mutations)
+@given(steps=accidents)
 def test_damaged_manifests_are_read_or_refused(robot_folder, steps):
     (robot_folder / "damaged.toml").write_bytes(mutate(MANIFEST, steps))
     outcome(walk_robot, robot_folder / "damaged.toml")
 
 
 @fuzz
-@given(steps=mutations)
+@given(steps=accidents)
 def test_damaged_meshes_are_read_or_refused(robot_folder, steps):
     (robot_folder / "damaged.ply").write_bytes(mutate(MESH, steps))
     outcome(read_mesh, robot_folder / "damaged.ply")
