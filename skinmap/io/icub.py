@@ -9,6 +9,7 @@ for a thermal pad; it may be shorter or longer than the rows.
 from __future__ import annotations
 
 import re
+from array import array
 from pathlib import Path
 
 import numpy as np
@@ -35,18 +36,18 @@ def read_icub(path: Path) -> TaxelTable:
     start = next((i + 1 for i, text in enumerate(lines) if text.strip() == SECTION), 0)
     if start == 0 and any(text.strip().startswith(("name", "taxel2Repr")) for text in lines):
         raise DataFormatError(f"a header but no line {SECTION}", path)
-    rows = []
+    rows = array("d")  # lists of numbers would take ten times the file's size
     for line, text in enumerate(lines[start:], start=start + 1):
         words = text.split()
         if not words:
             continue
         if len(words) != 6:
             raise DataFormatError(f"expected 6 columns, got {len(words)}", path, line)
-        rows.append(parse_floats(words, path, line))
+        rows.extend(parse_floats(words, path, line))
     head = " ".join(lines[:start])
-    if len(rows) > MOST_CHANNELS:
-        raise DataFormatError(f"{len(rows)} channels, at most {MOST_CHANNELS} are read", path)
-    values = np.array(rows, dtype=np.float64).reshape(-1, 6)
+    values = np.array(rows).reshape(-1, 6)
+    if len(values) > MOST_CHANNELS:
+        raise DataFormatError(f"{len(values)} channels, at most {MOST_CHANNELS} are read", path)
     channels = np.flatnonzero(values[:, :3].any(axis=1))
     if len(channels) == 0:
         raise DataFormatError("no placed taxel: every row is zero", path)
