@@ -1,8 +1,8 @@
 """Module layouts: where the slots of one rigid board are, and which of them feel touch.
 
 The built-in ones are the iCub's 10-pad (version 2) and the 12-pad of RoboSkin, as their position
-files have them: origin in the module's centre, seen from outside, so that the order of the slots
-tells which way is out.
+files have them, and a nominal 11-pad of the Baxter forearm. The origin is the module's centre,
+seen from outside, so that the order of the slots tells which way is out.
 """
 
 from __future__ import annotations
@@ -70,10 +70,14 @@ class ModuleLayout:
 
 
 def _millimetres(
-    name: str, places: list[tuple[float, float]], thermal: tuple[int, ...], side: float
+    name: str,
+    places: list[tuple[float, float]],
+    thermal: tuple[int, ...],
+    side: float,
+    centre: int = 3,
 ) -> ModuleLayout:
     flags = np.isin(np.arange(len(places)), thermal)
-    return ModuleLayout(name, 1e-3 * np.array(places), flags, 3, 1e-3 * side)
+    return ModuleLayout(name, 1e-3 * np.array(places), flags, centre, 1e-3 * side)
 
 
 BUILTIN = {
@@ -98,6 +102,19 @@ BUILTIN = {
             ],
             (),
             30.0,
+        ),
+        # Nominal: published are the count, the side of 30 mm and the pitch of 8 mm, no places.
+        # These are the eleven points of a triangle that lie furthest apart, at that pitch.
+        _millimetres(
+            "triangle_11pad",
+            [
+                (-14.53, -8.39), (0, -8.39), (14.53, -8.39), (-7.26, -5.04),
+                (7.26, -5.04), (0, 2.88), (-8, 2.93), (8, 2.93),
+                (-3.99, 9.85), (3.99, 9.85), (0, 16.78),
+            ],
+            (),
+            30.0,
+            5,
         ),
     )
 }  # fmt: skip

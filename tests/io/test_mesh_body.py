@@ -43,7 +43,7 @@ def ball(tmp_path):
     return make
 
 
-@pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "glb"])
+@pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "glb", "dae"])
 def test_a_single_mesh_is_a_robot(ball, suffix):
     robot = load_robot(ball(suffix))
     skin = robot.skin("cap")

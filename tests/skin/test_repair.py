@@ -58,6 +58,15 @@ def test_layouts_have_their_pitch():
     assert BUILTIN["triangle_10pad"].thermal.sum() == 2
 
 
+def test_the_nominal_11_pad_has_its_published_numbers():
+    board = BUILTIN["triangle_11pad"]
+    assert (len(board), board.thermal.sum(), board.side) == (11, 0, 0.03)
+    assert board.pitch == pytest.approx(8e-3, abs=0.02e-3)
+    # Every taxel's centre lies on the triangular board: within its inradius of all three sides.
+    inward = np.array([[0.0, 1.0], [3**0.5 / 2, -0.5], [-(3**0.5) / 2, -0.5]])
+    assert (board.xy @ inward.T >= -0.03 / (2 * 3**0.5)).all()
+
+
 def test_rigid_fit_recovers_a_planted_motion(rng):
     places = rng.normal(size=(8, 3))
     turn = Rotation.from_rotvec(rng.normal(size=3)).as_matrix()
@@ -302,7 +311,7 @@ def test_user_layouts_that_are_none_are_refused(tmp_path, text):
 
 
 def test_layouts_and_steps_are_named(boards):
-    with pytest.raises(UnknownNameError, match="triangle_10pad, triangle_12pad"):
+    with pytest.raises(UnknownNameError, match="triangle_10pad, triangle_12pad, triangle_11pad"):
         module_layout("octagon")
     with pytest.raises(UnknownNameError, match="no repair step 'polish'; there is: units"):
         repair_table(boards, LAYOUT, steps=["polish"])
