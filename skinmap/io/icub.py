@@ -16,12 +16,12 @@ import numpy as np
 
 from skinmap.arrays import IntArray
 from skinmap.errors import DataFormatError
-from skinmap.io.text import parse_floats, read_text
+from skinmap.io.text import parse_floats, parse_whole, read_text
 from skinmap.skin.taxels import UNKNOWN, TaxelTable
 
 CHANNELS_PER_MODULE = 12
 SECTION = "[calibration]"
-MOST_CHANNELS = 1_000_000  # far above any skin; a file that claims more is damaged
+MOST_CHANNELS = 200_000  # far above any skin; a file that claims more is damaged
 
 
 def read_icub(path: Path) -> TaxelTable:
@@ -41,13 +41,12 @@ def read_icub(path: Path) -> TaxelTable:
         words = text.split()
         if not words:
             continue
+        if len(rows) == 6 * MOST_CHANNELS:
+            raise DataFormatError(f"more than {MOST_CHANNELS} channels", path, line)
         if len(words) != 6:
             raise DataFormatError(f"expected 6 columns, got {len(words)}", path, line)
         rows.extend(parse_floats(words, path, line))
-    head = " ".join(lines[:start])
-    values = np.array(rows).reshape(-1, 6)
-    if len(values) > MOST_CHANNELS:
-        raise DataFormatError(f"{len(values)} channels, at most {MOST_CHANNELS} are read", path)
+    values = np.frombuffer(rows).reshape(-1, 6)
     channels = np.flatnonzero(values[:, :3].any(axis=1))
     if len(channels) == 0:
         raise DataFormatError("no placed taxel: every row is zero", path)
@@ -56,24 +55,23 @@ def read_icub(path: Path) -> TaxelTable:
         channels // CHANNELS_PER_MODULE,
         values[channels, :3],
         values[channels, 3:],
-        _representatives(head, path)[channels],
-        _word(head, "name"),
+        _representatives(lines[:start], len(values), path)[channels],
+        _word(" ".join(lines[:start]), "name"),
     )
 
 
-def _representatives(head: str, path: Path) -> IntArray:
-    """(large,) `taxel2Repr` of the header, UNKNOWN past its end."""
-    listed = re.search(r"taxel2Repr\s*\(([^)]*)\)", head)
-    known = np.full(MOST_CHANNELS, UNKNOWN)
+def _representatives(head: list[str], rows: int, path: Path) -> IntArray:
+    """(rows,) `taxel2Repr` of the header, UNKNOWN past its end."""
+    stated = np.full(rows, UNKNOWN)
+    listed = re.search(r"taxel2Repr\s*\(([^)]*)\)", "\n".join(head))
     if listed:
+        line = "\n".join(head)[: listed.start()].count("\n") + 1
         words = listed.group(1).split()
         if len(words) > MOST_CHANNELS:
-            raise DataFormatError(f"taxel2Repr lists {len(words)} channels", path)
-        try:
-            known[: len(words)] = [int(word) for word in words]
-        except ValueError:
-            raise DataFormatError("taxel2Repr must list whole numbers", path) from None
-    return known
+            raise DataFormatError(f"taxel2Repr lists {len(words)} channels", path, line)
+        values = parse_whole(words, path, line)[:rows]
+        stated[: len(values)] = values
+    return stated
 
 
 def _word(head: str, key: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +19,7 @@ from skinmap.errors import (
 )
 from skinmap.io.mesh_body import MeshBody
 from skinmap.io.readers import read_taxels
-from skinmap.io.text import read_text
+from skinmap.io.text import is_file, read_text
 from skinmap.io.urdf import UrdfBody
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.repair import replace
@@ -28,6 +29,7 @@ from skinmap.skin.taxels import TaxelTable
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 PART_KEYS = {"name", "link", "taxels", "format", "units", "module", "drawing", "frame"}
 ROBOT_KEYS = {"name", "urdf", "mesh", "units", "pose_deg"}
+MOST_DEGREES = 36_000  # a hundred turns
 
 
 def data_folder() -> Path:
@@ -59,7 +61,7 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     if str(robot) in builtin_robots():
         return read_manifest(data_folder() / str(robot) / f"{robot}.toml")
     path = Path(robot)
-    if path.suffix == ".toml" or path.exists():
+    if path.suffix == ".toml" or is_file(path):
         return read_manifest(path, allow_outside=allow_outside)
     raise UnknownNameError(
         "robot (built in, or a path to a manifest .toml)", str(robot), builtin_robots()
@@ -68,7 +70,7 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
 
 def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
     """A robot from its manifest file; see `load_robot`."""
-    if not path.is_file():
+    if not is_file(path):
         raise MissingFileError(path, "a robot manifest (.toml)")
     try:
         document = tomllib.loads(read_text(path))
@@ -103,7 +105,11 @@ def beside(manifest: Path, name: str, inside: Path | None) -> Path:
     ------
     ForbiddenPathError
         It does, by `..`, an absolute path or a link.
+    DataFormatError
+        A name that no file can have.
     """
+    if "\0" in name:
+        raise DataFormatError(f"no file can be called {name!r}", manifest)
     path = manifest.parent / name
     if inside is not None and not path.resolve().is_relative_to(inside):
         raise ForbiddenPathError(
@@ -134,10 +140,7 @@ def _part(entry: dict[str, Any], path: Path, inside: Path | None) -> Part:
     table = beside(path, entry["taxels"], inside)
     layout = None
     if "module" in entry:
-        file = entry["module"].endswith((".toml", ".csv"))
-        layout = module_layout(
-            str(beside(path, entry["module"], inside)) if file else entry["module"]
-        )
+        layout = module_layout(_layout_name(entry["module"], path, inside))
     return Part(
         entry["name"],
         entry["link"],
@@ -148,6 +151,16 @@ def _part(entry: dict[str, Any], path: Path, inside: Path | None) -> Part:
     )
 
 
+def _layout_name(module: str, path: Path, inside: Path | None) -> str:
+    """The name of a built-in layout, or the path of a file that exists."""
+    if not module.endswith((".toml", ".csv")):
+        return module
+    file = beside(path, module, inside)
+    if not is_file(file):
+        raise MissingFileError(file, "a module layout")
+    return str(file)
+
+
 def _reader(path: Path, format: str | None, scale: float) -> Callable[[], TaxelTable]:
     def read() -> TaxelTable:
         table = read_taxels(path, format)
@@ -156,12 +169,15 @@ def _reader(path: Path, format: str | None, scale: float) -> Callable[[], TaxelT
     return read
 
 
-def _pose(angles_deg: dict[str, Any], body: Body, path: Path) -> dict[str, float]:
+def _pose(angles_deg: Any, body: Body, path: Path) -> dict[str, float]:
+    if not isinstance(angles_deg, dict):
+        raise DataFormatError(f"pose_deg must be a table, got {angles_deg!r}", path)
     pose = {}
     for joint, angle in angles_deg.items():
         if joint not in body.joints:
             raise UnknownNameError("joint", joint, body.joints)
-        if not isinstance(angle, int | float):
+        number = isinstance(angle, int | float) and not isinstance(angle, bool)
+        if not number or not abs(angle) <= MOST_DEGREES:  # which NaN is not
             raise DataFormatError(f"pose_deg.{joint} must be a number, got {angle!r}", path)
         pose[joint] = math.radians(angle)
     return pose
@@ -185,6 +201,8 @@ def _table(entry: Any, keys: set[str], needed: set[str], what: str, path: Path) 
 def _package_model(urdf: str, manifest: Path) -> Path:
     """The URDF of `package:model`, a model of an installed package of robots."""
     package, _, model = urdf.partition(":")
+    if not re.fullmatch(r"[A-Za-z]\w*([.-]\w+)*", package):
+        raise DataFormatError(f"{package!r} is no name of a package", manifest)
     try:
         module = importlib.import_module(package.replace("-", "_"))
     except ImportError:

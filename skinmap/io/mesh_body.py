@@ -10,6 +10,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.errors import MissingFileError, UnknownNameError
 from skinmap.geometry.mesh import TriangleMesh
+from skinmap.io.text import is_file
 from skinmap.io.urdf import read_mesh
 
 LINK = "body"
@@ -32,7 +33,7 @@ class MeshBody:
     """
 
     def __init__(self, path: Path, *, scale: float = 1.0) -> None:
-        if not path.is_file():
+        if not is_file(path):
             raise MissingFileError(path, "a mesh file")
         self.path, self.scale = path, scale
 

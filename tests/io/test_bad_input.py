@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.errors import DataFormatError, MissingFileError
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.io import text as text_module
+from skinmap.io.manifest import load_robot
 from skinmap.io.readers import read_taxels
 from skinmap.io.tactile_urdf import read_tactile_urdf
 from skinmap.io.text import MOST_BYTES, parse_floats, read_text
@@ -205,3 +206,53 @@ def test_read_csv_refuses_what_overflows(tmp_path, row, message):
     (tmp_path / "t.csv").write_text(f"channel,module,x,y,z,nx,ny,nz\n{row}\n")
     with pytest.raises(DataFormatError, match=message):
         read_taxels(tmp_path / "t.csv")
+
+
+MANIFEST = """[robot]
+name = "one"
+urdf = "r.urdf"
+[[part]]
+name = "hand"
+link = "c"
+taxels = "t.csv"
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        ("r.urdf", ":x", DataFormatError, "'' is no name of a package"),
+        ("r.urdf", "..a:x", DataFormatError, r"'\.\.a' is no name of a package"),
+        ("r.urdf", "a\\u0000", DataFormatError, "no file can be called"),
+        ("t.csv", "a\\u0000", DataFormatError, "no file can be called"),
+        ("r.urdf", "x" * 300, MissingFileError, "a URDF file"),
+        ('urdf = "r.urdf"', f'mesh = "{"x" * 300}.stl"', MissingFileError, "a mesh file"),
+        ("[[part]]", "[[part]]\nmodule = '" + "x" * 300 + ".csv'", MissingFileError, "a module"),
+        ("[[part]]", "pose_deg = 3\n[[part]]", DataFormatError, "pose_deg must be a table, got 3"),
+        ("[[part]]", "pose_deg.ab = nan\n[[part]]", DataFormatError, "must be a number, got nan"),
+        ("[[part]]", "pose_deg.ab = true\n[[part]]", DataFormatError, "must be a number, got True"),
+        ("[[part]]", "pose_deg.ab = 1e300\n[[part]]", DataFormatError, "must be a number"),
+    ],
+)
+def test_manifests_that_try_something_are_refused(urdf, tmp_path, old, new, error, message):
+    urdf()
+    assert old in MANIFEST
+    (tmp_path / "m.toml").write_text(MANIFEST.replace(old, new))
+    with pytest.raises(error, match=message):
+        load_robot(tmp_path / "m.toml")
+
+
+def test_load_robot_takes_any_name(tmp_path):
+    for name in ("x" * 300, "a\0b"):
+        with pytest.raises(UnknownNameError, match="no robot"):
+            load_robot(name)
+        with pytest.raises(MissingFileError, match="a robot manifest"):
+            load_robot(name + ".toml")
+
+
+@pytest.mark.parametrize("word", ["99999999999999999999", "x", "1.5"])
+def test_read_icub_names_the_line_of_its_list(tmp_path, word):
+    text = f"name x\ntaxel2Repr ( 3 {word} )\n[calibration]\n0 0 1 0 0 1\n"
+    (tmp_path / "t.txt").write_text(text)
+    with pytest.raises(DataFormatError, match=r"t\.txt:2: "):
+        read_taxels(tmp_path / "t.txt")

@@ -27,7 +27,7 @@ from skinmap.io.urdf import UrdfBody, read_mesh
 from skinmap.skin.taxels import TaxelTable
 
 WORDS = [
-    b"", b"nan", b"-inf", b"1e308", b"-1e308", b"1e999", b"-1", b"0",
+    b"", b"nan", b"-inf", b"1e308", b"-1e308", b"1e999", b"99999999999999999999", b"-1", b"0",
     b"1_000", b"0x1p3", b"2.5", b"x", b"\xc3\xa9", b"\xff", b"\0", b"\r", b'"', b"'", b"<", b">",
     b"&a;", b"&#0;", b"#", b"[", b"]", b"(", b")", b",", b"=", b"../..", b"/dev/zero", b":",
     b"true", b"1e-320", b"9" * 5000, b"1 2 3 4", b"package:x", b":x", b"x:", b"\\u0000",
