@@ -221,8 +221,8 @@ taxels = "t.csv"
 @pytest.mark.parametrize(
     ("old", "new", "error", "message"),
     [
-        ("r.urdf", ":x", DataFormatError, "'' is no name of a package"),
-        ("r.urdf", "..a:x", DataFormatError, r"'\.\.a' is no name of a package"),
+        ("r.urdf", ":x", UnknownNameError, "no package of robot models ''"),
+        ("r.urdf", "..a:x", UnknownNameError, r"no package of robot models '\.\.a'"),
         ("r.urdf", "a\\u0000", DataFormatError, "no file can be called"),
         ("t.csv", "a\\u0000", DataFormatError, "no file can be called"),
         ("r.urdf", "x" * 300, MissingFileError, "a URDF file"),
