@@ -32,7 +32,7 @@ class TouchClassifier:
     Parameters
     ----------
     name : str
-        As in the registry.
+        Under which it was registered.
     descriptor : Descriptor
     estimator : scikit-learn classifier
         With `predict_proba`.

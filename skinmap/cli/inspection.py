@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import UnknownNameError
 from skinmap.io.drawing import read_drawing
 from skinmap.io.readers import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
@@ -17,7 +16,7 @@ from skinmap.skin.fit import SkinFit, measure_fit
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.modules import module_normals, slots_of
 from skinmap.skin.registration import fit_to_mesh
-from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, repair_table
+from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, check_steps, repair_table
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import skin_from_table
 from skinmap.surface.surface_mesh import merge_coincident
@@ -83,9 +82,7 @@ def repair_steps(skipped: Collection[str]) -> tuple[str, ...]:
     UnknownNameError
         A step that does not exist.
     """
-    for step in skipped:
-        if step not in ALL_STEPS:
-            raise UnknownNameError("repair step", step, ALL_STEPS)
+    check_steps(skipped)
     return tuple(step for step in ALL_STEPS if step not in skipped)
 
 

@@ -84,9 +84,7 @@ def repair_table(
     UnknownNameError
         A step that does not exist.
     """
-    for step in steps:
-        if step not in ALL_STEPS:
-            raise UnknownNameError("repair step", step, ALL_STEPS)
+    check_steps(steps)
     original, unit = table, "m"
     if "units" in steps:
         unit = detect_unit(table.positions, layout)
@@ -109,6 +107,19 @@ def repair_table(
         rebuilt = table.channels[before & ~shared_places(table)]
     unplaced = table.channels[shared_places(table)]
     return RepairReport(original, table, unit, thermal, rebuilt, unplaced)
+
+
+def check_steps(steps: Collection[str]) -> None:
+    """Refuse steps that do not exist.
+
+    Raises
+    ------
+    UnknownNameError
+        Says which one, and which there are.
+    """
+    for step in steps:
+        if step not in ALL_STEPS:
+            raise UnknownNameError("repair step", step, ALL_STEPS)
 
 
 def detect_unit(positions: FloatArray, layout: ModuleLayout | None) -> str:
