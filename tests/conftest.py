@@ -18,7 +18,7 @@ settings.register_profile("suite", derandomize=True)
 settings.register_profile("search", derandomize=False)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
-# FORMATS.md of the field, section 2: taxel places in one module, in mm, origin at its centre.
+# Taxel places in one module, in mm, origin at its centre.
 PAD_12 = [
     (7.5, -1.443), (10, -5.774), (5, -5.774), (0, -2.887), (-5, -5.774), (-10, -5.774),
     (-7.5, -1.443), (-2.5, 1.443), (-2.5, 7.217), (0, 11.547), (2.5, 7.217), (2.5, 1.443),
