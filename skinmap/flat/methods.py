@@ -10,9 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.sparse import coo_array, diags_array
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.flat.bff import bff
+from skinmap.flat.dirichlet import symmetric_dirichlet_descent
+from skinmap.flat.disc import Disc
+from skinmap.flat.factorisation import factorise
+from skinmap.flat.local_global import as_rigid_as_possible
+from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import face_areas, signed_areas
 from skinmap.registry import Registry
 
@@ -20,8 +25,8 @@ Flattener = Callable[[FloatArray, IntArray, IntArray], FloatArray]
 flatteners: Registry[Flattener] = Registry("flattening method", "skinmap.flatteners")
 ARAP_ITERATIONS = 10
 SLIM_ITERATIONS = 5
-flatteners.register("bff")(bff)
-flatteners.register("fast")(bff)
+MOST_SLIM = 20_000  # vertices: above, our descent reaches less energy than SLIM in less time
+CONVEX_ITERATIONS = 300  # steps from a convex start, which is far from the goal
 
 
 def flattener_names() -> tuple[str, ...]:
@@ -29,32 +34,24 @@ def flattener_names() -> tuple[str, ...]:
     return flatteners.names()
 
 
-@flatteners.register("tutte")
 def tutte(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """Uniform-weight embedding on a circle: never flips, always stretches."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.linalg import spsolve
-
-    from skinmap.geometry.topology import edges
-
+    n = len(vertices)
     pairs = edges(faces)
     ones = np.ones(len(pairs))
-    graph = coo_array((ones, pairs.T), shape=(len(vertices),) * 2).tocsr()
-    graph = graph + graph.T
-    from scipy.sparse import diags_array
-
-    laplacian = (diags_array(np.asarray(graph.sum(axis=1)).ravel()) - graph).tocsc()
-    inner = np.setdiff1d(np.arange(len(vertices)), loop)
-    uv = np.zeros((len(vertices), 2))
+    half = coo_array((ones, pairs.T), shape=(n, n)).tocsc()
+    degree = np.bincount(pairs.ravel(), minlength=n)
+    laplacian = (diags_array(degree.astype(float)) - half - half.T).tocsc()
+    inside = np.ones(n, bool)
+    inside[loop] = False
+    uv = np.zeros((n, 2))
     uv[loop] = _circle(vertices, faces, loop)
-    if len(inner):
-        uv[inner] = spsolve(
-            laplacian[inner][:, inner], -(laplacian[inner][:, loop] @ uv[loop])
-        ).reshape(-1, 2)
+    if inside.any():
+        rows = laplacian[inside]
+        uv[inside] = factorise(rows[:, inside])(-(rows[:, loop] @ uv[loop]))
     return uv
 
 
-@flatteners.register("harmonic")
 def harmonic(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """Cotangent-weight embedding on a circle, through libigl."""
     import igl
@@ -62,7 +59,6 @@ def harmonic(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArra
     return np.asarray(igl.harmonic(vertices, faces, loop, _circle(vertices, faces, loop), 1))
 
 
-@flatteners.register("lscm")
 def lscm(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """Least-squares conformal map, two border vertices far apart pinned, through libigl."""
     import igl
@@ -76,27 +72,45 @@ def lscm(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     return uv * np.sqrt(size)
 
 
-@flatteners.register("arap")
-@flatteners.register("balanced")
+def bff(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+    """Boundary first flattening: conformal, the border keeps its lengths."""
+    return Disc(vertices, faces, loop).conformal
+
+
 def arap(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """As rigid as possible from a BFF start, through libigl; BFF itself where it flips.
-
-    Liu et al., "A Local/Global Approach to Mesh Parameterization", SGP 2008.
-    """
-    import igl
-
-    start = bff(vertices, faces, loop)
-    data = igl.ARAPData()
-    data.max_iter = ARAP_ITERATIONS
-    # One pinned vertex: without it the global step is singular and fails on some patches.
-    igl.arap_precomputation(vertices, faces, 2, np.array([0], np.int32), data)
-    uv = np.asarray(igl.arap_solve(start[[0]], data, start))
-    good = bool(np.isfinite(uv).all()) and bool((signed_areas(uv, faces) > 0).all())
-    return uv if good else start
+    """As rigid as possible from a BFF start; BFF itself where it flips."""
+    return rigid(Disc(vertices, faces, loop))
 
 
-@flatteners.register("slim")
-@flatteners.register("accurate")
+def dirichlet(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+    """Least symmetric Dirichlet energy from a BFF start, or from a convex one where BFF flips."""
+    return locally_injective(Disc(vertices, faces, loop))
+
+
+def accurate(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+    """SLIM on small discs, our own descent on the same energy on large ones."""
+    return (slim if len(vertices) <= MOST_SLIM else dirichlet)(vertices, faces, loop)
+
+
+def rigid(disc: Disc) -> FloatArray:
+    """The `balanced` map (n, 2) of a disc whose operators are shared."""
+    uv = as_rigid_as_possible(disc, disc.conformal, iterations=ARAP_ITERATIONS)
+    return uv if is_injective(uv, disc.faces) else disc.conformal
+
+
+def locally_injective(disc: Disc) -> FloatArray:
+    """The `dirichlet` map (n, 2) of a disc whose operators are shared."""
+    if is_injective(disc.conformal, disc.faces):
+        return symmetric_dirichlet_descent(disc, disc.conformal)
+    start = tutte(disc.vertices, disc.faces, disc.loop)
+    return symmetric_dirichlet_descent(disc, start, iterations=CONVEX_ITERATIONS)
+
+
+def is_injective(uv: FloatArray, faces: IntArray) -> bool:
+    """Whether flat coordinates (n, 2) are finite and no triangle is turned over or without area."""
+    return bool(np.isfinite(uv).all()) and bool((signed_areas(uv, faces) > 0.0).all())
+
+
 def slim(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """Scalable locally injective mapping (symmetric Dirichlet) from a BFF start, by libigl.
 
@@ -124,3 +138,19 @@ def _circle(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray
     angle = 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(length)[:-1]]) / length.sum()
     radius = np.sqrt(face_areas(vertices, faces).sum() / np.pi)
     return np.asarray(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+OWN: dict[str, Flattener] = {
+    "tutte": tutte,
+    "harmonic": harmonic,
+    "lscm": lscm,
+    "bff": bff,
+    "arap": arap,
+    "slim": slim,
+    "dirichlet": dirichlet,
+    "fast": bff,
+    "balanced": arap,
+    "accurate": accurate,
+}
+for _name, _method in OWN.items():
+    flatteners.register(_name)(_method)

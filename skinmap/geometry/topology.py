@@ -17,14 +17,28 @@ def half_edges(faces: IntArray) -> IntArray:
 
 def edges(faces: IntArray) -> IntArray:
     """(e, 2) undirected edges, each once, smaller index first, sorted."""
-    return np.unique(np.sort(half_edges(faces), axis=1), axis=0)
+    n = int(faces.max(initial=0)) + 1
+    key = np.sort(undirected_keys(faces))
+    key = key[np.diff(key, prepend=-1) > 0]
+    return np.column_stack([key // n, key % n])
+
+
+def undirected_keys(faces: IntArray) -> IntArray:
+    """(3 m,) one number for each edge of each face, the same from both of its faces.
+
+    Sorting numbers is some fifty times faster than sorting rows.
+    """
+    directed = half_edges(faces)
+    n = int(faces.max(initial=0)) + 1
+    start, end = directed[:, 0], directed[:, 1]
+    return np.asarray(np.minimum(start, end) * n + np.maximum(start, end))
 
 
 def face_components(faces: IntArray) -> IntArray:
     """(m,) component of each face, numbered by first appearance; faces touch through edges."""
     if len(faces) == 0:
         return np.zeros(0, np.int64)
-    _, key = np.unique(np.sort(half_edges(faces), axis=1), axis=0, return_inverse=True)
+    _, key = np.unique(undirected_keys(faces), return_inverse=True)
     face = np.repeat(np.arange(len(faces)), 3)
     key = key.ravel() + len(faces)
     graph = coo_array((np.ones(len(key)), (face, key)), shape=(key.max() + 1,) * 2)
@@ -42,7 +56,9 @@ def number_by_appearance(labels: IntArray) -> IntArray:
 
 def euler_number(faces: IntArray) -> int:
     """Vertices - edges + faces, counting only vertices in use: 2 for a sphere, 1 for a disc."""
-    return len(np.unique(faces)) - len(edges(faces)) + len(faces)
+    used = np.zeros(int(faces.max(initial=0)) + 1, bool)
+    used[faces] = True
+    return int(np.count_nonzero(used)) - len(edges(faces)) + len(faces)
 
 
 def boundary_loops(faces: IntArray) -> list[IntArray]:
@@ -56,7 +72,9 @@ def boundary_loops(faces: IntArray) -> list[IntArray]:
     directed = half_edges(faces)
     key = directed[:, 0] * (faces.max(initial=0) + 1) + directed[:, 1]
     reverse = directed[:, 1] * (faces.max(initial=0) + 1) + directed[:, 0]
-    open_edges = directed[~np.isin(key, reverse)]
+    reverse.sort()
+    place = np.minimum(np.searchsorted(reverse, key), len(reverse) - 1)
+    open_edges = directed[reverse[place] != key]
     following = dict(map(tuple, open_edges.tolist()))
     if len(following) != len(open_edges):
         raise InvalidMeshError("two boundary loops meet in one vertex: the mesh is not manifold")
@@ -87,12 +105,12 @@ def check_surface(faces: IntArray) -> None:
     InvalidMeshError
         An edge in more than two faces, or neighbours that turn opposite ways.
     """
-    directed = half_edges(faces)
-    undirected, count = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
-    if (count > 2).any():
-        edge = undirected[np.argmax(count > 2)]
-        raise InvalidMeshError(
-            f"edge {tuple(map(int, edge))} lies in {count.max()} faces, at most 2"
-        )
-    if len(np.unique(directed, axis=0)) != len(directed):
+    n = int(faces.max(initial=0)) + 1
+    key = np.sort(undirected_keys(faces))
+    if (key[2:] == key[:-2]).any():
+        number, count = np.unique(key, return_counts=True)
+        edge = divmod(int(number[np.argmax(count > 2)]), n)
+        raise InvalidMeshError(f"edge {edge} lies in {count.max()} faces, at most 2")
+    directed = np.sort(half_edges(faces) @ [n, 1])
+    if (directed[1:] == directed[:-1]).any():
         raise InvalidMeshError("two neighbouring faces turn opposite ways: orient the mesh first")

@@ -5,15 +5,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning, UnknownNameError
-from skinmap.flat.bff import bff
 from skinmap.flat.distortion import measure_distortion
 from skinmap.flat.flat_map import flatten, flatten_disc, limb_axis
-from skinmap.flat.methods import flatteners
+from skinmap.flat.methods import bff, flatteners
 from skinmap.flat.packing import pack, upright
 from skinmap.geometry.topology import boundary_loops
 from skinmap.geometry.triangles import face_areas, signed_areas
 
-FREE = ["bff", "fast", "lscm", "arap", "balanced", "slim", "accurate"]
+FREE = ["bff", "fast", "lscm", "arap", "balanced", "slim", "dirichlet", "accurate"]
 FIXED = ["tutte", "harmonic"]
 
 
@@ -168,7 +167,9 @@ def test_flatten_disc_refuses_reversed_faces(square_grid):
 
 
 def test_flatten_names_the_methods(prepared):
-    with pytest.raises(UnknownNameError, match="no flattening method 'best'; there is: bff, fast"):
+    with pytest.raises(
+        UnknownNameError, match="no flattening method 'best'; there is: tutte, harmonic"
+    ):
         flatten(prepared("left_hand").mesh, method="best")
 
 
