@@ -20,13 +20,10 @@ def boundary_first(disc: Disc) -> FloatArray:
     (n, 2) array of float
         Flat coordinates [m].
     """
-    laplacian, loop = disc.laplacian, disc.loop
-    inside = np.ones(len(disc.vertices), bool)
-    inside[loop] = False
-    inner = np.flatnonzero(inside)
+    laplacian, loop, inner = disc.laplacian, disc.loop, disc.inner
     rows = laplacian[:, inner]
     coupling = rows[loop].T.tocsc()
-    solve = factorise(rows[inner], solves=2) if len(inner) else None
+    solve = factorise(rows[inner]) if len(inner) else None
     # Cherrier: the curvature that leaves the inside appears along the border.
     scale = solve(disc.angle_sums[inner] - 2.0 * np.pi) if solve else np.zeros(0)
     turning = np.pi - disc.angle_sums[loop] + coupling.T @ scale

@@ -21,15 +21,34 @@ from collections import deque
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.flat.convex import uniform_on_circle
 from skinmap.flat.disc import Disc
+from skinmap.flat.local_global import ITERATIONS as RIGID_STEPS
+from skinmap.flat.local_global import as_rigid_as_possible
 from skinmap.geometry.triangles import cross_2d
 
-ITERATIONS = 60
+ITERATIONS = 200  # near an isometry about 10 are enough
+WILD = 8.0  # mean energy of a start, 4 for an isometry, from which others are tried
 MEMORY = 8  # pairs of steps and changes of gradient kept
 TOLERANCE = 1e-5  # of the excess energy: a step that gains less than this is the last
 SAFE = 0.9  # share of the way to the first flip that a step may go
 SUFFICIENT = 1e-4  # Armijo's share of the slope
 HALVINGS = 30
+
+
+def locally_injective_map(disc: Disc) -> FloatArray:
+    """(n, 2) least symmetric Dirichlet energy from the best of our starts.
+
+    That is the conformal one wherever it does not flip and distorts moderately; else the better
+    of the as-rigid-as-possible and the convex one.
+    """
+    start = _at_best_size(disc, disc.conformal)
+    area = float(disc.areas.sum())
+    if not energy_and_gradient(disc, start)[0] < WILD * area:
+        rigid = as_rigid_as_possible(disc, disc.conformal, iterations=RIGID_STEPS)
+        others = [_at_best_size(disc, uv) for uv in (rigid, uniform_on_circle(disc))]
+        start = min([start, *others], key=lambda uv: energy_and_gradient(disc, uv)[0])
+    return symmetric_dirichlet_descent(disc, start)
 
 
 def symmetric_dirichlet_descent(
@@ -67,6 +86,16 @@ def symmetric_dirichlet_descent(
         if before - energy <= TOLERANCE * (energy - floor):
             break
     return uv
+
+
+def _at_best_size(disc: Disc, uv: FloatArray) -> FloatArray:
+    """The map times the factor of least energy: |J|^2 s^2 against |J^-1|^2 s^-2."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        rows = disc.gradient @ uv
+        square = np.einsum("ij,ij->i", rows, rows).reshape(-1, 2).sum(axis=1)
+        inverse = square / cross_2d(rows[0::2], rows[1::2]) ** 2
+        factor = (np.dot(disc.areas, inverse) / np.dot(disc.areas, square)) ** 0.25
+    return uv * factor if np.isfinite(factor) and factor > 0 else uv
 
 
 def energy_and_gradient(disc: Disc, uv: FloatArray) -> tuple[float, FloatArray]:

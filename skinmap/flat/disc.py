@@ -9,6 +9,7 @@ from scipy.sparse import coo_array, csc_array, csr_array
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.flat.factorisation import Solve, factorise
+from skinmap.geometry.triangles import signed_areas
 
 
 class Disc:
@@ -27,6 +28,13 @@ class Disc:
         self.vertices, self.faces, self.loop = vertices, faces, loop
 
     @cached_property
+    def inner(self) -> IntArray:
+        """(k,) vertices that are not on the border."""
+        inside = np.ones(len(self.vertices), bool)
+        inside[self.loop] = False
+        return np.flatnonzero(inside)
+
+    @cached_property
     def _corners(self) -> tuple[FloatArray, FloatArray]:
         """(m, 3) dot product and length of the cross product of the edges at each corner [m2]."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
@@ -39,6 +47,15 @@ class Disc:
     def areas(self) -> FloatArray:
         """(m,) areas of the triangles [m2]."""
         return np.asarray(0.5 * self._corners[1])
+
+    @property
+    def smallest_altitudes(self) -> FloatArray:
+        """(m,) twice the area over the longest side [m]."""
+        dot, double = self._corners
+        # The square of the side opposite a corner is the sum of the other two dot products.
+        square = dot.sum(axis=1, keepdims=True) - dot
+        longest = np.sqrt(np.maximum(square.max(axis=1), 0.0))
+        return np.divide(double, longest, out=np.zeros_like(longest), where=longest > 0)
 
     @cached_property
     def angle_sums(self) -> FloatArray:
@@ -88,7 +105,7 @@ class Disc:
     @cached_property
     def solve_free(self) -> Solve:
         """Solver of the Laplacian with a free border and vertex 0 kept in place."""
-        solve = factorise(self.laplacian[1:, 1:], solves=40)
+        solve = factorise(self.laplacian[1:, 1:])
 
         def solve_from_zero(right: FloatArray) -> FloatArray:
             return np.concatenate([np.zeros_like(right[:1]), solve(right[1:])])
@@ -101,3 +118,9 @@ class Disc:
         from skinmap.flat.bff import boundary_first
 
         return boundary_first(self)
+
+    def is_injective(self, uv: FloatArray) -> bool:
+        """Whether a map (n, 2) is finite and keeps the side of every triangle."""
+        if uv.shape != (len(self.vertices), 2) or not np.isfinite(uv).all():
+            return False
+        return bool((signed_areas(uv, self.faces) > 0.0).all())

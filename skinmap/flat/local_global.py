@@ -11,6 +11,14 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.flat.disc import Disc
 
+ITERATIONS = 10
+
+
+def rigid_map(disc: Disc) -> FloatArray:
+    """(n, 2) as rigid as possible from the conformal start; that start where it flips."""
+    uv = as_rigid_as_possible(disc, disc.conformal, iterations=ITERATIONS)
+    return uv if disc.is_injective(uv) else disc.conformal
+
 
 def as_rigid_as_possible(disc: Disc, start: FloatArray, *, iterations: int) -> FloatArray:
     """Flat coordinates (n, 2) after some rounds from a start (n, 2), all with one factor."""

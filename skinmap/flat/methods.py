@@ -8,25 +8,23 @@ comes back. Others are added through the entry-point group `skinmap.flatteners`.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 
 import numpy as np
-from scipy.sparse import coo_array, diags_array
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.flat.dirichlet import symmetric_dirichlet_descent
+from skinmap.flat.budget import within_budget
+from skinmap.flat.convex import harmonic_on_circle, uniform_on_circle
+from skinmap.flat.dirichlet import locally_injective_map
 from skinmap.flat.disc import Disc
-from skinmap.flat.factorisation import factorise
-from skinmap.flat.local_global import as_rigid_as_possible
-from skinmap.geometry.topology import edges
+from skinmap.flat.local_global import rigid_map
 from skinmap.geometry.triangles import face_areas, signed_areas
 from skinmap.registry import Registry
 
 Flattener = Callable[[FloatArray, IntArray, IntArray], FloatArray]
 flatteners: Registry[Flattener] = Registry("flattening method", "skinmap.flatteners")
-ARAP_ITERATIONS = 10
 SLIM_ITERATIONS = 5
-MOST_SLIM = 20_000  # vertices: above, our descent reaches less energy than SLIM in less time
-CONVEX_ITERATIONS = 300  # steps from a convex start, which is far from the goal
+MOST_SLIM = 20_000  # vertices: above, SLIM's own factorisation per step takes minutes
 
 
 def flattener_names() -> tuple[str, ...]:
@@ -34,29 +32,14 @@ def flattener_names() -> tuple[str, ...]:
     return flatteners.names()
 
 
-def tutte(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """Uniform-weight embedding on a circle: never flips, always stretches."""
-    n = len(vertices)
-    pairs = edges(faces)
-    ones = np.ones(len(pairs))
-    half = coo_array((ones, pairs.T), shape=(n, n)).tocsc()
-    degree = np.bincount(pairs.ravel(), minlength=n)
-    laplacian = (diags_array(degree.astype(float)) - half - half.T).tocsc()
-    inside = np.ones(n, bool)
-    inside[loop] = False
-    uv = np.zeros((n, 2))
-    uv[loop] = _circle(vertices, faces, loop)
-    if inside.any():
-        rows = laplacian[inside]
-        uv[inside] = factorise(rows[:, inside])(-(rows[:, loop] @ uv[loop]))
-    return uv
+def on_disc(method: Callable[[Disc], FloatArray]) -> Flattener:
+    """A method of a `Disc` as one of vertices, faces and loop."""
 
+    @wraps(method)
+    def flattener(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+        return method(Disc(vertices, faces, loop))
 
-def harmonic(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """Cotangent-weight embedding on a circle, through libigl."""
-    import igl
-
-    return np.asarray(igl.harmonic(vertices, faces, loop, _circle(vertices, faces, loop), 1))
+    return flattener
 
 
 def lscm(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
@@ -72,43 +55,11 @@ def lscm(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     return uv * np.sqrt(size)
 
 
-def bff(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """Boundary first flattening: conformal, the border keeps its lengths."""
-    return Disc(vertices, faces, loop).conformal
-
-
-def arap(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """As rigid as possible from a BFF start; BFF itself where it flips."""
-    return rigid(Disc(vertices, faces, loop))
-
-
-def dirichlet(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """Least symmetric Dirichlet energy from a BFF start, or from a convex one where BFF flips."""
-    return locally_injective(Disc(vertices, faces, loop))
-
-
 def accurate(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """SLIM on small discs, our own descent on the same energy on large ones."""
-    return (slim if len(vertices) <= MOST_SLIM else dirichlet)(vertices, faces, loop)
-
-
-def rigid(disc: Disc) -> FloatArray:
-    """The `balanced` map (n, 2) of a disc whose operators are shared."""
-    uv = as_rigid_as_possible(disc, disc.conformal, iterations=ARAP_ITERATIONS)
-    return uv if is_injective(uv, disc.faces) else disc.conformal
-
-
-def locally_injective(disc: Disc) -> FloatArray:
-    """The `dirichlet` map (n, 2) of a disc whose operators are shared."""
-    if is_injective(disc.conformal, disc.faces):
-        return symmetric_dirichlet_descent(disc, disc.conformal)
-    start = tutte(disc.vertices, disc.faces, disc.loop)
-    return symmetric_dirichlet_descent(disc, start, iterations=CONVEX_ITERATIONS)
-
-
-def is_injective(uv: FloatArray, faces: IntArray) -> bool:
-    """Whether flat coordinates (n, 2) are finite and no triangle is turned over or without area."""
-    return bool(np.isfinite(uv).all()) and bool((signed_areas(uv, faces) > 0.0).all())
+    if len(vertices) <= MOST_SLIM:
+        return slim(vertices, faces, loop)
+    return locally_injective_map(Disc(vertices, faces, loop))
 
 
 def slim(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
@@ -118,7 +69,7 @@ def slim(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """
     import igl
 
-    start = bff(vertices, faces, loop)
+    start = Disc(vertices, faces, loop).conformal
     column = np.asfortranarray
     data = igl.slim_precompute(
         column(vertices),
@@ -132,25 +83,23 @@ def slim(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     return np.asarray(igl.slim_solve(data, SLIM_ITERATIONS))
 
 
-def _circle(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """Border positions (b, 2) on a circle of the area of the mesh, spaced by length."""
-    length = np.linalg.norm(vertices[np.roll(loop, -1)] - vertices[loop], axis=1)
-    angle = 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(length)[:-1]]) / length.sum()
-    radius = np.sqrt(face_areas(vertices, faces).sum() / np.pi)
-    return np.asarray(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+def bff(disc: Disc) -> FloatArray:
+    """Boundary first flattening: conformal, the border keeps its lengths."""
+    return disc.conformal
 
 
 OWN: dict[str, Flattener] = {
-    "tutte": tutte,
-    "harmonic": harmonic,
+    "tutte": on_disc(uniform_on_circle),
+    "harmonic": on_disc(harmonic_on_circle),
     "lscm": lscm,
-    "bff": bff,
-    "arap": arap,
+    "bff": on_disc(bff),
+    "arap": on_disc(rigid_map),
     "slim": slim,
-    "dirichlet": dirichlet,
-    "fast": bff,
-    "balanced": arap,
+    "dirichlet": on_disc(locally_injective_map),
+    "fast": on_disc(bff),
+    "balanced": on_disc(rigid_map),
     "accurate": accurate,
+    "auto": on_disc(lambda disc: within_budget(disc).uv),
 }
 for _name, _method in OWN.items():
     flatteners.register(_name)(_method)

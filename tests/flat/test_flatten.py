@@ -5,9 +5,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning, UnknownNameError
+from skinmap.flat.disc import Disc
 from skinmap.flat.distortion import measure_distortion
 from skinmap.flat.flat_map import flatten, flatten_disc, limb_axis
-from skinmap.flat.methods import bff, flatteners
+from skinmap.flat.methods import flatteners
 from skinmap.flat.packing import pack, upright
 from skinmap.geometry.topology import boundary_loops
 from skinmap.geometry.triangles import face_areas, signed_areas
@@ -51,7 +52,7 @@ def test_bff_keeps_the_lengths_of_the_border(sphere):
     used, compact = np.unique(cap, return_inverse=True)
     points, disc = vertices[used], compact.reshape(-1, 3)
     (loop,) = boundary_loops(disc)
-    uv = bff(points, disc, loop)
+    uv = Disc(points, disc, loop).conformal
     length = np.linalg.norm(points[loop] - points[np.roll(loop, -1)], axis=1)
     flat = np.linalg.norm(uv[loop] - uv[np.roll(loop, -1)], axis=1)
     # Lengths change only as far as closing the discrete curve needs.
