@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import FlatteningError, SkinWarning
+from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
+from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning
 from skinmap.flat.budget import within_budget
 from skinmap.flat.disc import Disc
-from skinmap.flat.methods import flatteners
+from skinmap.flat.methods import apply_flattener
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number, loop_length
 from skinmap.geometry.triangles import cross_products, unit
 from skinmap.surface.merge import close_loop
@@ -85,6 +85,8 @@ def map_disc(
 
     Raises
     ------
+    InvalidArrayError, InvalidMeshError
+        Values that are not finite, vertices that no face uses, faces that are no surface.
     FlatteningError
         No border, a hole too wide to fill (a tube), a triangle without area, or one that no
         method keeps from flipping.
@@ -115,7 +117,7 @@ def map_disc(
 def _attempt(name: str, disc: Disc) -> FloatArray | None:
     """Coordinates (n, 2) by one method; None where it fails, flips or is not finite."""
     try:
-        uv = np.asarray(flatteners.get(name)(disc.vertices, disc.faces, disc.loop), np.float64)
+        uv = apply_flattener(name, disc)
     except Exception:  # whatever a library or a plug-in stumbles over, another method may not
         logger.info("flattening method %s fails", name, exc_info=True)
         return None
@@ -124,7 +126,7 @@ def _attempt(name: str, disc: Disc) -> FloatArray | None:
 
 def _prepare(vertices: FloatArray, faces: IntArray, where: str) -> tuple[Disc, float, int]:
     """The surface at unit size round its centre, holes filled; its size [m] and holes."""
-    check_surface(faces)
+    _check_input(vertices, faces, where)
     loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
     if not loops:
         raise FlatteningError(f"{where} is closed: cut it open first")
@@ -134,12 +136,26 @@ def _prepare(vertices: FloatArray, faces: IntArray, where: str) -> tuple[Disc, f
             raise FlatteningError(f"{where} is a tube or has a wide hole: cut it open first")
         filled.append(close_loop(vertices, _vertex_normals(vertices, faces), loop))
     centre, size = vertices.mean(axis=0), float(np.ptp(vertices, axis=0).max())
-    disc = Disc((vertices - centre) / size, np.concatenate(filled), loops[0])
+    disc = Disc((vertices - centre) / (size or 1.0), np.concatenate(filled), loops[0])
     if disc.smallest_altitudes[: len(faces)].min() <= NO_AREA:
         raise FlatteningError(f"{where} has a triangle without area")
     if (number := euler_number(disc.faces)) != 1:
         raise FlatteningError(f"{where} is no disc: Euler number {number}")
     return disc, size, len(loops) - 1
+
+
+def _check_input(vertices: FloatArray, faces: IntArray, where: str) -> None:
+    if len(faces) == 0:
+        raise FlatteningError(f"{where} has no faces")
+    check_points(vertices, f"vertices of {where}")
+    check_faces(faces, len(vertices))
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    if not used.all():
+        raise InvalidMeshError(
+            f"vertex {int(np.argmin(used))} belongs to no face of {where}: drop it first"
+        )
+    check_surface(faces)
 
 
 def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
