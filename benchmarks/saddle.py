@@ -183,32 +183,36 @@ def _cpu(run: Callable[[], Any]) -> tuple[float, Any]:
     return time.process_time() - started, result
 
 
-def large_rows(n: int = 1_000_000) -> list[dict[str, Any]]:
-    """The quick methods on a large saddle, each once, in a process of its own."""
-    result = subprocess.run(
-        [sys.executable, __file__, str(n)], capture_output=True, text=True, check=True
+def large_rows(n: int, methods: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Methods on a large saddle, each once, in a process of its own that shows its memory."""
+    child = subprocess.Popen(
+        [sys.executable, __file__, str(n), *methods], stdout=subprocess.PIPE, text=True
     )
-    rows: list[dict[str, Any]] = json.loads(result.stdout.splitlines()[-1])
-    return rows
+    rows = []
+    for line in child.stdout or ():
+        print(line, end="", file=sys.stderr, flush=True)
+        rows.append(json.loads(line))
+    if child.wait():
+        raise RuntimeError(f"the large case ended with {child.returncode}")
+    unit = next(row["seconds"] for row in rows if "solver" in row)
+    return [row | ({} if "solver" in row else {"C": row["seconds"] / unit}) for row in rows]
 
 
-def _large(n: int) -> list[dict[str, Any]]:
+def _large(n: int, methods: list[str]) -> None:
+    """Print a row a method, then that of the factorisation."""
     vertices, faces = saddle(n)
-    rows: list[dict[str, Any]] = []
-    for name in ("fast", "balanced", "dirichlet"):
+    for name in methods:
         seconds, flat = _cpu(lambda name=name: map_disc(vertices, faces, method=name))
-        # The largest so far: of `fast`, which runs first, its own.
+        # The largest so far: of the method that runs first, its own.
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
         row = {"n": len(vertices), "method": name, "peer": False, "seconds": seconds}
         row |= {"fallback": flat.fallback, "peak_gb": peak}
-        rows.append({**row, **distortion(vertices, faces, flat.uv)})
-        del flat
+        print(json.dumps({**row, **distortion(vertices, faces, flat.uv)}), flush=True)
     matrix = Disc(vertices, faces, boundary_loops(faces)[0]).laplacian[1:, 1:].tocsc()
-    unit = min(_cpu(lambda: factorise(matrix))[0] for _ in range(1))
-    for row in rows:
-        row["C"] = row["seconds"] / unit
-    return [{"n": len(vertices), "solver": "scipy", "seconds": unit, "is_C": True}, *rows]
+    unit, _ = _cpu(lambda: factorise(matrix))
+    row = {"n": len(vertices), "solver": "scipy", "seconds": unit, "is_C": True}
+    print(json.dumps(row), flush=True)
 
 
 if __name__ == "__main__":
-    print(json.dumps(_large(int(sys.argv[1]))))
+    _large(int(sys.argv[1]), sys.argv[2:])

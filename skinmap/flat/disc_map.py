@@ -110,7 +110,9 @@ def map_disc(
     else:
         raise FlatteningError(f"{where}: neither {method} nor a convex map is free of flips")
     if name != method:
-        warnings.warn(f"{where}: {method} flips, {name} is used", SkinWarning, stacklevel=3)
+        warnings.warn(
+            f"{where}: {method} flips or fails, {name} is used", SkinWarning, stacklevel=3
+        )
     return DiscMap(uv * size, name, name != method, holes)
 
 

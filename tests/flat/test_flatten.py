@@ -139,7 +139,7 @@ def test_pack_places_every_chart_once(rng):
 def test_flatten_disc_falls_back_and_says_so(half_cylinder, monkeypatch):
     vertices, faces = half_cylinder
     monkeypatch.setitem(flatteners._own, "bad", lambda v, f, loop: v[:, :2] * [-1, 1])
-    with pytest.warns(SkinWarning, match="bad flips, bff is used"):
+    with pytest.warns(SkinWarning, match="bad flips or fails, bff is used"):
         _, used, _ = flatten_disc(vertices, faces, method="bad")
     assert used == "bff"
 
