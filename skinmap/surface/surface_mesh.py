@@ -13,7 +13,8 @@ from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.topology import check_surface, face_components
 from skinmap.geometry.triangles import vertex_areas
 from skinmap.skin.skin import Skin
-from skinmap.surface.merge import consensus, fill_holes
+from skinmap.surface.holes import fill_holes
+from skinmap.surface.merge import SLIVER, consensus
 from skinmap.surface.stars import delaunay_stars
 
 EDGE_LIMIT = 2.5  # in spacings: spans the gap between two modules, not the gap between patches
@@ -108,7 +109,7 @@ def build_surface(skin: Skin, *, max_edge: float | None = None) -> SurfaceMesh:
     spacing = median_spacing(points)
     limit = EDGE_LIMIT * spacing if max_edge is None else max_edge
     votes = delaunay_stars(points, normals, spacing, limit)
-    faces = consensus(points, normals, votes, spacing)
+    faces = consensus(points, normals, votes, SLIVER * spacing)
     faces = fill_holes(points, normals, faces)
     if len(faces) == 0:
         raise InvalidMeshError(
