@@ -33,9 +33,9 @@ def compile_kernel(function: Kernel) -> Kernel:
     import numba
 
     try:
-        return numba.njit(function, cache=True, nogil=True)  # type: ignore[no-any-return]
+        return numba.njit(function, cache=True, nogil=True)
     except RuntimeError:  # "no locator available": nowhere to write
-        return numba.njit(function, nogil=True)  # type: ignore[no-any-return]
+        return numba.njit(function, nogil=True)
 
 
 def star_kernel(n: int) -> Kernel | None:

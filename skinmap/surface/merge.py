@@ -10,7 +10,6 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.triangles import cross_products, edge_lengths
 from skinmap.surface.compiled import take_kernel
 
-SLIVER = 0.02  # in spacings: flatter triangles are three taxels in a row
 FACING = 0.3  # cosine between a triangle's normal and its taxels': 73 degrees
 PACKED = 2**21  # points up to here: three indices fit into one 64-bit key
 
@@ -108,6 +107,13 @@ def without_pinches(faces: IntArray) -> IntArray:
         smaller = np.zeros(len(size), np.bool_)
         smaller[rank[1:]] = vertex[rank[1:]] == vertex[rank[:-1]]
         faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
+
+
+def pinched_vertex(faces: IntArray) -> int:
+    """A vertex where two fans meet in a point; -1 where there is none."""
+    _, vertex = _fans(faces)
+    used, count = np.unique(vertex, return_counts=True)
+    return int(used[np.argmax(count)]) if (count > 1).any() else -1
 
 
 def _fans(faces: IntArray) -> tuple[IntArray, IntArray]:

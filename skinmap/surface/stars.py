@@ -12,6 +12,7 @@ from skinmap.geometry.triangles import unit
 from skinmap.surface.compiled import star_kernel
 
 NEIGHBOURS = 20  # more than two rings of a hexagonal lattice; a star needs one
+FEW = 13  # as many as most stars need
 JITTER = 1e-4  # in spacings: the least that breaks the ties of a square grid bent in space
 FIRST = 12  # nearest to begin with: they close most stars, and the rest then only confirms it
 FLAT = 1e-12  # of the inverted size squared: less is a rounding error
