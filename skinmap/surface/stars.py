@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
@@ -46,6 +47,7 @@ def delaunay_stars(
     limit: float,
     *,
     neighbours: int = NEIGHBOURS,
+    allowed: csr_array | None = None,
     compiled: bool | None = None,
 ) -> IntArray:
     """Triangles (t, 3) that each point's own tangent-plane Delaunay diagram has around it.
@@ -65,6 +67,8 @@ def delaunay_stars(
         Typical distance of neighbours, and the longest edge allowed [m].
     neighbours : int
         Nearest others that a star is made of.
+    allowed : (n, n) sparse array, optional
+        Its entries are the pairs that may be neighbours; all by default.
     compiled : bool, optional
         Whether numba does it; by default where it is installed and worth its import.
 
@@ -85,12 +89,32 @@ def delaunay_stars(
     for start in range(0, len(points), size):
         rows = np.arange(start, min(start + size, len(points)))
         distance, index = nearest_of(tree, rows, neighbours)
+        if allowed is not None:
+            index, distance = _allowed_first(allowed, rows, index, distance)
         if kernel is not None:
             first, second = tangent_frames(normals[rows])
             votes.append(kernel(shaken, first, second, rows, index, distance, limit))
         else:
             votes.append(_stars(shaken, normals, index, distance, limit, rows))
     return np.concatenate(votes)
+
+
+def contains(pairs: csr_array, first: IntArray, second: IntArray) -> BoolArray:
+    """(k,) whether a sparse array has entries at first, second (k,)."""
+    n = pairs.shape[1]
+    row, column = pairs.tocoo().coords
+    return np.isin(first * n + second, row.astype(np.int64) * n + column)
+
+
+def _allowed_first(
+    allowed: csr_array, rows: IntArray, index: IntArray, distance: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Neighbours with those not allowed moved to the end, infinitely far."""
+    first = np.repeat(np.arange(len(rows)), index.shape[1])
+    fits = contains(allowed[rows], first, index.ravel()).reshape(index.shape)
+    distance = np.where(fits, distance, np.inf)
+    order = np.argsort(distance, axis=1, kind="stable")
+    return np.take_along_axis(index, order, 1), np.take_along_axis(distance, order, 1)
 
 
 def _stars(
