@@ -25,9 +25,9 @@ def edge_keys(faces: IntArray) -> IntArray:
 def edges(faces: IntArray) -> IntArray:
     """(e, 2) undirected edges, each once, smaller index first, sorted."""
     key = edge_keys(faces)
-    first, second = np.divmod(
-        np.unique(np.where(key < 0, ~key, key)), int(faces.max(initial=0)) + 1
-    )
+    key = np.sort(np.where(key < 0, ~key, key))  # np.unique hashes, which is slower here
+    once = key[np.flatnonzero(np.diff(key, prepend=-1))]
+    first, second = np.divmod(once, int(faces.max(initial=0)) + 1)
     return np.column_stack([first, second])
 
 

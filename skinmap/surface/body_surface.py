@@ -11,7 +11,7 @@ from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import boundary_loops, check_surface, face_components, half_edges
 from skinmap.geometry.triangles import cross_2d, cross_products, edge_lengths, face_areas
 
-ALPHA = 1.0  # in spacings: openings narrower than this are closed over
+ALPHA = 1.5  # in spacings: openings narrower than this are closed over
 OFFSET = 0.1  # in spacings: how far the wrap stays off the mesh
 FINE = 0.35  # in spacings: longest edge that distances are measured along
 MOST = 4_000_000  # fine triangles: more would need more than about 2 GB

@@ -6,7 +6,8 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.topology import boundary_loops, face_components, half_edges, loop_length
-from skinmap.geometry.triangles import cross_2d, smallest_altitudes, unit
+from skinmap.geometry.triangles import cross_2d, unit
+from skinmap.surface.merge import is_solid
 from skinmap.surface.stars import tangent_frames
 
 SMALL_HOLE = 8  # vertices: inner loops up to here are disagreements between stars
@@ -23,7 +24,8 @@ def fill_holes(
     """Faces with every inner loop of at most `largest` vertices closed.
 
     The longest loop of each component [m] is its outer border and stays open, and so does a hole
-    that no triangles above an altitude [m] fit into without using an edge of the mesh again.
+    that no triangles above an altitude [m], outside up, fit into without using an edge of the
+    mesh again: the end of a thin tube is as short a loop as a gap between stars.
     """
     loops = boundary_loops(faces)
     if not any(len(loop) <= largest for loop in loops):
@@ -40,7 +42,7 @@ def fill_holes(
         if number in outer or len(loop) > largest:
             continue
         patch = close_loop(points, normals, loop, used=_used(np.concatenate(patches), loop))
-        if len(patch) and smallest_altitudes(points, patch).min() > least_altitude:
+        if len(patch) and is_solid(points, normals, patch, least_altitude).all():
             patches.append(patch)
     return np.concatenate(patches)
 

@@ -33,19 +33,29 @@ def consensus(
     if len(votes) == 0:
         return np.zeros((0, 3), np.int64)
     triangles, count = tally(votes, len(points), weights)
-    cross = cross_products(points, triangles)
-    double = np.sqrt(np.einsum("ij,ij->i", cross, cross))
-    longest = edge_lengths(points, triangles).max(axis=1)
-    up = normals[triangles].sum(axis=1)
-    facing = np.einsum("ij,ij->i", cross, up)
-    solid = double > least_altitude * longest
-    solid &= facing > FACING * double * np.sqrt(np.einsum("ij,ij->i", up, up))
-    triangles = triangles[solid]
-    order = np.lexsort((longest[solid], -count[solid]))
-    triangles = triangles[order]
+    solid = is_solid(points, normals, triangles, least_altitude)
+    longest = edge_lengths(points, triangles[solid]).max(axis=1)
+    order = np.lexsort((longest, -count[solid]))
+    triangles = triangles[solid][order]
     kernel = take_kernel(len(points)) if compiled in (None, True) else None
     taken = (take_in_turn if kernel is None else kernel)(_edge_numbers(triangles, len(points)))
     return without_pinches(triangles[taken])
+
+
+def is_solid(
+    points: FloatArray, normals: FloatArray, triangles: IntArray, least_altitude: float
+) -> BoolArray:
+    """(t,) whether triangles have an altitude above a limit and lie on the skin, outside up."""
+    cross = cross_products(points, triangles)
+    double = np.sqrt(np.einsum("ij,ij->i", cross, cross))
+    up = normals[triangles]
+    mean = up.sum(axis=1)
+    facing = np.einsum("ij,ij->i", cross, mean)
+    solid = double > least_altitude * edge_lengths(points, triangles).max(axis=1)
+    solid &= facing > FACING * double * np.sqrt(np.einsum("ij,ij->i", mean, mean))
+    # No corner may look the other way: its taxel is on the far side, or its normal turned over.
+    solid &= np.einsum("tij,tj->ti", up, cross).min(axis=1, initial=np.inf) > 0
+    return np.asarray(solid)
 
 
 def tally(votes: IntArray, n: int, weights: IntArray | None = None) -> tuple[IntArray, IntArray]:
