@@ -10,10 +10,11 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import FlatteningError, SkinWarning
+from skinmap.flat.atlas import Laid, arrange
 from skinmap.flat.cutting import open_surface
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.methods import flatteners
-from skinmap.flat.packing import pack, upright
+from skinmap.flat.orientation import limb_frame, turn_upright
 from skinmap.geometry.topology import (
     boundary_loops,
     check_surface,
@@ -25,7 +26,6 @@ from skinmap.surface.merge import close_loop
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 DEFAULT = "balanced"
-CHART_GAP = 0.012  # between charts of one part [m]: seen as a gap, small beside a patch
 HOLE_SHARE = 0.35  # a hole's length against the border's: up to here it is filled for the solve
 FALLBACK = "tutte"  # a fixed convex border never flips a triangle (Floater 2003)
 
@@ -110,8 +110,7 @@ def flatten(mesh: SurfaceMesh, *, method: str = DEFAULT) -> FlatMap:
     """
     flatteners.get(method)
     charts = [_flatten_patch(mesh, patch, method) for patch in range(mesh.n_patches)]
-    placed = pack([chart.uv for chart in charts], CHART_GAP)
-    charts = [replace(chart, uv=flat) for chart, flat in zip(charts, placed, strict=True)]
+    charts = _arranged(mesh, charts)
     uv = np.full((len(mesh.skin), 2), np.nan)
     for chart in charts:
         uv[chart.taxels] = chart.uv
@@ -129,7 +128,6 @@ def _flatten_patch(mesh: SurfaceMesh, patch: int, method: str) -> Chart:
     vertices, faces, taxels = vertices[cut.origin], cut.faces, taxels[cut.origin]
     uv, used, holes = flatten_disc(vertices, faces, method=method, where=where)
     seconds = time.process_time() - started
-    uv = upright(uv, vertices @ limb_axis(mesh.vertices))
     distortion = measure_distortion(vertices, faces, uv)
     return Chart(
         patch,
@@ -145,12 +143,19 @@ def _flatten_patch(mesh: SurfaceMesh, patch: int, method: str) -> Chart:
     )
 
 
-def limb_axis(points: FloatArray) -> FloatArray:
-    """Unit direction (3,) of the largest spread, towards +z of the link."""
-    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    strongest = np.argmax(np.abs(axes[0]))
-    axis = axes[0] * np.sign(axes[0][2] if abs(axes[0][2]) > 0.5 else axes[0][strongest])
-    return np.asarray(axis)
+def _arranged(mesh: SurfaceMesh, charts: list[Chart]) -> list[Chart]:
+    """Charts turned so that the limb's axis is up, and laid out as they lie on the body."""
+    if not charts:
+        return []
+    frame = limb_frame(mesh.vertices, mesh.faces, mesh.skin.up)
+    shapes = []
+    for chart in charts:
+        vertices = mesh.vertices[chart.taxels]
+        shapes.append(Laid(vertices, chart.faces, turn_upright(chart.uv, vertices, frame)))
+    # Left and right parts mirror each other: what could lie on either side lies inwards or
+    # outwards on both.
+    placed = arrange(shapes, side=-1.0 if mesh.skin.part.startswith("left") else 1.0)
+    return [replace(chart, uv=uv) for chart, uv in zip(charts, placed, strict=True)]
 
 
 def flatten_disc(
