@@ -7,6 +7,7 @@ import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import FlatteningError, SkinWarning
@@ -98,8 +99,16 @@ class FlatMap:
         return sum(chart.distortion.flips for chart in self.charts)
 
 
-def flatten(mesh: SurfaceMesh, *, method: str = DEFAULT) -> FlatMap:
+def flatten(mesh: SurfaceMesh, *, method: str = DEFAULT, avoid: ArrayLike | None = None) -> FlatMap:
     """Lay every patch of a surface mesh flat and pack the charts.
+
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+    method : str
+        One of `flatteners.names()`.
+    avoid : (k,) array-like of int, optional
+        Taxels that seams keep away from where there is another way.
 
     Raises
     ------
@@ -109,7 +118,8 @@ def flatten(mesh: SurfaceMesh, *, method: str = DEFAULT) -> FlatMap:
         A patch with a triangle without area, or one that no method lays flat without a flip.
     """
     flatteners.get(method)
-    charts = [_flatten_patch(mesh, patch, method) for patch in range(mesh.n_patches)]
+    away = mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)]
+    charts = [_flatten_patch(mesh, patch, method, away) for patch in range(mesh.n_patches)]
     charts = _arranged(mesh, charts)
     uv = np.full((len(mesh.skin), 2), np.nan)
     for chart in charts:
@@ -117,14 +127,15 @@ def flatten(mesh: SurfaceMesh, *, method: str = DEFAULT) -> FlatMap:
     return FlatMap(mesh, tuple(charts), uv[mesh.representative])
 
 
-def _flatten_patch(mesh: SurfaceMesh, patch: int, method: str) -> Chart:
+def _flatten_patch(mesh: SurfaceMesh, patch: int, method: str, avoid: IntArray) -> Chart:
     taxels, compact = np.unique(mesh.patch_faces(patch), return_inverse=True)
     faces = compact.reshape(-1, 3)
     vertices = mesh.vertices[taxels]
     where = f"patch {patch} of {mesh.skin.part!r}"
     started = time.process_time()
     check_surface(faces)
-    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE)
+    away = np.flatnonzero(np.isin(taxels, avoid))
+    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE, avoid=away)
     vertices, faces, taxels = vertices[cut.origin], cut.faces, taxels[cut.origin]
     uv, used, holes = flatten_disc(vertices, faces, method=method, where=where)
     seconds = time.process_time() - started
