@@ -23,7 +23,7 @@ from skinmap.geometry.topology import (
     loop_length,
 )
 from skinmap.geometry.triangles import signed_areas, smallest_altitudes
-from skinmap.surface.merge import close_loop
+from skinmap.surface.holes import close_loop
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 DEFAULT = "balanced"
