@@ -15,7 +15,7 @@ from skinmap.flat.disc import Disc
 from skinmap.flat.methods import apply_flattener
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number, loop_length
 from skinmap.geometry.triangles import cross_products, unit
-from skinmap.surface.merge import close_loop
+from skinmap.surface.holes import close_loop
 
 logger = logging.getLogger(__name__)
 

@@ -6,19 +6,20 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
+from skinmap.flat.atlas import Laid, arrange
 from skinmap.flat.cutting import open_surface
 from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, flatten_disc, map_disc
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.methods import flatteners
-from skinmap.flat.packing import pack, upright
+from skinmap.flat.orientation import limb_frame, turn_upright
 from skinmap.geometry.topology import check_surface
 from skinmap.surface.surface_mesh import SurfaceMesh
 
-CHART_GAP = 0.012  # between charts of one part [m]: seen as a gap, small beside a patch
-__all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc", "limb_axis"]
+__all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -98,6 +99,7 @@ def flatten(
     method: str = DEFAULT,
     max_seconds: float | None = None,
     max_edge_rms: float | None = None,
+    avoid: ArrayLike | None = None,
 ) -> FlatMap:
     """Lay every patch of a surface mesh flat and pack the charts.
 
@@ -110,6 +112,8 @@ def flatten(
         Only with `auto`: CPU time for all patches together [s].
     max_edge_rms : float, optional
         Only with `auto`: edge error that each patch should reach, 0.01 for 1 %.
+    avoid : (k,) array-like of int, optional
+        Taxels that seams keep away from where there is another way.
 
     Raises
     ------
@@ -122,14 +126,14 @@ def flatten(
     """
     flatteners.get(method)
     check_budget(method, max_seconds, max_edge_rms)
+    away = mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)]
     charts, weights = [], [len(mesh.patch_faces(patch)) for patch in range(mesh.n_patches)]
     for patch, weight in enumerate(weights):
         # What earlier patches left of the time, shared out by size.
         share = max_seconds and max_seconds * weight / sum(weights[patch:])
-        charts.append(_flatten_patch(mesh, patch, method, share, max_edge_rms))
+        charts.append(_flatten_patch(mesh, patch, method, away, share, max_edge_rms))
         max_seconds = max_seconds and max(max_seconds - charts[-1].seconds, 1e-9)
-    placed = pack([chart.uv for chart in charts], CHART_GAP)
-    charts = [replace(chart, uv=flat) for chart, flat in zip(charts, placed, strict=True)]
+    charts = _arranged(mesh, charts)
     uv = np.full((len(mesh.skin), 2), np.nan)
     for chart in charts:
         uv[chart.taxels] = chart.uv
@@ -156,6 +160,7 @@ def _flatten_patch(
     mesh: SurfaceMesh,
     patch: int,
     method: str,
+    avoid: IntArray,
     max_seconds: float | None,
     max_edge_rms: float | None,
 ) -> Chart:
@@ -165,7 +170,8 @@ def _flatten_patch(
     where = f"patch {patch} of {mesh.skin.part!r}"
     started = time.process_time()
     check_surface(faces)
-    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE)
+    away = np.flatnonzero(np.isin(taxels, avoid))
+    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE, avoid=away)
     vertices, faces, taxels = vertices[cut.origin], cut.faces, taxels[cut.origin]
     flat = map_disc(
         vertices,
@@ -176,13 +182,12 @@ def _flatten_patch(
         max_edge_rms=max_edge_rms,
     )
     seconds = time.process_time() - started
-    uv = upright(flat.uv, vertices @ limb_axis(mesh.vertices))
-    distortion = measure_distortion(vertices, faces, uv)
+    distortion = measure_distortion(vertices, faces, flat.uv)
     return Chart(
         patch,
         taxels,
         faces,
-        uv,
+        flat.uv,
         distortion,
         flat.method,
         flat.fallback,
@@ -193,9 +198,16 @@ def _flatten_patch(
     )
 
 
-def limb_axis(points: FloatArray) -> FloatArray:
-    """Unit direction (3,) of the largest spread, towards +z of the link."""
-    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    strongest = np.argmax(np.abs(axes[0]))
-    axis = axes[0] * np.sign(axes[0][2] if abs(axes[0][2]) > 0.5 else axes[0][strongest])
-    return np.asarray(axis)
+def _arranged(mesh: SurfaceMesh, charts: list[Chart]) -> list[Chart]:
+    """Charts turned so that the limb's axis is up, and laid out as they lie on the body."""
+    if not charts:
+        return []
+    frame = limb_frame(mesh.vertices, mesh.faces, mesh.skin.up)
+    shapes = []
+    for chart in charts:
+        vertices = mesh.vertices[chart.taxels]
+        shapes.append(Laid(vertices, chart.faces, turn_upright(chart.uv, vertices, frame)))
+    # Left and right parts mirror each other: what could lie on either side lies inwards or
+    # outwards on both.
+    placed = arrange(shapes, side=-1.0 if mesh.skin.part.startswith("left") else 1.0)
+    return [replace(chart, uv=uv) for chart, uv in zip(charts, placed, strict=True)]
