@@ -13,7 +13,7 @@ from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning
 from skinmap.flat.budget import within_budget
 from skinmap.flat.disc import Disc
 from skinmap.flat.methods import apply_flattener
-from skinmap.geometry.topology import boundary_loops, check_surface, euler_number, loop_length
+from skinmap.geometry.topology import boundary_loops, check_surface, loop_length
 from skinmap.geometry.triangles import cross_products, unit
 from skinmap.surface.holes import close_loop
 
@@ -141,7 +141,9 @@ def _prepare(vertices: FloatArray, faces: IntArray, where: str) -> tuple[Disc, f
     disc = Disc((vertices - centre) / (size or 1.0), np.concatenate(filled), loops[0])
     if disc.smallest_altitudes[: len(faces)].min() <= NO_AREA:
         raise FlatteningError(f"{where} has a triangle without area")
-    if (number := euler_number(disc.faces)) != 1:
+    # Every vertex is used and every edge lies in two faces but for those of the outer loop.
+    edges = (3 * len(disc.faces) + len(loops[0])) // 2
+    if (number := len(vertices) - edges + len(disc.faces)) != 1:
         raise FlatteningError(f"{where} is no disc: Euler number {number}")
     return disc, size, len(loops) - 1
 
