@@ -10,7 +10,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
 from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning
-from skinmap.flat.budget import within_budget
+from skinmap.flat.budget import Choice, within_budget
 from skinmap.flat.disc import Disc
 from skinmap.flat.methods import apply_flattener
 from skinmap.geometry.topology import boundary_loops, check_surface, loop_length
@@ -93,15 +93,11 @@ def map_disc(
     """
     disc, size, holes = _prepare(vertices, faces, where)
     if method == "auto":
-        choice = within_budget(disc, max_seconds=max_seconds, max_edge_rms=max_edge_rms)
-        if disc.is_injective(choice.uv):
+        choice = _choose(disc, max_seconds, max_edge_rms)
+        if choice is not None:
             if not choice.met:
-                warnings.warn(
-                    f"{where}: no method keeps to the budget; {choice.method} comes nearest "
-                    f"({choice.reason})",
-                    SkinWarning,
-                    stacklevel=3,
-                )
+                words = f"{where}: no method keeps to the budget; {choice.method} comes nearest"
+                warnings.warn(f"{words} ({choice.reason})", SkinWarning, stacklevel=3)
             return DiscMap(choice.uv * size, choice.method, False, holes, choice.reason)
     for name in (method, *FALLBACKS):
         uv = _attempt(name, disc)
@@ -114,6 +110,16 @@ def map_disc(
             f"{where}: {method} flips or fails, {name} is used", SkinWarning, stacklevel=3
         )
     return DiscMap(uv * size, name, name != method, holes)
+
+
+def _choose(disc: Disc, max_seconds: float | None, max_edge_rms: float | None) -> Choice | None:
+    """What `auto` takes; None where it fails or flips."""
+    try:
+        choice = within_budget(disc, max_seconds=max_seconds, max_edge_rms=max_edge_rms)
+    except (ArithmeticError, ValueError, RuntimeError):  # a singular matrix, whatever it is called
+        logger.info("flattening method auto fails", exc_info=True)
+        return None
+    return choice if disc.is_injective(choice.uv) else None
 
 
 def _attempt(name: str, disc: Disc) -> FloatArray | None:

@@ -24,7 +24,7 @@ from skinmap.registry import Registry
 Flattener = Callable[[FloatArray, IntArray, IntArray], FloatArray]
 flatteners: Registry[Flattener] = Registry("flattening method", "skinmap.flatteners")
 SLIM_ITERATIONS = 5
-MOST_SLIM = 20_000  # vertices: above, SLIM's own factorisation per step takes minutes
+MOST_SLIM = 20_000  # vertices: above, the factorisation that SLIM needs for each step is too dear
 
 
 def flattener_names() -> tuple[str, ...]:

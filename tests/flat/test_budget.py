@@ -104,3 +104,13 @@ def test_budgets_are_refused_where_nothing_follows_them(prepared, name):
     for value in (0.0, -1.0, float("nan")):
         with pytest.raises(InvalidArrayError, match=f"{name} must be above 0"):
             flatten(mesh, method="auto", **{name: value})
+
+
+def test_auto_falls_back_where_nothing_can_be_solved(cap, monkeypatch):
+    def singular(disc):
+        raise ArithmeticError("the matrix of 3 unknowns is singular")
+
+    monkeypatch.setattr("skinmap.flat.bff.boundary_first", singular)
+    with pytest.warns(SkinWarning, match="auto flips or fails, tutte is used"):
+        flat = map_disc(cap.vertices, cap.faces, method="auto")
+    assert (flat.method, flat.fallback) == ("tutte", True)
