@@ -51,7 +51,7 @@ def main() -> None:
     result["exponents"] = exponents(rows)
     result["cost_model"] = cost_model(rows)
     result["icub"] = icub_row(repeats=1 if options.quick else 5)
-    result["meshing"] = meshing_rows((1_000,) if options.quick else (1_000, 10_000, 100_000))
+    result["meshing"] = meshing_rows((1_000,) if options.quick else (1_000, 10_000))
     result["meshing_peers_not_installed"] = missing()
     if not options.quick:
         result["contact_images"] = contact_image_rows()

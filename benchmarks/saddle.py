@@ -25,8 +25,8 @@ from skinmap.flat.factorisation import factorise, solvers
 from skinmap.geometry.topology import boundary_loops
 
 OURS = ("tutte", "harmonic", "lscm", "fast", "balanced", "dirichlet")
-REPEATS = {1_000: 9, 10_000: 5, 100_000: 3}
-ONCE_FROM = 100_000  # vertices: peers that take more than 5 C run once from here on
+REPEATS = {1_000: 9, 3_000: 7, 10_000: 5}
+ONCE_FROM = 30_000  # vertices: peers that take more than 5 C run once from here on
 
 
 def saddle(n: int) -> tuple[np.ndarray, np.ndarray]:
