@@ -37,7 +37,7 @@ def consensus(
     longest = edge_lengths(points, triangles[solid]).max(axis=1)
     order = np.lexsort((longest, -count[solid]))
     triangles = triangles[solid][order]
-    kernel = take_kernel(len(points)) if compiled in (None, True) else None
+    kernel = take_kernel(len(points), compiled)
     taken = (take_in_turn if kernel is None else kernel)(_edge_numbers(triangles, len(points)))
     return without_pinches(triangles[taken])
 
