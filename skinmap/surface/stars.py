@@ -13,7 +13,7 @@ from skinmap.surface.cloud import faces_away
 from skinmap.surface.compiled import star_kernel
 
 NEIGHBOURS = 20  # more than two rings of a hexagonal lattice; a star needs one
-FEW = 13  # as many as most stars need
+FEW = 12  # close most stars too; at borders a little less is seen
 JITTER = 1e-4  # in spacings: the least that breaks the ties of a square grid bent in space
 FIRST = 12  # nearest to begin with: they close most stars, and the rest then only confirms it
 FLAT = 1e-12  # of the inverted size squared: less is a rounding error
@@ -89,8 +89,8 @@ def delaunay_stars(
         distance, index = nearest_of(tree, rows, neighbours)
         distance = np.where(faces_away(normals, rows, index), np.inf, distance)
         if allowed is not None:
-            first = np.repeat(np.arange(len(rows)), index.shape[1])
-            fits = contains(allowed[rows], first, index.ravel()).reshape(index.shape)
+            own = np.repeat(np.arange(len(rows)), index.shape[1])
+            fits = contains(allowed[rows], own, index.ravel()).reshape(index.shape)
             distance = np.where(fits, distance, np.inf)
         if kernel is not None:
             first, second = tangent_frames(normals[rows])
