@@ -109,7 +109,7 @@ def take_in_turn(numbers: IntArray) -> BoolArray:
 def without_pinches(faces: IntArray) -> IntArray:
     """Faces less the smaller fans at vertices where two or more fans meet in a point."""
     while True:
-        fan, vertex = _fans(faces)
+        fan, vertex = fans(faces)
         size = np.bincount(fan)
         if len(size) == np.count_nonzero(np.bincount(faces.ravel())):
             return faces
@@ -122,12 +122,12 @@ def without_pinches(faces: IntArray) -> IntArray:
 
 def pinched_vertex(faces: IntArray) -> int:
     """A vertex where two fans meet in a point; -1 where there is none."""
-    _, vertex = _fans(faces)
+    _, vertex = fans(faces)
     used, count = np.unique(vertex, return_counts=True)
     return int(used[np.argmax(count)]) if (count > 1).any() else -1
 
 
-def _fans(faces: IntArray) -> tuple[IntArray, IntArray]:
+def fans(faces: IntArray) -> tuple[IntArray, IntArray]:
     """Fan (3 m,) of each corner, numbered by first appearance, and the vertex (k,) of each fan.
 
     Corners of one vertex are of one fan where their faces share an edge at it.
