@@ -12,12 +12,14 @@ import numpy as np
 
 from skinmap.cli.figures import picture_bytes, plain_figure
 from skinmap.cli.projection import View, draw_surface
-from skinmap.geometry.triangles import face_normals
+from skinmap.geometry.triangles import face_normals, unit
 from skinmap.skin.fit import measure_fit
 from skinmap.skin.robot import Robot
+from skinmap.skin.skin import Skin
 
 MM = 1e3
-VIEWS = ((15.0, -60.0), (15.0, 120.0))  # elevation and azimuth of the two views [deg]
+TURN = np.radians(55.0)  # of each of the two views from where the skin looks
+LEVEL = 0.5  # sine: skin that looks further up or down than 60 degrees has no front
 MARGIN_MM = 10.0  # round the taxels: what of the link lies further is cut off
 TIP_MM = 6.0  # length of the normals drawn
 MOST_FACES = 12_000  # of the link: more cannot be seen at this size
@@ -59,12 +61,12 @@ def part_picture(robot: Robot, name: str) -> bytes:
     skin, mesh = robot.skin(name), robot.mesh(robot.part(name).link)
     found = measure_fit(skin, mesh)
     figure = plain_figure((10.0, 4.9))
-    axes = figure.subplots(1, len(VIEWS))
+    axes = figure.subplots(1, 2)
     scale = Normalize(0.0, FAR_MM)
     faces = mesh.faces[:: max(1, len(mesh.faces) // MOST_FACES)]
     normals = face_normals(mesh.vertices, faces)
     grey = np.tile(to_rgba("#c9ced4"), (len(faces), 1))
-    for axis, view in zip(axes, _views(), strict=True):
+    for axis, view in zip(axes, _views(skin), strict=True):
         # Open and double shells have faces of both turns: none is left out.
         draw_surface(axis, view, mesh.vertices[faces] * MM, normals, grey, both_sides=True)
         seen = skin.normals @ view.out > 0.0
@@ -85,15 +87,18 @@ def part_picture(robot: Robot, name: str) -> bytes:
     return picture_bytes(figure)
 
 
-def _views() -> list[View]:
-    """From two opposite sides, a little from above, z of the link up."""
+def _views(skin: Skin) -> list[View]:
+    """From the left and the right of where the skin looks, the robot's upward direction up."""
+    looks = skin.normals.mean(axis=0)
+    up = np.array([0.0, 0.0, 1.0]) if skin.up is None else skin.up
+    if np.linalg.norm(np.cross(up, looks)) < LEVEL * np.linalg.norm(looks):
+        # A sole looks down: its length is up in the picture.
+        up = np.linalg.svd(skin.positions - skin.positions.mean(axis=0), full_matrices=False)[2][0]
+    front = unit(looks - (looks @ up) * up)
+    side = np.cross(up, front)
     views = []
-    for elevation, azimuth in np.radians(VIEWS):
-        level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        z = np.array([0.0, 0.0, 1.0])
-        out = np.cos(elevation) * level + np.sin(elevation) * z
-        up = np.cos(elevation) * z - np.sin(elevation) * level
-        views.append(View(f"from {np.degrees(azimuth):.0f}\N{DEGREE SIGN}", out, up))
+    for name, turn in zip(("from the left", "from the right"), (-TURN, TURN), strict=True):
+        views.append(View(name, np.cos(turn) * front + np.sin(turn) * side, up))
     return views
 
 
