@@ -40,7 +40,12 @@ def data_folder() -> Path:
 
 def builtin_robots() -> tuple[str, ...]:
     """Names of the robots that ship with Skinmap."""
-    return tuple(sorted(path.parent.name for path in data_folder().glob("*/*.toml")))
+    return tuple(sorted(_builtin_manifests()))
+
+
+def _builtin_manifests() -> dict[str, Path]:
+    """Manifest of each built-in robot; it is named like the robot, its folder like a package."""
+    return {path.stem: path for path in data_folder().glob("*/*.toml")}
 
 
 def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
@@ -58,13 +63,14 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     ForbiddenPathError
         A manifest that names a file outside its folder.
     """
-    if str(robot) in builtin_robots():
-        return read_manifest(data_folder() / str(robot) / f"{robot}.toml")
+    builtin = _builtin_manifests()
+    if str(robot) in builtin:
+        return read_manifest(builtin[str(robot)])
     path = Path(robot)
     if path.suffix == ".toml" or is_file(path):
         return read_manifest(path, allow_outside=allow_outside)
     raise UnknownNameError(
-        "robot (built in, or a path to a manifest .toml)", str(robot), builtin_robots()
+        "robot (built in, or a path to a manifest .toml)", str(robot), sorted(builtin)
     )
 
 
