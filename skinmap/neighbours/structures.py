@@ -14,19 +14,20 @@ import numpy as np
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.neighbours.matching import MARGIN, match_costs, matcher, pairing
-from skinmap.neighbours.offsets import Neighbourhoods
+from skinmap.neighbours.offsets import Neighbourhoods, ramp
 from skinmap.neighbours.prototypes import Prototypes, as_prototypes, clockwise
 
 __all__ = ["RADIUS", "TOLERANCE", "Prototypes", "Structures", "assign", "find_structures"]
 
 TOLERANCE = 1.5e-3  # [m]; under half a pitch, so that matching points are one-to-one
 RADIUS = 8.0e-3  # [m]; between the first and the second ring of the known modules
-STRAY = 1.5  # in tolerances: how far a point may lie where the root mean square stays within one
+STRAY = 1.5  # in tolerances: how far a point may lie where all together lie 1.5 times closer
 CANDIDATES = 96  # shapes that are compared at a time, and
 COLUMNS = 512  # neighbourhoods that they are counted on: sampled evenly from what is uncovered
 POOLS = 16  # rounds of candidates
 REFINED = 3  # times that a prototype moves to the mean of its members
 MOST = 512  # prototypes: what noise leaves beyond them has no structure
+RARELY = 0.25  # a place that holds less of a neighbour than this, on average, is none
 ROWS = 16384  # neighbourhoods assigned at a time
 
 
@@ -77,8 +78,8 @@ def find_structures(
 
     Of a sample of uncovered neighbourhoods the one that matches most others becomes a prototype;
     it moves to the mean of its members before the next is chosen, so that its own noise does not
-    count. What no prototype covers joins the one that it strays from least, if its root mean
-    square stays within the tolerance; what is still left gets shapes of its own.
+    count. What no prototype covers may join one that it strays from a little (see `assign`); what
+    is still left gets shapes of its own.
 
     Parameters
     ----------
@@ -118,19 +119,20 @@ def assign(
 ) -> Structures:
     """Give each taxel the prototype that it matches best; -1 where it matches none.
 
-    First come matches of which every point lies within the tolerance, then those whose root mean
-    square does and of which no point strays by more than 1.5 tolerances.
+    First come matches of which every point lies within the tolerance, then those of which a point
+    or two strays by up to 1.5 tolerances, if the root mean square is below 1 / 1.5 of it.
     """
     n = len(hoods)
     labels, turn = np.full(n, -1), np.zeros(n, np.int64)
     neighbours = np.full((n, prototypes.offsets.shape[1]), -1)
-    for reach in (prototypes.tolerance, STRAY * prototypes.tolerance):
+    tolerance = prototypes.tolerance
+    for reach, rms in ((tolerance, tolerance), (STRAY * tolerance, tolerance / STRAY)):
         ready = matcher(prototypes, hoods, reach=reach)
         waiting = np.flatnonzero(labels < 0)
         for start in range(0, len(waiting), ROWS):
             rows = waiting[start : start + ROWS]
             cost, stray, turns = match_costs(hoods, rows, ready, compiled=compiled)
-            cost[stray > prototypes.tolerance**2] = np.inf
+            cost[stray > rms**2] = np.inf
             best, lowest = _lowest(cost)
             hit = np.flatnonzero(np.isfinite(lowest))
             s, t = best[hit], turns[hit, best[hit]]
@@ -246,12 +248,16 @@ def _refined(
     sure = there & np.take_along_axis(hoods.required[members], at, 1)
     number = there.sum(axis=0)
     mean = points.sum(axis=0) / np.maximum(number, 1)[:, None]
-    offsets = np.where((number > 0)[:, None], mean, shape.offsets[0])[None]
-    required = np.where(number > 0, 2 * sure.sum(axis=0) > number, shape.required[0])[None]
-    order = clockwise(offsets, shape.filled)
+    length = np.linalg.norm(points, axis=2)
+    present = (ramp(length, hoods.radius, hoods.band) * there).mean(axis=0)
+    # A neighbour that noise let in for a few members would drag others in with it.
+    filled = (shape.filled[0] & (present >= RARELY))[None]
+    required = (2 * sure.sum(axis=0) > np.maximum(number, 1))[None] & filled
+    offsets = np.where(filled[..., None], mean, 0.0)
+    order = clockwise(offsets, filled)
     return Prototypes(
         np.take_along_axis(offsets, order[..., None], 1),
-        np.take_along_axis(shape.filled, order, 1),
+        np.take_along_axis(filled, order, 1),
         np.take_along_axis(required, order, 1),
         shape.tolerance,
         shape.rotations,
@@ -259,21 +265,33 @@ def _refined(
 
 
 def _settled(hoods: Neighbourhoods, shapes: Prototypes, compiled: bool | None) -> Prototypes:
-    """Prototypes moved to the mean of all taxels that match them best, empty ones left out."""
-    found = assign(hoods, shapes, compiled=compiled)
-    kept = []
-    for s in range(len(shapes)):
-        members = np.flatnonzero(found.labels == s)
-        if len(members):
-            same = hoods.index[members][:, None, :] == found.neighbours[members][:, :, None]
-            same &= found.neighbours[members][:, :, None] >= 0
-            partner = np.where(same.any(axis=2), same.argmax(axis=2), -1)
-            shape = shapes.take(np.array([s]))
-            kept.append(_refined(hoods, shape, members, (found.rotation[members], partner)))
-    joined = kept[0]
-    for shape in kept[1:]:
-        joined = joined.joined(shape)
-    return joined
+    """Prototypes moved to the mean of all taxels that match them best.
+
+    Those without members are left out, and so are those that match one with more members: noise
+    had split them.
+    """
+    found = _by_frequency(assign(hoods, shapes, compiled=compiled))
+    order = np.argsort(found.labels, kind="stable")
+    kept = found.prototypes.take(np.zeros(0, np.int64))
+    ends = np.searchsorted(found.labels[order], np.arange(len(found.prototypes) + 1))
+    for s in range(len(found.prototypes)):
+        members = order[ends[s] : ends[s + 1]]
+        same = hoods.index[members][:, None, :] == found.neighbours[members][:, :, None]
+        same &= found.neighbours[members][:, :, None] >= 0
+        partner = np.where(same.any(axis=2), same.argmax(axis=2), -1)
+        shape = found.prototypes.take(np.array([s]))
+        shape = _refined(hoods, shape, members, (found.rotation[members], partner))
+        if not _matches_any(shape, kept, hoods):
+            kept = kept.joined(shape)
+    return kept
+
+
+def _matches_any(shape: Prototypes, others: Prototypes, hoods: Neighbourhoods) -> bool:
+    """Whether one prototype lies within the tolerance of any of some others."""
+    index = np.where(shape.filled, np.arange(shape.filled.shape[1]), -1)
+    alike = Neighbourhoods(index, shape.offsets, shape.required, hoods.radius, hoods.band)
+    ready = matcher(others, alike, reach=shape.tolerance)
+    return bool(np.isfinite(match_costs(alike, np.zeros(1, np.int64), ready)[0]).any())
 
 
 def _by_frequency(found: Structures) -> Structures:
