@@ -19,6 +19,7 @@ from skinmap.touch.prepared import PreparedSkin
 
 GREY = "#b4bac1"
 SKIN = (0.93, 0.93, 0.91, 1.0)
+BODY = "#f3f4f6"
 COLUMNS = 12
 UP = np.array([0.0, 0.0, 1.0])
 SIDES = {
@@ -70,7 +71,10 @@ def body_figure(
         faces.append(skin.mesh.faces + start)
         start += len(skin)
     vertices, triangles = np.concatenate(points), np.concatenate(faces)
-    extent = np.ptp(vertices, axis=0)
+    links = _links(robot, skins)
+    body = [transform_points(poses[link], robot.mesh(link).vertices) * MM for link in links]
+    extent = np.ptp(np.concatenate([vertices, *body]), axis=0)
+    low, high = (f(np.concatenate([vertices, *body])[:, 2]) for f in (np.min, np.max))
     widths = [extent[1], extent[0], extent[1], extent[0]]
     height = 7.0
     scale = (height - 0.6) / max(float(extent[2]), 1.0)
@@ -81,13 +85,35 @@ def body_figure(
     axes = figure.subplots(1, 4, width_ratios=np.maximum(widths, 0.1 * max(widths)))
     for axis, (name, out) in zip(axes, SIDES.items(), strict=True):
         view = View(name, out, UP)
+        outline = view.project(vertices)[:, :2]
+        for link in links:
+            shape = view.project(transform_points(poses[link], robot.mesh(link).vertices))
+            outline = np.concatenate([outline, _draw_outline(axis, shape[:, :2] * MM)])
         colours = np.tile(SKIN, (len(triangles), 1))
         draw_surface(axis, view, vertices[triangles], face_normals(vertices, triangles), colours)
         seen = visible(view, vertices, triangles, len(vertices))
         _draw_members(axis, view.project(vertices)[seen, :2], found.labels[seen], palette)
+        axis.set_xlim(outline[:, 0].min() - 5.0, outline[:, 0].max() + 5.0)
+        axis.set_ylim(low, high)  # one scale for all four
         axis.set_title(name, fontsize=9)
     figure.suptitle(f"{robot.name}: {len(found.prototypes)} structures on the skin", fontsize=11)
     save_figure(figure, path)
+
+
+def _links(robot: Robot, skins: Mapping[str, PreparedSkin]) -> tuple[str, ...]:
+    """Links to outline: those of the parts shown, or all where all parts are."""
+    if set(skins) == set(robot.parts):
+        return tuple(k for k in robot.body.visible_links if len(robot.mesh(k).vertices) > 2)
+    return tuple(dict.fromkeys(skin.skin.link for skin in skins.values()))
+
+
+def _draw_outline(axis: Any, points: FloatArray) -> FloatArray:
+    """Draw the convex outline of a link's projected vertices (n, 2); returns its corners."""
+    from scipy.spatial import ConvexHull
+
+    corners = points[ConvexHull(points).vertices]
+    axis.fill(*corners.T, facecolor=BODY, edgecolor=GREY, linewidth=0.4, zorder=0)
+    return np.asarray(corners)
 
 
 def structure_colours(n: int) -> FloatArray:
