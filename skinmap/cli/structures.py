@@ -127,7 +127,7 @@ def _radius(text: str) -> float | None:
     except ValueError:
         radius = math.nan
     if not 0 < radius < math.inf:
-        raise click.UsageError(f"--radius-mm must be a number above 0 or auto, got {text!r}")
+        raise click.UsageError(f"--radius-mm must be above 0, or auto, got {text!r}")
     return radius * 1e-3
 
 
