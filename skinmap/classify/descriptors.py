@@ -15,7 +15,8 @@ from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, assign, find_structures
 from skinmap.touch.codebook import Codebook, histograms, learn_codebook
 from skinmap.touch.contact_geometry import contact_geometry
-from skinmap.touch.contacts import pool_event, pressed
+from skinmap.touch.contacts import check_pressures, pool_event, pressed
+from skinmap.touch.course import course
 from skinmap.touch.prepared import PreparedSkin
 
 COUNTS = 255.0
@@ -43,14 +44,17 @@ class Descriptor(Protocol):
 
 
 class ContactGeometry:
-    """One row a touch: lengths, areas and counts of the pooled contacts on the skin."""
+    """One row a touch: lengths, areas and counts of the pooled contacts, and their course."""
 
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
         """Nothing to learn."""
 
     def describe(self, touch: Touch) -> FloatArray:
-        """(1, 13) numbers, see `contact_geometry.FEATURES`; (0, 13) where nothing is touched."""
-        row = contact_geometry(touch.skin.geometry, pool_event(touch.samples))[None]
+        """(1, 26) numbers, `FEATURES` and `COURSE` in turn; (0, 26) where nothing is touched."""
+        geometry = touch.skin.geometry
+        check_pressures(touch.samples, geometry)
+        still = contact_geometry(geometry, pool_event(touch.samples))
+        row = np.concatenate([still, course(geometry, touch.samples)])[None]
         return row if row[0, 0] > 0 else row[:0]
 
 
