@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import ClassVar, Literal, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ Unseen = Literal["skip", "nearest"]
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Touch:
     """One touch: its skin, its samples (k, n) of 0 to 255 counts, and its label if known."""
 
@@ -50,11 +51,21 @@ class Descriptor(Protocol):
 class ContactGeometry:
     """One row a touch: lengths, areas and counts of the pooled contacts, and their course."""
 
+    # Nothing here is learnt, so a touch is measured once however many classifiers look at it.
+    _known: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
+
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
         """Nothing to learn."""
 
     def describe(self, touch: Touch) -> FloatArray:
         """(1, 26) numbers, `FEATURES` and `COURSE` in turn; (0, 26) where nothing is touched."""
+        row = self._known.get(touch)
+        if row is None:
+            row = self._known[touch] = self._measure(touch)
+        return row
+
+    @staticmethod
+    def _measure(touch: Touch) -> FloatArray:
         geometry = touch.skin.geometry
         check_pressures(touch.samples, geometry)
         still = contact_geometry(geometry, pool_event(touch.samples))
