@@ -118,6 +118,7 @@ def calibrated(estimator: Any) -> Any:
 BUILT_IN = {
     # the geometry of the contacts
     "contact-geometry": "skinmap.classify.geometry_classifier:contact_geometry_classifier",
+    "fusion": "skinmap.classify.fusion:fusion_classifier",
     # the first paper
     "histogram": "skinmap.classify.histogram_classifier:histogram_classifier",
     "paper": "skinmap.classify.paper_classifier:paper_classifier",
