@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,13 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import NotFittedError
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, assign, find_structures
-from skinmap.touch.codebook import WORDS, Codebook, learn_codebook
+from skinmap.touch.codebook import (
+    WORDS,
+    Codebook,
+    codebook_arrays,
+    codebook_from_arrays,
+    learn_codebook,
+)
 from skinmap.touch.contact_geometry import contact_geometry
 from skinmap.touch.contacts import pool_event, pressed
 from skinmap.touch.prepared import PreparedSkin
@@ -126,3 +132,13 @@ class Histograms:
         """How many taxels of a skin vote, and as what."""
         self.counter(skin)
         return self._counters[skin][2]
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """What a model file keeps: the codebook and its structures."""
+        if self.codebook is None:
+            raise NotFittedError("no codebook to save: train the classifier first")
+        return codebook_arrays(self.codebook)
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Take what `to_arrays` gave."""
+        self.codebook = codebook_from_arrays(arrays)
