@@ -10,6 +10,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.classify.descriptors import Descriptor, Touch
+from skinmap.classify.rejection import UNKNOWN
 from skinmap.classify.trained_skin import SkinDifference, TrainedSkin, compare_skin, remember
 from skinmap.errors import InvalidArrayError, NotFittedError
 from skinmap.registry import Registry
@@ -102,12 +103,17 @@ class TouchClassifier:
         return mean.reshape(len(labels))
 
     def predict(self, touch: Touch) -> Prediction:
-        """Label and confidence of a touch; `no_contact` where nothing is touched."""
+        """Label and confidence of a touch.
+
+        `no_contact` where nothing is touched, `unknown` below the confidence that the estimator
+        chose on held-out touches (its `reject_`, if it has one).
+        """
         share = self.probabilities(touch)
         if share is None:
             return Prediction(NO_CONTACT, 1.0)
         best = int(np.argmax(share))
-        return Prediction(self.labels[best], float(share[best]))
+        known = share[best] >= getattr(self.estimator, "reject_", 0.0)
+        return Prediction(self.labels[best] if known else UNKNOWN, float(share[best]))
 
 
 def calibrated(estimator: Any) -> Any:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ from skinmap.touch.codebook import (
     learn_codebook,
 )
 from skinmap.touch.contact_geometry import contact_geometry
-from skinmap.touch.contacts import pool_event, pressed
+from skinmap.touch.contacts import check_pressures, pool_event, pressed
+from skinmap.touch.course import course
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.unseen import Coverage, adopt_nearest, coverage
 from skinmap.touch.votes import VoteCounter
@@ -33,7 +35,7 @@ Unseen = Literal["skip", "nearest"]
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Touch:
     """One touch: its skin, its samples (k, n) of 0 to 255 counts, and its label if known."""
 
@@ -53,14 +55,27 @@ class Descriptor(Protocol):
 
 
 class ContactGeometry:
-    """One row a touch: lengths, areas and counts of the pooled contacts on the skin."""
+    """One row a touch: lengths, areas and counts of the pooled contacts, and their course."""
+
+    # Nothing here is learnt, so a touch is measured once however many classifiers look at it.
+    _known: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
 
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
         """Nothing to learn."""
 
     def describe(self, touch: Touch) -> FloatArray:
-        """(1, 13) numbers, see `contact_geometry.FEATURES`; (0, 13) where nothing is touched."""
-        row = contact_geometry(touch.skin.geometry, pool_event(touch.samples))[None]
+        """(1, 26) numbers, `FEATURES` and `COURSE` in turn; (0, 26) where nothing is touched."""
+        row = self._known.get(touch)
+        if row is None:
+            row = self._known[touch] = self._measure(touch)
+        return row
+
+    @staticmethod
+    def _measure(touch: Touch) -> FloatArray:
+        geometry = touch.skin.geometry
+        check_pressures(touch.samples, geometry)
+        still = contact_geometry(geometry, pool_event(touch.samples))
+        row = np.concatenate([still, course(geometry, touch.samples)])[None]
         return row if row[0, 0] > 0 else row[:0]
 
 
