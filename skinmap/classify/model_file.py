@@ -22,6 +22,7 @@ SUFFIX = ".skinmodel"
 # What an estimator file may contain beside scikit-learn's own trusted types.
 TRUSTED = [
     "skinmap.classify.intersection.IntersectionSVC",
+    "skinmap.classify.rbf_machine.RbfMachine",
     "sklearn.calibration._CalibratedClassifier",
     "sklearn.calibration._SigmoidCalibration",
 ]
