@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -15,7 +15,13 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import NotFittedError
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, assign, find_structures
-from skinmap.touch.codebook import WORDS, Codebook, learn_codebook
+from skinmap.touch.codebook import (
+    WORDS,
+    Codebook,
+    codebook_arrays,
+    codebook_from_arrays,
+    learn_codebook,
+)
 from skinmap.touch.contact_geometry import contact_geometry
 from skinmap.touch.contacts import check_pressures, pool_event, pressed
 from skinmap.touch.course import course
@@ -141,3 +147,13 @@ class Histograms:
         """How many taxels of a skin vote, and as what."""
         self.counter(skin)
         return self._counters[skin][2]
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """What a model file keeps: the codebook and its structures."""
+        if self.codebook is None:
+            raise NotFittedError("no codebook to save: train the classifier first")
+        return codebook_arrays(self.codebook)
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Take what `to_arrays` gave."""
+        self.codebook = codebook_from_arrays(arrays)
