@@ -21,14 +21,14 @@ def quick_probabilities(estimator: Any) -> Probabilities:
     for all others it is `predict_proba`.
     """
     if hasattr(estimator, "probabilities"):
-        return estimator.probabilities  # type: ignore[no-any-return]
+        return estimator.probabilities
     inner = getattr(estimator, "calibrated_classifiers_", [])
     if len(inner) == 1 and isinstance(inner[0].estimator, IntersectionSVC):
         curves = inner[0].calibrators
         if all(hasattr(curve, "a_") and hasattr(curve, "b_") for curve in curves):
             slope, offset = np.array([(float(c.a_), float(c.b_)) for c in curves]).T
             return _Platt(inner[0].estimator, slope, offset)
-    return estimator.predict_proba  # type: ignore[no-any-return]
+    return estimator.predict_proba
 
 
 class _Platt:

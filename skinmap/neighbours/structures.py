@@ -160,9 +160,12 @@ def _canonical_order(hoods: Neighbourhoods) -> IntArray:
     centre = (weight[..., None] * hoods.offsets).sum(axis=1)
     key = (centre[:, 1], centre[:, 0], spread, -hoods.required.sum(axis=1))
     scale = hoods.radius + hoods.band
-    rounded = [np.round(values / (1e-6 * scale * scale)) if i == 2 else
-               (np.round(values / (1e-6 * scale)) if i < 2 else values)
-               for i, values in enumerate(key)]
+    rounded = [
+        np.round(values / (1e-6 * scale * scale))
+        if i == 2
+        else (np.round(values / (1e-6 * scale)) if i < 2 else values)
+        for i, values in enumerate(key)
+    ]
     return np.lexsort(rounded)
 
 

@@ -130,8 +130,7 @@ def _play(
                 shares[name].pop(0)
         if placed is None:
             raise InvalidArrayError(
-                f"{name} does not fit the {len(skin)} taxels of {skin.part!r}; "
-                "choose a larger part"
+                f"{name} does not fit the {len(skin)} taxels of {skin.part!r}; choose a larger part"
             )
         player.touch([placed])
     return player.recording(), min(left[0] for left in shares.values())
