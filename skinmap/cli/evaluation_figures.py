@@ -22,7 +22,7 @@ def _figure(width: float, height: float) -> Any:
 
 
 def kaspar_figure(result: dict[str, Any], path: Path) -> None:
-    """Accuracy of each kind of features, plain folds beside folds by event, the paper's as lines."""
+    """Accuracy by features, plain folds beside folds by event, the paper's as lines."""
     percents = list(dict.fromkeys(row["percent"] for row in result["table"]))
     figure = _figure(5.6 * len(percents), 5.0)
     axes = figure.subplots(1, len(percents), sharey=True, squeeze=False)[0]

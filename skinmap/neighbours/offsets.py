@@ -95,9 +95,7 @@ def neighbourhoods(
     return gathered(len(points), source, target, unit(flat) * length, radius=radius, band=band)
 
 
-def reference_frames(
-    normals: FloatArray, reference: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def reference_frames(normals: FloatArray, reference: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit axes (n, 3) of each tangent plane: to the right of the reference, and along it."""
     up = unit(reference - normals * np.einsum("ij,ij->i", reference, normals)[:, None])
     return np.cross(up, normals), up

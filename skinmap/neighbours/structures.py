@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.neighbours.matching import MARGIN, match_costs, matcher, pairing
 from skinmap.neighbours.offsets import Neighbourhoods, ramp
@@ -160,9 +160,12 @@ def _canonical_order(hoods: Neighbourhoods) -> IntArray:
     centre = (weight[..., None] * hoods.offsets).sum(axis=1)
     key = (centre[:, 1], centre[:, 0], spread, -hoods.required.sum(axis=1))
     scale = hoods.radius + hoods.band
-    rounded = [np.round(values / (1e-6 * scale * scale)) if i == 2 else
-               (np.round(values / (1e-6 * scale)) if i < 2 else values)
-               for i, values in enumerate(key)]
+    rounded = [
+        np.round(values / (1e-6 * scale * scale))
+        if i == 2
+        else (np.round(values / (1e-6 * scale)) if i < 2 else values)
+        for i, values in enumerate(key)
+    ]
     return np.lexsort(rounded)
 
 

@@ -109,8 +109,7 @@ def _counts(touches: Sequence[Touch]) -> dict[str, int]:
 def summarise(name: str, seeds: Sequence[dict[str, dict[str, Any]]]) -> dict[str, Any]:
     """One row: means over the seeds per patch and class, mean and worst over the patches."""
     per_patch = {
-        patch: float(np.mean([scores[patch]["accuracy"] for scores in seeds]))
-        for patch in seeds[0]
+        patch: float(np.mean([scores[patch]["accuracy"] for scores in seeds])) for patch in seeds[0]
     }
     right: dict[str, float] = {}
     total: dict[str, int] = {}

@@ -103,9 +103,7 @@ def paper_rows() -> list[dict[str, Any]]:
             "folds": "plain",
             "features": features,
             "classifier": classifier,
-            "per_class": {
-                name: value / 100.0 for name, value in zip(SAMPLES, values, strict=True)
-            },
+            "per_class": {name: value / 100.0 for name, value in zip(SAMPLES, values, strict=True)},
             "mean": float(np.mean(values)) / 100.0,
         }
         for percent, features, classifier, values in PAPER
