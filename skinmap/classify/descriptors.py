@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,13 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import NotFittedError
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, assign, find_structures
-from skinmap.touch.codebook import WORDS, Codebook, learn_codebook
+from skinmap.touch.codebook import (
+    WORDS,
+    Codebook,
+    codebook_arrays,
+    codebook_from_arrays,
+    learn_codebook,
+)
 from skinmap.touch.contact_geometry import contact_geometry
 from skinmap.touch.contacts import check_pressures, pool_event, pressed
 from skinmap.touch.course import course
@@ -28,7 +35,7 @@ Unseen = Literal["skip", "nearest"]
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Touch:
     """One touch: its skin, its samples (k, n) of 0 to 255 counts, and its label if known."""
 
@@ -50,11 +57,21 @@ class Descriptor(Protocol):
 class ContactGeometry:
     """One row a touch: lengths, areas and counts of the pooled contacts, and their course."""
 
+    # Nothing here is learnt, so a touch is measured once however many classifiers look at it.
+    _known: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
+
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
         """Nothing to learn."""
 
     def describe(self, touch: Touch) -> FloatArray:
         """(1, 26) numbers, `FEATURES` and `COURSE` in turn; (0, 26) where nothing is touched."""
+        row = self._known.get(touch)
+        if row is None:
+            row = self._known[touch] = self._measure(touch)
+        return row
+
+    @staticmethod
+    def _measure(touch: Touch) -> FloatArray:
         geometry = touch.skin.geometry
         check_pressures(touch.samples, geometry)
         still = contact_geometry(geometry, pool_event(touch.samples))
@@ -130,3 +147,13 @@ class Histograms:
         """How many taxels of a skin vote, and as what."""
         self.counter(skin)
         return self._counters[skin][2]
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """What a model file keeps: the codebook and its structures."""
+        if self.codebook is None:
+            raise NotFittedError("no codebook to save: train the classifier first")
+        return codebook_arrays(self.codebook)
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Take what `to_arrays` gave."""
+        self.codebook = codebook_from_arrays(arrays)

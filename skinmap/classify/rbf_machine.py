@@ -10,12 +10,13 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from skinmap.arrays import FloatArray
+from skinmap.classify.rejection import rejection_threshold
 
 FOLDS = 5
 MARGIN = 4.0  # one-against-one decisions beyond this say no more
 
 
-class RbfMachine(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
+class RbfMachine(ClassifierMixin, BaseEstimator):
     """RBF support vector machine on logarithms of non-negative numbers, with probabilities.
 
     One-against-one decisions of held-out folds teach a multinomial logistic regression what they
@@ -62,6 +63,8 @@ class RbfMachine(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
             held_out = self._decisions(scaled)
         worth = LogisticRegression(C=1.0, max_iter=1000).fit(held_out, number)
         self.worth_, self.bias_ = worth.coef_, worth.intercept_
+        sure = worth.predict_proba(held_out)
+        self.reject_ = rejection_threshold(sure.max(axis=1), sure.argmax(axis=1) == number)
         if len(self.classes_) == 2:
             self.worth_ = np.concatenate([-self.worth_, self.worth_]) / 2.0
             self.bias_ = np.concatenate([-self.bias_, self.bias_]) / 2.0

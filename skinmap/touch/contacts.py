@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -147,7 +148,7 @@ def pool_event(samples: NDArray[np.uint8]) -> FloatArray:
     return held.mean(axis=0) if len(held) else np.zeros(samples.shape[1])
 
 
-def check_pressures(pressures: ArrayLike, geometry: SkinGeometry) -> FloatArray:
+def check_pressures(pressures: ArrayLike, geometry: SkinGeometry) -> NDArray[Any]:
     """Pressures (n,) of one sample, or (t, n) of several, for the taxels of this skin.
 
     Raises
