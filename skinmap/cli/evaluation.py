@@ -122,9 +122,16 @@ def _baxter(settings: Settings) -> dict[str, Any]:
 
 
 def _cross_patch(settings: Settings) -> dict[str, Any]:
-    from skinmap.classify.protocols.cross_patch import DEFAULTS, leave_one_out, summarise, transfer
+    from skinmap.classify.protocols.cross_patch import (
+        DEFAULTS,
+        check_carries_over,
+        leave_one_out,
+        summarise,
+        transfer,
+    )
 
     names = settings.names or DEFAULTS
+    check_carries_over(names)
     gestures = _gestures(settings)
     test = _patches(settings.robot or "icub", settings.parts)
     train = _patches(settings.train_robot, ()) if settings.train_robot else None
