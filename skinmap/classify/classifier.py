@@ -45,6 +45,7 @@ class TouchClassifier:
     def __init__(self, name: str, descriptor: Descriptor, estimator: Any) -> None:
         self.name, self.descriptor, self.estimator = name, descriptor, estimator
         self.trained_on: tuple[TrainedSkin, ...] = ()
+        self._quick: tuple[Any, Callable[[FloatArray], FloatArray]] | None = None
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -86,6 +87,7 @@ class TouchClassifier:
             some = np.sort(rng.choice(len(table), ROWS, replace=False))
             table, named = table[some], named[some]
         self.estimator.fit(table, named)
+        self._quick = None
         return self
 
     def difference(self, skin: Skin) -> SkinDifference:
@@ -99,7 +101,11 @@ class TouchClassifier:
         rows = self.descriptor.describe(touch)
         if len(rows) == 0:
             return None
-        mean = np.asarray(self.estimator.predict_proba(rows)).mean(axis=0)
+        if self._quick is None or self._quick[0] is not self.estimator:
+            from skinmap.classify.quick import quick_probabilities
+
+            self._quick = (self.estimator, quick_probabilities(self.estimator))
+        mean = np.asarray(self._quick[1](rows)).mean(axis=0)
         return mean.reshape(len(labels))
 
     def predict(self, touch: Touch) -> Prediction:

@@ -25,6 +25,7 @@ from skinmap.touch.codebook import (
 from skinmap.touch.contact_geometry import contact_geometry
 from skinmap.touch.contacts import check_pressures, pool_event, pressed
 from skinmap.touch.course import course
+from skinmap.touch.histogram import PatchSamples
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.unseen import Coverage, adopt_nearest, coverage
 from skinmap.touch.votes import VoteCounter
@@ -87,15 +88,19 @@ class Histograms:
     literal : bool
         As published: no rotation, rest counted, one row a sample. Else rotations by pi / 3,
         rest dropped and one row a touch, the mean over its samples.
-    words : int
-        Codewords a structure.
+    words : int or "cv"
+        Codewords a structure; "cv" chooses them by cross-validation (`choose_words`).
     unseen : {"skip", "nearest"}
         What becomes of taxels that match no learnt structure: they do not vote, or vote as
         the structure that is nearest to theirs.
     """
 
     def __init__(
-        self, *, literal: bool = False, words: int = WORDS, unseen: Unseen = "skip"
+        self,
+        *,
+        literal: bool = False,
+        words: int | Literal["cv"] = WORDS,
+        unseen: Unseen = "skip",
     ) -> None:
         self.literal, self.words, self.unseen = literal, words, unseen
         self.codebook: Codebook | None = None
@@ -107,13 +112,34 @@ class Histograms:
         rotations = 1 if self.literal else 6
         found = find_structures(concatenate([skin.hoods for skin in skins]), rotations=rotations)
         self._counters = {}
+        matched = {skin: assign(skin.hoods, found.prototypes) for skin in skins}
+        words = self._choose(touches, matched, rng) if self.words == "cv" else self.words
         pools = []
         for skin in skins:
             own = [touch.samples for touch in touches if touch.skin is skin]
             samples = np.concatenate([pressed(block) for block in own])
             some = rng.choice(len(samples), min(BOOK_SAMPLES, len(samples)), replace=False)
-            pools.append((assign(skin.hoods, found.prototypes), samples[some]))
-        self.codebook = learn_codebook(pools, rng=rng, words=self.words, literal=self.literal)
+            pools.append((matched[skin], samples[some]))
+        self.codebook = learn_codebook(pools, rng=rng, words=words, literal=self.literal)
+
+    def _choose(
+        self,
+        touches: Sequence[Touch],
+        matched: Mapping[PreparedSkin, Structures],
+        rng: np.random.Generator,
+    ) -> int:
+        from skinmap.classify.choose_words import choose_words
+
+        held = [(touch, pressed(touch.samples)) for touch in touches]
+        used = [(touch, samples) for touch, samples in held if len(samples)]
+        words, scores = choose_words(
+            [PatchSamples(matched[touch.skin], samples) for touch, samples in used],
+            [touch.label for touch, _ in used],
+            rng=rng,
+            mode="paper" if self.literal else "rest-dropped",
+        )
+        logger.info("%d words a structure; accuracy of each choice: %s", words, scores)
+        return words
 
     def describe(self, touch: Touch) -> FloatArray:
         """(rows, bins) votes of one touch."""

@@ -170,7 +170,7 @@ class NanProbabilities(Nearest):
         return super().predict_proba(X) * np.nan
 
 
-class WrongOrder(Nearest):
+class WrongOrder(GeometryBayes):
     def predict_proba(self, X):
         return super().predict_proba(X)[:, ::-1]
 
