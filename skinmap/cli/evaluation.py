@@ -87,7 +87,10 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
     loaded, parts = open_robot(name, settings.parts)
     part = settings.parts[0] if settings.parts else kaspar.PART
     loaded.part(part)
-    skins = {one: PreparedSkin(loaded.skin(one)) for one in {part: None, **dict.fromkeys(parts)}}
+    sizes: dict[int, str] = {}  # one part of each size: mirror images would only cost time
+    for one in (part, *parts):
+        sizes.setdefault(len(loaded.skin(one)), one)
+    skins = {one: PreparedSkin(loaded.skin(one)) for one in sizes.values()}
     seeds = settings.all_seeds
     sweeps = len(RADII) * len(seeds) if settings.sweep else 0
     with progress(2 * len(seeds) + sweeps, "kaspar") as advance:
@@ -119,9 +122,16 @@ def _baxter(settings: Settings) -> dict[str, Any]:
 
 
 def _cross_patch(settings: Settings) -> dict[str, Any]:
-    from skinmap.classify.protocols.cross_patch import DEFAULTS, leave_one_out, summarise, transfer
+    from skinmap.classify.protocols.cross_patch import (
+        DEFAULTS,
+        check_carries_over,
+        leave_one_out,
+        summarise,
+        transfer,
+    )
 
     names = settings.names or DEFAULTS
+    check_carries_over(names)
     gestures = _gestures(settings)
     test = _patches(settings.robot or "icub", settings.parts)
     train = _patches(settings.train_robot, ()) if settings.train_robot else None
