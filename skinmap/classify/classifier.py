@@ -115,6 +115,9 @@ BUILT_IN = {
     # the first paper
     "histogram": "skinmap.classify.histogram_classifier:histogram_classifier",
     "paper": "skinmap.classify.paper_classifier:paper_classifier",
+    # the second paper
+    "bovw": "skinmap.classify.bovw_classifier:bovw_classifier",
+    "cnn": "skinmap.classify.cnn_classifier:cnn_classifier",
 }
 classifiers: Registry[Callable[[], TouchClassifier]] = Registry(
     "classifier", "skinmap.classifiers", built_in=BUILT_IN

@@ -21,6 +21,8 @@ FORMAT = "skinmap-model-1"
 SUFFIX = ".skinmodel"
 # What an estimator file may contain beside scikit-learn's own trusted types.
 TRUSTED = [
+    "skinmap.classify.bag_of_words.BagOfVisualWords",
+    "skinmap.classify.cnn.ContactImageCNN",
     "skinmap.classify.intersection.IntersectionSVC",
     "sklearn.calibration._CalibratedClassifier",
     "sklearn.calibration._SigmoidCalibration",
