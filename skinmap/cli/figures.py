@@ -57,7 +57,7 @@ def structures_figure(skins: Mapping[str, PreparedSkin], found: Structures, path
     columns = 10
     rows = -(-shown // columns)
     width = len(skins) if len(skins) < 4 else -(-len(skins) // 3)
-    figure = _plain_figure((13.0, 1.45 * rows + (7.5 if len(skins) >= 4 else 4.5)))
+    figure = plain_figure((13.0, 1.45 * rows + (7.5 if len(skins) >= 4 else 4.5)))
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.45 * rows, 7.5])
     palette = _palette(len(found.prototypes))
     for s in range(shown):
@@ -81,11 +81,12 @@ def structures_figure(skins: Mapping[str, PreparedSkin], found: Structures, path
 
 
 def _new_figure(size: tuple[float, float], rows: int, columns: int, **grid: Any) -> tuple[Any, Any]:
-    figure = _plain_figure(size)
+    figure = plain_figure(size)
     return figure, figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid)
 
 
-def _plain_figure(size: tuple[float, float]) -> Any:
+def plain_figure(size: tuple[float, float]) -> Any:
+    """An empty matplotlib figure of a size [inch]."""
     # The object interface and not pyplot: no global state, no window system.
     from matplotlib.figure import Figure
 

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.triangles import cross_products, unit
@@ -29,11 +30,15 @@ class Neighbourhoods:
         In the tangent plane, at their full 3D length [m]; 0 in empty places.
     required : (n, k) bool
         Whether a place counts for sure: not in the soft band, not empty.
+    radius, band : float
+        Neighbours up to radius + band count; beyond radius - band they are optional [m].
     """
 
     index: IntArray
     offsets: FloatArray
     required: BoolArray
+    radius: float
+    band: float
 
     def __post_init__(self) -> None:
         freeze(self, index=self.index, offsets=self.offsets, required=self.required)
@@ -45,6 +50,19 @@ class Neighbourhoods:
     def filled(self) -> BoolArray:
         """(n, k) places that hold a neighbour."""
         return np.asarray(self.index >= 0)
+
+    @property
+    def weight(self) -> FloatArray:
+        """(n, k) how much a neighbour counts: 1, falling to 0 across the soft band."""
+        length = np.linalg.norm(self.offsets, axis=2)
+        return np.where(self.filled, ramp(length, self.radius, self.band), 0.0)
+
+
+def ramp(length: FloatArray, radius: float, band: float) -> FloatArray:
+    """Weight (...,) of neighbours at a length (...,) [m]: 1 inside the soft band, 0 outside it."""
+    if band == 0.0:
+        return np.where(length <= radius, 1.0, 0.0)
+    return np.clip((radius + band - length) / (2.0 * band), 0.0, 1.0)
 
 
 def neighbourhoods(
@@ -67,26 +85,46 @@ def neighbourhoods(
         Neighbours up to radius + band count; beyond radius - band they are optional [m].
     """
     pairs = cKDTree(points).query_pairs(radius + band, output_type="ndarray")
-    pairs = np.concatenate([pairs, pairs[:, ::-1]])
-    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    source, target = pairs[:, 0], pairs[:, 1]
-    count = np.bincount(source, minlength=len(points))
-    place = np.arange(len(source)) - np.repeat(np.cumsum(count) - count, count)
-    up = unit(reference - normals * np.einsum("ij,ij->i", reference, normals)[:, None])
-    right = np.cross(up, normals)
+    source, target = np.concatenate([pairs, pairs[:, ::-1]]).T
+    right, up = reference_frames(normals, reference)
     step = points[target] - points[source]
     flat = np.column_stack(
         [np.einsum("ij,ij->i", step, right[source]), np.einsum("ij,ij->i", step, up[source])]
     )
-    distance = np.linalg.norm(step, axis=1)
+    length = np.linalg.norm(step, axis=1, keepdims=True)
+    return gathered(len(points), source, target, unit(flat) * length, radius=radius, band=band)
+
+
+def reference_frames(
+    normals: FloatArray, reference: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Two unit axes (n, 3) of each tangent plane: to the right of the reference, and along it."""
+    up = unit(reference - normals * np.einsum("ij,ij->i", reference, normals)[:, None])
+    return np.cross(up, normals), up
+
+
+def gathered(
+    n: int,
+    source: IntArray,
+    target: IntArray,
+    offsets: FloatArray,
+    *,
+    radius: float,
+    band: float,
+) -> Neighbourhoods:
+    """Neighbourhoods of n taxels from pairs (p,) and the offset (p, 2) of each target [m]."""
+    order = np.lexsort((target, source))
+    source, target, offsets = source[order], target[order], offsets[order]
+    count = np.bincount(source, minlength=n)
+    place = np.arange(len(source)) - np.repeat(np.cumsum(count) - count, count)
     width = max(int(count.max(initial=0)), 1)
-    index = np.full((len(points), width), -1)
-    offsets = np.zeros((len(points), width, 2))
-    required = np.zeros((len(points), width), bool)
+    index = np.full((n, width), -1)
+    padded = np.zeros((n, width, 2))
+    required = np.zeros((n, width), bool)
     index[source, place] = target
-    offsets[source, place] = unit(flat) * distance[:, None]
-    required[source, place] = distance <= radius - band
-    return Neighbourhoods(index, offsets, required)
+    padded[source, place] = offsets
+    required[source, place] = np.linalg.norm(offsets, axis=1) <= radius - band
+    return Neighbourhoods(index, padded, required, radius, band)
 
 
 def flat_map_directions(flat: FlatMap) -> FloatArray:
@@ -127,7 +165,16 @@ def _gradients(vertices: FloatArray, faces: IntArray, values: FloatArray) -> Flo
 
 
 def concatenate(hoods: Sequence[Neighbourhoods]) -> Neighbourhoods:
-    """Neighbourhoods of several skins as one; indices count on from skin to skin."""
+    """Neighbourhoods of several skins as one; indices count on from skin to skin.
+
+    Raises
+    ------
+    InvalidArrayError
+        Neighbourhoods of different radii.
+    """
+    radii = sorted({(hood.radius, hood.band) for hood in hoods})
+    if len(radii) != 1:
+        raise InvalidArrayError(f"neighbourhoods of one radius and band only, got {radii} [m]")
     width = max(hood.index.shape[1] for hood in hoods)
     index, offsets, required, start = [], [], [], 0
     for hood in hoods:
@@ -137,4 +184,6 @@ def concatenate(hoods: Sequence[Neighbourhoods]) -> Neighbourhoods:
         offsets.append(np.pad(hood.offsets, (*fill, (0, 0))))
         required.append(np.pad(hood.required, fill))
         start += len(hood)
-    return Neighbourhoods(np.concatenate(index), np.concatenate(offsets), np.concatenate(required))
+    return Neighbourhoods(
+        np.concatenate(index), np.concatenate(offsets), np.concatenate(required), *radii[0]
+    )

@@ -13,39 +13,21 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
+from skinmap.neighbours.matching import MARGIN, match_costs, matcher, pairing
 from skinmap.neighbours.offsets import Neighbourhoods
+from skinmap.neighbours.prototypes import Prototypes, as_prototypes, clockwise
+
+__all__ = ["RADIUS", "TOLERANCE", "Prototypes", "Structures", "assign", "find_structures"]
 
 TOLERANCE = 1.5e-3  # [m]; under half a pitch, so that matching points are one-to-one
 RADIUS = 8.0e-3  # [m]; between the first and the second ring of the known modules
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Prototypes:
-    """The shapes of s structures, padded to k places.
-
-    Attributes
-    ----------
-    offsets : (s, k, 2) float
-        Clockwise from twelve o'clock [m].
-    filled, required : (s, k) bool
-        Which places hold a point, and which of those every member must have.
-    tolerance : float
-        [m].
-    rotations : int
-        Rotations that a member may have: 1 or the symmetry of the lattice.
-    """
-
-    offsets: FloatArray
-    filled: BoolArray
-    required: BoolArray
-    tolerance: float
-    rotations: int
-
-    def __post_init__(self) -> None:
-        freeze(self, offsets=self.offsets, filled=self.filled, required=self.required)
-
-    def __len__(self) -> int:
-        return len(self.offsets)
+STRAY = 1.5  # in tolerances: how far a point may lie where the root mean square stays within one
+CANDIDATES = 96  # shapes that are compared at a time, and
+COLUMNS = 512  # neighbourhoods that they are counted on: sampled evenly from what is uncovered
+POOLS = 16  # rounds of candidates
+REFINED = 3  # times that a prototype moves to the mean of its members
+MOST = 512  # prototypes: what noise leaves beyond them has no structure
+ROWS = 16384  # neighbourhoods assigned at a time
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -77,16 +59,26 @@ class Structures:
         known = self.labels[self.labels >= 0]
         return np.bincount(known, minlength=len(self.prototypes)).astype(np.int64)
 
+    @property
+    def leftovers(self) -> IntArray:
+        """(l,) taxels that share their structure with no other one, or that have none."""
+        alone = np.append(self.counts == 1, True)  # the last place answers for label -1
+        return np.flatnonzero(alone[self.labels])
+
 
 def find_structures(
-    hoods: Neighbourhoods, *, tolerance: float = TOLERANCE, rotations: int = 1
+    hoods: Neighbourhoods,
+    *,
+    tolerance: float = TOLERANCE,
+    rotations: int = 1,
+    compiled: bool | None = None,
 ) -> Structures:
     """Cover all taxels with as few neighbourhood shapes as a greedy choice finds.
 
-    Leaders are neighbourhoods that stand for all others within half the tolerance. The leader
-    that matches most uncovered ones, counted with their followers, becomes a prototype, until
-    all are covered; the points of each prototype move to the mean of its members'; each taxel
-    takes the prototype that it matches best.
+    Of a sample of uncovered neighbourhoods the one that matches most others becomes a prototype;
+    it moves to the mean of its members before the next is chosen, so that its own noise does not
+    count. What no prototype covers joins the one that it strays from least, if its root mean
+    square stays within the tolerance; what is still left gets shapes of its own.
 
     Parameters
     ----------
@@ -94,191 +86,202 @@ def find_structures(
     tolerance : float
         How far a neighbour may lie from its place [m].
     rotations : int
-        1, or 6 to let structures turn by multiples of pi / 3.
+        1, or the symmetry of the lattice: 6 lets structures turn by multiples of pi / 3, 4 by
+        quarters (square grids).
+    compiled : bool, optional
+        Whether numba does the matching; by default where it is installed and worth its import.
 
     Raises
     ------
     InvalidArrayError
         A tolerance or a number of rotations that is not positive.
     """
-    if tolerance <= 0 or rotations < 1:
+    if not tolerance > 0 or rotations < 1:
         raise InvalidArrayError(
             f"tolerance must be above 0 and rotations at least 1, got {tolerance} and {rotations}"
         )
-    leaders, followers = _leaders(hoods, 0.5 * tolerance, rotations)
-    among = _rows(hoods, leaders)
-    shapes = _take(among, np.arange(len(leaders)), tolerance, rotations)
-    matches = np.stack([np.isfinite(_match(among, shapes, s)[0]) for s in range(len(shapes))])
-    uncovered = np.ones(len(leaders), bool)
-    chosen = []
-    while uncovered.any():
-        chosen.append(int(np.argmax((matches & uncovered) @ followers)))
-        uncovered &= ~matches[chosen[-1]]
-    prototypes = _refine(hoods, _take(hoods, leaders[chosen], tolerance, rotations))
-    found = assign(hoods, prototypes)
-    leftover = np.flatnonzero(found.labels < 0)
-    if len(leftover):
-        # Followers are within 1.5 tolerances of what covers their leader, and a mean can move
-        # away from a member: what is left over gets shapes of its own.
-        rest = _rows(hoods, leftover)
-        own = _take(rest, _leaders(rest, tolerance, rotations)[0], tolerance, rotations)
-        found = assign(hoods, _join(prototypes, own))
-    return _by_frequency(found)
+    order = _canonical_order(hoods)
+    none = as_prototypes(hoods, order[:0], tolerance=tolerance, rotations=rotations)
+    shapes, left = _cover(hoods, order, none, compiled)
+    if len(shapes):
+        shapes = _settled(hoods, shapes, compiled)
+        labels = assign(hoods, shapes, compiled=compiled).labels
+        left = order[labels[order] < 0]
+    if len(left):
+        own, _ = _cover(hoods, left, none, compiled, fewest=1)
+        shapes = shapes.joined(own)
+    return _by_frequency(assign(hoods, shapes, compiled=compiled))
 
 
-def assign(hoods: Neighbourhoods, prototypes: Prototypes) -> Structures:
-    """Give each taxel the prototype that it matches best; -1 where it matches none."""
-    n, width = len(hoods), prototypes.offsets.shape[1]
-    best = np.full(n, np.inf)
-    labels, rotation = np.full(n, -1), np.zeros(n, np.int64)
-    neighbours = np.full((n, width), -1)
-    for s in range(len(prototypes)):
-        cost, turn, places = _match(hoods, prototypes, s)
-        better = cost < best
-        best[better], labels[better], rotation[better] = cost[better], s, turn[better]
-        neighbours[better] = places[better]
-    return Structures(prototypes, labels, neighbours, rotation)
+def assign(
+    hoods: Neighbourhoods, prototypes: Prototypes, *, compiled: bool | None = None
+) -> Structures:
+    """Give each taxel the prototype that it matches best; -1 where it matches none.
 
-
-def _match(
-    hoods: Neighbourhoods, prototypes: Prototypes, s: int
-) -> tuple[FloatArray, IntArray, IntArray]:
-    """Cost (n,) of each taxel against one prototype, its rotation and its neighbour order.
-
-    The cost is the mean distance of matched points in tolerances, plus one for each optional
-    point left alone; infinite where a required point has no partner.
+    First come matches of which every point lies within the tolerance, then those whose root mean
+    square does and of which no point strays by more than 1.5 tolerances.
     """
     n = len(hoods)
-    cost, turn = np.full(n, np.inf), np.zeros(n, np.int64)
-    places = np.full((n, prototypes.offsets.shape[1]), -1)
-    filled, must = prototypes.filled[s], prototypes.required[s]
-    able = (hoods.required.sum(axis=1) <= filled.sum()) & (hoods.filled.sum(axis=1) >= must.sum())
-    able = np.flatnonzero(able)
-    for step in range(prototypes.rotations):
-        turned = prototypes.offsets[s] @ _rotation(2.0 * np.pi * step / prototypes.rotations)
-        rows = able
-        for place in np.flatnonzero(must):  # most taxels fall out after a point or two
-            gap = ((hoods.offsets[rows] - turned[place]) ** 2).sum(axis=2)
-            near = (gap <= prototypes.tolerance**2) & hoods.filled[rows]
-            rows = rows[near.any(axis=1)]
-        total, order = _pairing(hoods, rows, turned, filled, must, prototypes.tolerance)
-        better = total < cost[rows]
-        chosen = rows[better]
-        cost[chosen], turn[chosen], places[chosen] = total[better], step, order[better]
-    return cost, turn, places
+    labels, turn = np.full(n, -1), np.zeros(n, np.int64)
+    neighbours = np.full((n, prototypes.offsets.shape[1]), -1)
+    for reach in (prototypes.tolerance, STRAY * prototypes.tolerance):
+        ready = matcher(prototypes, hoods, reach=reach)
+        waiting = np.flatnonzero(labels < 0)
+        for start in range(0, len(waiting), ROWS):
+            rows = waiting[start : start + ROWS]
+            cost, stray, turns = match_costs(hoods, rows, ready, compiled=compiled)
+            cost[stray > prototypes.tolerance**2] = np.inf
+            best, lowest = _lowest(cost)
+            hit = np.flatnonzero(np.isfinite(lowest))
+            s, t = best[hit], turns[hit, best[hit]]
+            partner = pairing(hoods, rows[hit], ready, s, t)[2]
+            at = rows[hit]
+            labels[at], turn[at] = s, t
+            taken = np.take_along_axis(hoods.index[at], np.maximum(partner, 0), 1)
+            neighbours[at] = np.where(partner >= 0, taken, -1)
+    return Structures(prototypes, labels, neighbours, turn)
 
 
-def _pairing(
+def _lowest(cost: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Column (r,) of the lowest cost of each row and that cost; the first of near-equal ones."""
+    if cost.shape[1] == 0:
+        return np.zeros(len(cost), np.int64), np.full(len(cost), np.inf)
+    lowest = cost.min(axis=1)
+    best = (cost <= (lowest + MARGIN)[:, None]).argmax(axis=1)
+    return best, np.take_along_axis(cost, best[:, None], 1)[:, 0]
+
+
+def _canonical_order(hoods: Neighbourhoods) -> IntArray:
+    """Rows by their own shape, most neighbours first: the same however taxels are numbered."""
+    weight = hoods.weight
+    spread = (weight * (hoods.offsets**2).sum(axis=2)).sum(axis=1)
+    centre = (weight[..., None] * hoods.offsets).sum(axis=1)
+    key = (centre[:, 1], centre[:, 0], spread, -hoods.required.sum(axis=1))
+    scale = hoods.radius + hoods.band
+    rounded = [np.round(values / (1e-6 * scale * scale)) if i == 2 else
+               (np.round(values / (1e-6 * scale)) if i < 2 else values)
+               for i, values in enumerate(key)]
+    return np.lexsort(rounded)
+
+
+def _cover(
     hoods: Neighbourhoods,
     rows: IntArray,
-    turned: FloatArray,
-    filled: BoolArray,
-    must: BoolArray,
-    tolerance: float,
-) -> tuple[FloatArray, IntArray]:
-    """Cost (r,) and neighbour order (r, k) of some taxels against one turned prototype."""
-    holds, needs = hoods.filled[rows], hoods.required[rows]
-    gap = np.linalg.norm(hoods.offsets[rows][:, None] - turned[None, :, None], axis=3) / tolerance
-    gap = np.where(holds[:, None] & filled[None, :, None], gap, np.inf)
-    nearest = gap.argmin(axis=2)
-    distance = np.take_along_axis(gap, nearest[..., None], 2)[..., 0]
-    found = distance <= 1.0
-    partnered = np.zeros(holds.shape, bool)
-    row, place = np.nonzero(found)
-    partnered[row, nearest[row, place]] = True
-    fits = (found | ~must).all(axis=1) & (partnered | ~needs).all(axis=1)
-    alone = (filled & ~found).sum(axis=1) + (holds & ~partnered).sum(axis=1)
-    mean = np.where(found, distance, 0.0).sum(axis=1) / np.maximum(found.sum(axis=1), 1)
-    index = np.take_along_axis(hoods.index[rows], nearest, 1)
-    return np.where(fits, mean + alone, np.inf), np.where(found, index, -1)
+    none: Prototypes,
+    compiled: bool | None,
+    *,
+    fewest: int = 2,
+) -> tuple[Prototypes, IntArray]:
+    """Prototypes of at least `fewest` members that cover some rows, and the rows left over."""
+    shapes, uncovered = none, rows
+    tolerance, rotations = none.tolerance, none.rotations
+    for _ in range(POOLS):
+        if len(uncovered) == 0 or len(shapes) >= MOST:
+            break
+        candidates, columns = _sampled(uncovered, CANDIDATES), _sampled(uncovered, COLUMNS)
+        pool = as_prototypes(hoods, candidates, tolerance=tolerance, rotations=rotations)
+        ready = matcher(pool, hoods, reach=tolerance)
+        cost, _, _ = match_costs(hoods, columns, ready, compiled=compiled)
+        matches = np.isfinite(cost).astype(np.int64)
+        free = np.ones(len(columns), np.int64)
+        every = len(candidates) == len(uncovered)
+        floor = fewest if every else max(fewest, 2)
+        while len(shapes) < MOST:
+            gain = free @ matches
+            best = int(np.argmax(gain))
+            if gain[best] < floor:
+                break
+            shape = pool.take(np.array([best]))
+            for _ in range(REFINED):
+                members, found = _members(hoods, uncovered, shape, compiled)
+                shape = _refined(hoods, shape, members, found)
+            members, _ = _members(hoods, uncovered, shape, compiled)
+            covered = np.zeros(len(hoods), bool)
+            covered[members] = True
+            covered[columns[matches[:, best] > 0]] = True
+            uncovered = uncovered[~covered[uncovered]]
+            free[covered[columns]] = 0
+            shapes = shapes.joined(shape)
+        if every:
+            break
+    return shapes, uncovered
 
 
-def _rotation(angle: float) -> FloatArray:
-    """(2, 2) matrix that turns row vectors counter-clockwise."""
+def _sampled(rows: IntArray, most: int) -> IntArray:
+    """At most so many rows, evenly taken."""
+    if len(rows) <= most:
+        return rows
+    return rows[(np.arange(most) * len(rows)) // most]
+
+
+def _members(
+    hoods: Neighbourhoods, rows: IntArray, shape: Prototypes, compiled: bool | None
+) -> tuple[IntArray, tuple[IntArray, IntArray]]:
+    """Rows that match a single prototype, with their rotation (m,) and partners (m, k)."""
+    ready = matcher(shape, hoods, reach=shape.tolerance)
+    cost, _, turn = match_costs(hoods, rows, ready, compiled=compiled)
+    hit = np.flatnonzero(np.isfinite(cost[:, 0]))
+    turns = turn[hit, 0]
+    partner = pairing(hoods, rows[hit], ready, np.zeros_like(turns), turns)[2]
+    return rows[hit], (turns, partner)
+
+
+def _refined(
+    hoods: Neighbourhoods,
+    shape: Prototypes,
+    members: IntArray,
+    found: tuple[IntArray, IntArray],
+) -> Prototypes:
+    """One prototype with each point at the mean of its members', required if most require it."""
+    turns, partner = found
+    if len(members) == 0:
+        return shape
+    angle = 2.0 * np.pi * turns / shape.rotations
     c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, s], [-s, c]])
-
-
-def _leaders(hoods: Neighbourhoods, tolerance: float, rotations: int) -> tuple[IntArray, IntArray]:
-    """Taxels such that every taxel matches one of them within a tolerance, and how many do.
-
-    Taxels with many neighbours lead first: borders follow the inside, not the other way round.
-    """
-    order = np.argsort(-hoods.filled.sum(axis=1), kind="stable")
-    leaders, followers = [], []
-    while len(order):
-        shape = _take(hoods, order[:1], tolerance, rotations)
-        close = np.isfinite(_match(_rows(hoods, order), shape, 0)[0])
-        close[0] = True
-        leaders.append(order[0])
-        followers.append(np.count_nonzero(close))
-        order = order[~close]
-    return np.array(leaders, np.int64), np.array(followers, np.int64)
-
-
-def _refine(hoods: Neighbourhoods, prototypes: Prototypes) -> Prototypes:
-    """Prototypes with each point at the mean of its members', required if most require it."""
-    found = assign(hoods, prototypes)
-    offsets, required = prototypes.offsets.copy(), prototypes.required.copy()
-    for s in range(len(prototypes)):
-        members = np.flatnonzero(found.labels == s)
-        if len(members) == 0:
-            continue
-        angle = -2.0 * np.pi * found.rotation[members] / prototypes.rotations
-        c, d = np.cos(angle), np.sin(angle)
-        back = np.stack([np.stack([c, d], 1), np.stack([-d, c], 1)], 1)
-        local = np.einsum("nki,nij->nkj", hoods.offsets[members], back)
-        for place in np.flatnonzero(prototypes.filled[s]):
-            same = hoods.index[members] == found.neighbours[members, place][:, None]
-            same &= hoods.filled[members]
-            if same.any():
-                offsets[s, place] = local[same].mean(axis=0)
-                required[s, place] = hoods.required[members][same].mean() > 0.5
+    back = np.stack([np.stack([c, -s], 1), np.stack([s, c], 1)], 1)
+    local = np.einsum("nki,nij->nkj", hoods.offsets[members], back)
+    there = partner >= 0
+    at = np.maximum(partner, 0)
+    points = np.where(there[..., None], np.take_along_axis(local, at[..., None], 1), 0.0)
+    sure = there & np.take_along_axis(hoods.required[members], at, 1)
+    number = there.sum(axis=0)
+    mean = points.sum(axis=0) / np.maximum(number, 1)[:, None]
+    offsets = np.where((number > 0)[:, None], mean, shape.offsets[0])[None]
+    required = np.where(number > 0, 2 * sure.sum(axis=0) > number, shape.required[0])[None]
+    order = clockwise(offsets, shape.filled)
     return Prototypes(
-        offsets, prototypes.filled, required, prototypes.tolerance, prototypes.rotations
+        np.take_along_axis(offsets, order[..., None], 1),
+        np.take_along_axis(shape.filled, order, 1),
+        np.take_along_axis(required, order, 1),
+        shape.tolerance,
+        shape.rotations,
     )
+
+
+def _settled(hoods: Neighbourhoods, shapes: Prototypes, compiled: bool | None) -> Prototypes:
+    """Prototypes moved to the mean of all taxels that match them best, empty ones left out."""
+    found = assign(hoods, shapes, compiled=compiled)
+    kept = []
+    for s in range(len(shapes)):
+        members = np.flatnonzero(found.labels == s)
+        if len(members):
+            same = hoods.index[members][:, None, :] == found.neighbours[members][:, :, None]
+            same &= found.neighbours[members][:, :, None] >= 0
+            partner = np.where(same.any(axis=2), same.argmax(axis=2), -1)
+            shape = shapes.take(np.array([s]))
+            kept.append(_refined(hoods, shape, members, (found.rotation[members], partner)))
+    joined = kept[0]
+    for shape in kept[1:]:
+        joined = joined.joined(shape)
+    return joined
 
 
 def _by_frequency(found: Structures) -> Structures:
     """The same without prototypes that have no members, numbered from the most common."""
-    shapes = found.prototypes
     order = np.argsort(-found.counts, kind="stable")
     order = order[found.counts[order] > 0]
-    kept = Prototypes(
-        shapes.offsets[order],
-        shapes.filled[order],
-        shapes.required[order],
-        shapes.tolerance,
-        shapes.rotations,
-    )
-    rank = np.full(len(shapes) + 1, -1)  # the last place answers for label -1
+    rank = np.full(len(found.prototypes) + 1, -1)  # the last place answers for label -1
     rank[order] = np.arange(len(order))
-    return Structures(kept, rank[found.labels], found.neighbours, found.rotation)
-
-
-def _take(hoods: Neighbourhoods, rows: IntArray, tolerance: float, rotations: int) -> Prototypes:
-    """Neighbourhoods as prototypes, their points clockwise from twelve o'clock."""
-    offsets, filled, required = hoods.offsets[rows], hoods.filled[rows], hoods.required[rows]
-    angle = np.mod(np.arctan2(offsets[..., 0], offsets[..., 1]), 2.0 * np.pi)
-    order = np.argsort(np.where(filled, angle, np.inf), axis=1)
-    return Prototypes(
-        np.take_along_axis(offsets, order[..., None], 1),
-        np.take_along_axis(filled, order, 1),
-        np.take_along_axis(required, order, 1),
-        tolerance,
-        rotations,
-    )
-
-
-def _rows(hoods: Neighbourhoods, rows: IntArray) -> Neighbourhoods:
-    return Neighbourhoods(hoods.index[rows], hoods.offsets[rows], hoods.required[rows])
-
-
-def _join(a: Prototypes, b: Prototypes) -> Prototypes:
-    return Prototypes(
-        np.concatenate([a.offsets, b.offsets]),
-        np.concatenate([a.filled, b.filled]),
-        np.concatenate([a.required, b.required]),
-        a.tolerance,
-        a.rotations,
+    return Structures(
+        found.prototypes.take(order), rank[found.labels], found.neighbours, found.rotation
     )

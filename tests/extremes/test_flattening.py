@@ -15,7 +15,7 @@ from skinmap.geometry.triangles import signed_areas
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.surface_mesh import build_surface
 
-METHODS = ["tutte", "harmonic", "lscm", "bff", "balanced", "accurate"]
+METHODS = ["tutte", "harmonic", "lscm", "bff", "balanced", "accurate", "dirichlet"]
 
 
 def dome(n: int = 9) -> tuple[np.ndarray, np.ndarray]:

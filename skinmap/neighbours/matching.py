@@ -1,0 +1,202 @@
+"""Matching of neighbourhoods with prototypes: which place each neighbour takes, at what cost.
+
+A neighbour takes the place that it is nearest to if that place is nearest to it too and both lie
+within a reach: a matching is one-to-one by construction, whatever the reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.neighbours.compiled import match_kernel
+from skinmap.neighbours.offsets import Neighbourhoods, ramp
+from skinmap.neighbours.prototypes import Prototypes
+
+CELLS = 13  # cells of the coarse raster along one axis: all of them fit into three words
+WORDS = -(-CELLS * CELLS // 64)
+TRIPLES = 16384  # neighbourhood, prototype and rotation that are matched at a time
+MARGIN = 1e-9  # a cost must be lower by this to count as lower: ties do not hang on rounding
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Matcher:
+    """Prototypes made ready to be matched with neighbourhoods of one radius.
+
+    Attributes
+    ----------
+    offsets : (s, t, k, 2) float
+        Places of each prototype in each of its rotations [m].
+    count, needed : (s,) int
+        How many places hold a point, and how many of them every member must have.
+    required : (s, k) bool
+    weight : (s, k) float
+        What a place that stays empty costs.
+    masks : (s, t, k, w) uint64
+        Cells of the raster that a neighbour within reach of a place may lie in.
+    reach : float
+        [m].
+    """
+
+    offsets: FloatArray
+    count: IntArray
+    needed: IntArray
+    required: np.ndarray
+    weight: FloatArray
+    masks: np.ndarray
+    reach: float
+
+
+def matcher(shapes: Prototypes, hoods: Neighbourhoods, *, reach: float) -> Matcher:
+    """Prototypes ready to be matched with neighbourhoods, points within `reach` [m]."""
+    turns = np.arange(shapes.rotations) * (2.0 * np.pi / shapes.rotations)
+    c, s = np.cos(turns), np.sin(turns)
+    spin = np.stack([np.stack([c, s], 1), np.stack([-s, c], 1)], 1)  # row vectors, to the left
+    turned = np.einsum("ski,tij->stkj", shapes.offsets, spin)
+    length = np.linalg.norm(shapes.offsets, axis=2)
+    weight = np.where(shapes.filled, ramp(length, hoods.radius, hoods.band), 0.0)
+    weight = np.where(shapes.required, 1.0, weight)
+    return Matcher(
+        np.ascontiguousarray(turned),
+        shapes.filled.sum(axis=1),
+        (shapes.filled & shapes.required).sum(axis=1),
+        shapes.required & shapes.filled,
+        weight,
+        _masks(turned, hoods.radius + hoods.band, reach),
+        reach,
+    )
+
+
+def match_costs(
+    hoods: Neighbourhoods, rows: IntArray, ready: Matcher, *, compiled: bool | None = None
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Cost, mean squared stray and best rotation (r, s) of some neighbourhoods by prototype.
+
+    The cost is the mean squared distance of matched points in reaches, plus the weight of each
+    point left alone; inf where a required point has no partner. The stray is in m2.
+
+    Parameters
+    ----------
+    hoods : Neighbourhoods
+    rows : (r,) int
+        Neighbourhoods to match.
+    ready : Matcher
+    compiled : bool, optional
+        Whether numba does it; by default where it is installed and worth its import.
+    """
+    shape = (len(rows), len(ready.count))
+    cost, stray = np.full(shape, np.inf), np.full(shape, np.inf)
+    turn = np.zeros(shape, np.int64)
+    if 0 in shape:
+        return cost, stray, turn
+    raster = occupancy(hoods, rows)
+    kernel = match_kernel(len(rows) * len(ready.count) * ready.offsets.shape[1], compiled)
+    if kernel is not None:
+        kernel(
+            hoods.offsets[rows], hoods.filled[rows].sum(axis=1), hoods.required[rows],
+            hoods.weight[rows], raster, ready.offsets, ready.count, ready.needed, ready.required,
+            ready.weight, ready.masks, ready.reach**2, MARGIN, cost, stray, turn,
+        )  # fmt: skip
+        return cost, stray, turn
+    for local, s, t in _passing(hoods, rows, raster, ready):
+        total, mean, _ = pairing(hoods, rows[local], ready, s, t)
+        for step in range(ready.offsets.shape[1]):  # one after the other: ties keep the first
+            now = np.flatnonzero(t == step)
+            better = now[total[now] < cost[local[now], s[now]] - MARGIN]
+            at = local[better], s[better]
+            cost[at], stray[at], turn[at] = total[better], mean[better], step
+    return cost, stray, turn
+
+
+def pairing(
+    hoods: Neighbourhoods, rows: IntArray, ready: Matcher, s: IntArray, t: IntArray
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Cost (r,), mean squared stray (r,) and place of a neighbour in each place (r, k), or -1."""
+    filled, must = hoods.filled[rows], hoods.required[rows]
+    places = np.arange(ready.offsets.shape[2]) < ready.count[s][:, None]
+    gap = ((hoods.offsets[rows][:, None] - ready.offsets[s, t][:, :, None]) ** 2).sum(axis=3)
+    gap = np.where(filled[:, None] & places[:, :, None], gap, np.inf)
+    partner, place = gap.argmin(axis=2), gap.argmin(axis=1)
+    distance = np.take_along_axis(gap, partner[..., None], 2)[..., 0]
+    mutual = np.take_along_axis(place, partner, 1) == np.arange(gap.shape[1])
+    found = mutual & (distance <= ready.reach**2)
+    row, at = np.nonzero(found)
+    taken = np.zeros(filled.shape, bool)
+    taken[row, partner[row, at]] = True
+    fits = (found | ~ready.required[s]).all(axis=1) & (taken | ~must).all(axis=1)
+    number = found.sum(axis=1)
+    mean = np.where(found, distance, 0.0).sum(axis=1) / np.maximum(number, 1)
+    alone = np.where(places & ~found, ready.weight[s], 0.0).sum(axis=1)
+    alone = alone + np.where(filled & ~taken, hoods.weight[rows], 0.0).sum(axis=1)
+    cost = np.where(fits, mean / ready.reach**2 + alone, np.inf)
+    return cost, np.where(fits, mean, np.inf), np.where(found, partner, -1)
+
+
+def occupancy(hoods: Neighbourhoods, rows: IntArray) -> np.ndarray:
+    """(r, w) uint64: a bit for each cell of a coarse raster that holds a neighbour."""
+    size = _cell(hoods.radius + hoods.band)
+    cell = np.floor(hoods.offsets[rows] / size + 0.5 * CELLS).astype(np.int64)
+    bit = np.clip(cell[..., 0], 0, CELLS - 1) * CELLS + np.clip(cell[..., 1], 0, CELLS - 1)
+    raster = np.zeros((len(rows), WORDS), np.uint64)
+    row, place = np.nonzero(hoods.filled[rows])
+    bit = bit[row, place]
+    np.bitwise_or.at(raster, (row, bit // 64), np.uint64(1) << (bit % 64).astype(np.uint64))
+    return raster
+
+
+def _cell(extent: float) -> float:
+    return 2.0 * extent / CELLS * 1.0001  # a neighbour at the very rim lies inside
+
+
+def _masks(turned: FloatArray, extent: float, reach: float) -> np.ndarray:
+    """(s, t, k, w) uint64 cells that points within reach of each place may lie in."""
+    size = _cell(extent)
+    low = (np.arange(CELLS) - 0.5 * CELLS) * size
+    near = np.clip(turned[..., None], low, low + size)  # the nearest point of each strip of cells
+    squared = (near - turned[..., None]) ** 2
+    # Outermost cells hold whatever lies beyond the raster.
+    inside = squared[..., 0, :, None] + squared[..., 1, None, :] <= (reach * 1.0001) ** 2
+    bits = inside.reshape(*turned.shape[:3], CELLS * CELLS)
+    pad = np.zeros((*turned.shape[:3], WORDS * 64 - CELLS * CELLS), bool)
+    grouped = np.concatenate([bits, pad], axis=-1).reshape(*turned.shape[:3], WORDS, 64)
+    powers = np.uint64(1) << np.arange(64, dtype=np.uint64)
+    return np.where(grouped, powers, np.uint64(0)).sum(axis=-1, dtype=np.uint64)
+
+
+def _passing(hoods: Neighbourhoods, rows: IntArray, raster: np.ndarray, ready: Matcher):
+    """Batches of (row, prototype, rotation) of which the raster does not exclude a match."""
+    held, must = hoods.filled[rows].sum(axis=1), hoods.required[rows].sum(axis=1)
+    words = np.ascontiguousarray(raster.T)
+    batch: list[tuple[IntArray, int, int]] = []
+    size = 0
+    for s in range(len(ready.count)):
+        able = np.flatnonzero((must <= ready.count[s]) & (held >= ready.needed[s]))
+        for t in range(ready.offsets.shape[1]):
+            left = able
+            for place in np.flatnonzero(ready.required[s]):
+                if len(left) == 0:
+                    break
+                mask = ready.masks[s, t, place]
+                hit = words[0][left] & mask[0]
+                for word in range(1, WORDS):
+                    hit |= words[word][left] & mask[word]
+                left = left[hit != 0]
+            if len(left):
+                batch.append((left, s, t))
+                size += len(left)
+            if size >= TRIPLES:
+                yield _joined(batch)
+                batch, size = [], 0
+    if batch:
+        yield _joined(batch)
+
+
+def _joined(batch: list[tuple[IntArray, int, int]]) -> tuple[IntArray, IntArray, IntArray]:
+    lengths = [len(rows) for rows, _, _ in batch]
+    return (
+        np.concatenate([rows for rows, _, _ in batch]),
+        np.repeat([s for _, s, _ in batch], lengths),
+        np.repeat([t for _, _, t in batch], lengths),
+    )
