@@ -52,15 +52,7 @@ def run(settings: Settings) -> dict[str, Any]:
         "cross-patch": _cross_patch,
         "recordings": _recordings,
     }
-    _check_names(settings.names)
     return {"protocol": settings.protocol, **runners[settings.protocol](settings)}
-
-
-def _check_names(names: tuple[str, ...]) -> None:
-    from skinmap.classify.classifier import classifiers
-
-    for name in names:
-        classifiers.get(name)
 
 
 def _gestures(settings: Settings) -> tuple[str, ...]:
@@ -99,9 +91,15 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
             "workers": settings.workers,
             "progress": advance,
         }
-        table = kaspar.evaluate_kaspar(skins[part], places=settings.places, **shared)
-        others = evaluate_carry_over(skins, samples=kaspar.SAMPLES, **shared)
-        sweep = sweep_radius_and_words(skins[part], **shared) if settings.sweep else []
+        shared["samples"] = kaspar.SAMPLES
+        most = max(kaspar.PERCENTS)
+        table = kaspar.evaluate_kaspar(
+            skins[part], percents=kaspar.PERCENTS, places=settings.places, **shared
+        )
+        others = evaluate_carry_over(skins, percent=most, **shared)
+        sweep = []
+        if settings.sweep:
+            sweep = sweep_radius_and_words(skins[part], percent=most, **shared)
     return {
         "robot": loaded.name,
         "part": part,
