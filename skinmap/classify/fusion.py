@@ -11,16 +11,18 @@ better by more than chance: on the held-out touches it cannot be worse than the 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.classifier import TouchClassifier, classifiers
-from skinmap.classify.descriptors import Descriptor, Touch
+from skinmap.classify.descriptors import Touch
 from skinmap.classify.rejection import rejection_threshold
+from skinmap.classify.trained_skin import remember
 from skinmap.errors import InvalidArrayError
 
 MEMBERS = ("contact-geometry", "histogram")
@@ -37,6 +39,8 @@ class Pool(BaseEstimator):
     classes_ : (c,) array of str
     weights_ : (members,) float
         Exponents, not negative, sum 1.
+    estimators_ : list
+        The fitted estimators of the members.
     reject_ : float
         Touches named with less confidence are unknown.
     held_out_ : (members,) float
@@ -61,7 +65,7 @@ class FusionClassifier(TouchClassifier):
             raise InvalidArrayError(f"a fusion needs two members, got {', '.join(members)}")
         self.member_names = tuple(members)
         self.members = [classifiers.get(member)() for member in members]
-        super().__init__(name, _First(self.members), Pool())
+        super().__init__(name, MemberDescriptors(self.members), Pool())
 
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> FusionClassifier:
         """Choose the weights on parts left out in turn, then train all members on everything.
@@ -71,7 +75,10 @@ class FusionClassifier(TouchClassifier):
         InvalidArrayError
             Fewer than two labels, or a label with too few touches in contact.
         """
-        touches = [touch for touch in touches if len(self.descriptor.describe(touch))]
+        self.trained_on = tuple(
+            remember(skin.skin) for skin in dict.fromkeys(touch.skin for touch in touches)
+        )
+        touches = [touch for touch in touches if len(self.members[0].descriptor.describe(touch))]
         labels = np.array([touch.label for touch in touches])
         classes = np.unique(labels)
         fold = part_folds(touches, rng=rng)
@@ -90,6 +97,7 @@ class FusionClassifier(TouchClassifier):
             model.fit(touches, rng=rng)
         learnt = np.searchsorted(classes, labels)
         self.estimator = learn_pool(shares[:, tested], learnt[tested], classes)
+        self.estimator.estimators_ = [model.estimator for model in self.members]
         if self.estimator.weights_.max() == 1.0:
             # Alone, a member knows best when it knows nothing.
             best = self.members[int(np.argmax(self.estimator.weights_))]
@@ -101,23 +109,42 @@ class FusionClassifier(TouchClassifier):
         classes = np.array(self.labels)
         if len(self.descriptor.describe(touch)) == 0:
             return None
+        for member, estimator in zip(self.members, self.estimator.estimators_, strict=True):
+            member.estimator = estimator  # a model file brings them here
         used = [k for k, weight in enumerate(self.estimator.weights_) if weight > 0]
         shares = np.array([_share(self.members[k], touch, classes) for k in used])
         return np.asarray(pool(shares[:, None], self.estimator.weights_[used])[0])
 
 
-class _First:
-    """The description that decides whether there is contact: that of the first member."""
+class MemberDescriptors:
+    """The descriptors of all members; the first decides whether there is contact."""
 
     def __init__(self, members: Sequence[TouchClassifier]) -> None:
-        self._descriptor: Descriptor = members[0].descriptor
+        self._members = members
 
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
         """Members learn for themselves."""
 
     def describe(self, touch: Touch) -> FloatArray:
         """Rows of the first member."""
-        return self._descriptor.describe(touch)
+        return self._members[0].descriptor.describe(touch)
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """What all members' descriptors have learnt, under `number/name`."""
+        return {
+            f"{number}/{name}": array
+            for number, member in enumerate(self._members)
+            if hasattr(member.descriptor, "to_arrays")
+            for name, array in member.descriptor.to_arrays().items()
+        }
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Take what `to_arrays` gave."""
+        for number, member in enumerate(self._members):
+            if hasattr(member.descriptor, "from_arrays"):
+                start = f"{number}/"
+                own = {k[len(start) :]: v for k, v in arrays.items() if k.startswith(start)}
+                member.descriptor.from_arrays(own)
 
 
 def part_folds(touches: Sequence[Touch], *, rng: np.random.Generator) -> IntArray:
@@ -144,7 +171,7 @@ def learn_pool(shares: FloatArray, labels: IntArray, classes: np.ndarray) -> Poo
     """
     members = len(shares)
     right = np.argmax(shares, axis=2) == labels
-    alone = right.mean(axis=1)
+    alone = right.mean(axis=1) if right.size else np.zeros(members)
     best = int(np.argmax(alone))
     weights = np.eye(members)[best]
     gain = 0.0
@@ -159,7 +186,7 @@ def learn_pool(shares: FloatArray, labels: IntArray, classes: np.ndarray) -> Poo
     found.weights_ = weights
     pooled = pool(shares, weights)
     hit = np.argmax(pooled, axis=1) == labels
-    found.held_out_, found.held_out_pool_ = alone, float(hit.mean())
+    found.held_out_, found.held_out_pool_ = alone, float(hit.sum() / max(len(hit), 1))
     found.reject_ = rejection_threshold(pooled.max(axis=1), hit)
     return found
 

@@ -6,10 +6,11 @@ any lattice, patch or robot.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.triangles import unit
 from skinmap.touch.contacts import ACTIVE, SkinGeometry, check_pressures, connected
 
 MM = 1e3
@@ -67,18 +68,18 @@ def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArra
     plane = skin_plane(geometry, index, load)
     areas = geometry.areas[index]
     loads = np.bincount(piece, load)
-    share = loads / load.sum()
+    share = loads / loads.sum()
     largest = piece == np.argmax(loads)
     core = load >= CORE * load.max()
-    side = np.sqrt(np.median(areas))
-    whole, main, middle = (
-        _spread(plane[some], load[some]) for some in (np.ones(len(index), bool), largest, core)
-    )
-    extent = np.ptp(plane, axis=0) + side
-    centre_distance = np.hypot(*plane.T)
+    total = load.sum()
+    whole = _spread(plane, load)
+    main = _spread(plane[largest], load[largest]) if len(loads) > 1 else whole
+    middle = _spread(plane[core], load[core])
+    extent = plane.max(axis=0) - plane.min(axis=0) + np.sqrt(areas.mean())
+    centre_distance = np.hypot(plane[:, 0], plane[:, 1])
     order = np.argsort(centre_distance, kind="stable")
-    carried = np.cumsum(load[order]) / load.sum()
-    radii = centre_distance[order][np.searchsorted(carried, (0.5, 0.9 - 1e-12))]
+    carried = load[order].cumsum() / total
+    radii = centre_distance[order][carried.searchsorted((0.5, 0.9 - 1e-12))]
     strongest = np.sort(load)[::-1][: max(1, len(load) // 5)]
     summits = _summits(geometry, active, index, load, pressures)
     return np.array(
@@ -95,7 +96,7 @@ def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArra
             share.max(),
             load.max(),
             load.mean(),
-            strongest.sum() / load.sum(),
+            strongest.sum() / total,
             areas[core].sum() * MM**2,
             middle[0] * MM,
             middle[1] * MM,
@@ -106,7 +107,7 @@ def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArra
             _farthest(geometry, summits) * MM,
             radii[0] * MM,
             radii[1] * MM,
-            load[geometry.border[index]].sum() / load.sum(),
+            load[geometry.border[index]].sum() / total,
         ]
     )
 
@@ -126,21 +127,39 @@ def skin_plane(geometry: SkinGeometry, index: IntArray, load: FloatArray) -> Flo
     centred = -0.5 * (squared - row[:, None] - row[None, :] + weight @ row)
     root = np.sqrt(weight)
     centred *= root[:, None] * root[None, :]
-    guess = root[:, None] * ((points - weight @ points) @ _tangents(geometry, index, weight).T)
-    basis = np.linalg.qr(guess)[0]
+    guess = root[:, None] * ((points - weight @ points) @ _tangents(geometry, index, weight))
+    basis = _orthonormal(guess)
     for _ in range(2):
-        basis = np.linalg.qr(centred @ basis)[0]
-    values, turn = np.linalg.eigh(basis.T @ centred @ basis)
-    size = np.sqrt(np.maximum(values[::-1], 0.0))
-    return np.asarray(basis @ turn[:, ::-1] * size / root[:, None])
+        basis = _orthonormal(centred @ basis)
+    small = basis.T @ (centred @ basis)
+    turn = 0.5 * np.arctan2(2.0 * small[0, 1], small[0, 0] - small[1, 1])
+    c, s = np.cos(turn), np.sin(turn)
+    rotation = np.array([[c, -s], [s, c]])
+    size = np.sqrt(np.maximum(((small @ rotation) * rotation).sum(axis=0), 0.0))
+    return np.asarray(basis @ rotation * size / root[:, None])
+
+
+def _orthonormal(columns: FloatArray) -> FloatArray:
+    """(k, 2) the same plane by two unit columns; zero where there is no second direction."""
+    first, second = columns.T
+    first = first / max(np.sqrt(first @ first), 1e-300)
+    before = np.sqrt(second @ second)
+    second = second - (first @ second) * first
+    second -= (first @ second) * first  # once more: nearly parallel columns lose digits
+    after = np.sqrt(second @ second)
+    second = second / after if after > 1e-9 * before else np.zeros_like(second)
+    return np.column_stack([first, second])
 
 
 def _tangents(geometry: SkinGeometry, index: IntArray, weight: FloatArray) -> FloatArray:
-    """(2, 3) axes across the mean normal."""
-    normal = unit((weight @ geometry.mesh.skin.normals[index])[None])[0]
-    helper = np.eye(3)[np.argmin(np.abs(normal))]
-    first = unit(np.cross(normal, helper)[None])[0]
-    return np.stack([first, np.cross(normal, first)])
+    """(3, 2) axes across the mean normal (Duff et al., JCGT 6(1), 2017)."""
+    x, y, z = weight @ geometry.mesh.skin.normals[index]
+    length = np.sqrt(x * x + y * y + z * z)
+    x, y, z = (x / length, y / length, z / length) if length > 0 else (0.0, 0.0, 1.0)
+    sign = 1.0 if z >= 0 else -1.0
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    return np.array([[1.0 + sign * x * x * a, b], [sign * b, sign + y * y * a], [-sign * x, -y]])
 
 
 def _strongest(
@@ -157,9 +176,9 @@ def _spread(plane: FloatArray, load: FloatArray) -> FloatArray:
     """(2,) standard deviations of a load along its two principal directions [m]."""
     weight = load / load.sum()
     away = plane - weight @ plane
-    (a, b), (_, c) = (away * weight[:, None]).T @ away
-    middle, half = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
-    return np.sqrt(np.maximum([middle + half, middle - half], 0.0))
+    (a, b), (_, c) = ((away * weight[:, None]).T @ away).tolist()
+    middle, half = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
+    return np.array([math.sqrt(middle + half), math.sqrt(max(middle - half, 0.0))])
 
 
 def _largest_gap(

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
@@ -69,7 +68,7 @@ class SkinGeometry:
             return path_distances(self.graph, rows)[:, columns]
         if not self._table:
             self._table.append(path_distances(self.graph).astype(np.float32))
-        return self._table[0][np.ix_(rows, columns)].astype(np.float64)
+        return self._table[0][rows[:, None], columns].astype(np.float64)
 
 
 def measure_skin(mesh: SurfaceMesh) -> SkinGeometry:
@@ -193,13 +192,31 @@ def find_contacts(geometry: SkinGeometry, pressures: FloatArray) -> tuple[BoolAr
 
 
 def connected(links: IntArray, active: BoolArray, index: IntArray) -> IntArray:
-    """(k,) connected piece of each active taxel, whose rows `index` (k,) gives in order."""
+    """(k,) connected piece of each active taxel, whose rows `index` (k,) gives; 0 first."""
     links = links[active[links[:, 0]] & active[links[:, 1]]]
-    place = np.empty(len(active), np.int32)
+    place = np.empty(len(active), np.int64)
     place[index] = np.arange(len(index))
-    starts = np.searchsorted(links[:, 0], np.append(index, len(active)))
-    near = csr_array(
-        (np.ones(len(links), np.int8), place[links[:, 1]], starts.astype(np.int32)),
-        shape=(len(index), len(index)),
-    )
-    return np.asarray(connected_components(near, directed=False)[1])
+    return pieces(place[links[:, 0]], place[links[:, 1]], len(index))
+
+
+def pieces(one: IntArray, other: IntArray, count: int) -> IntArray:
+    """(count,) piece of each of some nodes that links (e,), (e,) in both directions join.
+
+    Every node takes the least label among its neighbours, and so does the node whose label it
+    bore; labels then jump to their labels' labels. For the few taxels of a touch this is several
+    times quicker than building a sparse matrix. (Zhang, Azad and Hu, "FastSV", SIAM PP 2020.)
+    """
+    label = np.arange(count)
+    while True:
+        low = label[other]
+        new = label.copy()
+        np.minimum.at(new, one, low)
+        np.minimum.at(new, label[one], low)
+        new = new[new]
+        if (new == label).all():
+            break
+        label = new
+    roots = np.flatnonzero(label == np.arange(count))
+    rank = np.empty(count, np.int64)
+    rank[roots] = np.arange(len(roots))
+    return rank[label]

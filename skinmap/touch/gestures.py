@@ -8,7 +8,7 @@ have sizes that we measured on ourselves and at home; docs/simulator.md lists th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -159,3 +159,10 @@ EIGHT = tuple(GESTURES)[:8]  # those of both papers
 # long things stick out beyond it.
 ON_SKIN = 0.7
 LONG_ON_SKIN = {"forearm": 0.45, "edge": 0.45, "cylinder": 0.45}
+
+
+def gesture_set(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of gestures, with `four`, `eight` and `all` written out; the four where none came."""
+    sets = {"four": FOUR, "eight": EIGHT, "all": tuple(GESTURES)}
+    wanted = [one for name in names or ("four",) for one in sets.get(name, (name,))]
+    return tuple(dict.fromkeys(wanted))

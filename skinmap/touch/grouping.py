@@ -11,12 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
-from skinmap.touch.contacts import ACTIVE, SkinGeometry, check_pressures, connected
+from skinmap.touch.contacts import ACTIVE, SkinGeometry, check_pressures, connected, pieces
 
 BRIEF = 3  # a taxel that is active for fewer samples than this has felt noise or a graze
 HALF = 0.5  # a contact begins and ends where it crosses this share of its largest load
@@ -115,12 +113,9 @@ def contacts_of_event(geometry: SkinGeometry, samples: NDArray[np.uint8]) -> tup
     if len(index) == 0:
         return ()
     piece = connected(geometry.links, often, index)
-    members = csr_array(
-        (np.ones(len(index), np.float32), (np.arange(len(index)), piece)),
-        shape=(len(index), int(piece.max()) + 1),
-    )
+    members = np.eye(int(piece.max()) + 1, dtype=np.float32)[piece]
     pressures = np.where(felt[:, index], samples[:, index], 0).astype(np.float32)
-    loads = np.asarray(pressures @ members)
+    loads = pressures @ members
     peak = loads.max(axis=0)
     high = loads >= HALF * peak
     begin = _crossing(loads, high.argmax(axis=0), HALF * peak, -1)
@@ -155,7 +150,9 @@ def _grips(
     one_ended = lasting[:, None] | lasting[None, :]
     joined = np.abs(begin[:, None] - begin[None, :]) <= slack
     joined &= (np.abs(end[:, None] - end[None, :]) <= slack) | one_ended
-    for a, b in np.argwhere(np.triu(joined, 1)):
-        paths = geometry.distances(contacts[a].taxels, contacts[b].taxels)
-        joined[a, b] = joined[b, a] = paths.min() <= rule.span
-    return np.asarray(connected_components(csr_array(joined), directed=False)[1])
+    one, other = np.nonzero(joined)
+    near = [
+        a == b or geometry.distances(contacts[a].taxels, contacts[b].taxels).min() <= rule.span
+        for a, b in zip(one.tolist(), other.tolist(), strict=True)
+    ]
+    return pieces(one[near], other[near], len(contacts))

@@ -53,7 +53,7 @@ def test_two_discs_are_two_contacts_at_their_distance(plate):
 
 def test_lengths_of_a_row_are_its_standard_deviation(plate):
     load = np.zeros(len(plate))
-    load[60:67] = 100.0
+    load[62:69] = 100.0  # a row inside the plate
     found = named(contact_geometry(plate, load))
     assert found["length_mm"] == pytest.approx(6.5 * np.arange(7).std(), rel=1e-6)
     # Paths are kept in single precision: 39 mm * sqrt(6e-8) is 0.01 mm.
