@@ -163,6 +163,9 @@ BUILT_IN = {
     "raw-intersection": "skinmap.classify.raw_classifiers:raw_intersection_classifier",
     "histogram-chi2": "skinmap.classify.feature_map_classifiers:chi2_classifier",
     "histogram-sqrt": "skinmap.classify.feature_map_classifiers:sqrt_classifier",
+    # the second paper
+    "bovw": "skinmap.classify.bovw_classifier:bovw_classifier",
+    "cnn": "skinmap.classify.cnn_classifier:cnn_classifier",
 }
 classifiers: Registry[Callable[[], TouchClassifier]] = Registry(
     "classifier", "skinmap.classifiers", built_in=BUILT_IN, adapt=_plugged_in

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from skinmap.classify.protocols.tasks import Workers
     from skinmap.touch.people import Places
 
+TUNING_STEPS = 6  # about; only the bar shows it
 PROTOCOLS = ("kaspar", "baxter", "cross-patch")
 
 
@@ -36,6 +37,8 @@ class Settings:
     per_gesture: int
     places: Places
     sweep: bool
+    images: int
+    network: str
     folds: int
 
     @property
@@ -78,7 +81,8 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
     name = settings.robot or kaspar.ROBOT
     loaded, parts = open_robot(name, settings.parts)
     part = settings.parts[0] if settings.parts else kaspar.PART
-    loaded.part(part)
+    if part not in loaded.parts:
+        raise click.UsageError(f"which part of {name}? --part {' | '.join(loaded.parts)}")
     sizes: dict[int, str] = {}  # one part of each size: mirror images would only cost time
     for one in (part, *parts):
         sizes.setdefault(len(loaded.skin(one)), one)
@@ -116,7 +120,36 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
 
 
 def _baxter(settings: Settings) -> dict[str, Any]:
-    raise click.UsageError("--protocol baxter is not there yet")
+    from skinmap.classify.protocols.baxter import evaluate_baxter
+    from skinmap.classify.protocols.baxter_methods import METHODS
+    from skinmap.touch.prepared import PreparedSkin
+
+    name = settings.robot or "baxter-forearm"
+    loaded, parts = open_robot(name, settings.parts)
+    if len(parts) > 1:
+        raise click.UsageError(f"which part of {name}? --part {' | '.join(parts)}")
+    skin = PreparedSkin(loaded.skin(parts[0]))
+    methods = settings.names or tuple(METHODS)
+    # Beside the repetitions of both splits, tuning takes a step for each value tried.
+    steps = len(methods) * (2 * settings.seeds + TUNING_STEPS)
+    with progress(steps, "baxter") as advance:
+        found = evaluate_baxter(
+            skin,
+            seed=settings.seed,
+            repeats=settings.seeds,
+            images=settings.images,
+            network=settings.network,
+            methods=methods,
+            workers=settings.workers,
+            progress=advance,
+        )
+    return {
+        "robot": loaded.name,
+        "part": parts[0],
+        "taxels": len(skin),
+        "accuracy_is": "simulated",
+        **found,
+    }
 
 
 def _cross_patch(settings: Settings) -> dict[str, Any]:
