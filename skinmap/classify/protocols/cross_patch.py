@@ -10,13 +10,14 @@ import numpy as np
 from sklearn.base import BaseEstimator
 
 from skinmap.classify.classifier import TouchClassifier, classifiers
-from skinmap.classify.descriptors import Touch
+from skinmap.classify.descriptors import Histograms, Touch
 from skinmap.classify.evaluate import score
 from skinmap.classify.protocols.patches import Patch
 from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
 from skinmap.errors import InvalidArrayError
 
-DEFAULTS = ("contact-geometry", "histogram", "paper")
+DEFAULTS = ("contact-geometry", "histogram", "histogram:nearest", "paper")
+NEAREST = ":nearest"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,8 +114,19 @@ def check_carries_over(names: Sequence[str]) -> None:
 
 
 def make(name: str) -> TouchClassifier:
-    """An untrained classifier by its name."""
-    return classifiers.get(name)()
+    """An untrained classifier by its name; "histogram:nearest" adopts unseen structures.
+
+    Raises
+    ------
+    UnknownNameError, InvalidArrayError
+        No such classifier, or one without structures that could be adopted.
+    """
+    model = classifiers.get(name.removesuffix(NEAREST))()
+    if name.endswith(NEAREST):
+        if not isinstance(model.descriptor, Histograms):
+            raise InvalidArrayError(f"{name!r}: only histograms know structures")
+        model.descriptor.unseen = "nearest"
+    return model
 
 
 def _counts(touches: Sequence[Touch]) -> dict[str, int]:
