@@ -38,6 +38,10 @@ class MissingLibraryError(SkinError, ImportError):
     """A system library or an optional package that is not installed."""
 
 
+class UnreachableError(SkinError, ConnectionError):
+    """A machine or service that does not answer."""
+
+
 class MissingFileError(SkinError, FileNotFoundError):
     """A file that does not exist."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
-from importlib.metadata import entry_points
-from typing import Generic, TypeVar
+from collections.abc import Callable, Mapping
+from importlib.metadata import EntryPoint, entry_points
+from typing import Generic, TypeVar, cast
 
 from skinmap.errors import UnknownNameError
 
@@ -22,10 +22,23 @@ class Registry(Generic[T]):
         What the things are, in the singular, for messages.
     group : str
         Entry-point group that other distributions add to.
+    built_in : mapping of str to str, optional
+        Ours that are imported when first looked up: name and "module:attribute".
+    adapt : callable, optional
+        `adapt(name, thing)` makes one of ours of what a plug-in's entry point gave.
     """
 
-    def __init__(self, kind: str, group: str) -> None:
+    def __init__(
+        self,
+        kind: str,
+        group: str,
+        *,
+        built_in: Mapping[str, str] | None = None,
+        adapt: Callable[[str, object], T] | None = None,
+    ) -> None:
         self.kind, self.group = kind, group
+        self._built_in = dict(built_in or {})
+        self._adapt = adapt
         self._own: dict[str, T] = {}
         self._plugins: dict[str, T] | None = None
 
@@ -40,7 +53,7 @@ class Registry(Generic[T]):
 
     def names(self) -> tuple[str, ...]:
         """All names, ours first."""
-        return tuple(dict.fromkeys([*self._own, *self._loaded()]))
+        return tuple(dict.fromkeys([*self._built_in, *self._own, *self._loaded()]))
 
     def get(self, name: str) -> T:
         """Look a name up.
@@ -52,6 +65,10 @@ class Registry(Generic[T]):
         """
         if name in self._own:
             return self._own[name]
+        if name in self._built_in:
+            # An entry point is "module:attribute" too, and loads itself.
+            thing = EntryPoint(name, self._built_in[name], self.group).load()
+            return self._own.setdefault(name, cast("T", thing))
         if name in self._loaded():
             return self._loaded()[name]
         raise UnknownNameError(self.kind, name, self.names())
@@ -61,7 +78,9 @@ class Registry(Generic[T]):
             self._plugins = {}
             for point in entry_points(group=self.group):
                 try:
-                    self._plugins[point.name] = point.load()
+                    thing = point.load()
+                    adapted = self._adapt(point.name, thing) if self._adapt else thing
+                    self._plugins[point.name] = adapted
                 except Exception:  # another distribution's fault must not take ours down
                     logger.exception("plug-in %s of %s does not load", point.name, self.group)
         return self._plugins

@@ -29,7 +29,9 @@ PRESSURE_STOPS = (
     (1.00, "#5c0a2e"),
 )
 # Cool or dark, so that none is taken for a pressure, and each of another lightness.
-CLASS_COLOURS = ("#1f6fd0", "#00966f", "#6a1b7a", "#101418", "#4fb0e8", "#5d6b00")
+CLASS_COLOURS = (
+    "#1f6fd0", "#00966f", "#6a1b7a", "#101418", "#4fb0e8", "#5d6b00", "#c2f200", "#0002f2", "#94f291",
+)  # fmt: skip
 
 
 def rgb(colour: str) -> FloatArray:

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.classify.descriptors import ContactGeometry, Descriptor, Histograms, Touch
+from skinmap.classify.descriptors import Descriptor, Touch
 from skinmap.errors import InvalidArrayError, NotFittedError
 from skinmap.registry import Registry
 
 NO_CONTACT = "no_contact"
+CALIBRATION_FOLDS = 5
 ROWS = 1200  # training rows at most: the cost of a Gram matrix grows with the square
 DEFAULT = "contact-geometry"
 
@@ -99,44 +100,22 @@ class TouchClassifier:
         return Prediction(self.labels[best], float(share[best]))
 
 
-CALIBRATION_FOLDS = 5
-
-
-def _calibrated(estimator: Any) -> Any:
+def calibrated(estimator: Any) -> Any:
     """Probabilities by Platt's sigmoid on held-out folds, one final model on all the data."""
     from sklearn.calibration import CalibratedClassifierCV
 
     return CalibratedClassifierCV(estimator, method="sigmoid", cv=CALIBRATION_FOLDS, ensemble=False)
 
 
-classifiers: Registry[Callable[[], TouchClassifier]] = Registry("classifier", "skinmap.classifiers")
-
-
-@classifiers.register(DEFAULT)
-def contact_geometry_classifier() -> TouchClassifier:
-    """The default: lengths, areas and counts of the contacts, RBF SVM on their logarithms."""
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import FunctionTransformer, StandardScaler
-    from sklearn.svm import SVC
-
-    # C and gamma by 4-fold cross-validation over parts on simulated touches; flat around here.
-    machine = make_pipeline(
-        FunctionTransformer(np.log1p), StandardScaler(), SVC(C=10.0, gamma=0.05)
-    )
-    return TouchClassifier(DEFAULT, ContactGeometry(), _calibrated(machine))
-
-
-@classifiers.register("histogram")
-def histogram_classifier() -> TouchClassifier:
-    """Histograms of periodic structures, rest dropped, and the intersection-kernel SVM."""
-    from skinmap.classify.intersection import IntersectionSVC
-
-    return TouchClassifier("histogram", Histograms(), _calibrated(IntersectionSVC()))
-
-
-@classifiers.register("paper")
-def paper_classifier() -> TouchClassifier:
-    """The first paper's literal method: rest counts, no rotation, a label a sample."""
-    from skinmap.classify.intersection import IntersectionSVC
-
-    return TouchClassifier("paper", Histograms(literal=True), _calibrated(IntersectionSVC()))
+# One line a classifier: a function without arguments that gives an untrained TouchClassifier,
+# in a file of its own, imported when the name is first looked up.
+BUILT_IN = {
+    # the geometry of the contacts
+    "contact-geometry": "skinmap.classify.geometry_classifier:contact_geometry_classifier",
+    # the first paper
+    "histogram": "skinmap.classify.histogram_classifier:histogram_classifier",
+    "paper": "skinmap.classify.paper_classifier:paper_classifier",
+}
+classifiers: Registry[Callable[[], TouchClassifier]] = Registry(
+    "classifier", "skinmap.classifiers", built_in=BUILT_IN
+)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +14,17 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import NotFittedError
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, assign, find_structures
-from skinmap.touch.codebook import Codebook, histograms, learn_codebook
+from skinmap.touch.codebook import WORDS, Codebook, learn_codebook
 from skinmap.touch.contact_geometry import contact_geometry
 from skinmap.touch.contacts import pool_event, pressed
 from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.unseen import Coverage, adopt_nearest, coverage
+from skinmap.touch.votes import VoteCounter
 
-COUNTS = 255.0
 ROWS = 8  # samples of one touch that histograms are counted on: neighbours in time are alike
 BOOK_SAMPLES = 120  # samples of one part that the codebook is learnt from
+Unseen = Literal["skip", "nearest"]
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,43 +66,63 @@ class Histograms:
     literal : bool
         As published: no rotation, rest counted, one row a sample. Else rotations by pi / 3,
         rest dropped and one row a touch, the mean over its samples.
+    words : int
+        Codewords a structure.
+    unseen : {"skip", "nearest"}
+        What becomes of taxels that match no learnt structure: they do not vote, or vote as
+        the structure that is nearest to theirs.
     """
 
-    def __init__(self, *, literal: bool = False) -> None:
-        self.literal = literal
+    def __init__(
+        self, *, literal: bool = False, words: int = WORDS, unseen: Unseen = "skip"
+    ) -> None:
+        self.literal, self.words, self.unseen = literal, words, unseen
         self.codebook: Codebook | None = None
-        self._structures: dict[PreparedSkin, Structures] = {}
+        self._counters: dict[PreparedSkin, tuple[VoteCounter, Structures, Coverage]] = {}
 
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
         """Find the structures of all skins together and learn the codebook from their samples."""
         skins = list(dict.fromkeys(touch.skin for touch in touches))
         rotations = 1 if self.literal else 6
         found = find_structures(concatenate([skin.hoods for skin in skins]), rotations=rotations)
-        self._structures = {}
+        self._counters = {}
         pools = []
         for skin in skins:
-            self._structures[skin] = assign(skin.hoods, found.prototypes)
             own = [touch.samples for touch in touches if touch.skin is skin]
             samples = np.concatenate([pressed(block) for block in own])
             some = rng.choice(len(samples), min(BOOK_SAMPLES, len(samples)), replace=False)
-            pools.append((self._structures[skin], samples[some] / COUNTS))
-        self.codebook = learn_codebook(pools, rng=rng, literal=self.literal)
+            pools.append((assign(skin.hoods, found.prototypes), samples[some]))
+        self.codebook = learn_codebook(pools, rng=rng, words=self.words, literal=self.literal)
 
     def describe(self, touch: Touch) -> FloatArray:
         """(rows, bins) votes of one touch."""
-        if self.codebook is None:
-            raise NotFittedError("no codebook yet: train the classifier first")
-        samples = pressed(touch.samples) / COUNTS
+        counter = self.counter(touch.skin)
+        samples = pressed(touch.samples)
         some = np.linspace(0, len(samples) - 1, min(ROWS, len(samples))).astype(np.int64)
-        votes = histograms(self.codebook, self.structures(touch.skin), samples[some])
+        votes = counter.count(samples[some])
         if self.literal or len(votes) == 0:
             return votes.astype(np.float64)
         return votes.mean(axis=0, keepdims=True)
 
-    def structures(self, skin: PreparedSkin) -> Structures:
-        """The structures of a skin among those that were learnt; -1 for taxels that match none."""
+    def counter(self, skin: PreparedSkin, *, compiled: bool | None = None) -> VoteCounter:
+        """What counts the votes on a skin, made once; compiled as soon as that is asked for."""
         if self.codebook is None:
             raise NotFittedError("no codebook yet: train the classifier first")
-        if skin not in self._structures:
-            self._structures[skin] = assign(skin.hoods, self.codebook.prototypes)
-        return self._structures[skin]
+        known = self._counters.get(skin)
+        if known is None or (compiled and not known[0].compiled):
+            matched = assign(skin.hoods, self.codebook.prototypes)
+            used = adopt_nearest(skin.hoods, matched) if self.unseen == "nearest" else matched
+            counter = VoteCounter(self.codebook, used, compiled=compiled)
+            self._counters[skin] = (counter, used, coverage(matched, used))
+            logger.info("%s: %s", skin.skin.part, self._counters[skin][2])
+        return self._counters[skin][0]
+
+    def structures(self, skin: PreparedSkin) -> Structures:
+        """The structures of a skin among those that were learnt; -1 for taxels that do not vote."""
+        self.counter(skin)
+        return self._counters[skin][1]
+
+    def coverage(self, skin: PreparedSkin) -> Coverage:
+        """How many taxels of a skin vote, and as what."""
+        self.counter(skin)
+        return self._counters[skin][2]

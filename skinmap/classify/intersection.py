@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, ClassifierMixin
-from sklearn.svm import SVC
+from sklearn.svm import SVC, LinearSVC
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import InvalidArrayError
+from skinmap.classify.additive import AdditiveFunction, intersection_function
+from skinmap.classify.unary import UnaryCode
+from skinmap.errors import InvalidArrayError, SkinWarning
 
 CHUNK = 2**22  # numbers at a time while a kernel is computed
+GRAM_LIMIT = 10_000  # training histograms up to which the Gram matrix is made (800 MB)
 
 
 def intersection_kernel(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -32,54 +36,144 @@ def intersection_kernel(a: FloatArray, b: FloatArray) -> FloatArray:
 class IntersectionSVC(ClassifierMixin, BaseEstimator):
     """SVM on histograms (n, d) of non-negative counts.
 
+    It is trained on the Gram matrix by scikit-learn's SVC and evaluated exactly, bin by bin
+    (`AdditiveFunction`). Above `gram_limit` histograms a linear SVM is trained on a code whose
+    products are the kernel (`UnaryCode`); a `SkinWarning` says so.
+
     Parameters
     ----------
     C : float
         Penalty, as in scikit-learn's SVC. The kernel is divided by its mean on the training
         histograms, so that C means the same for few and for many votes.
+    gram_limit : int
+        Training histograms up to which the Gram matrix is made.
     """
 
-    def __init__(self, C: float = 10.0) -> None:
-        self.C = C
+    def __init__(self, C: float = 10.0, gram_limit: int = GRAM_LIMIT) -> None:
+        self.C, self.gram_limit = C, gram_limit
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> IntersectionSVC:
-        """Train on the Gram matrix of histograms (n, d) with labels (n,)."""
-        histograms, labels = validate_data(self, X, y)
-        self._refuse_negative(histograms)
-        gram = intersection_kernel(histograms, histograms)
-        self.scale_ = float(np.diag(gram).mean()) or 1.0
-        self.svc_ = SVC(kernel="precomputed", C=self.C).fit(gram / self.scale_, labels)
-        self.support_histograms_ = histograms[self.svc_.support_]
-        self.n_train_ = len(histograms)
-        self.classes_ = self.svc_.classes_
+        """Train on histograms (n, d) with labels (n,).
+
+        Raises
+        ------
+        InvalidArrayError
+            Negative counts: the kernel is indefinite there, and the SVM would not notice.
+        """
+        histograms, labels = validate_data(self, X, y, dtype=np.float64)
+        _refuse_negative(histograms)
+        self.scale_ = float(histograms.sum(axis=1).mean()) or 1.0
+        self.one_vs_one_ = len(histograms) <= self.gram_limit
+        if self.one_vs_one_:
+            self._fit_gram(histograms, labels)
+        else:
+            warnings.warn(
+                f"{len(histograms)} histograms are more than {self.gram_limit}: trained on a "
+                "feature map of the kernel, one class against the rest, not on its Gram matrix",
+                SkinWarning,
+                stacklevel=2,
+            )
+            self._fit_linear(histograms, labels)
+        self.function_ = self._make_function()
         return self
 
+    def _fit_gram(self, histograms: FloatArray, labels: NDArray[Any]) -> None:
+        gram = intersection_kernel(histograms, histograms)
+        svc = SVC(kernel="precomputed", C=self.C).fit(gram / self.scale_, labels)
+        self.classes_ = svc.classes_
+        self.support_histograms_ = histograms[svc.support_]
+        self.coefficients_ = _pair_coefficients(svc) / self.scale_
+        self.intercept_ = np.asarray(svc.intercept_)
+
+    def _fit_linear(self, histograms: FloatArray, labels: NDArray[Any]) -> None:
+        self.code_ = UnaryCode().fit(histograms)
+        features = self.code_.transform(histograms) / np.sqrt(self.scale_)
+        linear = LinearSVC(C=self.C, loss="hinge", random_state=0, max_iter=20_000, tol=1e-3)
+        linear.fit(features, labels)
+        self.classes_ = linear.classes_
+        self.coefficients_ = linear.coef_ / np.sqrt(self.scale_)
+        self.intercept_ = np.asarray(linear.intercept_)
+
+    def _make_function(self) -> AdditiveFunction:
+        """What the decision values are evaluated with."""
+        if self.one_vs_one_:
+            parts = (self.support_histograms_, self.coefficients_, self.intercept_)
+            return intersection_function(*parts)
+        return self.code_.function(self.coefficients_, self.intercept_)
+
+    def decision_values(self, X: FloatArray) -> FloatArray:
+        """(n, q) of each pair of classes, or of each class above `gram_limit`; not checked."""
+        return self.function_(X)
+
     def decision_function(self, X: ArrayLike) -> FloatArray:
-        """(n,) or (n, classes) decision values of histograms (n, d)."""
-        check_is_fitted(self)
-        return np.asarray(self.svc_.decision_function(self._kernel(X)))
+        """(n,) or (n, classes) decision values of histograms (n, d), as of scikit-learn's SVC."""
+        values = self._checked(X)
+        if len(self.classes_) == 2:
+            return np.asarray(values[:, 0])
+        return one_vs_rest(values, len(self.classes_)) if self.one_vs_one_ else values
 
-    def predict(self, X: ArrayLike) -> Any:
+    def predict(self, X: ArrayLike) -> NDArray[Any]:
         """(n,) labels of histograms (n, d)."""
+        values = self._checked(X)
+        if len(self.classes_) == 2:
+            return np.asarray(self.classes_[(values[:, 0] > 0).astype(np.int64)])
+        if self.one_vs_one_:
+            first, second = _pairs(len(self.classes_))
+            values = (values > 0) @ first + (values <= 0) @ second  # as libsvm counts its votes
+        return np.asarray(self.classes_[values.argmax(axis=1)])
+
+    def _checked(self, X: ArrayLike) -> FloatArray:
         check_is_fitted(self)
-        return self.svc_.predict(self._kernel(X))
+        histograms = validate_data(self, X, dtype=np.float64, reset=False)
+        _refuse_negative(histograms)
+        return self.decision_values(histograms)
 
-    def _kernel(self, X: ArrayLike) -> FloatArray:
-        """Kernel against all training histograms; only the support columns are ever read."""
-        histograms = validate_data(self, X, reset=False)
-        self._refuse_negative(histograms)
-        kernel = np.zeros((len(histograms), self.n_train_))
-        support = intersection_kernel(histograms, self.support_histograms_)
-        kernel[:, self.svc_.support_] = support / self.scale_
-        return kernel
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what can be made again."""
+        state = dict(super().__getstate__())
+        state.pop("function_", None)
+        return state
 
-    @staticmethod
-    def _refuse_negative(X: FloatArray) -> None:
-        if X.size and X.min() < 0:
-            # The kernel is indefinite there, and the SVM would not notice.
-            raise InvalidArrayError(f"Negative values in data: histograms count votes, {X.min()}")
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make it again."""
+        super().__setstate__(state)
+        if hasattr(self, "classes_"):
+            self.function_ = self._make_function()
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         tags.input_tags.positive_only = True
         return tags
+
+
+def one_vs_rest(values: FloatArray, classes: int) -> FloatArray:
+    """(n, classes) votes of the pairs (n, q), ties broken by their values: as SVC does it."""
+    first, second = _pairs(classes)
+    votes = (values >= 0) @ first + (values < 0) @ second
+    sure = values @ (first - second)
+    return np.asarray(votes + sure / (3.0 * (np.abs(sure) + 1.0)))
+
+
+def _pairs(classes: int) -> tuple[FloatArray, FloatArray]:
+    """(q, classes) which class is first and which second in each pair."""
+    one, other = np.triu_indices(classes, 1)
+    return np.eye(classes)[one], np.eye(classes)[other]
+
+
+def _pair_coefficients(svc: SVC) -> FloatArray:
+    """(q, m) coefficient of each support vector in the decision of each pair of classes."""
+    dual, count = svc.dual_coef_, svc.n_support_
+    if len(svc.classes_) == 2:
+        return np.asarray(dual)
+    owner = np.repeat(np.arange(len(count)), count)
+    one, other = np.triu_indices(len(count), 1)
+    # Row j - 1 of the coefficients of class i < j is for the pair (i, j), and row i of j's.
+    first = np.where(owner == one[:, None], dual[other - 1], 0.0)
+    return np.asarray(first + np.where(owner == other[:, None], dual[one], 0.0))
+
+
+def _refuse_negative(histograms: FloatArray) -> None:
+    if histograms.size and histograms.min() < 0:
+        raise InvalidArrayError(
+            f"Negative values in data: histograms count votes, got {histograms.min()}"
+        )

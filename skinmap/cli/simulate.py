@@ -56,12 +56,12 @@ def command(
     import numpy as np
 
     from skinmap.io.output import staged_file
-    from skinmap.touch.gestures import GESTURES
+    from skinmap.touch.gestures import FOUR
     from skinmap.touch.recording import save_recordings
     from skinmap.touch.simulator import simulate
 
     loaded, names = open_robot(robot, parts)
-    wanted = gestures or tuple(GESTURES)
+    wanted = gestures or FOUR
     recordings = []
     with (
         staged_file(output) as stage,

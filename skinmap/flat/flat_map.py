@@ -125,8 +125,8 @@ def flatten(
         A patch with a triangle without area, or one that no method lays flat without a flip.
     """
     flatteners.get(method)
-    away = mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)]
     check_budget(method, max_seconds, max_edge_rms)
+    away = mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)]
     charts, weights = [], [len(mesh.patch_faces(patch)) for patch in range(mesh.n_patches)]
     for patch, weight in enumerate(weights):
         # What earlier patches left of the time, shared out by size.

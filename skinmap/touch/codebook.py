@@ -15,13 +15,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, IntArray, freeze
-from skinmap.errors import InvalidArrayError
+from skinmap.arrays import FloatArray, check_finite, freeze
+from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.neighbours.structures import Prototypes, Structures
 
 WORDS = 8  # codewords a structure
 REST = 12.0 / 255.0  # a pattern whose largest pressure is below this is at rest
+COUNTS = 255.0  # a full 8-bit sensor value
+LARGEST = 1e150  # pressures above this, once scaled, have no finite square
+SMALL = 1e-100  # pressures below this (or above its inverse) are scaled before they are squared
 PATTERNS = 4000  # patterns of one structure that k-means sees at most
 
 
@@ -38,11 +42,15 @@ class Codebook:
         structure has fewer words.
     literal : bool
         Whether resting words count.
+    scale : float
+        Power of two that samples are multiplied with before they are compared: 1 unless the
+        squares of what the book was learnt from would leave the range of float64.
     """
 
     prototypes: Prototypes
     words: FloatArray
     literal: bool
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
         freeze(self, words=self.words)
@@ -59,6 +67,29 @@ def patterns(structures: Structures, s: int, samples: FloatArray) -> FloatArray:
     members = np.flatnonzero(structures.labels == s)
     order = np.column_stack([members, structures.neighbours[members]])
     return np.where(order >= 0, samples[:, np.maximum(order, 0)], 0.0)
+
+
+def check_samples(samples: ArrayLike, n_taxels: int) -> FloatArray:
+    """Samples (t, n) as pressures; 8-bit counts of 0 to 255 become 0 to 1.
+
+    Raises
+    ------
+    InvalidArrayError, SkinMismatchError
+        Not numbers, NaN or infinity; samples of another number of taxels.
+    """
+    array = np.asarray(samples)
+    if array.ndim == 2 and array.shape[1] != n_taxels:
+        raise SkinMismatchError(f"samples of {array.shape[1]} taxels for a skin of {n_taxels}")
+    values = check_finite(array, "samples", (None, n_taxels))
+    return values / COUNTS if array.dtype == np.uint8 else values
+
+
+def _scale(largest: float) -> float:
+    """1, or the power of two that brings a largest pressure far from 1 to between 0.5 and 1."""
+    if largest == 0.0 or SMALL <= largest <= 1.0 / SMALL:
+        return 1.0
+    # Below 2^-1022 the power itself would overflow; what is left then is still above 2^-53.
+    return float(np.ldexp(1.0, int(min(-np.frexp(largest)[1], 1022))))
 
 
 def learn_codebook(
@@ -83,18 +114,24 @@ def learn_codebook(
     Raises
     ------
     InvalidArrayError
-        No skin, or fewer than two codewords.
+        No skin, fewer than two codewords, skins whose structures are not the same, or samples
+        that are not finite numbers.
     """
     if not skins or words < 2:
         raise InvalidArrayError(f"a codebook needs a skin and 2 words, got {len(skins)}, {words}")
     prototypes = skins[0][0].prototypes
+    if any(structures.prototypes is not prototypes for structures, _ in skins):
+        raise InvalidArrayError("all skins of a codebook must share the same prototypes")
+    skins = [(structures, check_samples(x, len(structures.labels))) for structures, x in skins]
+    scale = _scale(max(float(np.abs(x).max(initial=0.0)) for _, x in skins))
+    skins = [(structures, x * scale) for structures, x in skins]
     width = prototypes.offsets.shape[1] + 1
     book = np.full((len(prototypes), words, width), np.nan)
     for s in range(len(prototypes)):
         seen = np.concatenate([patterns(st, s, x).reshape(-1, width) for st, x in skins])
         centres = _centres(seen, words, literal, rng)
         book[s, : len(centres)] = centres
-    return Codebook(prototypes, book, literal)
+    return Codebook(prototypes, book, literal, scale)
 
 
 def _centres(seen: FloatArray, words: int, literal: bool, rng: np.random.Generator) -> FloatArray:
@@ -111,24 +148,3 @@ def _centres(seen: FloatArray, words: int, literal: bool, rng: np.random.Generat
         seed = int(rng.integers(2**31))
         distinct = KMeans(words, n_init=1, random_state=seed).fit(seen).cluster_centers_
     return distinct if literal else np.concatenate([rest, distinct])
-
-
-def histograms(codebook: Codebook, structures: Structures, samples: FloatArray) -> IntArray:
-    """(t, bins) votes for samples (t, n) of 0 to 1; taxels without a structure do not vote.
-
-    Ties go to the word of the smaller number, so to rest before all others.
-    """
-    s, k, _ = codebook.words.shape
-    votes = np.zeros((len(samples), s, k), np.int64)
-    rows = np.arange(len(samples))[:, None]
-    for number in range(s):
-        words = codebook.words[number]
-        words = words[~np.isnan(words[:, 0])]
-        seen = patterns(structures, number, samples)
-        if seen.shape[1] == 0 or len(words) == 0:
-            continue
-        # |x - c|^2 = |x|^2 + |c|^2 - 2 x.c; the first term is the same for all words.
-        cost = (words**2).sum(axis=1) - 2.0 * seen @ words.T
-        np.add.at(votes[:, number], (np.broadcast_to(rows, cost.shape[:2]), cost.argmin(axis=2)), 1)
-    counted = votes if codebook.literal else votes[:, :, 1:]
-    return counted.reshape(len(samples), codebook.bins)

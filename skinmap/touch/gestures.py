@@ -1,28 +1,50 @@
-"""The shapes of four touches, in the plane of the skin around the place that is touched.
+"""The shapes of touches, in the plane of the skin around the place that is touched.
 
-Sizes are those of adult hands, with a spread: fingertips 12 to 18 mm wide, fingers 15 to 20 mm
+Sizes of hands are those of adults, with a spread: fingertips 12 to 18 mm wide, fingers 15 to 20 mm
 (Dandekar, Raju and Srinivasan, J. Biomech. Eng. 125(5), 2003), palms 70 to 95 mm (Pheasant,
-"Bodyspace", 1996), scaled by 0.75 to 1 for hands from child to adult.
+"Bodyspace", 1996), scaled by 0.75 to 1 for hands from child to adult. Elbows, forearms and things
+have sizes that we measured on ourselves and at home; docs/simulator.md lists them all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from skinmap.arrays import FloatArray
 
+WRAPS = float("inf")  # the give of a hand: its joints let it follow any limb
+Profile = Literal["round", "flat", "bone"]
+
 
 @dataclass(frozen=True, slots=True)
 class Pad:
-    """A capsule of flesh pressed flat on the skin: all points within `radius` of a segment [m]."""
+    """A capsule pressed on the skin: all points within `radius` of a segment [m].
+
+    Attributes
+    ----------
+    start, end : (2,) float
+        Ends of the segment [m]; the same point for a disc.
+    radius : float
+        [m].
+    strength : float
+        Load on the axis at full press, 1 = a firm finger.
+    profile : {"round", "flat", "bone"}
+        How the load falls off from the axis to the rim: as under round flesh (Hertz), not at all
+        as under an inflated ball or a straight edge, or steeply as under a bone in flesh.
+    give : float
+        How far the pad follows a skin that bends away from under it [m].
+    """
 
     start: tuple[float, float]
     end: tuple[float, float]
     radius: float
     strength: float
+    profile: Profile = "round"
+    give: float = WRAPS
 
     def depth(self, uv: FloatArray) -> FloatArray:
         """(n,) how far inside the pad points (n, 2) lie, 1 on the axis, negative outside."""
@@ -81,9 +103,59 @@ def whole_hand(rng: np.random.Generator, hand: float) -> list[Pad]:
     return pads
 
 
+def elbow(rng: np.random.Generator, hand: float) -> list[Pad]:
+    """The point of an elbow: a bone of 10 mm in flesh of 13 to 19 mm, a little oval."""
+    radius = hand * rng.uniform(13e-3, 19e-3)
+    half = hand * rng.uniform(1e-3, 5e-3)
+    push = rng.uniform(0.9, 2.0)
+    return [Pad((-half, 0.0), (half, 0.0), radius, push, "bone", 12e-3)]
+
+
+def forearm(rng: np.random.Generator, hand: float) -> list[Pad]:
+    """The fleshy side of a forearm laid on: 80 to 150 mm long, 36 to 52 mm broad."""
+    radius = hand * rng.uniform(18e-3, 26e-3)
+    half = hand * rng.uniform(80e-3, 150e-3) / 2.0
+    push = rng.uniform(0.35, 0.9)
+    return [Pad((-half, 0.0), (half, 0.0), radius, push, "round", 30e-3)]
+
+
+def ball(rng: np.random.Generator, hand: float) -> list[Pad]:
+    """An inflated ball: a disc of 32 to 56 mm under the even pressure of its air."""
+    del hand  # a thing of its own size
+    push = rng.uniform(0.35, 0.9)
+    return [Pad((0.0, 0.0), (0.0, 0.0), rng.uniform(16e-3, 28e-3), push, "flat", 20e-3)]
+
+
+def edge(rng: np.random.Generator, hand: float) -> list[Pad]:
+    """The straight edge of a board or table: a line, 4 to 7 mm broad."""
+    del hand
+    half = rng.uniform(50e-3, 120e-3) / 2.0
+    push = rng.uniform(0.5, 1.3)
+    return [Pad((-half, 0.0), (half, 0.0), rng.uniform(2e-3, 3.5e-3), push, "flat", 10e-3)]
+
+
+def cylinder(rng: np.random.Generator, hand: float) -> list[Pad]:
+    """A bottle or a pole lying on the skin: a strip of 20 to 32 mm, evenly loaded along it."""
+    del hand
+    half = rng.uniform(60e-3, 140e-3) / 2.0
+    push = rng.uniform(0.4, 1.0)
+    return [Pad((-half, 0.0), (half, 0.0), rng.uniform(10e-3, 16e-3), push, "round", 10e-3)]
+
+
 GESTURES: dict[str, Gesture] = {
     "poke": poke,
     "full_finger": full_finger,
     "three_finger": three_finger,
     "whole_hand": whole_hand,
+    "elbow": elbow,
+    "forearm": forearm,
+    "ball": ball,
+    "edge": edge,
+    "cylinder": cylinder,
 }
+FOUR = tuple(GESTURES)[:4]  # the touches of the first paper
+EIGHT = tuple(GESTURES)[:8]  # those of both papers
+# The least share of a touch that must lie over taxels: a hand is put where the robot has skin,
+# long things stick out beyond it.
+ON_SKIN = 0.7
+LONG_ON_SKIN = {"forearm": 0.45, "edge": 0.45, "cylinder": 0.45}

@@ -12,6 +12,7 @@ from skinmap.neighbours.offsets import Neighbourhoods, flat_map_directions, neig
 from skinmap.neighbours.structures import RADIUS
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
+from skinmap.touch.contact_image import ContactImageGeometry, image_geometry
 from skinmap.touch.contacts import SkinGeometry, measure_skin
 
 
@@ -47,6 +48,11 @@ class PreparedSkin:
     def geometry(self) -> SkinGeometry:
         """Adjacency, areas and distances along the skin."""
         return measure_skin(self.mesh)
+
+    @cached_property
+    def image_geometry(self) -> ContactImageGeometry:
+        """Contact images on the grid of 8 mm."""
+        return image_geometry(self.flat)
 
     @cached_property
     def hoods(self) -> Neighbourhoods:

@@ -6,7 +6,7 @@ import io
 import json
 import zipfile
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,12 @@ class Recording:
     events : (t,) int
         Touch event of each sample; -1 between touches.
     labels : tuple of str
-        Gesture of each event, in the order of their numbers.
+        Gesture of each event, in the order of their numbers; "poke+ball" for two at once.
+    subjects : (n_events,) int
+        Who touched; all 0 where nobody said.
+    owners : (n_events, n_taxels) int, optional
+        Which of the touches that an event's label joins each taxel belongs to, 0 first; -1 for
+        none. Only where touches overlap in time.
     """
 
     part: str
@@ -41,6 +46,8 @@ class Recording:
     pressures: NDArray[np.uint8]
     events: IntArray
     labels: tuple[str, ...]
+    subjects: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    owners: IntArray | None = None
 
     def __post_init__(self) -> None:
         times = np.asarray(self.times, np.float64)
@@ -59,7 +66,21 @@ class Recording:
             raise InvalidArrayError(f"events must lie in -1..{len(self.labels) - 1}")
         if not np.isfinite(times).all() or (np.diff(times) < 0).any():
             raise InvalidArrayError("times must be finite and must not run backwards")
-        freeze(self, times=times, pressures=pressures, events=events)
+        subjects = np.asarray(self.subjects, np.int64)
+        if len(subjects) == 0:
+            subjects = np.zeros(len(self.labels), np.int64)
+        if subjects.shape != (len(self.labels),):
+            raise InvalidArrayError(
+                f"subjects must have shape ({len(self.labels)},), got {subjects.shape}"
+            )
+        freeze(self, times=times, pressures=pressures, events=events, subjects=subjects)
+        if self.owners is not None:
+            wanted = (len(self.labels), pressures.shape[1])
+            if np.shape(self.owners) != wanted:
+                raise InvalidArrayError(
+                    f"owners must have shape {wanted}, got {np.shape(self.owners)}"
+                )
+            freeze(self, owners=np.asarray(self.owners, np.int64))
 
     def touches(self) -> Iterator[tuple[int, str, NDArray[np.uint8]]]:
         """Number, label and samples (k, n_taxels) of each touch event."""
@@ -78,6 +99,9 @@ def save_recordings(recordings: list[Recording], path: Path) -> None:
         arrays[f"times_{number}"] = recording.times
         arrays[f"pressures_{number}"] = recording.pressures
         arrays[f"events_{number}"] = recording.events
+        arrays[f"subjects_{number}"] = recording.subjects
+        if recording.owners is not None:
+            arrays[f"owners_{number}"] = recording.owners.astype(np.int8)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     path.write_bytes(buffer.getvalue())
@@ -99,6 +123,7 @@ def load_recordings(path: Path) -> list[Recording]:
             head = json.loads(arrays["head"].tobytes())
             if head["format"] != FORMAT:
                 raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
+            none = np.zeros(0, np.int64)
             return [
                 Recording(
                     str(entry["part"]),
@@ -106,6 +131,9 @@ def load_recordings(path: Path) -> list[Recording]:
                     arrays[f"pressures_{number}"],
                     arrays[f"events_{number}"],
                     tuple(map(str, entry["labels"])),
+                    # Files of the first release have neither.
+                    arrays.get(f"subjects_{number}", none),
+                    arrays.get(f"owners_{number}", None),
                 )
                 for number, entry in enumerate(head["recordings"])
             ]

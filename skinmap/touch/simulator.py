@@ -1,14 +1,12 @@
 """Simulated touches on an imported skin: what the classifiers are trained and shown on.
 
 A touch is a set of pads (see `gestures`) laid on the skin around a point: the pads live in the
-log map of that point, so fingers follow the body and cross the gaps between patches. Pressure
-inside a pad falls off like Hertz contact, spreads through the foam as a Gaussian, is scaled by
-each taxel's gain, saturates, gets noise and is rounded to 8 bits. The hand presses, holds with
-a tremor, and lets go.
+log map of that point, so fingers follow the body and cross the gaps between patches; what is not a
+hand loses its load where the body bends away from under it. Pressure inside a pad falls off like
+Hertz contact, spreads through the foam as a Gaussian, and is read by taxels as `sensing` says.
+Somebody (see `people`) presses, holds with a tremor, and lets go.
 
-Limits: pads bend with the skin as if they were soft, however sharp the bend; the body between
-the patches carries no load; taxels answer at once and without hysteresis. Accuracy on such
-touches is simulated accuracy.
+The physics and its limits are in docs/simulator.md. Accuracy on such touches is simulated accuracy.
 """
 
 from __future__ import annotations
@@ -17,25 +15,34 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from skinmap.arrays import FloatArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.geometry.distances import bridged_graph
 from skinmap.geometry.log_map import log_map
 from skinmap.geometry.proximity import median_spacing
 from skinmap.skin.skin import Skin
-from skinmap.touch.gestures import GESTURES, Pad
+from skinmap.touch.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, Pad
+from skinmap.touch.people import (
+    HABIT_SHIFT,
+    HABIT_TURN,
+    HABITS,
+    Habit,
+    Places,
+    Subject,
+    draw_subjects,
+)
 from skinmap.touch.recording import Recording
+from skinmap.touch.sensing import Sensing, Sensors
 
-RATE = 50.0  # samples a second, as the iCub sends
-FULL_SCALE = 160.0  # counts at the middle of a pad of strength 1
-FOAM = 2.5e-3  # spread of the pressure through the foam (standard deviation) [m]
-NOISE = 1.2  # counts
-GAIN_SPREAD = 0.15  # standard deviation of the taxels' gains
-HAND = (0.75, 1.0)  # sizes of hands, 1 = adult
-ON_SKIN = 0.7  # share of the pads that must lie over taxels
+SENSING = Sensing()
+RATE = SENSING.rate
+NOISE = SENSING.noise
+FOAM = SENSING.foam
+SUBJECTS = 10
 REACH = 0.13  # no pad goes further from its middle [m]
 GAP = 0.25  # pause between touches [s]
 TRIES = 60  # places tried for one touch before the part counts as too small for it
@@ -43,20 +50,41 @@ TRIES = 60  # places tried for one touch before the part counts as too small for
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Stage:
-    """What touches on one skin share: its graph, spacing and gains."""
+    """What touches on one skin share: its graph, spacing, sensors and habitual places."""
 
     skin: Skin
     graph: csr_array
     spacing: float
-    gains: FloatArray
+    sensors: Sensors
+    habits: dict[str, tuple[Habit, ...]]
+
+    @property
+    def gains(self) -> FloatArray:
+        """(n,) gain of each taxel."""
+        return self.sensors.gains
 
 
-def prepare(skin: Skin, *, rng: np.random.Generator) -> Stage:
-    """Build the neighbour graph of a skin and draw the gain of each taxel."""
+@dataclass(frozen=True, eq=False, slots=True)
+class Placed:
+    """A gesture on the skin: the load (p, n) of each pad on each taxel at full press."""
+
+    label: str
+    loads: FloatArray
+    subject: Subject
+
+
+def prepare(skin: Skin, *, rng: np.random.Generator, sensing: Sensing = SENSING) -> Stage:
+    """Build the neighbour graph of a skin and draw its sensors and habitual places."""
     spacing = median_spacing(skin.positions)
     graph = bridged_graph(skin.positions, 10, 2.5 * spacing)
-    gains = np.clip(rng.normal(1.0, GAIN_SPREAD, len(skin)), 0.4, 1.6)
-    return Stage(skin, graph, spacing, gains)
+    habits = {
+        name: tuple(
+            Habit(int(rng.integers(len(skin))), float(rng.uniform(0.0, 2.0 * np.pi)))
+            for _ in range(HABITS)
+        )
+        for name in GESTURES
+    }
+    return Stage(skin, graph, spacing, Sensors(len(skin), sensing, rng=rng), habits)
 
 
 def simulate(
@@ -64,10 +92,14 @@ def simulate(
     *,
     rng: np.random.Generator,
     per_gesture: int = 20,
-    gestures: Sequence[str] = tuple(GESTURES),
+    gestures: Sequence[str] = FOUR,
+    subjects: int = SUBJECTS,
+    places: Places = "anywhere",
+    sensing: Sensing = SENSING,
+    on_skin: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Recording:
-    """Touches anywhere on a skin, each gesture equally often, in random order.
+    """Touches on a skin, each gesture equally often, in random order.
 
     Parameters
     ----------
@@ -76,77 +108,127 @@ def simulate(
     rng : numpy.random.Generator
     per_gesture : int
         Touches of each gesture. A gesture that does not fit the skin (less than 70 % of it
-        over taxels wherever it is tried) is left out.
+        over taxels wherever it is tried; 45 % of long things) is left out.
     gestures : sequence of str
-        Names from `GESTURES`.
+        Names from `GESTURES`; the four of the first paper by default.
+    subjects : int
+        How many people touch, each with a hand size, force, pace and habits.
+    places : {"anywhere", "habitual"}
+        Wherever a touch fits, or near the places and angles that people keep to.
+    sensing : Sensing
+        How the taxels answer.
+    on_skin : float, optional
+        Another least share of a touch over taxels, for all gestures.
     progress : callable, optional
         Called once a touch with the name of the part.
 
     Returns
     -------
     Recording
-        uint8 samples at 50 Hz with event numbers and labels.
+        uint8 samples with event numbers, labels and subjects.
 
     Raises
     ------
     UnknownNameError
         A gesture that does not exist.
     """
-    for name in gestures:
-        if name not in GESTURES:
-            raise UnknownNameError("gesture", name, GESTURES)
-    stage = prepare(skin, rng=rng)
+    check_gestures(gestures)
+    stage = prepare(skin, rng=rng, sensing=sensing)
+    people = draw_subjects(subjects, rng=rng)
     wanted = rng.permutation(np.repeat(np.arange(len(gestures)), per_gesture))
-    blocks, events = [], []
-    labels: list[str] = []
+    player = Player(stage, rng)
     tired: set[str] = set()
     for name in (gestures[i] for i in wanted):
         if progress is not None:
             progress(skin.part)
-        loads = None if name in tired else _place(stage, name, rng)
-        if loads is None:
+        subject = people[int(rng.integers(len(people)))]
+        placed = None
+        if name not in tired:
+            placed = place(stage, name, subject, rng=rng, places=places, on_skin=on_skin)
+        if placed is None:
             tired.add(name)
             continue
-        for block, event in ((_play(stage, loads, rng), len(labels)), (_rest(stage, rng), -1)):
-            blocks.append(block)
-            events.append(np.full(len(block), event))
-        labels.append(name)
-    pressures = np.concatenate(blocks) if blocks else np.zeros((0, len(skin)), np.uint8)
-    times = np.arange(len(pressures)) / RATE
-    number = np.concatenate(events) if events else np.zeros(0, np.int64)
-    return Recording(skin.part, times, pressures, number, tuple(labels))
+        player.touch([placed])
+    return player.recording()
+
+
+def check_gestures(names: Sequence[str]) -> None:
+    """Refuse gestures that do not exist, and no gesture at all."""
+    for name in names:
+        if name not in GESTURES:
+            raise UnknownNameError("gesture", name, GESTURES)
 
 
 def touch_loads(stage: Stage, pads: Sequence[Pad], uv: FloatArray) -> FloatArray:
     """(p, n) load of each pad on each taxel at full press, foam spread included.
 
-    Inside a pad of radius R the load falls off as sqrt(1 - (d / R)^2) (Hertz); outside, the
-    foam carries its rim on as a Gaussian.
+    Inside a pad of radius R the load falls off as its profile says: sqrt(1 - (d / R)^2) under
+    round flesh (Hertz), evenly under an inflated ball or an edge, and half of it in the inner
+    third of a bone. Outside, the foam carries the rim on as a Gaussian.
     """
+    foam = stage.sensors.sensing.foam
     loads = np.zeros((len(pads), len(uv)))
     near = np.isfinite(uv[:, 0])
     for number, pad in enumerate(pads):
         depth = pad.depth(uv[near])
-        inside = np.sqrt(np.clip(1.0 - (1.0 - np.clip(depth, 0.0, 1.0)) ** 2, 0.0, 1.0))
+        inner = np.clip(depth, 0.0, 1.0)
+        inside = np.sqrt(1.0 - (1.0 - inner) ** 2)
+        if pad.profile == "flat":
+            inside = np.minimum(1.0, 4.0 * inner)
+        elif pad.profile == "bone":
+            inside = 0.3 * inside + 0.7 * inner**2
         outside = np.clip(-depth, 0.0, None) * pad.radius
-        rim = 0.35 * np.exp(-0.5 * (outside / FOAM) ** 2)
+        rim = 0.35 * np.exp(-0.5 * (outside / foam) ** 2)
+        if pad.profile == "bone":
+            rim *= inner + (1.0 - inner) / 3.0
         loads[number, near] = pad.strength * (0.65 * inside + rim)
     return loads
 
 
-def _place(stage: Stage, name: str, rng: np.random.Generator) -> FloatArray | None:
-    """Loads (p, n) of a gesture at a random place where enough of it lies on the skin."""
+def place(
+    stage: Stage,
+    name: str,
+    subject: Subject,
+    *,
+    rng: np.random.Generator,
+    places: Places = "anywhere",
+    on_skin: float | None = None,
+) -> Placed | None:
+    """A gesture at a place where enough of it lies on the skin; None where it fits nowhere."""
+    enough = LONG_ON_SKIN.get(name, ON_SKIN) if on_skin is None else on_skin
     for _ in range(TRIES):
-        pads = GESTURES[name](rng, rng.uniform(*HAND))
-        source = int(rng.integers(len(stage.skin)))
+        pads = GESTURES[name](rng, subject.hand * rng.uniform(0.97, 1.03))
+        source, angle = _spot(stage, name, subject, places, rng)
         uv, _ = log_map(stage.skin.positions, stage.skin.normals, stage.graph, source, REACH)
-        angle = rng.uniform(0.0, 2.0 * np.pi)
         c, s = np.cos(angle), np.sin(angle)
         shift = rng.normal(0.0, 0.3 * stage.spacing, 2) + _middle(pads)
         turned = uv @ np.array([[c, s], [-s, c]]) + shift
-        if _share_on_skin(pads, turned, stage.spacing) >= ON_SKIN:
-            return touch_loads(stage, pads, turned)
+        if _share_on_skin(pads, turned, stage.spacing) >= enough:
+            loads = touch_loads(stage, pads, turned) * _follows(stage, pads, source)
+            return Placed(name, subject.force * loads, subject)
     return None
+
+
+def _spot(
+    stage: Stage, name: str, subject: Subject, places: Places, rng: np.random.Generator
+) -> tuple[int, float]:
+    """Taxel and angle to touch at."""
+    if places == "anywhere":
+        return int(rng.integers(len(stage.skin))), float(rng.uniform(0.0, 2.0 * np.pi))
+    # Now and then people leave their habit; a gesture that does not fit there must get away.
+    habit = stage.habits[name][subject.habit if rng.random() < 0.8 else int(rng.integers(HABITS))]
+    around = stage.skin.positions - stage.skin.positions[habit.taxel]
+    target = rng.normal(0.0, HABIT_SHIFT, 3)
+    taxel = int(np.argmin(np.linalg.norm(around - target, axis=1)))
+    return taxel, habit.angle + float(rng.normal(0.0, HABIT_TURN))
+
+
+def _follows(stage: Stage, pads: Sequence[Pad], source: int) -> FloatArray:
+    """(p, n) share of each pad's load that is left where the skin bends away from under it."""
+    step = stage.skin.positions - stage.skin.positions[source]
+    sag = np.clip(-step @ stage.skin.normals[source], 0.0, None)
+    give = np.array([pad.give for pad in pads])
+    return np.asarray(np.clip(1.0 - sag[None, :] / give[:, None], 0.0, 1.0))
 
 
 def _middle(pads: Sequence[Pad]) -> FloatArray:
@@ -155,7 +237,7 @@ def _middle(pads: Sequence[Pad]) -> FloatArray:
 
 def _share_on_skin(pads: Sequence[Pad], uv: FloatArray, spacing: float) -> float:
     """Share of the pads' area within one spacing of a taxel."""
-    step = 3e-3
+    step = 3e-3 if min(pad.radius for pad in pads) > 4e-3 else 1.5e-3
     taxels = uv[np.isfinite(uv[:, 0])]
     corners = np.array([[pad.start, pad.end] for pad in pads]).reshape(-1, 2)
     reach = max(pad.radius for pad in pads)
@@ -168,22 +250,59 @@ def _share_on_skin(pads: Sequence[Pad], uv: FloatArray, spacing: float) -> float
     return float(np.isfinite(distance).mean())
 
 
-def _play(stage: Stage, loads: FloatArray, rng: np.random.Generator) -> np.ndarray:
-    """Samples (t, n) of one touch: press, hold with a tremor, let go."""
-    press, hold, release = rng.uniform(0.08, 0.25), rng.uniform(0.4, 0.9), rng.uniform(0.08, 0.2)
-    time = np.arange(0.0, press + hold + release, 1.0 / RATE) + 0.5 / RATE
+class Player:
+    """Plays touches one after another into a recording, with a pause after each."""
+
+    def __init__(self, stage: Stage, rng: np.random.Generator) -> None:
+        self.stage, self.rng = stage, rng
+        self._blocks: list[NDArray[np.uint8]] = []
+        self._events: list[IntArray] = []
+        self._labels: list[str] = []
+        self._subjects: list[int] = []
+        self._owners: list[IntArray] = []
+
+    def touch(self, together: Sequence[Placed], starts: Sequence[float] = (0.0,)) -> None:
+        """Play touches that overlap in time as one event; each starts at its own time [s]."""
+        sensors, rng = self.stage.sensors, self.rng
+        rate = sensors.sensing.rate
+        courses = [_course(placed, rate, rng) for placed in together]
+        first = [round(start * rate) for start in starts]
+        total = max(begin + len(one) for begin, one in zip(first, courses, strict=True))
+        loads = np.zeros((total, len(self.stage.skin)))
+        for begin, one in zip(first, courses, strict=True):
+            loads[begin : begin + len(one)] += one
+        rest = np.zeros((round(GAP * rate), loads.shape[1]))
+        for block, event in ((loads, len(self._labels)), (rest, -1)):
+            self._blocks.append(sensors.read(block, rng=rng))
+            self._events.append(np.full(len(block), event))
+        self._labels.append("+".join(placed.label for placed in together))
+        self._subjects.append(together[0].subject.number)
+        peaks = np.array([placed.loads.sum(axis=0) for placed in together])
+        self._owners.append(np.where(peaks.max(axis=0) > 0, peaks.argmax(axis=0), -1))
+
+    def recording(self, *, owners: bool = False) -> Recording:
+        """Everything played so far; with `owners` the touch that each taxel belongs to."""
+        n = len(self.stage.skin)
+        pressures = np.concatenate(self._blocks or [np.zeros((0, n), np.uint8)])
+        times = np.arange(len(pressures)) / self.stage.sensors.sensing.rate
+        return Recording(
+            self.stage.skin.part,
+            times,
+            pressures,
+            np.concatenate(self._events or [np.zeros(0, np.int64)]),
+            tuple(self._labels),
+            np.array(self._subjects, np.int64),
+            np.array(self._owners, np.int64).reshape(-1, n) if owners else None,
+        )
+
+
+def _course(placed: Placed, rate: float, rng: np.random.Generator) -> FloatArray:
+    """Loads (t, n) of one touch: press, hold with a tremor, let go."""
+    pace = placed.subject.pace
+    press, hold, release = pace * rng.uniform((0.08, 0.4, 0.08), (0.25, 0.9, 0.2))
+    time = np.arange(0.0, press + hold + release, 1.0 / rate) + 0.5 / rate
     course = np.clip(np.minimum(time / press, (press + hold + release - time) / release), 0.0, 1.0)
-    lag = rng.uniform(0.0, 0.06, len(loads))  # fingers do not land together
+    lag = rng.uniform(0.0, 0.06, len(placed.loads))  # fingers do not land together
     each = np.stack([np.interp(time - late, time, course, left=0.0) for late in lag], axis=1)
-    tremor = 1.0 + 0.06 * rng.standard_normal((len(time), len(loads)))
-    counts = FULL_SCALE * (each * tremor) @ loads * stage.gains
-    return _digitise(counts, rng)
-
-
-def _rest(stage: Stage, rng: np.random.Generator) -> np.ndarray:
-    return _digitise(np.zeros((int(GAP * RATE), len(stage.skin))), rng)
-
-
-def _digitise(counts: FloatArray, rng: np.random.Generator) -> np.ndarray:
-    noisy = counts + rng.normal(0.0, NOISE, counts.shape)
-    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
+    tremor = 1.0 + 0.06 * rng.standard_normal((len(time), len(placed.loads)))
+    return np.asarray((each * tremor) @ placed.loads)

@@ -5,7 +5,7 @@ import pytest
 
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.gestures import GESTURES, Pad
+from skinmap.touch.gestures import FOUR, Pad
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulator import (
     NOISE,
@@ -47,7 +47,7 @@ def test_touch_loads_skip_what_the_log_map_did_not_reach(plate, rng):
 
 def test_simulate_gives_every_gesture_equally_often(icub, rng):
     recording = simulate(icub.skin("torso"), rng=rng, per_gesture=3)
-    assert sorted(recording.labels) == sorted(list(GESTURES) * 3)
+    assert sorted(recording.labels) == sorted(list(FOUR) * 3)
     assert recording.pressures.dtype == np.uint8
     np.testing.assert_allclose(np.diff(recording.times), 1 / RATE, rtol=1e-9)
 
@@ -75,10 +75,10 @@ def test_whole_hand_does_not_fit_a_palm(icub, rng):
 
 def test_larger_gestures_touch_more_skin(icub, rng):
     recording = simulate(icub.skin("left_leg_upper"), rng=rng, per_gesture=6)
-    active = {name: [] for name in GESTURES}
+    active = {name: [] for name in FOUR}
     for _, label, samples in recording.touches():
         active[label].append((samples > 12).any(axis=0).sum())
-    poke, finger, grip, hand = (np.median(active[name]) for name in GESTURES)
+    poke, finger, grip, hand = (np.median(active[name]) for name in FOUR)
     assert poke < finger < hand
     assert poke < grip < hand
 

@@ -1,0 +1,1 @@
+"""Evaluation protocols: the papers' tables, transfer between patches and robots, recordings."""

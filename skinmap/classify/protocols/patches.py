@@ -1,0 +1,103 @@
+"""The patches of a robot, each a skin of its own, and simulated touches on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from skinmap.classify.descriptors import Touch
+from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
+from skinmap.skin.robot import Robot
+from skinmap.skin.skin import Skin
+from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.simulator import simulate
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Patch:
+    """A connected sheet of modules with touches on it.
+
+    Attributes
+    ----------
+    name : str
+        The part, with the number of the patch where the part has several.
+    skin : PreparedSkin
+    touches : tuple of Touch
+    """
+
+    name: str
+    skin: PreparedSkin
+    touches: tuple[Touch, ...] = ()
+
+
+def cut_patches(robot: Robot, parts: Sequence[str]) -> list[Patch]:
+    """Every patch of some parts as a skin of its own."""
+    patches = []
+    for part in parts:
+        whole = PreparedSkin(robot.skin(part))
+        numbers = np.unique(whole.patches)
+        for number in numbers:
+            name = part if len(numbers) == 1 else f"{part}/{number}"
+            index = np.flatnonzero(whole.patches == number)
+            patches.append(Patch(name, PreparedSkin(_take(whole.skin, index, name))))
+    return patches
+
+
+def touch_patches(
+    patches: Sequence[Patch],
+    *,
+    seed: int,
+    gestures: Sequence[str],
+    per_gesture: int,
+    workers: Workers = ONE,
+    progress: Callable[[str], None] | None = None,
+) -> list[Patch]:
+    """The same patches with simulated touches anywhere on each.
+
+    A gesture that does not fit a patch is left out there.
+    """
+    tasks = [
+        _Session(patch, seed, number, tuple(gestures), per_gesture)
+        for number, patch in enumerate(patches)
+    ]
+    found = run_tasks(_simulate, tasks, workers=workers, progress=progress)
+    return [
+        Patch(
+            patch.name,
+            patch.skin,
+            tuple(Touch(patch.skin, samples, label) for label, samples in touches),
+        )
+        for patch, touches in zip(patches, found, strict=True)
+    ]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Session:
+    patch: Patch
+    seed: int
+    number: int
+    gestures: tuple[str, ...]
+    per_gesture: int
+
+
+def _simulate(task: _Session) -> list[tuple[str, np.ndarray]]:
+    recording = simulate(
+        task.patch.skin.skin,
+        rng=task_rng(task.seed, task.number),
+        per_gesture=task.per_gesture,
+        gestures=task.gestures,
+    )
+    return [(label, samples) for _, label, samples in recording.touches()]
+
+
+def _take(skin: Skin, index: np.ndarray, name: str) -> Skin:
+    return Skin(
+        name,
+        skin.link,
+        skin.channels[index],
+        skin.modules[index],
+        skin.positions[index],
+        skin.normals[index],
+    )

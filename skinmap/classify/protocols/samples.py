@@ -1,0 +1,168 @@
+"""Labelled samples of simulated touches, and their histograms: what paper 1's protocol runs on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.classify.protocols.folds import Names
+from skinmap.errors import InvalidArrayError
+from skinmap.neighbours.offsets import Neighbourhoods, flat_map_directions, neighbourhoods
+from skinmap.neighbours.structures import Prototypes, Structures, assign, find_structures
+from skinmap.touch.codebook import Codebook, histograms, learn_codebook
+from skinmap.touch.contacts import ACTIVE
+from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.simulator import simulate
+
+COUNTS = 255.0
+BOOK_TOUCHES = 12  # touches of each gesture that the codebook is learnt from, and nothing else
+BOOK_SAMPLES = 240
+SAMPLES_A_TOUCH = 34  # in contact, at 50 Hz; fewer than almost any simulated touch has
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SampleSet:
+    """Samples in contact with their labels, and unlabelled ones of other touches.
+
+    Attributes
+    ----------
+    pressures : (n, n_taxels) uint8
+    labels : (n,) str
+    events : (n,) int
+        Touch that each sample is of.
+    book : (m, n_taxels) uint8
+        Samples of touches that are not among `events`: "touches made at random", for codebooks.
+    """
+
+    pressures: NDArray[np.uint8]
+    labels: Names
+    events: IntArray
+    book: NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        freeze(self, pressures=self.pressures, events=self.events, book=self.book)
+
+    def take(self, rows: IntArray) -> SampleSet:
+        """The same with some of the labelled samples."""
+        return SampleSet(self.pressures[rows], self.labels[rows], self.events[rows], self.book)
+
+
+def draw_samples(
+    skin: PreparedSkin, counts: Mapping[str, int], *, rng: np.random.Generator
+) -> SampleSet:
+    """Simulate touches until there are so many samples in contact of each gesture.
+
+    Parameters
+    ----------
+    skin : PreparedSkin
+        n_taxels.
+    counts : mapping of str to int
+        Samples wanted of each gesture.
+    rng : numpy.random.Generator
+
+    Raises
+    ------
+    InvalidArrayError
+        A gesture that does not fit the part.
+    """
+    touches = -(-max(counts.values()) // SAMPLES_A_TOUCH)
+    recording = simulate(
+        skin.skin, rng=rng, per_gesture=touches + BOOK_TOUCHES, gestures=tuple(counts)
+    )
+    missing = [name for name in counts if recording.labels.count(name) < touches + BOOK_TOUCHES]
+    if missing:
+        raise InvalidArrayError(
+            f"{', '.join(missing)} does not fit the {len(skin)} taxels of {skin.skin.part!r}; "
+            "choose a larger part"
+        )
+    seen = dict.fromkeys(counts, 0)
+    rows: dict[str, list[IntArray]] = {name: [] for name in counts}
+    book = []
+    touched = (recording.pressures > ACTIVE).any(axis=1)
+    for event, label in enumerate(recording.labels):
+        own = np.flatnonzero((recording.events == event) & touched)
+        seen[label] += 1
+        (book if seen[label] <= BOOK_TOUCHES else rows[label]).append(own)
+    chosen = [np.concatenate(rows[name])[: counts[name]] for name in counts]
+    some = np.concatenate(book)
+    some = rng.choice(some, min(BOOK_SAMPLES, len(some)), replace=False)
+    index = np.concatenate(chosen)
+    labels = np.repeat(list(counts), [len(own) for own in chosen])
+    return SampleSet(
+        recording.pressures[index], labels, recording.events[index], recording.pressures[some]
+    )
+
+
+def resample(labels: Names, percent: float, *, rng: np.random.Generator) -> IntArray:
+    """Rows of a random share of the samples of each label, at least one of each."""
+    chosen = []
+    for label in np.unique(labels):
+        own = np.flatnonzero(labels == label)
+        count = max(1, round(len(own) * percent / 100.0))
+        chosen.append(rng.choice(own, count, replace=False))
+    return np.sort(np.concatenate(chosen))
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How histograms are made.
+
+    Attributes
+    ----------
+    name : str
+    rotations : int
+        Turns that structures may have, 1 or 6.
+    literal : bool
+        As published: resting codewords count.
+    """
+
+    name: str
+    rotations: int
+    literal: bool = False
+
+
+ROTATED = Recipe("histogram", 6)
+UPRIGHT = Recipe("histogram, no rotation", 1)
+LITERAL = Recipe("histogram, literal", 1, literal=True)
+RECIPES = (ROTATED, UPRIGHT, LITERAL)
+
+
+def neighbours_within(skin: PreparedSkin, radius: float) -> Neighbourhoods:
+    """The skin's neighbourhoods of a radius [m], mesh and flat map taken as they are."""
+    if radius == skin.radius:
+        return skin.hoods
+    directions = flat_map_directions(skin.flat)
+    return neighbourhoods(skin.skin.positions, skin.skin.normals, directions, radius=radius)
+
+
+def learn(
+    recipe: Recipe, structures: Structures, book: NDArray[np.uint8], *, seed: int, words: int
+) -> Codebook:
+    """A codebook from unlabelled samples (m, n_taxels) of one skin."""
+    return learn_codebook(
+        [(structures, book / COUNTS)],
+        rng=np.random.default_rng(seed),
+        words=words,
+        literal=recipe.literal,
+    )
+
+
+def structures_of(recipe: Recipe, hoods: Neighbourhoods) -> Structures:
+    """The structures of a skin."""
+    return find_structures(hoods, rotations=recipe.rotations)
+
+
+def carry(prototypes: Prototypes, hoods: Neighbourhoods) -> Structures:
+    """The structures of another skin among known prototypes."""
+    return assign(hoods, prototypes)
+
+
+def count_votes(
+    codebook: Codebook, structures: Structures, pressures: NDArray[np.uint8]
+) -> FloatArray:
+    """(n, bins) histograms of samples (n, n_taxels)."""
+    return histograms(codebook, structures, pressures / COUNTS).astype(np.float64)

@@ -1,0 +1,200 @@
+"""Histograms, fast: the votes of samples on one skin for the codewords of a book.
+
+The distance of a pattern from a codeword is the sum of squared differences, place by place in
+the order of the structure. Every way of counting below either computes that sum in that order
+(so that all agree to the last bit) or proves that rounding cannot have changed the nearest
+word. Ties go to the word of the smaller number, so to rest before all others.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.neighbours.structures import Structures
+from skinmap.touch.codebook import COUNTS, LARGEST, Codebook, check_samples
+
+CHUNK = 2**13  # patterns at a time, to stay in the cache
+SPARSE = 0.3  # share of taxels near a touch below which the rest of them are skipped
+NEVER = np.finfo(float).max  # cost of a word that is not there; infinity would spoil a product
+COMPILE = 2_000_000  # patterns from which compiling pays by itself (about two seconds)
+
+logger = logging.getLogger(__name__)
+
+
+class VoteCounter:
+    """Counts votes on one skin for one codebook; the tables are made once.
+
+    Parameters
+    ----------
+    codebook : Codebook
+    structures : Structures
+        Of the skin, against the prototypes of the codebook.
+    compiled : bool, optional
+        Whether to use numba; by default where it is installed and the samples are many.
+        Without numba the same votes are counted more slowly.
+    """
+
+    def __init__(
+        self, codebook: Codebook, structures: Structures, *, compiled: bool | None = None
+    ) -> None:
+        s, k, p = codebook.words.shape
+        if structures.neighbours.shape[1] + 1 != p:
+            raise SkinMismatchError(
+                f"structures of {structures.neighbours.shape[1]} neighbours for a codebook of "
+                f"{p - 1}"
+            )
+        self.codebook, self.n_taxels = codebook, len(structures.labels)
+        # A word that a structure lacks is infinitely far from everything.
+        words = np.where(np.isnan(codebook.words), np.inf, codebook.words)
+        able = np.asarray(np.isfinite(words[:, :, 0]).any(axis=1))
+        voters = np.flatnonzero((structures.labels >= 0) & able[structures.labels])
+        self.taxels = voters[np.argsort(structures.labels[voters], kind="stable")]
+        self.labels = structures.labels[self.taxels]
+        self.start = np.searchsorted(self.labels, np.arange(s + 1))
+        order = np.column_stack([self.taxels, structures.neighbours[self.taxels]])
+        # Empty places read a zero that stands behind the last taxel.
+        order = np.where(order < 0, self.n_taxels, order).T
+        index = np.vstack([order, np.full(len(voters), self.n_taxels + 1)])
+        self.index = np.ascontiguousarray(index)
+        self.words = words
+        rest = _nearest(np.zeros((p, s)), words.transpose(2, 1, 0))
+        self.rest = np.where(able, rest, 0)
+        self._cell = self.labels * k
+        # A place of ones behind the last one brings in |c|^2.
+        there = np.where(np.isfinite(words), words, 0.0)
+        lacking = ~np.isfinite(words[:, :, :1])
+        square = np.where(lacking, NEVER, (there**2).sum(axis=2, keepdims=True))
+        self._products = np.concatenate([-2.0 * there, square], axis=2)
+        self._largest = float(np.abs(there).max(initial=0.0))
+        self._kernel: Any = self._compile() if compiled else None
+        self._may_compile = compiled is None
+
+    @property
+    def compiled(self) -> bool:
+        """Whether compiled code counts."""
+        return self._kernel is not None
+
+    def count(self, samples: ArrayLike) -> IntArray:
+        """(t, bins) votes for samples (t, n): pressures 0 to 1, or 8-bit counts of 0 to 255.
+
+        Raises
+        ------
+        InvalidArrayError, SkinMismatchError
+            NaN, infinity or numbers without a finite square; another number of taxels.
+        """
+        pressures = check_samples(samples, self.n_taxels)
+        if self._may_compile and len(pressures) * len(self.taxels) >= COMPILE:
+            self._kernel, self._may_compile = self._compile(), False
+        votes = np.zeros((len(pressures), *self.words.shape[:2]), np.int64)
+        if self._kernel is not None:
+            if not self._kernel(pressures, votes):
+                raise self._too_large(pressures)
+            return self._counted(votes)
+        step = max(1, CHUNK // max(1, len(self.taxels)))
+        for first in range(0, len(pressures), step):
+            self._add_votes(pressures[first : first + step], votes[first : first + step])
+        return self._counted(votes)
+
+    def count_one(self, sample: ArrayLike) -> IntArray:
+        """(bins,) votes for one sample (n,), with as little around it as can be."""
+        array = np.asarray(sample)
+        if array.shape != (self.n_taxels,):
+            raise SkinMismatchError(f"a sample {array.shape} for a skin of {self.n_taxels} taxels")
+        if self._kernel is None or array.dtype.kind not in "fu":
+            return self.count(array[None])[0]
+        values = array / COUNTS if array.dtype == np.uint8 else array.astype(np.float64, copy=False)
+        votes = np.zeros((1, *self.words.shape[:2]), np.int64)
+        if not self._kernel(values[None], votes):
+            raise self._too_large(values[None])
+        return self._counted(votes)[0]
+
+    def _too_large(self, pressures: FloatArray) -> InvalidArrayError:
+        fine = np.abs(pressures * self.codebook.scale) <= LARGEST
+        row, taxel = np.argwhere(~fine)[0]
+        return InvalidArrayError(
+            f"sample {row} holds {pressures[row, taxel]} at taxel {taxel}: "
+            "expected pressures of 0 to 1"
+        )
+
+    def _counted(self, votes: IntArray) -> IntArray:
+        kept = votes if self.codebook.literal else votes[:, :, 1:]
+        return kept.reshape(len(votes), self.codebook.bins)
+
+    def _add_votes(self, pressures: FloatArray, votes: IntArray) -> None:
+        """Add the votes of samples (t, n) to votes (t, s, k), all structures together."""
+        t, (s, k) = len(pressures), votes.shape[1:]
+        columns = np.zeros((self.n_taxels + 2, t))
+        np.multiply(pressures.T, self.codebook.scale, out=columns[:-2])
+        largest = max(float(columns.max()), -float(columns.min()))
+        if not largest <= LARGEST:
+            raise self._too_large(pressures)
+        columns[-1] = 1.0  # brings in the words' own squares
+        near_share = np.count_nonzero(pressures) * len(self.index) / max(1, t * len(self.taxels))
+        if t > 1 and near_share < SPARSE:  # one sample is quicker whole
+            near = np.bitwise_or.reduce((columns[:-1] != 0).take(self.index[:-1], axis=0), axis=0)
+            position, sample = np.nonzero(near)
+            seen = columns[self.index[:, position], sample]
+            start = np.searchsorted(position, self.start)
+            cell = self._cell[position] + sample * (s * k)
+            voted = np.bincount(self._cell[position] // k + sample * s, minlength=t * s)
+            votes[:, np.arange(s), self.rest] += np.diff(self.start) - voted.reshape(t, s)
+        else:
+            seen = columns.take(self.index, axis=0).reshape(len(self.index), -1)
+            start = self.start * t
+            cell = (self._cell[:, None] + np.arange(t) * (s * k)).ravel()
+        word = self._nearest(seen, start, largest)
+        votes += np.bincount(cell + word, minlength=votes.size).reshape(votes.shape)
+
+    def _nearest(self, seen: FloatArray, start: IntArray, largest: float) -> NDArray[np.uint8]:
+        """(m,) nearest word of each pattern (p + 1, m); those of structure s begin at start[s].
+
+        |x - c|^2 = |x|^2 + |c|^2 - 2 x.c, and the first term is the same for all words. Where
+        the best words are closer than rounding can be off, the distances are summed as they
+        stand.
+        """
+        _, k, p = self.words.shape
+        cost = np.empty((k, seen.shape[1]))
+        for product, first, last in zip(self._products, start[:-1], start[1:], strict=True):
+            np.matmul(product, seen[:, first:last], out=cost[:, first:last])
+        # Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 3.1: a sum of p
+        # products is off by at most p eps times the sum of their sizes; both ways, with a margin.
+        size = (largest + self._largest) ** 2
+        close = cost <= cost.min(axis=0) + 8.0 * (p + 4) * np.finfo(float).eps * p * size
+        number = np.arange(k, dtype=np.uint8)[:, None]
+        word = np.bitwise_or.reduce(close.view(np.uint8) * number, axis=0)
+        if np.count_nonzero(close) > close.shape[1]:
+            unsure = np.flatnonzero(np.count_nonzero(close, axis=0) > 1)
+            label = np.searchsorted(start, unsure, side="right") - 1
+            word[unsure] = _nearest(seen[:-1, unsure], self.words[label].transpose(2, 1, 0))
+        return word
+
+    def _compile(self) -> Any:
+        from skinmap.touch.compiled_votes import vote_kernel
+
+        try:
+            return vote_kernel(self)
+        except ImportError:
+            logger.info("numba is not installed: votes are counted by numpy")
+            return None
+
+
+def histograms(codebook: Codebook, structures: Structures, samples: ArrayLike) -> IntArray:
+    """(t, bins) votes for samples (t, n) of 0 to 1; taxels without a structure do not vote."""
+    return VoteCounter(codebook, structures).count(samples)
+
+
+def _nearest(seen: FloatArray, words: FloatArray) -> IntArray:
+    """(m,) number of the word (p, k, m) or (p, k, 1) that is nearest to each pattern (p, m)."""
+    cost = np.zeros(words.shape[1:])
+    step = np.empty_like(cost)
+    for place, values in enumerate(seen):
+        np.subtract(values, words[place], out=step)
+        np.multiply(step, step, out=step)
+        cost += step
+    return cost.argmin(axis=0)
