@@ -169,11 +169,11 @@ def check_budget(
     given = {"max_seconds": max_seconds, "max_edge_rms": max_edge_rms}
     budgets = {name: value for name, value in given.items() if value is not None}
     for name, value in budgets.items():
+        option = "--" + name.replace("_", "-")
         if not (0.0 < value < np.inf):
-            option = "--" + name.replace("_", "-")
             raise InvalidArrayError(f"{option} must be above 0, got {value:g}")
-    if method != "auto" and budgets:
-        raise InvalidArrayError(f"{option} needs --method auto, got {method!r}")
+        if method != "auto":
+            raise InvalidArrayError(f"{option} needs --method auto, got {method!r}")
     if "max_edge_rms" in budgets:
         budgets["max_edge_rms"] /= 100.0
     return budgets

@@ -12,7 +12,7 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 
-PAYS = 30_000  # taxels: below, the import of numba (about 1 s) costs more than it saves
+PAYS = 100_000  # taxels: below, the import of numba (over 1 s) costs more than it saves
 Kernel = Callable[..., Any]
 
 
