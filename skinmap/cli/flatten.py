@@ -56,9 +56,9 @@ def command(robot: str, out: Path | None, as_json: bool, **options: Any) -> None
     edge_strain, area, quasi_conformal, symmetric_dirichlet, stretch_l2 or arap_energy.
 
     \b
-    Examples:  skinmap flatten icub --part torso --out maps
-               skinmap flatten icub --part left_arm --compare bff,lscm --json
-               skinmap flatten bunny.obj --method accurate --json
+    Example:  skinmap flatten icub --part torso --out maps
+              skinmap flatten icub --part left_arm --compare bff,lscm --json
+              skinmap flatten bunny.obj --method accurate --json
     """
     from skinmap.cli.flat_job import run_job
 
