@@ -52,8 +52,8 @@ def command(robot: str, out: Path | None, as_json: bool, **options: Any) -> None
 
     ROBOT is a built-in name (default: icub), the path of a manifest, or a mesh file (OBJ, STL,
     PLY, OFF, ...). Methods are tutte, harmonic, lscm, bff, arap, slim, dirichlet, or by
-    price fast, balanced, accurate, auto; meshing is consensus, fast or accurate. Triangles are coloured by
-    edge_strain, area, quasi_conformal, symmetric_dirichlet, stretch_l2 or arap_energy.
+    price fast, balanced, accurate, auto; meshing is consensus, fast or accurate. Triangles are
+    coloured by edge_strain, area, quasi_conformal, symmetric_dirichlet, stretch_l2 or arap_energy.
 
     \b
     Example:  skinmap flatten icub --part torso --out maps
