@@ -51,14 +51,14 @@ def command(robot: str, out: Path | None, as_json: bool, **options: Any) -> None
     """Lay every patch of a robot's skin, or any triangle mesh, flat and measure the distortion.
 
     ROBOT is a built-in name (default: icub), the path of a manifest, or a mesh file (OBJ, STL,
-    PLY, OFF, ...). Methods are tutte, harmonic, lscm, bff, arap, slim, or by price fast, balanced,
-    accurate, auto; meshing is consensus, fast or accurate. Triangles are coloured by
-    edge_strain, area, quasi_conformal, symmetric_dirichlet, stretch_l2 or arap_energy.
+    PLY, OFF, ...). Methods are tutte, harmonic, lscm, bff, arap, slim, dirichlet, or by
+    price fast, balanced, accurate, auto; meshing is consensus, fast or accurate. Triangles are
+    coloured by edge_strain, area, quasi_conformal, symmetric_dirichlet, stretch_l2 or arap_energy.
 
     \b
-    Examples:  skinmap flatten icub --part torso --out maps
-               skinmap flatten icub --part left_arm --compare bff,lscm --json
-               skinmap flatten bunny.obj --method accurate --json
+    Example:  skinmap flatten icub --part torso --out maps
+              skinmap flatten icub --part left_arm --compare bff,lscm --json
+              skinmap flatten bunny.obj --method accurate --json
     """
     from skinmap.cli.flat_job import run_job
 
