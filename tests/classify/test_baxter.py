@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-import importlib.util
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -135,9 +135,7 @@ def test_evaluate_baxter_refuses_what_it_cannot_do(skin):
         evaluate_baxter(skin, seed=1, methods=("oracle",))
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("torch") is not None, reason="torch is installed: nothing is missing"
-)
-def test_training_without_torch_says_what_to_install():
+def test_training_without_torch_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(MissingLibraryError, match=r"needs torch: pip install 'skinmap\[torch\]'"):
         ContactImageCNN().fit(np.zeros((4, 6600)), ["a", "b"] * 2)
