@@ -92,5 +92,9 @@ class ForbiddenPathError(SkinError, PermissionError):
     """A file that a manifest may not read, and what would allow it."""
 
 
+class BrokenPluginError(SkinError, TypeError):
+    """A plug-in that does not keep the contract, and which promise it breaks."""
+
+
 class SkinWarning(UserWarning):
     """A result that stands but deserves a second look."""

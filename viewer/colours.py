@@ -30,7 +30,8 @@ PRESSURE_STOPS = (
 )
 # Cool or dark, so that none is taken for a pressure, and each of another lightness.
 CLASS_COLOURS = (
-    "#1f6fd0", "#00966f", "#6a1b7a", "#101418", "#4fb0e8", "#5d6b00", "#c2f200", "#0002f2", "#94f291",
+    "#1f6fd0", "#00966f", "#6a1b7a", "#101418", "#4fb0e8", "#5d6b00",
+    "#c2f200", "#0002f2", "#94f291",
 )  # fmt: skip
 
 

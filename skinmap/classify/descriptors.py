@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,17 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import NotFittedError
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, assign, find_structures
-from skinmap.touch.codebook import WORDS, Codebook, learn_codebook
+from skinmap.touch.codebook import (
+    WORDS,
+    Codebook,
+    codebook_arrays,
+    codebook_from_arrays,
+    learn_codebook,
+)
 from skinmap.touch.contact_geometry import contact_geometry
-from skinmap.touch.contacts import pool_event, pressed
+from skinmap.touch.contacts import check_pressures, pool_event, pressed
+from skinmap.touch.course import course
+from skinmap.touch.histogram import PatchSamples
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.unseen import Coverage, adopt_nearest, coverage
 from skinmap.touch.votes import VoteCounter
@@ -27,7 +36,7 @@ Unseen = Literal["skip", "nearest"]
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Touch:
     """One touch: its skin, its samples (k, n) of 0 to 255 counts, and its label if known."""
 
@@ -47,14 +56,27 @@ class Descriptor(Protocol):
 
 
 class ContactGeometry:
-    """One row a touch: lengths, areas and counts of the pooled contacts on the skin."""
+    """One row a touch: lengths, areas and counts of the pooled contacts, and their course."""
+
+    # Nothing here is learnt, so a touch is measured once however many classifiers look at it.
+    _known: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
 
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
         """Nothing to learn."""
 
     def describe(self, touch: Touch) -> FloatArray:
-        """(1, 13) numbers, see `contact_geometry.FEATURES`; (0, 13) where nothing is touched."""
-        row = contact_geometry(touch.skin.geometry, pool_event(touch.samples))[None]
+        """(1, 26) numbers, `FEATURES` and `COURSE` in turn; (0, 26) where nothing is touched."""
+        row = self._known.get(touch)
+        if row is None:
+            row = self._known[touch] = self._measure(touch)
+        return row
+
+    @staticmethod
+    def _measure(touch: Touch) -> FloatArray:
+        geometry = touch.skin.geometry
+        check_pressures(touch.samples, geometry)
+        still = contact_geometry(geometry, pool_event(touch.samples))
+        row = np.concatenate([still, course(geometry, touch.samples)])[None]
         return row if row[0, 0] > 0 else row[:0]
 
 
@@ -66,15 +88,19 @@ class Histograms:
     literal : bool
         As published: no rotation, rest counted, one row a sample. Else rotations by pi / 3,
         rest dropped and one row a touch, the mean over its samples.
-    words : int
-        Codewords a structure.
+    words : int or "cv"
+        Codewords a structure; "cv" chooses them by cross-validation (`choose_words`).
     unseen : {"skip", "nearest"}
         What becomes of taxels that match no learnt structure: they do not vote, or vote as
         the structure that is nearest to theirs.
     """
 
     def __init__(
-        self, *, literal: bool = False, words: int = WORDS, unseen: Unseen = "skip"
+        self,
+        *,
+        literal: bool = False,
+        words: int | Literal["cv"] = WORDS,
+        unseen: Unseen = "skip",
     ) -> None:
         self.literal, self.words, self.unseen = literal, words, unseen
         self.codebook: Codebook | None = None
@@ -86,13 +112,34 @@ class Histograms:
         rotations = 1 if self.literal else 6
         found = find_structures(concatenate([skin.hoods for skin in skins]), rotations=rotations)
         self._counters = {}
+        matched = {skin: assign(skin.hoods, found.prototypes) for skin in skins}
+        words = self._choose(touches, matched, rng) if self.words == "cv" else self.words
         pools = []
         for skin in skins:
             own = [touch.samples for touch in touches if touch.skin is skin]
             samples = np.concatenate([pressed(block) for block in own])
             some = rng.choice(len(samples), min(BOOK_SAMPLES, len(samples)), replace=False)
-            pools.append((assign(skin.hoods, found.prototypes), samples[some]))
-        self.codebook = learn_codebook(pools, rng=rng, words=self.words, literal=self.literal)
+            pools.append((matched[skin], samples[some]))
+        self.codebook = learn_codebook(pools, rng=rng, words=words, literal=self.literal)
+
+    def _choose(
+        self,
+        touches: Sequence[Touch],
+        matched: Mapping[PreparedSkin, Structures],
+        rng: np.random.Generator,
+    ) -> int:
+        from skinmap.classify.choose_words import choose_words
+
+        held = [(touch, pressed(touch.samples)) for touch in touches]
+        used = [(touch, samples) for touch, samples in held if len(samples)]
+        words, scores = choose_words(
+            [PatchSamples(matched[touch.skin], samples) for touch, samples in used],
+            [touch.label for touch, _ in used],
+            rng=rng,
+            mode="paper" if self.literal else "rest-dropped",
+        )
+        logger.info("%d words a structure; accuracy of each choice: %s", words, scores)
+        return words
 
     def describe(self, touch: Touch) -> FloatArray:
         """(rows, bins) votes of one touch."""
@@ -126,3 +173,13 @@ class Histograms:
         """How many taxels of a skin vote, and as what."""
         self.counter(skin)
         return self._counters[skin][2]
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """What a model file keeps: the codebook and its structures."""
+        if self.codebook is None:
+            raise NotFittedError("no codebook to save: train the classifier first")
+        return codebook_arrays(self.codebook)
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Take what `to_arrays` gave."""
+        self.codebook = codebook_from_arrays(arrays)

@@ -1,32 +1,41 @@
-"""Model files (`.skinmodel`): JSON, arrays and a skops estimator in a zip, nothing executable."""
+"""Model files (`.skinmodel`): JSON, arrays and a skops estimator in a zip, nothing executable.
+
+| file in the zip | what it holds |
+|---|---|
+| `model.json` | format, versions, classifier, labels, the skins trained on with fingerprints |
+| `skins.npz` | taxel positions [m] of those skins |
+| `descriptor.npz` | what the descriptor learnt (`to_arrays`): a codebook, say |
+| `estimator.skops` | the scikit-learn estimator, by names of known types and arrays |
+
+Nothing is unpacked to disk, unpickled or imported because a file asks for it.
+"""
 
 from __future__ import annotations
 
 import io
 import json
+import warnings
 import zipfile
+from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skinmap import __version__
 from skinmap.classify.classifier import TouchClassifier, classifiers
-from skinmap.classify.descriptors import Histograms
-from skinmap.errors import DataFormatError, MissingFileError, NotFittedError, SkinError
-from skinmap.neighbours.structures import Prototypes
-from skinmap.touch.codebook import Codebook
+from skinmap.classify.trained_skin import TrainedSkin
+from skinmap.classify.trust import foreign_types
+from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
 
-FORMAT = "skinmap-model-1"
+FORMAT = "skinmap-model-2"
 SUFFIX = ".skinmodel"
-# What an estimator file may contain beside scikit-learn's own trusted types.
-TRUSTED = [
-    "skinmap.classify.bag_of_words.BagOfVisualWords",
-    "skinmap.classify.cnn.ContactImageCNN",
-    "skinmap.classify.intersection.IntersectionSVC",
-    "sklearn.calibration._CalibratedClassifier",
-    "sklearn.calibration._SigmoidCalibration",
-]
+LIBRARIES = ("numpy", "scikit-learn", "skops")
+HEAD, SKINS, DESCRIPTOR, ESTIMATOR = "model.json", "skins.npz", "descriptor.npz", "estimator.skops"
+FILES = (HEAD, SKINS, DESCRIPTOR, ESTIMATOR)
+LARGEST = 2**28  # bytes in a file, unpacked, and in each archive inside it
 
 
 def save_classifier(classifier: TouchClassifier, path: Path) -> None:
@@ -39,86 +48,142 @@ def save_classifier(classifier: TouchClassifier, path: Path) -> None:
     """
     from skops.io import dumps
 
+    trained = classifier.trained_on
     head: dict[str, Any] = {
         "format": FORMAT,
-        "skinmap": __version__,
+        "versions": {"skinmap": __version__, **{name: version(name) for name in LIBRARIES}},
         "classifier": classifier.name,
         "labels": list(classifier.labels),
+        "skins": [
+            {"part": one.part, "taxels": len(one.positions), "fingerprint": one.fingerprint}
+            for one in trained
+        ],
     }
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("estimator.skops", dumps(classifier.estimator))
-        if isinstance(classifier.descriptor, Histograms):
-            head["codebook"] = _write_codebook(archive, classifier.descriptor)
-        archive.writestr("model.json", json.dumps(head, indent=1))
+        archive.writestr(HEAD, json.dumps(head, indent=1))
+        archive.writestr(SKINS, _pack({str(i): one.positions for i, one in enumerate(trained)}))
+        if hasattr(classifier.descriptor, "to_arrays"):
+            archive.writestr(DESCRIPTOR, _pack(classifier.descriptor.to_arrays()))
+        archive.writestr(ESTIMATOR, dumps(classifier.estimator))
     path.write_bytes(buffer.getvalue())
 
 
 def load_classifier(path: str | Path) -> TouchClassifier:
     """Read a classifier; nothing in the file is executed.
 
+    A `SkinWarning` names libraries of another version than the file was made with.
+
     Raises
     ------
     MissingFileError, DataFormatError
         No such file, or not a model of ours, or one that holds types that a model has no use for.
+    UnknownNameError
+        A classifier whose plug-in is not installed.
     """
-    path = Path(path)
+    return read_model(Path(path), classifiers.get)
+
+
+def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]]) -> TouchClassifier:
+    """As `load_classifier`, where `find` gives a function that makes the classifier of a name."""
     if not path.is_file():
         raise MissingFileError(path, f"a model made by `skinmap train` ({SUFFIX})")
     try:
         with zipfile.ZipFile(path) as archive:
-            head = json.loads(archive.read("model.json"))
+            _check_archive(archive, path, known=FILES)
+            head = json.loads(archive.read(HEAD))
             if head["format"] != FORMAT:
                 raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
-            classifier = classifiers.get(head["classifier"])()
-            classifier.estimator = _read_estimator(archive.read("estimator.skops"), path)
-            if isinstance(classifier.descriptor, Histograms):
-                classifier.descriptor.codebook = _read_codebook(archive, head["codebook"])
-            return classifier
-    except SkinError:
+            classifier = find(str(head["classifier"]))()
+            if hasattr(classifier.descriptor, "from_arrays"):
+                classifier.descriptor.from_arrays(_unpack(archive.read(DESCRIPTOR), path))
+            classifier.estimator = _read_estimator(archive.read(ESTIMATOR), classifier, path)
+            classifier.trained_on = _read_skins(head["skins"], archive.read(SKINS), path)
+            if list(classifier.labels) != head["labels"]:
+                raise DataFormatError("its labels are not those of its estimator", path)
+    except (DataFormatError, UnknownNameError):
         raise
     # A damaged file fails in zip, JSON, numpy or skops, each in its own way.
     except Exception as error:
         raise DataFormatError(f"not a model of ours: {error}", path) from error
+    _warn_of_versions(head["versions"], path)
+    return classifier
 
 
-def _read_estimator(data: bytes, path: Path) -> object:
+def _check_archive(
+    archive: zipfile.ZipFile, path: Path, *, known: tuple[str, ...] | None = None
+) -> None:
+    """Refuse what unpacks to too much, and files that a model has no use for.
+
+    zipfile never reads more of a file than its entry says, so the entries can be trusted.
+    """
+    size = sum(entry.file_size for entry in archive.infolist())
+    if size > LARGEST:
+        raise DataFormatError(f"unpacks to {size} bytes, a model has at most {LARGEST}", path)
+    strange = [name for name in archive.namelist() if known is not None and name not in known]
+    if strange or len(set(archive.namelist())) != len(archive.namelist()):
+        raise DataFormatError(f"refused: it holds files {archive.namelist()}", path)
+
+
+def _read_estimator(data: bytes, classifier: TouchClassifier, path: Path) -> Any:
     from skops.io import get_untrusted_types, loads
 
-    foreign = sorted(set(get_untrusted_types(data=data)) - set(TRUSTED))
+    with zipfile.ZipFile(io.BytesIO(data)) as inner:
+        _check_archive(inner, path)
+    found = get_untrusted_types(data=data)
+    foreign = foreign_types(found, classifier.estimator)
     if foreign:
         raise DataFormatError(f"refused: it holds {', '.join(foreign)}", path)
-    return loads(data, trusted=TRUSTED)
+    with warnings.catch_warnings():
+        from sklearn.exceptions import InconsistentVersionWarning
 
-
-def _write_codebook(archive: zipfile.ZipFile, descriptor: Histograms) -> dict[str, object]:
-    book = descriptor.codebook
-    if book is None:
-        raise NotFittedError("no codebook to save: train the classifier first")
-    shapes = book.prototypes
-    buffer = io.BytesIO()
-    np.savez(
-        buffer,
-        words=book.words,
-        offsets=shapes.offsets,
-        filled=shapes.filled,
-        required=shapes.required,
-    )
-    archive.writestr("codebook.npz", buffer.getvalue())
-    return {
-        "literal": book.literal,
-        "tolerance": shapes.tolerance,
-        "rotations": shapes.rotations,
-    }
-
-
-def _read_codebook(archive: zipfile.ZipFile, head: dict[str, Any]) -> Codebook:
-    with np.load(io.BytesIO(archive.read("codebook.npz")), allow_pickle=False) as arrays:
-        shapes = Prototypes(
-            arrays["offsets"],
-            arrays["filled"],
-            arrays["required"],
-            float(head["tolerance"]),
-            int(head["rotations"]),
+        warnings.simplefilter("ignore", InconsistentVersionWarning)  # ours says it in one line
+        estimator = loads(data, trusted=found)
+    if type(estimator) is not type(classifier.estimator):
+        raise DataFormatError(
+            f"refused: its estimator is a {type(estimator).__name__}, "
+            f"{classifier.name!r} has a {type(classifier.estimator).__name__}",
+            path,
         )
-        return Codebook(shapes, arrays["words"], bool(head["literal"]))
+    return estimator
+
+
+def _read_skins(entries: list[Any], data: bytes, path: Path) -> tuple[TrainedSkin, ...]:
+    arrays = _unpack(data, path)
+    skins = tuple(
+        TrainedSkin(str(entry["part"]), np.asarray(arrays[str(i)], np.float64).reshape(-1, 3))
+        for i, entry in enumerate(entries)
+    )
+    for entry, skin in zip(entries, skins, strict=True):
+        if entry["fingerprint"] != skin.fingerprint:
+            raise DataFormatError(f"positions of {skin.part!r} do not fit their fingerprint", path)
+    return skins
+
+
+def _pack(arrays: dict[str, NDArray[Any]]) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()
+
+
+def _unpack(data: bytes, path: Path) -> dict[str, NDArray[Any]]:
+    with zipfile.ZipFile(io.BytesIO(data)) as inner:
+        _check_archive(inner, path)
+    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def _warn_of_versions(made_with: dict[str, str], path: Path) -> None:
+    """Major and minor versions only: patches keep estimators as they are."""
+    now = {"skinmap": __version__, **{name: version(name) for name in LIBRARIES}}
+    other = [
+        f"{name} {made_with.get(name, 'unknown')} (here {have})"
+        for name, have in now.items()
+        if str(made_with.get(name)).split(".")[:2] != have.split(".")[:2]
+    ]
+    if other:
+        warnings.warn(
+            f"{path}: made with {', '.join(other)}; train again if it behaves oddly",
+            SkinWarning,
+            stacklevel=3,
+        )

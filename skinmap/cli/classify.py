@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_option, table
 
 if TYPE_CHECKING:
+    from skinmap.classify.classifier import TouchClassifier
     from skinmap.skin.robot import Robot
     from skinmap.touch.prepared import PreparedSkin
     from skinmap.touch.recording import Recording
@@ -21,16 +22,38 @@ if TYPE_CHECKING:
 @click.argument("recording", type=click.Path(path_type=Path))
 @robot_option
 @part_option
+@click.option(
+    "--span-mm",
+    type=click.FloatRange(min=1.0),
+    default=200.0,
+    show_default=True,
+    help="A spread hand: contacts further apart are separate touches.",
+)
+@click.option(
+    "--together-ms",
+    type=click.FloatRange(min=1.0),
+    default=80.0,
+    show_default=True,
+    help="Contacts that begin and end within this time are one grip.",
+)
 @json_option
 def command(
-    model: Path, recording: Path, robot: str, parts: tuple[str, ...], as_json: bool
+    model: Path,
+    recording: Path,
+    robot: str,
+    parts: tuple[str, ...],
+    span_mm: float,
+    together_ms: float,
+    as_json: bool,
 ) -> None:
-    """Name each touch event of a recording, with a confidence from 0 to 1.
+    """Name the touches of each event of a recording, with a confidence from 0 to 1.
+
+    Several touches at once on one part are told apart and named each. `no_contact` is said where
+    nothing is touched, `unknown` where the model is less sure than it was on held-out touches.
 
     \b
     Example:  skinmap classify touch.skinmodel touches.npz --part right_forearm --json
     """
-    from skinmap.classify.descriptors import Touch
     from skinmap.classify.model_file import load_classifier
     from skinmap.touch.recording import load_recordings
 
@@ -39,32 +62,102 @@ def command(
     loaded, wanted = open_robot(robot, parts)
     chosen = [one for one in recordings if one.part in wanted]
     skins = prepare_skins(loaded, chosen)
-    rows = []
+    check_model(classifier, skins, chosen)
+    rows: list[dict[str, Any]] = []
+    right = 0
     for one in chosen:
-        for event, label, samples in one.touches():
-            named = classifier.predict(Touch(skins[one.part], samples))
+        found, hits = _name_events(
+            classifier, skins[one.part], one, span_mm / 1e3, together_ms / 1e3
+        )
+        rows.extend(found)
+        right += hits
+    events = sum(len(one.labels) for one in chosen)
+    if as_json:
+        accuracy = right / events if events else None
+        emit(
+            {
+                "classifier": classifier.name,
+                "touches": rows,
+                "events": events,
+                "accuracy": accuracy,
+            }
+        )
+        return
+    keys = ("part", "event", "touch", "label", "confidence", "recorded_label")
+    table([*keys[:-1], "recorded"], [[row[key] for key in keys] for row in rows])
+    click.echo(f"{right} of {events} as recorded")
+
+
+def _name_events(
+    classifier: TouchClassifier,
+    skin: PreparedSkin,
+    recording: Recording,
+    span: float,
+    together: float,
+) -> tuple[list[dict[str, Any]], int]:
+    """A row for each touch of each event, and how many events were understood in full."""
+    import numpy as np
+
+    from skinmap.classify.classifier import NO_CONTACT
+    from skinmap.classify.naming import all_right, name_touches, true_labels
+    from skinmap.touch.grouping import GroupingRule
+
+    step = np.diff(recording.times)
+    rate = 1.0 / float(np.median(step)) if len(step) and np.median(step) > 0 else 50.0
+    rule = GroupingRule(span=span, together=together, rate=rate)
+    rows = []
+    right = 0
+    for event, label, samples in recording.touches():
+        owners = None if recording.owners is None else recording.owners[event]
+        named = name_touches(classifier, skin, samples, rule=rule)
+        right += all_right(named, samples, label, owners)
+        said = [(one.prediction.label, one.prediction.confidence) for one in named]
+        truth = true_labels(named, samples, label, owners)
+        for number, ((name, sure), recorded) in enumerate(
+            zip(said or [(NO_CONTACT, 1.0)], truth or [label], strict=True)
+        ):
             rows.append(
                 {
-                    "part": one.part,
+                    "part": recording.part,
                     "event": event,
-                    "label": named.label,
-                    "confidence": named.confidence,
-                    "recorded_label": label,
+                    "touch": number,
+                    "label": name,
+                    "confidence": sure,
+                    "recorded_label": recorded,
                 }
             )
-    right = sum(row["label"] == row["recorded_label"] for row in rows)
-    if as_json:
-        accuracy = right / len(rows) if rows else None
-        emit({"classifier": classifier.name, "touches": rows, "accuracy": accuracy})
-        return
-    table(
-        ["part", "event", "label", "confidence", "recorded"],
-        [
-            [row["part"], row["event"], row["label"], row["confidence"], row["recorded_label"]]
-            for row in rows
-        ],
-    )
-    click.echo(f"{right} of {len(rows)} as recorded")
+    return rows, right
+
+
+def check_model(
+    classifier: TouchClassifier,
+    skins: Mapping[str, PreparedSkin],
+    recordings: Sequence[Recording],
+) -> None:
+    """Refuse skins that a model cannot name touches on; say what else does not fit.
+
+    Raises
+    ------
+    SkinMismatchError
+        A model that reads taxels by their number, and another skin.
+    """
+    from skinmap.classify.naming import JOIN
+    from skinmap.errors import SkinMismatchError
+
+    for skin in skins.values():
+        difference = classifier.difference(skin.skin)
+        if not difference.may_go_on:
+            raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
+        if difference.message:
+            click.echo(f"note: {difference.message}", err=True)
+    recorded = {kind for one in recordings for label in one.labels for kind in label.split(JOIN)}
+    strange = sorted(recorded - set(classifier.labels))
+    if strange:
+        click.echo(
+            f"note: recorded as {', '.join(strange)}, which the model cannot say; "
+            f"it knows {', '.join(classifier.labels)}",
+            err=True,
+        )
 
 
 def prepare_skins(robot: Robot, recordings: Sequence[Recording]) -> dict[str, PreparedSkin]:

@@ -22,6 +22,7 @@ COMMANDS = {
     "structures": ("skinmap.cli.structures", "Periodic neighbourhood structures of the layout."),
     "simulate": ("skinmap.cli.simulate", "Simulated touches on the skin, as a recording."),
     "train": ("skinmap.cli.train", "Train a touch classifier on a recording."),
+    "evaluate": ("skinmap.cli.evaluate", "How well classifiers do, by the papers' protocols."),
     "classify": ("skinmap.cli.classify", "Name the touches of a recording."),
 }
 GROUP = "skinmap.commands"

@@ -28,7 +28,45 @@ from skinmap.cli.common import (
     show_default=True,
     help="Touches of each gesture on each part.",
 )
-@click.option("--gesture", "gestures", multiple=True, help="Only this gesture; may be repeated.")
+@click.option(
+    "--gesture",
+    "gestures",
+    multiple=True,
+    help="Only this gesture; may be repeated. Or four (the default), eight or all.",
+)
+@click.option(
+    "--pairs",
+    type=click.IntRange(min=1),
+    help="Instead, so many pairs of touches at once on each part, drawn from the gestures.",
+)
+@click.option(
+    "--subjects",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    help="People who touch, each with a hand size and habits.",
+)
+@click.option(
+    "--places",
+    type=click.Choice(["anywhere", "habitual"]),
+    default="anywhere",
+    show_default=True,
+    help="Where people touch.",
+)
+@click.option("--noise", type=float, default=1.2, show_default=True, help="Of a sample [counts].")
+@click.option(
+    "--drift", type=float, default=0.5, show_default=True, help="Of baselines, in counts."
+)
+@click.option("--dead", type=float, default=0.0, show_default=True, help="Share of dead taxels.")
+@click.option(
+    "--gain-spread", type=float, default=0.15, show_default=True, help="Spread of taxels' gains."
+)
+@click.option("--foam-mm", type=float, default=2.5, show_default=True, help="Spread by the foam.")
+@click.option(
+    "--saturation", type=float, default=255.0, show_default=True, help="No taxel sends more counts."
+)
+@click.option("--bits", type=int, default=8, show_default=True, help="Resolution, 1 to 8.")
+@click.option("--rate", type=float, default=50.0, show_default=True, help="Samples a second.")
 @click.option(
     "-o",
     "--output",
@@ -44,45 +82,58 @@ def command(
     parts: tuple[str, ...],
     per_gesture: int,
     gestures: tuple[str, ...],
+    pairs: int | None,
     output: Path,
     seed: int,
     as_json: bool,
+    **how: Any,
 ) -> None:
-    """Simulate touches at random places and write them with event numbers and labels.
+    """Simulate touches and write them with event numbers, labels and subjects.
 
     \b
     Example:  skinmap simulate icub --part torso --per-gesture 30 -o torso.npz
+              skinmap simulate icub --gesture eight --subjects 20 --dead 0.02 -o touches.npz
+              skinmap simulate icub --part torso --pairs 50 -o pairs.npz
     """
     import numpy as np
 
     from skinmap.io.output import staged_file
-    from skinmap.touch.gestures import FOUR
+    from skinmap.touch.gestures import gesture_set
+    from skinmap.touch.pairs import simulate_pairs
     from skinmap.touch.recording import save_recordings
-    from skinmap.touch.simulator import simulate
+    from skinmap.touch.sensing import Sensing
+    from skinmap.touch.simulator import check_gestures, simulate
 
+    if pairs is not None and how["places"] != "anywhere":
+        raise click.UsageError("--pairs are made anywhere on the skin; leave out --places")
     loaded, names = open_robot(robot, parts)
-    wanted = gestures or FOUR
+    wanted = gesture_set(gestures)
+    check_gestures(wanted)
+    subjects, places = how.pop("subjects"), how.pop("places")
+    sensing = Sensing(foam=how.pop("foam_mm") / 1e3, **how)
+    steps = len(names) * (pairs or len(wanted) * per_gesture)
     recordings = []
-    with (
-        staged_file(output) as stage,
-        progress(len(names) * len(wanted) * per_gesture, "simulating") as advance,
-    ):
+    with staged_file(output) as stage, progress(steps, "simulating") as advance:
         for name, rng in zip(names, np.random.default_rng(seed).spawn(len(names)), strict=True):
-            recordings.append(
-                simulate(
-                    loaded.skin(name),
-                    rng=rng,
-                    per_gesture=per_gesture,
-                    gestures=wanted,
-                    progress=advance,
-                )
-            )
+            shared: dict[str, Any] = {
+                "rng": rng,
+                "gestures": wanted,
+                "subjects": subjects,
+                "sensing": sensing,
+                "progress": advance,
+            }
+            skin = loaded.skin(name)
+            if pairs is not None:
+                recordings.append(simulate_pairs(skin, count=pairs, **shared))
+            else:
+                recordings.append(simulate(skin, per_gesture=per_gesture, places=places, **shared))
         save_recordings(recordings, stage)
     rows: list[dict[str, Any]] = [
         {
             "part": recording.part,
             "samples": len(recording.times),
-            "touches": {name: recording.labels.count(name) for name in wanted},
+            "touches": _counts(recording.labels, wanted if pairs is None else ()),
+            "subjects": len(set(recording.subjects.tolist())),
         }
         for recording in recordings
     ]
@@ -91,5 +142,11 @@ def command(
         return
     for row in rows:
         counts = ", ".join(f"{count} {name}" for name, count in row["touches"].items())
-        click.echo(f"{row['part']}: {row['samples']} samples, {counts}")
+        click.echo(f"{row['part']}: {row['samples']} samples, {counts or 'no touch fits'}")
     click.echo(str(output))
+
+
+def _counts(labels: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str, int]:
+    """How many of each label, those that were wanted first."""
+    names = dict.fromkeys([*wanted, *sorted(labels)])
+    return {name: labels.count(name) for name in names}

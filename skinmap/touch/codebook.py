@@ -11,13 +11,14 @@ same counts; and k-means sees touched patterns only.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from skinmap.arrays import FloatArray, check_finite, freeze
+from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.neighbours.structures import Prototypes, Structures
 
@@ -148,3 +149,47 @@ def _centres(seen: FloatArray, words: int, literal: bool, rng: np.random.Generat
         seed = int(rng.integers(2**31))
         distinct = KMeans(words, n_init=1, random_state=seed).fit(seen).cluster_centers_
     return distinct if literal else np.concatenate([rest, distinct])
+
+
+def histograms(codebook: Codebook, structures: Structures, samples: ArrayLike) -> IntArray:
+    """(t, bins) votes for samples (t, n) of 0 to 1; taxels without a structure do not vote.
+
+    Ties go to the word of the smaller number, so to rest before all others. Whoever counts on
+    one skin again and again keeps a `VoteCounter` instead.
+    """
+    from skinmap.touch.votes import VoteCounter
+
+    return VoteCounter(codebook, structures).count(samples)
+
+
+def codebook_arrays(book: Codebook) -> dict[str, NDArray[Any]]:
+    """A codebook as plain arrays, to be written to a file."""
+    shapes = book.prototypes
+    numbers = [float(book.literal), book.scale, shapes.tolerance, float(shapes.rotations)]
+    return {
+        "words": book.words,
+        "offsets": shapes.offsets,
+        "filled": shapes.filled,
+        "required": shapes.required,
+        "numbers": np.array(numbers),
+    }
+
+
+def codebook_from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Codebook:
+    """What `codebook_arrays` was given.
+
+    Raises
+    ------
+    InvalidArrayError
+        Arrays that do not fit together.
+    """
+    words, offsets = np.asarray(arrays["words"]), np.asarray(arrays["offsets"])
+    filled, required = np.asarray(arrays["filled"], bool), np.asarray(arrays["required"], bool)
+    literal, scale, tolerance, rotations = map(float, arrays["numbers"])
+    s, k = filled.shape
+    fits = words.ndim == 3 and (words.shape[0], words.shape[2]) == (s, k + 1)
+    fits = fits and offsets.shape == (s, k, 2) and required.shape == (s, k) and scale > 0
+    if not fits or not np.isfinite(offsets).all() or np.isinf(words).any():
+        raise InvalidArrayError("the arrays of a codebook do not fit together")
+    shapes = Prototypes(offsets, filled, required, tolerance, int(rotations))
+    return Codebook(shapes, words, bool(literal), scale)

@@ -8,7 +8,7 @@ have sizes that we measured on ourselves and at home; docs/simulator.md lists th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -104,8 +104,8 @@ def whole_hand(rng: np.random.Generator, hand: float) -> list[Pad]:
 
 
 def elbow(rng: np.random.Generator, hand: float) -> list[Pad]:
-    """The point of an elbow: a bone of 10 mm in flesh of 13 to 19 mm, a little oval."""
-    radius = hand * rng.uniform(13e-3, 19e-3)
+    """The point of an elbow: a bone in flesh of 24 to 38 mm, a little oval."""
+    radius = hand * rng.uniform(12e-3, 19e-3)
     half = hand * rng.uniform(1e-3, 5e-3)
     push = rng.uniform(0.9, 2.0)
     return [Pad((-half, 0.0), (half, 0.0), radius, push, "bone", 12e-3)]
@@ -120,10 +120,10 @@ def forearm(rng: np.random.Generator, hand: float) -> list[Pad]:
 
 
 def ball(rng: np.random.Generator, hand: float) -> list[Pad]:
-    """An inflated ball: a disc of 32 to 56 mm under the even pressure of its air."""
+    """An inflated ball: a disc of 28 to 56 mm under the even pressure of its air."""
     del hand  # a thing of its own size
     push = rng.uniform(0.35, 0.9)
-    return [Pad((0.0, 0.0), (0.0, 0.0), rng.uniform(16e-3, 28e-3), push, "flat", 20e-3)]
+    return [Pad((0.0, 0.0), (0.0, 0.0), rng.uniform(14e-3, 28e-3), push, "flat", 20e-3)]
 
 
 def edge(rng: np.random.Generator, hand: float) -> list[Pad]:
@@ -159,3 +159,10 @@ EIGHT = tuple(GESTURES)[:8]  # those of both papers
 # long things stick out beyond it.
 ON_SKIN = 0.7
 LONG_ON_SKIN = {"forearm": 0.45, "edge": 0.45, "cylinder": 0.45}
+
+
+def gesture_set(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of gestures, with `four`, `eight` and `all` written out; the four where none came."""
+    sets = {"four": FOUR, "eight": EIGHT, "all": tuple(GESTURES)}
+    wanted = [one for name in names or ("four",) for one in sets.get(name, (name,))]
+    return tuple(dict.fromkeys(wanted))

@@ -304,5 +304,7 @@ def _course(placed: Placed, rate: float, rng: np.random.Generator) -> FloatArray
     course = np.clip(np.minimum(time / press, (press + hold + release - time) / release), 0.0, 1.0)
     lag = rng.uniform(0.0, 0.06, len(placed.loads))  # fingers do not land together
     each = np.stack([np.interp(time - late, time, course, left=0.0) for late in lag], axis=1)
-    tremor = 1.0 + 0.06 * rng.standard_normal((len(time), len(placed.loads)))
+    # Mostly of the arm, and a little of each finger.
+    tremor = 1.0 + 0.05 * rng.standard_normal((len(time), 1))
+    tremor = tremor + 0.03 * rng.standard_normal((len(time), len(placed.loads)))
     return np.asarray((each * tremor) @ placed.loads)

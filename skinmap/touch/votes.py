@@ -184,11 +184,6 @@ class VoteCounter:
             return None
 
 
-def histograms(codebook: Codebook, structures: Structures, samples: ArrayLike) -> IntArray:
-    """(t, bins) votes for samples (t, n) of 0 to 1; taxels without a structure do not vote."""
-    return VoteCounter(codebook, structures).count(samples)
-
-
 def _nearest(seen: FloatArray, words: FloatArray) -> IntArray:
     """(m,) number of the word (p, k, m) or (p, k, 1) that is nearest to each pattern (p, m)."""
     cost = np.zeros(words.shape[1:])

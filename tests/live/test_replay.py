@@ -54,7 +54,7 @@ def test_namer_forgets_a_touch_after_quiet(played):
         namer.feed(sample)
     assert namer._samples
     for _ in range(QUIET):
-        assert namer.feed(np.zeros(len(leg), np.uint8)) is None
+        assert namer.feed(np.zeros(len(leg), np.uint8)) == ()
     assert not namer._samples
 
 

@@ -6,8 +6,7 @@ import pytest
 from skinmap.errors import InvalidArrayError
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
-from skinmap.touch.codebook import learn_codebook, patterns
-from skinmap.touch.votes import histograms
+from skinmap.touch.codebook import histograms, learn_codebook, patterns
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from skinmap.errors import SkinMismatchError
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.surface_mesh import build_surface
-from skinmap.touch.contact_geometry import FEATURES, contact_geometry, principal_lengths
+from skinmap.touch.contact_geometry import FEATURES, contact_geometry
 from skinmap.touch.contacts import find_contacts, measure_skin, pool_event, pressed
 
 
@@ -51,11 +51,14 @@ def test_two_discs_are_two_contacts_at_their_distance(plate):
     assert found["largest_share"] == pytest.approx(0.5)
 
 
-def test_principal_lengths_of_a_row_are_its_standard_deviation():
-    x = np.arange(7.0)
-    distances = np.abs(x[:, None] - x[None])
-    lengths = principal_lengths(distances, np.arange(7), np.ones(7))
-    np.testing.assert_allclose(lengths, [x.std(), 0.0], atol=1e-7)
+def test_lengths_of_a_row_are_its_standard_deviation(plate):
+    load = np.zeros(len(plate))
+    load[62:69] = 100.0  # a row inside the plate
+    found = named(contact_geometry(plate, load))
+    assert found["length_mm"] == pytest.approx(6.5 * np.arange(7).std(), rel=1e-6)
+    # Paths are kept in single precision: 39 mm * sqrt(6e-8) is 0.01 mm.
+    assert found["width_mm"] == pytest.approx(0.0, abs=0.01)
+    assert found["extent_length_mm"] == pytest.approx(6 * 6.5 + 6.5 * np.sqrt(np.sqrt(3) / 2))
 
 
 def test_contact_geometry_does_not_depend_on_the_order_of_taxels(plate, rng):

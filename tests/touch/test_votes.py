@@ -11,8 +11,8 @@ from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import find_structures
 from skinmap.touch import compiled_votes
-from skinmap.touch.codebook import Codebook, learn_codebook
-from skinmap.touch.votes import VoteCounter, histograms
+from skinmap.touch.codebook import Codebook, histograms, learn_codebook
+from skinmap.touch.votes import VoteCounter
 
 
 @pytest.fixture(scope="module")

@@ -26,6 +26,7 @@ from skinmap.classify.protocols.samples import (
 )
 from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
 from skinmap.touch.codebook import WORDS
+from skinmap.touch.people import Places
 from skinmap.touch.prepared import PreparedSkin
 
 # Samples of each class at 50 Hz, the shares drawn of them, and the folds.
@@ -51,6 +52,7 @@ class Repeat:
     seed: int
     samples: dict[str, int]
     percents: tuple[float, ...]
+    places: Places
 
 
 def evaluate_kaspar(
@@ -59,6 +61,7 @@ def evaluate_kaspar(
     seeds: Sequence[int],
     samples: dict[str, int] | None = None,
     percents: Sequence[float] = PERCENTS,
+    places: Places = "anywhere",
     workers: Workers = ONE,
     progress: Callable[[str], None] | None = None,
 ) -> list[dict[str, Any]]:
@@ -73,6 +76,8 @@ def evaluate_kaspar(
         Samples of each gesture; the paper's by default.
     percents : sequence of float
         Shares of them that are drawn and cross-validated.
+    places : {"anywhere", "habitual"}
+        Where people touch.
     workers : Workers
     progress : callable, optional
         Called after each seed.
@@ -85,7 +90,7 @@ def evaluate_kaspar(
     """
     skin.hoods  # noqa: B018 - computed here once, then carried to the workers
     wanted = dict(samples or SAMPLES)
-    tasks = [Repeat(skin, seed, wanted, tuple(percents)) for seed in seeds]
+    tasks = [Repeat(skin, seed, wanted, tuple(percents), places) for seed in seeds]
     found = run_tasks(run_repeat, tasks, workers=workers, progress=progress)
     return [_average([rows[number] for rows in found]) for number in range(len(found[0]))]
 
@@ -98,9 +103,7 @@ def paper_rows() -> list[dict[str, Any]]:
             "folds": "plain",
             "features": features,
             "classifier": classifier,
-            "per_class": {
-                name: value / 100.0 for name, value in zip(SAMPLES, values, strict=True)
-            },
+            "per_class": {name: value / 100.0 for name, value in zip(SAMPLES, values, strict=True)},
             "mean": float(np.mean(values)) / 100.0,
         }
         for percent, features, classifier, values in PAPER
@@ -110,7 +113,7 @@ def paper_rows() -> list[dict[str, Any]]:
 def run_repeat(task: Repeat) -> list[dict[str, Any]]:
     """All rows of the table for one seed."""
     rng = task_rng(task.seed)
-    drawn = draw_samples(task.skin, task.samples, rng=rng)
+    drawn = draw_samples(task.skin, task.samples, rng=rng, places=task.places)
     votes = _votes(task.skin, drawn, int(rng.integers(2**31)))
     rows = []
     for percent in task.percents:

@@ -48,7 +48,7 @@ def cut_patches(robot: Robot, parts: Sequence[str]) -> list[Patch]:
 def touch_patches(
     patches: Sequence[Patch],
     *,
-    seed: int,
+    seed: int | Sequence[int],
     gestures: Sequence[str],
     per_gesture: int,
     workers: Workers = ONE,
@@ -76,7 +76,7 @@ def touch_patches(
 @dataclass(frozen=True, eq=False, slots=True)
 class _Session:
     patch: Patch
-    seed: int
+    seed: int | Sequence[int]
     number: int
     gestures: tuple[str, ...]
     per_gesture: int

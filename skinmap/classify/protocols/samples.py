@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,14 +13,21 @@ from skinmap.classify.protocols.folds import Names
 from skinmap.errors import InvalidArrayError
 from skinmap.neighbours.offsets import Neighbourhoods, flat_map_directions, neighbourhoods
 from skinmap.neighbours.structures import Prototypes, Structures, assign, find_structures
-from skinmap.touch.codebook import Codebook, histograms, learn_codebook
+from skinmap.skin.skin import Skin
+from skinmap.touch.codebook import Codebook, learn_codebook
 from skinmap.touch.contacts import ACTIVE
+from skinmap.touch.gestures import ON_SKIN
+from skinmap.touch.people import Places, draw_subjects
 from skinmap.touch.prepared import PreparedSkin
-from skinmap.touch.simulator import simulate
+from skinmap.touch.recording import Recording
+from skinmap.touch.simulator import SUBJECTS, Player, place, prepare
+from skinmap.touch.votes import VoteCounter
 
 COUNTS = 255.0
 BOOK_TOUCHES = 12  # touches of each gesture that the codebook is learnt from, and nothing else
 BOOK_SAMPLES = 240
+# Least share of a touch that lies over taxels: the simulator's own, and less where nothing fits.
+SHARES = (ON_SKIN, 0.55, 0.4, 0.25)
 SAMPLES_A_TOUCH = 34  # in contact, at 50 Hz; fewer than almost any simulated touch has
 
 
@@ -36,23 +43,32 @@ class SampleSet:
         Touch that each sample is of.
     book : (m, n_taxels) uint8
         Samples of touches that are not among `events`: "touches made at random", for codebooks.
+    on_skin : float
+        Least share of a touch over taxels, of the gesture that fits worst.
     """
 
     pressures: NDArray[np.uint8]
     labels: Names
     events: IntArray
     book: NDArray[np.uint8]
+    on_skin: float
 
     def __post_init__(self) -> None:
         freeze(self, pressures=self.pressures, events=self.events, book=self.book)
 
     def take(self, rows: IntArray) -> SampleSet:
         """The same with some of the labelled samples."""
-        return SampleSet(self.pressures[rows], self.labels[rows], self.events[rows], self.book)
+        return SampleSet(
+            self.pressures[rows], self.labels[rows], self.events[rows], self.book, self.on_skin
+        )
 
 
 def draw_samples(
-    skin: PreparedSkin, counts: Mapping[str, int], *, rng: np.random.Generator
+    skin: PreparedSkin,
+    counts: Mapping[str, int],
+    *,
+    rng: np.random.Generator,
+    places: Places = "anywhere",
 ) -> SampleSet:
     """Simulate touches until there are so many samples in contact of each gesture.
 
@@ -63,25 +79,18 @@ def draw_samples(
     counts : mapping of str to int
         Samples wanted of each gesture.
     rng : numpy.random.Generator
+    places : {"anywhere", "habitual"}
 
     Raises
     ------
     InvalidArrayError
-        A gesture that does not fit the part.
+        A gesture of which not even a quarter fits the part.
     """
-    touches = -(-max(counts.values()) // SAMPLES_A_TOUCH)
-    recording = simulate(
-        skin.skin, rng=rng, per_gesture=touches + BOOK_TOUCHES, gestures=tuple(counts)
-    )
-    missing = [name for name in counts if recording.labels.count(name) < touches + BOOK_TOUCHES]
-    if missing:
-        raise InvalidArrayError(
-            f"{', '.join(missing)} does not fit the {len(skin)} taxels of {skin.skin.part!r}; "
-            "choose a larger part"
-        )
+    touches = -(-max(counts.values()) // SAMPLES_A_TOUCH) + BOOK_TOUCHES
+    recording, on_skin = _play(skin.skin, tuple(counts), touches, places, rng)
     seen = dict.fromkeys(counts, 0)
     rows: dict[str, list[IntArray]] = {name: [] for name in counts}
-    book = []
+    book: list[IntArray] = []
     touched = (recording.pressures > ACTIVE).any(axis=1)
     for event, label in enumerate(recording.labels):
         own = np.flatnonzero((recording.events == event) & touched)
@@ -93,8 +102,39 @@ def draw_samples(
     index = np.concatenate(chosen)
     labels = np.repeat(list(counts), [len(own) for own in chosen])
     return SampleSet(
-        recording.pressures[index], labels, recording.events[index], recording.pressures[some]
+        recording.pressures[index],
+        labels,
+        recording.events[index],
+        recording.pressures[some],
+        on_skin,
     )
+
+
+def _play(
+    skin: Skin, gestures: Sequence[str], touches: int, places: Places, rng: np.random.Generator
+) -> tuple[Recording, float]:
+    """So many touches of each gesture; what is larger than the part hangs over its edge.
+
+    The second value is the share that is left over taxels of the gesture that fits worst.
+    """
+    stage = prepare(skin, rng=rng)
+    people = draw_subjects(SUBJECTS, rng=rng)
+    player = Player(stage, rng)
+    shares = {name: list(SHARES) for name in gestures}
+    for name in rng.permutation(np.repeat(gestures, touches)):
+        subject = people[int(rng.integers(len(people)))]
+        placed = None
+        while placed is None and shares[name]:
+            share = shares[name][0]
+            placed = place(stage, name, subject, rng=rng, places=places, on_skin=share)
+            if placed is None:
+                shares[name].pop(0)
+        if placed is None:
+            raise InvalidArrayError(
+                f"{name} does not fit the {len(skin)} taxels of {skin.part!r}; choose a larger part"
+            )
+        player.touch([placed])
+    return player.recording(), min(left[0] for left in shares.values())
 
 
 def resample(labels: Names, percent: float, *, rng: np.random.Generator) -> IntArray:
@@ -165,4 +205,4 @@ def count_votes(
     codebook: Codebook, structures: Structures, pressures: NDArray[np.uint8]
 ) -> FloatArray:
     """(n, bins) histograms of samples (n, n_taxels)."""
-    return histograms(codebook, structures, pressures / COUNTS).astype(np.float64)
+    return VoteCounter(codebook, structures).count(pressures).astype(np.float64)

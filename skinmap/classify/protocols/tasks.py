@@ -48,9 +48,15 @@ class Workers:
 ONE = Workers()
 
 
-def task_rng(seed: int, *key: int) -> np.random.Generator:
+def check_workers(workers: Workers) -> None:
+    """Refuse workers that cannot be reached, before anything is computed."""
+    if workers.backend == "dask":
+        connect(str(workers.address)).close()
+
+
+def task_rng(seed: int | Sequence[int], *key: int) -> np.random.Generator:
     """A generator for one task of a run: the same on every worker, independent between tasks."""
-    return np.random.default_rng([seed, *key])
+    return np.random.default_rng([*np.atleast_1d(seed), *key])
 
 
 def run_tasks(

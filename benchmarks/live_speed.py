@@ -1,0 +1,69 @@
+"""One sample of a whole robot to its labels: pressures, contacts, touches, names."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+import skinmap
+from skinmap.classify.classifier import classifiers
+from skinmap.classify.descriptors import Touch
+from skinmap.live.replay import TouchNamer
+from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.simulator import simulate
+
+
+def live_rows(quick: bool) -> list[dict[str, Any]]:
+    """One sample of a whole robot to its labels: all parts, two of them touched at once."""
+    robot = skinmap.load_robot("icub")
+    parts = ("torso", "right_forearm") if quick else tuple(robot.parts)
+    skins = {part: PreparedSkin(robot.skin(part)) for part in parts}
+    rng = np.random.default_rng(2)
+    touched = ("torso", "right_forearm")
+    train = []
+    for part in touched:
+        recording = simulate(skins[part].skin, rng=rng, per_gesture=8 if quick else 16)
+        train += [Touch(skins[part], samples, label) for _, label, samples in recording.touches()]
+    tracks = {
+        part: simulate(skins[part].skin, rng=rng, per_gesture=4).pressures for part in touched
+    }
+    steps = min(100 if quick else 600, *(len(track) for track in tracks.values()))
+    rows = []
+    for name in ("contact-geometry", "histogram"):
+        model = classifiers.get(name)().fit(train, rng=rng)
+        if name == "histogram":
+            for skin in skins.values():
+                model.descriptor.counter(skin, compiled=True)  # type: ignore[attr-defined]
+        rows.append({"classifier": name, **_live_row(model, skins, tracks, steps)})
+    return rows
+
+
+def _live_row(
+    model: Any, skins: dict[str, PreparedSkin], tracks: dict[str, Any], steps: int
+) -> dict[str, Any]:
+    rest = {part: np.zeros(len(skin), np.uint8) for part, skin in skins.items()}
+    times: list[float] = []
+    touches: list[int] = []
+    for _ in range(2):  # the first time warms up: tables and compiled loops
+        namers = {part: TouchNamer(skin, model) for part, skin in skins.items()}
+        times, touches = [], []
+        for step in range(steps):
+            now = {**rest, **{part: track[step] for part, track in tracks.items()}}
+            start = time.process_time()
+            named = [touch for part, namer in namers.items() for touch in namer.feed(now[part])]
+            times.append((time.process_time() - start) * 1e3)
+            touches.append(len(named))
+    cost, count = np.array(times), np.array(touches)
+    return {
+        "taxels": sum(len(skin) for skin in skins.values()),
+        "parts": len(skins),
+        "samples": steps,
+        "share_of_samples_with_a_named_touch": float((count > 0).mean()),
+        "mean_ms": float(cost.mean()),
+        "mean_ms_while_touched": float(cost[count > 0].mean()) if (count > 0).any() else None,
+        "median_ms": float(np.median(cost)),
+        "p95_ms": float(np.percentile(cost, 95)),
+        "worst_ms": float(cost.max()),
+    }

@@ -1,0 +1,167 @@
+"""Carry-over: histograms learnt on one patch name touches on another with more or fewer taxels.
+
+Literal histograms do not: resting taxels dominate their counts, and another patch has another
+number of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.classify.intersection import IntersectionSVC
+from skinmap.classify.protocols.folds import make_folds
+from skinmap.classify.protocols.samples import (
+    LITERAL,
+    ROTATED,
+    UPRIGHT,
+    Recipe,
+    SampleSet,
+    carry,
+    count_votes,
+    draw_samples,
+    learn,
+    resample,
+    structures_of,
+)
+from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
+from skinmap.errors import InvalidArrayError
+from skinmap.touch.codebook import WORDS
+from skinmap.touch.prepared import PreparedSkin
+
+FOLDS = 4
+PERCENT = 10.0  # of the samples of each patch
+# A patch of which a whole hand covers less than this is touched by something else than a hand.
+ENOUGH_ON_SKIN = 0.4
+MIX = (ROTATED, UPRIGHT, LITERAL)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Repeat:
+    """One seed: what a worker needs."""
+
+    skins: Mapping[str, PreparedSkin]
+    seed: int
+    samples: Mapping[str, int]
+    percent: float
+
+
+def evaluate_carry_over(
+    skins: Mapping[str, PreparedSkin],
+    *,
+    seeds: Sequence[int],
+    samples: Mapping[str, int],
+    percent: float = PERCENT,
+    workers: Workers = ONE,
+    progress: Callable[[str], None] | None = None,
+) -> dict[str, Any]:
+    """Train on each patch in turn, test on held-out touches of it and on all patches.
+
+    Parameters
+    ----------
+    skins : mapping of str to PreparedSkin
+        Patches by name, of one module layout. Those that a gesture does not fit are left out.
+    seeds : sequence of int
+    samples : mapping of str to int
+        Samples of each gesture on each patch.
+    percent : float
+        Share of them that is drawn, trained on by 3 of 4 folds of touches.
+    workers : Workers
+    progress : callable, optional
+        Called after each seed.
+
+    Returns
+    -------
+    dict
+        `summary`: for each kind of histogram, accuracy on the `same` patch and on `other` patches
+        with another number of taxels, their `difference`, and the `worst` pair; `rows`: each pair
+        with its `accuracy`; `left_out`: patches too small for a gesture.
+    """
+    for skin in skins.values():
+        skin.hoods  # noqa: B018 - computed here once, then carried to the workers
+    tasks = [Repeat(skins, seed, samples, percent) for seed in seeds]
+    found = run_tasks(run_repeat, tasks, workers=workers, progress=progress)
+    shared = [key for key in found[0] if all(key in scores for scores in found)]
+    rows = [
+        {
+            "features": features,
+            "trained_on": source,
+            "tested_on": target,
+            "taxels": [len(skins[source]), len(skins[target])],
+            "accuracy": float(np.mean([scores[features, source, target] for scores in found])),
+        }
+        for features, source, target in shared
+    ]
+    used = {row["trained_on"] for row in rows}
+    return {
+        "percent": percent,
+        "summary": [_summary(recipe.name, rows) for recipe in MIX],
+        "rows": rows,
+        "left_out": [name for name in skins if name not in used],
+    }
+
+
+def run_repeat(task: Repeat) -> dict[tuple[str, str, str], float]:
+    """Accuracy of one seed by features, patch trained on and patch tested on."""
+    rng = task_rng(task.seed, 1)
+    drawn: dict[str, SampleSet] = {}
+    for name, skin in task.skins.items():
+        try:
+            found = draw_samples(skin, task.samples, rng=rng)
+        except InvalidArrayError:
+            continue
+        if found.on_skin >= ENOUGH_ON_SKIN:
+            drawn[name] = found.take(resample(found.labels, task.percent, rng=rng))
+    scores = {}
+    for recipe in MIX:
+        for source in drawn:
+            for target, accuracy in _from(task.skins, drawn, recipe, source, rng).items():
+                scores[recipe.name, source, target] = accuracy
+    return scores
+
+
+def _from(
+    skins: Mapping[str, PreparedSkin],
+    drawn: Mapping[str, SampleSet],
+    recipe: Recipe,
+    source: str,
+    rng: np.random.Generator,
+) -> dict[str, float]:
+    """Accuracy on every patch of classifiers trained on folds of one."""
+    own = structures_of(recipe, skins[source].hoods)
+    seed = int(rng.integers(2**31))
+    book = learn(recipe, own, drawn[source].book, seed=seed, words=WORDS)
+    votes: dict[str, FloatArray] = {}
+    for name, samples in drawn.items():
+        found = own if name == source else carry(book.prototypes, skins[name].hoods)
+        votes[name] = count_votes(book, found, samples.pressures)
+    labels = drawn[source].labels
+    folds = make_folds("event", labels, drawn[source].events, folds=FOLDS, rng=rng)
+    right: dict[str, list[float]] = {name: [] for name in drawn}
+    for train, test in folds:
+        machine = IntersectionSVC().fit(votes[source][train], labels[train])
+        for name, samples in drawn.items():
+            rows: IntArray = test if name == source else np.arange(len(samples.labels))
+            named = machine.predict(votes[name][rows])
+            right[name].append(float(np.mean(named == samples.labels[rows])))
+    return {name: float(np.mean(shares)) for name, shares in right.items()}
+
+
+def _summary(features: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    own = [row for row in rows if row["features"] == features]
+    same = [row["accuracy"] for row in own if row["trained_on"] == row["tested_on"]]
+    away = [row for row in own if row["taxels"][0] != row["taxels"][1]]
+    other = [row["accuracy"] for row in away]
+    worst = min(away, key=lambda row: row["accuracy"], default=None)
+    return {
+        "features": features,
+        "same": float(np.mean(same)) if same else float("nan"),
+        "other": float(np.mean(other)) if other else float("nan"),
+        "difference": float(np.mean(other) - np.mean(same)) if other else float("nan"),
+        "worst": worst["accuracy"] if worst else float("nan"),
+        "worst_pair": [worst["trained_on"], worst["tested_on"]] if worst else [],
+    }

@@ -1,0 +1,158 @@
+"""Touches, not frames: contacts are grouped into touches, so that two at once get two names.
+
+The rule: contacts that begin together (and, once both are over, end together) and lie within a
+hand's span of each other are one grip; all others are separate touches. Each contact's course is
+scaled to its own largest load, so a light finger begins when a firm one does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.errors import InvalidArrayError
+from skinmap.touch.contacts import ACTIVE, SkinGeometry, check_pressures, connected, pieces
+
+BRIEF = 3  # a taxel that is active for fewer samples than this has felt noise or a graze
+HALF = 0.5  # a contact begins and ends where it crosses this share of its largest load
+MAX_CONTACTS = 64  # contacts beyond this many, weakest first, join the touch nearest to them
+
+
+@dataclass(frozen=True, slots=True)
+class GroupingRule:
+    """When contacts are one grip.
+
+    Attributes
+    ----------
+    span : float
+        The width of a spread hand: contacts of one grip lie at most so far apart along the skin,
+        from one to the next [m]. Adults span 0.16 to 0.23 m between thumb and little finger.
+    together : float
+        Fingers of one hand begin, and end, within this time of each other [s].
+    rate : float
+        Samples a second.
+    """
+
+    span: float = 0.2
+    together: float = 0.08
+    rate: float = 50.0
+
+    def __post_init__(self) -> None:
+        for name in ("span", "together", "rate"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise InvalidArrayError(f"{name} must be finite and above 0, got {value}")
+
+
+RULE = GroupingRule()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Contact:
+    """One contact of an event: its taxels, and when it began and ended."""
+
+    taxels: IntArray
+    begin: float
+    end: float
+    load: float
+
+
+def group_touches(
+    geometry: SkinGeometry,
+    samples: NDArray[np.uint8],
+    *,
+    rule: GroupingRule = RULE,
+    ended: bool = True,
+) -> tuple[BoolArray, ...]:
+    """The taxels (n,) of each touch among the samples (k, n) of one event, the heaviest first.
+
+    Parameters
+    ----------
+    geometry : SkinGeometry
+    samples : (k, n) array of 0 to 255
+    rule : GroupingRule
+    ended : bool
+        Whether the event is over; while it goes on, contacts that still last have no end to
+        compare.
+
+    Returns
+    -------
+    tuple of (n,) bool
+        Empty where nothing is touched. Taxels of no touch were hardly active.
+
+    Raises
+    ------
+    SkinMismatchError, InvalidArrayError
+        Samples of another skin, NaN or infinity.
+    """
+    samples = check_pressures(samples, geometry)
+    found = contacts_of_event(geometry, samples)
+    if not found:
+        return ()
+    last = np.inf if ended else len(samples) - 1.5
+    group = _grips(geometry, found, rule, last)
+    masks = []
+    for number in np.unique(group):
+        mask = np.zeros(len(geometry), bool)
+        for contact, own in zip(found, group, strict=True):
+            if own == number:
+                mask[contact.taxels] = True
+        masks.append((sum(c.load for c, g in zip(found, group, strict=True) if g == number), mask))
+    masks.sort(key=lambda pair: -pair[0])
+    return tuple(mask for _, mask in masks)
+
+
+def contacts_of_event(geometry: SkinGeometry, samples: NDArray[np.uint8]) -> tuple[Contact, ...]:
+    """Connected taxels that were active during the samples (k, n), with begin and end [samples]."""
+    felt = samples > ACTIVE
+    often = felt.sum(axis=0) >= min(BRIEF, len(samples))
+    index = np.flatnonzero(often)
+    if len(index) == 0:
+        return ()
+    piece = connected(geometry.links, often, index)
+    members = np.eye(int(piece.max()) + 1, dtype=np.float32)[piece]
+    pressures = np.where(felt[:, index], samples[:, index], 0).astype(np.float32)
+    loads = pressures @ members
+    peak = loads.max(axis=0)
+    high = loads >= HALF * peak
+    begin = _crossing(loads, high.argmax(axis=0), HALF * peak, -1)
+    final = len(loads) - 1 - high[::-1].argmax(axis=0)
+    end = _crossing(loads, final, HALF * peak, 1)
+    kept = np.argsort(-peak, kind="stable")[:MAX_CONTACTS]
+    return tuple(
+        Contact(index[piece == k], float(begin[k]), float(end[k]), float(peak[k])) for k in kept
+    )
+
+
+def _crossing(loads: FloatArray, at: IntArray, level: FloatArray, way: int) -> FloatArray:
+    """When each load (k, c) crosses its level next to sample `at`, between samples if it can."""
+    column = np.arange(loads.shape[1])
+    beside = np.clip(at + way, 0, len(loads) - 1)
+    inner, outer = loads[at, column], loads[beside, column]
+    drop = np.where(inner > outer, inner - outer, 1.0)
+    share = np.where(inner > outer, np.clip((inner - level) / drop, 0.0, 1.0), 0.0)
+    return np.asarray(at + way * share)
+
+
+def _grips(
+    geometry: SkinGeometry, contacts: tuple[Contact, ...], rule: GroupingRule, last: float
+) -> IntArray:
+    """(c,) touch of each contact: joined where the rule says so, from one to the next."""
+    if len(contacts) == 1:
+        return np.zeros(1, np.int64)
+    begin = np.array([contact.begin for contact in contacts])
+    end = np.array([contact.end for contact in contacts])
+    slack = rule.together * rule.rate
+    lasting = end >= last
+    one_ended = lasting[:, None] | lasting[None, :]
+    joined = np.abs(begin[:, None] - begin[None, :]) <= slack
+    joined &= (np.abs(end[:, None] - end[None, :]) <= slack) | one_ended
+    one, other = np.nonzero(joined)
+    near = [
+        a == b or geometry.distances(contacts[a].taxels, contacts[b].taxels).min() <= rule.span
+        for a, b in zip(one.tolist(), other.tolist(), strict=True)
+    ]
+    return pieces(one[near], other[near], len(contacts))
