@@ -1,7 +1,7 @@
 """The second paper's tables on simulated touches: `python benchmarks/baxter.py [small|paper]`.
 
 Writes benchmarks/results/baxter_<network>.json. CPU time of one thread: about 20 minutes with the
-small network, tuned, ten repeats; about half an hour for one training of the paper's.
+small network, tuned, ten repeats; as much for each training of the paper's.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ def main() -> None:
         network=options.network,
         methods=("bovw", "cnn", "raw_rbf") if options.network == "small" else ("cnn",),
         tuned=not options.untuned,
-        progress=lambda what: print(what, f"{time.process_time() - start:.0f} s", file=sys.stderr),
+        progress=lambda what: print(
+            what or "repeat", f"{time.process_time() - start:.0f} s", file=sys.stderr
+        ),
     )
     versions = {name: version(name) for name in ("numpy", "scikit-learn", "mahotas", "torch")}
     found |= {"cpu_s": time.process_time() - start, "python": platform.python_version()} | versions

@@ -65,7 +65,7 @@ def test_as_images_refuses_what_is_none():
     with pytest.raises(InvalidArrayError, match="6600 pixels, got 7"):
         as_images(np.zeros((1, 7)), (66, 100))
     for bad in (-1.0, 256.0, np.nan):
-        with pytest.raises(InvalidArrayError, match="must lie in 0..255"):
+        with pytest.raises(InvalidArrayError, match=r"must lie in 0\.\.255"):
             as_images(np.full((1, 4), bad), (2, 2))
 
 

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-import importlib.util
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,14 @@ from skinmap.classify import visual_features
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.cnn import ContactImageCNN
 from skinmap.classify.convolution import load_network
+from skinmap.classify.descriptors import Touch
 from skinmap.classify.model_file import load_classifier, save_classifier
 from skinmap.classify.protocols.baxter import LABELS, evaluate_baxter
 from skinmap.classify.protocols.baxter_images import GESTURES, simulate_images, split_images
 from skinmap.classify.protocols.baxter_methods import Bench, default_settings, mean_diagonal, tune
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
 from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.simulator import simulate
 
 NETWORK = Path(__file__).parents[1] / "golden" / "contact_cnn.npz"
 
@@ -56,9 +58,6 @@ def test_the_saved_network_names_fresh_touches(data):
 
 
 def test_a_network_in_a_model_file_names_touches_without_torch(skin, tmp_path):
-    from skinmap.classify.descriptors import Touch
-    from skinmap.touch.simulator import simulate
-
     classifier = classifiers.get("cnn")()
     classifier.estimator.take(load_network(NETWORK))
     save_classifier(classifier, tmp_path / "m.skinmodel")
@@ -75,6 +74,23 @@ def test_a_network_in_a_model_file_names_touches_without_torch(skin, tmp_path):
         assert back.predict(touch).label == {"whole_hand": "hand", "forearm": "other"}[label]
     quiet = Touch(skin, np.zeros((10, len(skin)), np.uint8))
     assert back.predict(quiet).label == "no_contact"
+
+
+def test_bags_of_words_come_back_from_a_model_file(skin, tmp_path):
+    pytest.importorskip("mahotas", reason="the extra `images` is not installed")
+    recording = simulate(
+        skin.skin,
+        rng=np.random.default_rng(3),
+        per_gesture=8,
+        gestures=("whole_hand", "forearm"),
+    )
+    touches = [Touch(skin, samples, label) for _, label, samples in recording.touches()]
+    classifier = classifiers.get("bovw")().fit(touches[:12], rng=np.random.default_rng(0))
+    save_classifier(classifier, tmp_path / "m.skinmodel")
+    back = load_classifier(tmp_path / "m.skinmodel")
+    for touch in touches[12:]:
+        np.testing.assert_array_equal(back.probabilities(touch), classifier.probabilities(touch))
+    assert np.mean([back.predict(touch).label == touch.label for touch in touches[12:]]) > 0.5
 
 
 def test_evaluate_baxter_reports_what_it_promises(skin):
@@ -135,9 +151,7 @@ def test_evaluate_baxter_refuses_what_it_cannot_do(skin):
         evaluate_baxter(skin, seed=1, methods=("oracle",))
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("torch") is not None, reason="torch is installed: nothing is missing"
-)
-def test_training_without_torch_says_what_to_install():
+def test_training_without_torch_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(MissingLibraryError, match=r"needs torch: pip install 'skinmap\[torch\]'"):
         ContactImageCNN().fit(np.zeros((4, 6600)), ["a", "b"] * 2)
