@@ -46,6 +46,7 @@ class AdditiveFunction:
         self.intercept = np.asarray(intercept, np.float64)
         self.start = np.concatenate([[0], np.cumsum([len(bend) for bend in bends])])
         self.bends = np.concatenate([np.zeros(0), *bends])
+        self._bends = np.append(self.bends, np.inf)  # what a search behind the last one reads
         # f = base + slope x, before each bend and behind the last: one row more than bends.
         self.slope = np.concatenate(
             [np.vstack([slope, np.zeros(len(self.intercept))]) for slope in slopes]
@@ -64,6 +65,8 @@ class AdditiveFunction:
             return np.asarray(self._kernel(x))
         if self.rows is not None and bool((x == np.floor(x)).all()):
             return _look_up(self.rows, self._offset, self.top, x) + self.intercept
+        if len(x) == 1:
+            return self._one(x[0])
         total = np.tile(self.intercept, (len(x), 1))
         for place in range(x.shape[1]):
             total += self._piece(place, x[:, place])
@@ -78,6 +81,18 @@ class AdditiveFunction:
         except ImportError:
             logger.info("numba is not installed: decision values are computed by numpy")
         return self._kernel is not None
+
+    def _one(self, x: FloatArray) -> FloatArray:
+        """(1, q) values for one x (d,): all bins that are not empty searched at once."""
+        place = np.flatnonzero(x)
+        value, low, high = x[place], self.start[place], self.start[place + 1]
+        for _ in range(int(np.diff(self.start).max(initial=0)).bit_length()):
+            middle = (low + high) >> 1
+            before = (low < high) & (self._bends[middle] < value)
+            low, high = np.where(before, middle + 1, low), np.where(before, high, middle)
+        row = low + place
+        pieces = self.base[row] + self.slope[row] * value[:, None]
+        return np.asarray(self.intercept + pieces.sum(axis=0))[None]
 
     def _piece(self, place: int, x: FloatArray) -> FloatArray:
         """(n, q) value of one bin's function at x (n,)."""

@@ -15,6 +15,7 @@ from skinmap.classify.trained_skin import SkinDifference, TrainedSkin, compare_s
 from skinmap.errors import InvalidArrayError, NotFittedError
 from skinmap.registry import Registry
 from skinmap.skin.skin import Skin
+from skinmap.touch.prepared import PreparedSkin
 
 NO_CONTACT = "no_contact"
 CALIBRATION_FOLDS = 5
@@ -90,6 +91,18 @@ class TouchClassifier:
         self._quick = None
         return self
 
+    def prepare(self, skin: PreparedSkin) -> None:
+        """Make ready to name touches on a skin one at a time, by compiled loops where numba is.
+
+        Nothing has to be prepared; the first touches only take longer without.
+        """
+        from skinmap.classify.quick import compile_decisions
+
+        for one in getattr(self, "members", (self,)):
+            if hasattr(one.descriptor, "counter"):
+                one.descriptor.counter(skin, compiled=True)
+            compile_decisions(one.estimator)
+
     def difference(self, skin: Skin) -> SkinDifference:
         """How a skin differs from those trained on, and whether touches can be named there."""
         one_skin = bool(getattr(self.descriptor, "one_skin", False))
@@ -150,6 +163,9 @@ BUILT_IN = {
     "raw-intersection": "skinmap.classify.raw_classifiers:raw_intersection_classifier",
     "histogram-chi2": "skinmap.classify.feature_map_classifiers:chi2_classifier",
     "histogram-sqrt": "skinmap.classify.feature_map_classifiers:sqrt_classifier",
+    # the second paper
+    "bovw": "skinmap.classify.bovw_classifier:bovw_classifier",
+    "cnn": "skinmap.classify.cnn_classifier:cnn_classifier",
 }
 classifiers: Registry[Callable[[], TouchClassifier]] = Registry(
     "classifier", "skinmap.classifiers", built_in=BUILT_IN, adapt=_plugged_in

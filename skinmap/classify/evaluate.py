@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.classify.classifier import TouchClassifier
+from skinmap.classify.classifier import NO_CONTACT, Prediction, TouchClassifier
 from skinmap.classify.descriptors import Touch
 from skinmap.errors import UnknownNameError
 from skinmap.touch.prepared import PreparedSkin
@@ -18,12 +18,17 @@ HELD_OUT = 0.3  # share of the touches of the trained parts that only test
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """How many of n touches got their right name, overall and by label and part."""
+    """How many of n touches got their right name, overall and by label and part.
+
+    The name is the likeliest label; `unknown` is the share of touches that the classifier would
+    rather have left unnamed.
+    """
 
     accuracy: float
     touches: int
     per_label: Mapping[str, float]
     per_part: Mapping[str, float]
+    unknown: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +73,24 @@ def split_touches(
     return Split(tuple(train), tuple(same), tuple(other))
 
 
+def likeliest(classifier: TouchClassifier, touch: Touch) -> Prediction:
+    """The likeliest label, however unsure the classifier is; `no_contact` where nothing is touched.
+
+    Tests count by it: a classifier that says `unknown` more often must not look better or worse.
+    """
+    share = classifier.probabilities(touch)
+    if share is None:
+        return Prediction(NO_CONTACT, 1.0)
+    best = int(np.argmax(share))
+    return Prediction(classifier.labels[best], float(share[best]))
+
+
 def score(classifier: TouchClassifier, touches: Sequence[Touch]) -> Score:
     """Accuracy per touch event; NaN where there is no touch."""
-    right = np.array([classifier.predict(touch).label == touch.label for touch in touches])
+    named = [likeliest(classifier, touch) for touch in touches]
+    right = np.array([one.label == touch.label for one, touch in zip(named, touches, strict=True)])
+    least = float(getattr(classifier.estimator, "reject_", 0.0))
+    unsure = np.array([one.confidence < least for one in named])
     labels = np.array([touch.label for touch in touches])
     parts = np.array([touch.skin.skin.part for touch in touches])
     return Score(
@@ -78,4 +98,5 @@ def score(classifier: TouchClassifier, touches: Sequence[Touch]) -> Score:
         len(right),
         {str(label): float(right[labels == label].mean()) for label in np.unique(labels)},
         {str(part): float(right[parts == part].mean()) for part in np.unique(parts)},
+        float(unsure.mean()) if len(right) else float("nan"),
     )

@@ -30,7 +30,7 @@ from skinmap.cli.evaluation import PROTOCOLS, Settings, run
 @outside_option
 @part_option
 @click.option(
-    "--seeds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Repetitions."
+    "--seeds", type=click.IntRange(1, 1000), help="Repetitions.  [default: 5; baxter: 10]"
 )
 @click.option("--classifier", "names", multiple=True, help="Only this one; may be repeated.")
 @click.option(
@@ -55,7 +55,19 @@ from skinmap.cli.evaluation import PROTOCOLS, Settings, run
     help="kaspar: where people touch.",
 )
 @click.option("--sweep", is_flag=True, help="kaspar: sweep r and k (always with --out).")
-@click.option("--folds", type=click.IntRange(2, 20), default=4, show_default=True, help="Folds.")
+@click.option(
+    "--images", type=click.IntRange(min=40), default=1800, show_default=True, help="baxter: images."
+)
+@click.option(
+    "--network",
+    type=click.Choice(["small", "paper"]),
+    default="small",
+    show_default=True,
+    help="baxter: the network; the paper's takes 10 minutes a training.",
+)
+@click.option(
+    "--folds", type=click.IntRange(2, 20), default=4, show_default=True, help="recordings: folds."
+)
 @click.option(
     "--backend",
     type=click.Choice(["local", "dask"]),
@@ -99,6 +111,7 @@ def command(
         raise click.UsageError("--backend dask needs --address tcp://host:port")
     workers = Workers("dask" if backend == "dask" else "local", jobs, address)
     check_workers(workers)  # before minutes are spent on what comes first
+    options["seeds"] = options["seeds"] or (10 if chosen == "baxter" else 5)
     options["sweep"] = options["sweep"] or out is not None
     result = run(Settings(protocol=chosen, recordings=files, workers=workers, **options))
     result["files"] = write(result, out) if out is not None else []

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from skinmap.classify.protocols.tasks import Workers
     from skinmap.touch.people import Places
 
+TUNING_STEPS = 6  # about; only the bar shows it
 PROTOCOLS = ("kaspar", "baxter", "cross-patch")
 
 
@@ -36,6 +37,8 @@ class Settings:
     per_gesture: int
     places: Places
     sweep: bool
+    images: int
+    network: str
     folds: int
 
     @property
@@ -52,15 +55,7 @@ def run(settings: Settings) -> dict[str, Any]:
         "cross-patch": _cross_patch,
         "recordings": _recordings,
     }
-    _check_names(settings.names)
     return {"protocol": settings.protocol, **runners[settings.protocol](settings)}
-
-
-def _check_names(names: tuple[str, ...]) -> None:
-    from skinmap.classify.classifier import classifiers
-
-    for name in names:
-        classifiers.get(name)
 
 
 def _gestures(settings: Settings) -> tuple[str, ...]:
@@ -86,8 +81,12 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
     name = settings.robot or kaspar.ROBOT
     loaded, parts = open_robot(name, settings.parts)
     part = settings.parts[0] if settings.parts else kaspar.PART
-    loaded.part(part)
-    skins = {one: PreparedSkin(loaded.skin(one)) for one in {part: None, **dict.fromkeys(parts)}}
+    if part not in loaded.parts:
+        raise click.UsageError(f"which part of {name}? --part {' | '.join(loaded.parts)}")
+    sizes: dict[int, str] = {}  # one part of each size: mirror images would only cost time
+    for one in (part, *parts):
+        sizes.setdefault(len(loaded.skin(one)), one)
+    skins = {one: PreparedSkin(loaded.skin(one)) for one in sizes.values()}
     seeds = settings.all_seeds
     sweeps = len(RADII) * len(seeds) if settings.sweep else 0
     with progress(2 * len(seeds) + sweeps, "kaspar") as advance:
@@ -96,9 +95,15 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
             "workers": settings.workers,
             "progress": advance,
         }
-        table = kaspar.evaluate_kaspar(skins[part], places=settings.places, **shared)
-        others = evaluate_carry_over(skins, samples=kaspar.SAMPLES, **shared)
-        sweep = sweep_radius_and_words(skins[part], **shared) if settings.sweep else []
+        shared["samples"] = kaspar.SAMPLES
+        most = max(kaspar.PERCENTS)
+        table = kaspar.evaluate_kaspar(
+            skins[part], percents=kaspar.PERCENTS, places=settings.places, **shared
+        )
+        others = evaluate_carry_over(skins, percent=most, **shared)
+        sweep = []
+        if settings.sweep:
+            sweep = sweep_radius_and_words(skins[part], percent=most, **shared)
     return {
         "robot": loaded.name,
         "part": part,
@@ -115,13 +120,49 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
 
 
 def _baxter(settings: Settings) -> dict[str, Any]:
-    raise click.UsageError("--protocol baxter is not there yet")
+    from skinmap.classify.protocols.baxter import evaluate_baxter
+    from skinmap.classify.protocols.baxter_methods import METHODS
+    from skinmap.touch.prepared import PreparedSkin
+
+    name = settings.robot or "baxter-forearm"
+    loaded, parts = open_robot(name, settings.parts)
+    if len(parts) > 1:
+        raise click.UsageError(f"which part of {name}? --part {' | '.join(parts)}")
+    skin = PreparedSkin(loaded.skin(parts[0]))
+    methods = settings.names or tuple(METHODS)
+    # Beside the repetitions of both splits, tuning takes a step for each value tried.
+    steps = len(methods) * (2 * settings.seeds + TUNING_STEPS)
+    with progress(steps, "baxter") as advance:
+        found = evaluate_baxter(
+            skin,
+            seed=settings.seed,
+            repeats=settings.seeds,
+            images=settings.images,
+            network=settings.network,
+            methods=methods,
+            workers=settings.workers,
+            progress=advance,
+        )
+    return {
+        "robot": loaded.name,
+        "part": parts[0],
+        "taxels": len(skin),
+        "accuracy_is": "simulated",
+        **found,
+    }
 
 
 def _cross_patch(settings: Settings) -> dict[str, Any]:
-    from skinmap.classify.protocols.cross_patch import DEFAULTS, leave_one_out, summarise, transfer
+    from skinmap.classify.protocols.cross_patch import (
+        DEFAULTS,
+        check_carries_over,
+        leave_one_out,
+        summarise,
+        transfer,
+    )
 
     names = settings.names or DEFAULTS
+    check_carries_over(names)
     gestures = _gestures(settings)
     test = _patches(settings.robot or "icub", settings.parts)
     train = _patches(settings.train_robot, ()) if settings.train_robot else None

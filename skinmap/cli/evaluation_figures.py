@@ -22,7 +22,7 @@ def _figure(width: float, height: float) -> Any:
 
 
 def kaspar_figure(result: dict[str, Any], path: Path) -> None:
-    """Accuracy of each kind of features, plain folds beside folds by event, the paper's as lines."""
+    """Accuracy by features, plain folds beside folds by event, the paper's as lines."""
     percents = list(dict.fromkeys(row["percent"] for row in result["table"]))
     figure = _figure(5.6 * len(percents), 5.0)
     axes = figure.subplots(1, len(percents), sharey=True, squeeze=False)[0]
@@ -65,22 +65,19 @@ def sweep_figure(rows: list[dict[str, Any]], path: Path) -> None:
     image = axis.imshow(values, cmap="viridis", aspect="auto")
     middle = 0.5 * (values.min() + values.max())
     for (row, column), value in np.ndenumerate(values):
-        spread = 100.0 * cells[radii[row], words[column]]["std"]
+        spread = cells[radii[row], words[column]]["std"]
+        text = f"{value:.1f}\n± {100.0 * spread:.1f}" if spread else f"{value:.1f}"
         colour = "white" if value < middle else "black"
-        axis.text(
-            column, row, f"{value:.1f}\n± {spread:.1f}", ha="center", va="center", color=colour,
-            fontsize=8,
-        )  # fmt: skip
+        axis.text(column, row, text, ha="center", va="center", color=colour, fontsize=8)
     axis.set_xticks(range(len(words)), [str(k) for k in words])
     labels = [
-        f"{r:g} mm: {cells[r, words[0]]['neighbours']} neighbours, "
-        f"{cells[r, words[0]]['structures']} structures"
+        f"{r:g} mm ({cells[r, words[0]]['neighbours']}, {cells[r, words[0]]['structures']})"
         for r in radii
     ]
     axis.set_yticks(range(len(radii)), labels)
     axis.set_xlabel("codewords a structure k, rest included")
-    axis.set_ylabel("radius r")
-    axis.set_title("Histograms by radius and codewords: accuracy [%], folds by event")
+    axis.set_ylabel("radius r (neighbours of most taxels, structures)")
+    axis.set_title("Histograms by radius and codewords, folds by event", fontsize=11)
     figure.colorbar(image, ax=axis, label="mean of the classes [%], simulated")
     path.write_bytes(picture_bytes(figure))
 

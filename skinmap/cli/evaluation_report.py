@@ -156,11 +156,16 @@ def _show_recordings(result: dict[str, Any]) -> None:
 
 
 def _show_baxter(result: dict[str, Any]) -> None:
+    click.echo(
+        f"{result['robot']} {result['part']}, {result['images']} images of {result['touches']} "
+        f"touches (simulated), {result['repeats']} splits 70/30; mean of the diagonal in %"
+    )
+    methods = [name for name in result["confusion"] if name != "labels"]
     table(
-        ["classifier", "mean", "min", "max"],
+        ["method", "split", "mean", "min", "max"],
         [
-            [name, *(_percent(result[name][key]) for key in ("mean", "min", "max"))]
-            for name in ("bovw", "cnn")
-            if result.get(name)
+            [name, split, *(_percent(found[key]) for key in ("mean", "min", "max"))]
+            for name in methods
+            for split, found in (("by touch", result[name]), ("plain", result[name]["plain"]))
         ],
     )

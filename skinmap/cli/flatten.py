@@ -11,98 +11,128 @@ from skinmap.cli.common import (
     emit,
     json_option,
     open_robot,
-    out_option,
+    outside_option,
     part_option,
-    robot_argument,
+    progress,
+    seed_option,
     table,
 )
 
 if TYPE_CHECKING:
-    from skinmap.arrays import FloatArray
-    from skinmap.flat.flat_map import Chart, FlatMap
+    from skinmap.cli.flat_job import FlatJob
 
-
-MOST_GEODESIC = 20_000  # vertices: exact geodesics of more take minutes
-MESHES = (".stl", ".obj", ".ply", ".off", ".dae", ".glb")
+MESHES = (".stl", ".obj", ".ply", ".off", ".dae", ".glb", ".gltf", ".3mf")
+SEAM_HELP = "Channels that seams keep away from, as 3,8,20-31; may be repeated."
+COMPARE_HELP = "Methods to compare with, and `drawing` for a hand-drawn map: bff,slim,drawing."
 
 
 @click.command("flatten")
-@robot_argument
+@click.argument("robot", default="icub", metavar="[ROBOT|MESH]")
+@outside_option
 @part_option
-@click.option("--method", default="balanced", show_default=True, help="Flattening method.")
-@out_option
+@click.option("--method", help="Flattening method; balanced, or auto where a budget is given.")
+@click.option("--max-seconds", type=float, help="CPU time for the maps of a part [s], for auto.")
+@click.option("--max-edge-rms", type=float, help="Edge error to reach [%], for auto.")
+@click.option("--meshing", default="consensus", show_default=True, help="Surface meshing method.")
+@click.option("--compare", default="", metavar="M2,M3|drawing", help=COMPARE_HELP)
+@click.option(
+    "--drawing", type=click.Path(path_type=Path), help="Drawing (iCubSkinGui .ini) of the part."
+)
+@click.option("--metric", default="edge_strain", show_default=True, help="What colours the maps.")
+@click.option("--seam-away", multiple=True, metavar="CHANNELS", help=SEAM_HELP)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for pictures, OBJ and VTP with texture coordinates, and report.html.",
+)
+@seed_option
 @json_option
-def command(
-    robot: str, parts: tuple[str, ...], method: str, out: Path | None, as_json: bool
-) -> None:
+def command(robot: str, out: Path | None, as_json: bool, **options: Any) -> None:
     """Lay every patch of a robot's skin, or any triangle mesh, flat and measure the distortion.
 
-    ROBOT is a built-in name (default: icub), the path of a manifest, or a mesh file.
+    ROBOT is a built-in name (default: icub), the path of a manifest, or a mesh file (OBJ, STL,
+    PLY, OFF, ...). Methods are tutte, harmonic, lscm, bff, arap, slim, or by price fast, balanced,
+    accurate, auto; meshing is consensus, fast or accurate. Triangles are coloured by
+    edge_strain, area, quasi_conformal, symmetric_dirichlet, stretch_l2 or arap_energy.
 
     \b
-    Example:  skinmap flatten icub --part torso --method bff --out maps
+    Examples:  skinmap flatten icub --part torso --out maps
+               skinmap flatten icub --part left_arm --compare bff,lscm --json
+               skinmap flatten bunny.obj --method accurate --json
     """
-    from skinmap.flat.flat_map import flatten
-    from skinmap.flat.methods import flatteners
-    from skinmap.surface.surface_mesh import build_surface
+    from skinmap.cli.flat_job import run_job
 
-    flatteners.get(method)
-    if Path(robot).suffix.lower() in MESHES:
-        _flatten_file(Path(robot), method, as_json)
-        return
-    loaded, names = open_robot(robot, parts)
-    maps = {name: flatten(build_surface(loaded.skin(name)), method=method) for name in names}
-    rows = [
-        patch_row(name, chart, flat.mesh.vertices[chart.taxels])
-        for name, flat in maps.items()
-        for chart in flat.charts
-    ]
-    files = write_maps(maps, out) if out is not None else []
+    job = _job(robot, **options)
+    result, maps, others, drawn = run_job(job)
+    files: list[str] = []
+    if out is not None:
+        from skinmap.cli.flat_files import write_all
+
+        with progress(len(maps), "drawing") as advance:
+            files = write_all(result, maps, others, drawn, job.metric, out, advance)
     if as_json:
-        seconds = sum(row["seconds"] for row in rows)
-        emit({"robot": loaded.name, "patches": rows, "seconds": seconds, "files": files})
+        emit({**result, "files": files})
         return
-    _print(rows)
+    _print(result)
     for file in files:
         click.echo(str(Path(out or ".") / file))
 
 
-def _flatten_file(path: Path, method: str, as_json: bool) -> None:
-    from skinmap.errors import MissingFileError
-    from skinmap.flat.geodesic import geodesic_stress
-    from skinmap.flat.mesh_charts import flatten_mesh
-    from skinmap.io.urdf import read_mesh
+def _job(
+    robot: str,
+    *,
+    parts: tuple[str, ...],
+    method: str | None,
+    max_seconds: float | None,
+    max_edge_rms: float | None,
+    meshing: str,
+    compare: str,
+    drawing: Path | None,
+    metric: str,
+    seam_away: tuple[str, ...],
+    seed: int,
+) -> FlatJob:
+    """What was asked for, every name and number checked before any work is done."""
+    from skinmap.cli.flat_job import (
+        FlatJob,
+        check_budget,
+        check_compare,
+        check_meshing,
+        read_channels,
+    )
+    from skinmap.errors import UnknownNameError
+    from skinmap.flat.face_metrics import face_metric
+    from skinmap.flat.flat_map import DEFAULT
+    from skinmap.flat.methods import flatteners
 
-    if not path.is_file():
-        raise MissingFileError(path, "a mesh file")
-    vertices, faces = read_mesh(path)
-    charts = flatten_mesh(vertices, faces, method=method)
-    rows = [
-        {
-            "part": path.name,
-            "patch": number,
-            "vertices": len(chart.vertices),
-            "faces": len(chart.faces),
-            "holes": chart.holes,
-            "cut_mm": 1e3 * chart.seam_length,
-            "method": chart.method,
-            "fallback": chart.fallback,
-            **chart.distortion.summary(),
-            "geodesic_stress": geodesic_stress(vertices[chart.vertices], chart.faces, chart.uv)
-            if len(chart.vertices) <= MOST_GEODESIC
-            else None,
-            "seconds": chart.seconds,
-        }
-        for number, chart in enumerate(charts)
-    ]
-    if as_json:
-        seconds = sum(chart.seconds for chart in charts)
-        emit({"robot": path.name, "patches": rows, "seconds": seconds, "files": []})
-    else:
-        _print(rows)
+    budgets = max_seconds is not None or max_edge_rms is not None
+    method = method or ("auto" if budgets else DEFAULT)
+    flatteners.get(method)
+    check_meshing(meshing)
+    others, with_drawing = check_compare(compare)
+    job = FlatJob(
+        name=robot,
+        method=method,
+        metric_name=metric,
+        metric=face_metric(metric),
+        others=others,
+        drawing=drawing,
+        with_drawing=with_drawing or drawing is not None,
+        away=read_channels(seam_away),
+        budgets=check_budget(method, max_seconds, max_edge_rms),
+        meshing=meshing,
+        seed=seed,
+    )
+    path = Path(robot)
+    if path.suffix.lower() in MESHES:
+        if parts:
+            raise UnknownNameError("part", parts[0], ())
+        return job.for_mesh(path)
+    loaded, names = open_robot(robot, parts)
+    return job.for_robot(loaded, names)
 
 
-def _print(rows: list[dict[str, Any]]) -> None:
+def _print(result: dict[str, Any]) -> None:
     table(
         ["part", "patch", "vertices", "holes", "method", "flips", "edge rms %", "area sd", "angle"],
         [
@@ -117,36 +147,16 @@ def _print(rows: list[dict[str, Any]]) -> None:
                 row["area_sd"],
                 row["quasi_conformal"]["mean"],
             ]
-            for row in rows
+            for row in result["patches"]
         ],
     )
-
-
-def patch_row(part: str, chart: Chart, vertices: FloatArray) -> dict[str, Any]:
-    """The numbers of one chart with vertices (k, 3) [m], ready for JSON."""
-    from skinmap.flat.geodesic import geodesic_stress
-
-    return {
-        "part": part,
-        "patch": chart.patch,
-        "vertices": len(chart.taxels),
-        "faces": len(chart.faces),
-        "holes": chart.holes,
-        "cut_mm": 1e3 * chart.seam_length,
-        "method": chart.method,
-        "fallback": chart.fallback,
-        **chart.distortion.summary(),
-        "geodesic_stress": geodesic_stress(vertices, chart.faces, chart.uv),
-        "seconds": chart.seconds,
-    }
-
-
-def write_maps(maps: dict[str, FlatMap], out: Path) -> list[str]:
-    """One picture a part; returns the names written."""
-    from skinmap.cli.figures import flat_map_figure
-    from skinmap.io.output import staged_folder
-
-    with staged_folder(out) as stage:
-        for name, flat in maps.items():
-            flat_map_figure(flat, stage / f"{name}.png")
-    return [f"{name}.png" for name in maps]
+    if result["compare"]:
+        table(
+            ["part", "patch", "compared with", "flips", "edge rms %", "area sd"],
+            [
+                [row["part"], row["patch"], row["with"]]
+                + ["-" if row[key] is None else row[key] for key in
+                   ("flips", "edge_rms_percent", "area_sd")]
+                for row in result["compare"]
+            ],
+        )  # fmt: skip

@@ -6,46 +6,32 @@ Sawhney and Crane, "Boundary First Flattening", ACM Transactions on Graphics 37(
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import FloatArray
+from skinmap.flat.disc import Disc
+from skinmap.flat.factorisation import factorise
 
 
-def bff(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+def boundary_first(disc: Disc) -> FloatArray:
     """Flatten a disc with scale factor 1 along its border.
-
-    Parameters
-    ----------
-    vertices : (n, 3) array of float
-        [m]; every vertex belongs to a face.
-    faces : (m, 3) array of int
-        A disc.
-    loop : (b,) array of int
-        Its boundary, in the direction of its faces.
 
     Returns
     -------
     (n, 2) array of float
         Flat coordinates [m].
     """
-    import igl
-
-    inner = np.setdiff1d(np.arange(len(vertices)), loop)
-    laplacian = csc_array(-igl.cotmatrix(vertices, faces))
-    factor = splu(laplacian[inner][:, inner]) if len(inner) else None
-    coupling = laplacian[inner][:, loop]
-    angle_sum = np.bincount(
-        faces.ravel(), igl.internal_angles(vertices, faces).ravel(), minlength=len(vertices)
-    )
+    laplacian, loop, inner = disc.laplacian, disc.loop, disc.inner
+    rows = laplacian[:, inner]
+    coupling = rows[loop].T.tocsc()
+    solve = factorise(rows[inner]) if len(inner) else None
     # Cherrier: the curvature that leaves the inside appears along the border.
-    scale = factor.solve(angle_sum[inner] - 2.0 * np.pi) if factor else np.zeros(0)
-    turning = np.pi - angle_sum[loop] + coupling.T @ scale
-    border = _closed_curve(vertices[loop], turning)
-    uv = np.zeros((len(vertices), 2))
+    scale = solve(disc.angle_sums[inner] - 2.0 * np.pi) if solve else np.zeros(0)
+    turning = np.pi - disc.angle_sums[loop] + coupling.T @ scale
+    border = _closed_curve(disc.vertices[loop], turning)
+    uv = np.zeros((len(disc.vertices), 2))
     uv[loop] = border
-    if factor:
-        uv[inner] = factor.solve(-(coupling @ border))
+    if solve:
+        uv[inner] = solve(-(coupling @ border))
     return uv
 
 

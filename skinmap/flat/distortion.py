@@ -37,6 +37,8 @@ class Distortion:
     stretch : (m,) float
         L2 texture stretch sqrt((sigma_1^-2 + sigma_2^-2) / 2) >= 1 in the mean (Sander 2001);
         inf where a triangle collapses.
+    stretch_max : (m,) float
+        Linf texture stretch 1 / sigma_2 >= 1 in the mean; inf where a triangle flips.
     arap : (m,) float
         (sigma_1 - 1)^2 + (sigma_2 - 1)^2, 0 for an isometry (Liu 2008).
     edge_strain : (e,) float
@@ -54,6 +56,7 @@ class Distortion:
     area: FloatArray
     symmetric_dirichlet: FloatArray
     stretch: FloatArray
+    stretch_max: FloatArray
     arap: FloatArray
     edge_strain: FloatArray
     edge_lengths: FloatArray
@@ -82,10 +85,15 @@ class Distortion:
         return {
             "flips": self.flips,
             "quasi_conformal": spread(self.quasi_conformal, self.face_areas),
+            "area": spread(self.area, self.face_areas),
             "area_sd": self.area_sd,
             "symmetric_dirichlet": spread(self.symmetric_dirichlet, self.face_areas),
+            "stretch": spread(self.stretch, self.face_areas),
             "stretch_l2": float(np.sqrt(np.average(self.stretch**2, weights=self.face_areas))),
+            "stretch_linf": float(self.stretch_max.max()),
+            "arap": spread(self.arap, self.face_areas),
             "arap_energy": float(np.average(self.arap, weights=self.face_areas)),
+            "edge_strain_percent": spread(100.0 * np.abs(self.edge_strain), self.edge_lengths),
             "edge_rms_percent": 100.0 * self.edge_rms,
         }
 
@@ -135,18 +143,36 @@ def measure_distortion(vertices: ArrayLike, faces: ArrayLike, uv: ArrayLike) -> 
         ratio = np.where(second != 0, first / np.abs(second), np.inf)
         inverse = 1.0 / first**2 + 1.0 / second**2
         dirichlet = np.where(second > 0, first**2 + second**2 + inverse, np.inf)
+        largest = np.where(second > 0, 1.0 / second, np.inf)
     pairs = edges(triangles)
-    length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
-    flat_length = scale * np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1)
+    strain, length = _edge_strain(points, flat * scale, pairs)
     return Distortion(
         ratio,
         first * second,
         dirichlet,
         np.sqrt(0.5 * inverse),
+        largest,
         (first - 1.0) ** 2 + (second - 1.0) ** 2,
-        flat_length / length - 1.0,
+        strain,
         length,
         pairs,
         weights,
         int(np.count_nonzero(signed <= 0)),
     )
+
+
+def edge_rms(vertices: FloatArray, faces: IntArray, uv: FloatArray) -> float:
+    """The `Distortion.edge_rms` of a map alone, at a fifth of the cost of everything."""
+    area = np.abs(signed_areas(uv, faces)).sum()
+    scale = np.sqrt(face_areas(vertices, faces).sum() / max(area, np.finfo(float).tiny))
+    strain, length = _edge_strain(vertices, uv * scale, edges(faces))
+    return float(np.sqrt(np.average(strain**2, weights=length)))
+
+
+def _edge_strain(
+    vertices: FloatArray, uv: FloatArray, pairs: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """(e,) flat length over length minus 1, and the length [m]."""
+    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    flat = np.linalg.norm(uv[pairs[:, 0]] - uv[pairs[:, 1]], axis=1)
+    return flat / length - 1.0, length

@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 import time
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, freeze
-from skinmap.errors import FlatteningError, SkinWarning
+from skinmap.errors import InvalidArrayError
+from skinmap.flat.atlas import Laid, arrange
 from skinmap.flat.cutting import open_surface
+from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, flatten_disc, map_disc
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.methods import flatteners
-from skinmap.flat.packing import pack, upright
-from skinmap.geometry.topology import (
-    boundary_loops,
-    check_surface,
-    euler_number,
-    loop_length,
-)
-from skinmap.geometry.triangles import signed_areas, smallest_altitudes
-from skinmap.surface.merge import close_loop
+from skinmap.flat.orientation import limb_frame, turn_upright
+from skinmap.geometry.topology import check_surface
 from skinmap.surface.surface_mesh import SurfaceMesh
 
-DEFAULT = "balanced"
-CHART_GAP = 0.012  # between charts of one part [m]: seen as a gap, small beside a patch
-HOLE_SHARE = 0.35  # a hole's length against the border's: up to here it is filled for the solve
-FALLBACK = "tutte"  # a fixed convex border never flips a triangle (Floater 2003)
+__all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -55,6 +47,8 @@ class Chart:
         Of the cuts that opened a tube or a closed skin [m].
     seconds : float
         CPU time of the solve.
+    reason : str
+        Why this method, where `auto` chose it; otherwise empty.
     """
 
     patch: int
@@ -67,6 +61,7 @@ class Chart:
     holes: int
     seam_length: float
     seconds: float
+    reason: str = ""
 
     def __post_init__(self) -> None:
         freeze(self, taxels=self.taxels, faces=self.faces, uv=self.uv)
@@ -98,121 +93,121 @@ class FlatMap:
         return sum(chart.distortion.flips for chart in self.charts)
 
 
-def flatten(mesh: SurfaceMesh, *, method: str = DEFAULT) -> FlatMap:
+def flatten(
+    mesh: SurfaceMesh,
+    *,
+    method: str = DEFAULT,
+    max_seconds: float | None = None,
+    max_edge_rms: float | None = None,
+    avoid: ArrayLike | None = None,
+) -> FlatMap:
     """Lay every patch of a surface mesh flat and pack the charts.
+
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+    method : str
+        One of `flatteners.names()`.
+    max_seconds : float, optional
+        Only with `auto`: CPU time for all patches together [s].
+    max_edge_rms : float, optional
+        Only with `auto`: edge error that each patch should reach, 0.01 for 1 %.
+    avoid : (k,) array-like of int, optional
+        Taxels that seams keep away from where there is another way.
 
     Raises
     ------
     UnknownNameError
         No such method.
+    InvalidArrayError
+        A budget that is not positive, or with another method than `auto`.
     FlatteningError
         A patch with a triangle without area, or one that no method lays flat without a flip.
     """
     flatteners.get(method)
-    charts = [_flatten_patch(mesh, patch, method) for patch in range(mesh.n_patches)]
-    placed = pack([chart.uv for chart in charts], CHART_GAP)
-    charts = [replace(chart, uv=flat) for chart, flat in zip(charts, placed, strict=True)]
+    check_budget(method, max_seconds, max_edge_rms)
+    away = mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)]
+    charts, weights = [], [len(mesh.patch_faces(patch)) for patch in range(mesh.n_patches)]
+    for patch, weight in enumerate(weights):
+        # What earlier patches left of the time, shared out by size.
+        share = max_seconds and max_seconds * weight / sum(weights[patch:])
+        charts.append(_flatten_patch(mesh, patch, method, away, share, max_edge_rms))
+        max_seconds = max_seconds and max(max_seconds - charts[-1].seconds, 1e-9)
+    charts = _arranged(mesh, charts)
     uv = np.full((len(mesh.skin), 2), np.nan)
     for chart in charts:
         uv[chart.taxels] = chart.uv
     return FlatMap(mesh, tuple(charts), uv[mesh.representative])
 
 
-def _flatten_patch(mesh: SurfaceMesh, patch: int, method: str) -> Chart:
+def check_budget(method: str, max_seconds: float | None, max_edge_rms: float | None) -> None:
+    """Refuse budgets that are not positive, or that no choice follows.
+
+    Raises
+    ------
+    InvalidArrayError
+    """
+    for name, value in (("max_seconds", max_seconds), ("max_edge_rms", max_edge_rms)):
+        if value is None:
+            continue
+        if not value > 0.0:
+            raise InvalidArrayError(f"{name} must be above 0, got {value}")
+        if method != "auto":
+            raise InvalidArrayError(f"{name} needs method 'auto', got {method!r}")
+
+
+def _flatten_patch(
+    mesh: SurfaceMesh,
+    patch: int,
+    method: str,
+    avoid: IntArray,
+    max_seconds: float | None,
+    max_edge_rms: float | None,
+) -> Chart:
     taxels, compact = np.unique(mesh.patch_faces(patch), return_inverse=True)
     faces = compact.reshape(-1, 3)
     vertices = mesh.vertices[taxels]
     where = f"patch {patch} of {mesh.skin.part!r}"
     started = time.process_time()
     check_surface(faces)
-    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE)
+    away = np.flatnonzero(np.isin(taxels, avoid))
+    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE, avoid=away)
     vertices, faces, taxels = vertices[cut.origin], cut.faces, taxels[cut.origin]
-    uv, used, holes = flatten_disc(vertices, faces, method=method, where=where)
+    flat = map_disc(
+        vertices,
+        faces,
+        method=method,
+        where=where,
+        max_seconds=max_seconds,
+        max_edge_rms=max_edge_rms,
+    )
     seconds = time.process_time() - started
-    uv = upright(uv, vertices @ limb_axis(mesh.vertices))
-    distortion = measure_distortion(vertices, faces, uv)
+    distortion = measure_distortion(vertices, faces, flat.uv)
     return Chart(
         patch,
         taxels,
         faces,
-        uv,
+        flat.uv,
         distortion,
-        used,
-        used != method,
-        holes,
+        flat.method,
+        flat.fallback,
+        flat.holes,
         cut.seam_length,
         seconds,
+        flat.reason,
     )
 
 
-def limb_axis(points: FloatArray) -> FloatArray:
-    """Unit direction (3,) of the largest spread, towards +z of the link."""
-    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    strongest = np.argmax(np.abs(axes[0]))
-    axis = axes[0] * np.sign(axes[0][2] if abs(axes[0][2]) > 0.5 else axes[0][strongest])
-    return np.asarray(axis)
-
-
-def flatten_disc(
-    vertices: FloatArray, faces: IntArray, *, method: str = DEFAULT, where: str = "mesh"
-) -> tuple[FloatArray, str, int]:
-    """Flatten one connected surface with a border; small holes are filled for the solve.
-
-    Parameters
-    ----------
-    vertices : (n, 3) array of float
-        [m]; every vertex belongs to a face.
-    faces : (m, 3) array of int
-    method : str
-        One of `flatteners.names()`.
-    where : str
-        How messages call it.
-
-    Returns
-    -------
-    uv : (n, 2) array of float
-        Finite, flip-free by our own check [m].
-    method : str
-        The method that made it, which is not the one asked for where that one failed.
-    holes : int
-        Boundary loops beside the outer one.
-
-    Raises
-    ------
-    FlatteningError
-        No border, a hole too wide to fill (a tube), or a triangle without area.
-    """
-    check_surface(faces)
-    if smallest_altitudes(vertices, faces).min() <= 1e-12 * np.ptp(vertices, axis=0).max():
-        raise FlatteningError(f"{where} has a triangle without area")
-    loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
-    if not loops:
-        raise FlatteningError(f"{where} is closed: cut it open first")
-    filled = [faces]
-    for loop in loops[1:]:
-        if loop_length(vertices, loop) > HOLE_SHARE * loop_length(vertices, loops[0]):
-            raise FlatteningError(f"{where} is a tube or has a wide hole: cut it open first")
-        filled.append(close_loop(vertices, _vertex_normals(vertices, faces), loop))
-    disc = np.concatenate(filled)
-    if euler_number(disc) != 1:
-        raise FlatteningError(f"{where} is no disc: Euler number {euler_number(disc)}")
-    centre, size = vertices.mean(axis=0), np.ptp(vertices, axis=0).max()
-    unit_size = (vertices - centre) / size
-    for name in (method, "bff", FALLBACK):
-        uv = flatteners.get(name)(unit_size, disc, loops[0])
-        if np.isfinite(uv).all() and (signed_areas(uv, faces) > 0).all():
-            break
-    else:
-        raise FlatteningError(f"{where}: neither {method} nor a convex map is free of flips")
-    if name != method:
-        warnings.warn(f"{where}: {method} flips, {name} is used", SkinWarning, stacklevel=3)
-    return uv * size, name, len(loops) - 1
-
-
-def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    from skinmap.geometry.triangles import cross_products, unit
-
-    normals = np.zeros_like(vertices)
-    for corner in range(3):
-        np.add.at(normals, faces[:, corner], cross_products(vertices, faces))
-    return unit(normals)
+def _arranged(mesh: SurfaceMesh, charts: list[Chart]) -> list[Chart]:
+    """Charts turned so that the limb's axis is up, and laid out as they lie on the body."""
+    if not charts:
+        return []
+    frame = limb_frame(mesh.vertices, mesh.faces, mesh.skin.up)
+    shapes = []
+    for chart in charts:
+        vertices = mesh.vertices[chart.taxels]
+        shapes.append(Laid(vertices, chart.faces, turn_upright(chart.uv, vertices, frame)))
+    # Left and right parts mirror each other: what could lie on either side lies inwards or
+    # outwards on both.
+    placed = arrange(shapes, side=-1.0 if mesh.skin.part.startswith("left") else 1.0)
+    return [replace(chart, uv=uv) for chart, uv in zip(charts, placed, strict=True)]

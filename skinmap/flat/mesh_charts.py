@@ -2,80 +2,127 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, IntArray
-from skinmap.flat.cutting import open_surface
-from skinmap.flat.distortion import Distortion, measure_distortion
-from skinmap.flat.flat_map import DEFAULT, HOLE_SHARE, flatten_disc
-from skinmap.flat.methods import flatteners
-from skinmap.geometry.topology import check_surface, face_components
+from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
+from skinmap.errors import InvalidMeshError
+from skinmap.flat.cutting import split_along
+from skinmap.flat.flat_map import FlatMap, flatten
+from skinmap.geometry.topology import check_surface, face_components, half_edges
+from skinmap.geometry.triangles import cross_products, smallest_altitudes, unit
+from skinmap.skin.skin import Skin
+from skinmap.surface.surface_mesh import SurfaceMesh
 
-
-@dataclass(frozen=True, eq=False, slots=True)
-class MeshChart:
-    """The flat map of one component of a bare mesh; see `flat_map.Chart` for the words."""
-
-    vertices: IntArray
-    faces: IntArray
-    uv: FloatArray
-    distortion: Distortion
-    method: str
-    fallback: bool
-    holes: int
-    seam_length: float
-    seconds: float
+NO_AREA = 1e-12  # altitude against the size of the mesh: flatter triangles join nothing
+MOST_COMPONENTS = 5000  # of one file: each is a patch with a map of its own
 
 
 def flatten_mesh(
-    vertices: FloatArray, faces: IntArray, *, method: str = DEFAULT
-) -> tuple[MeshChart, ...]:
+    vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh", **options: Any
+) -> FlatMap:
     """Lay each connected component of any triangle mesh flat, cut open where it must be.
 
     Parameters
     ----------
-    vertices : (n, 3) array of float
+    vertices : (n, 3) array-like of float
         Coincident ones are merged, unused ones ignored.
-    faces : (m, 3) array of int
-    method : str
-        One of `flatteners.names()`.
+    faces : (m, 3) array-like of int
+    name : str
+        How the map and messages call it.
+    **options
+        As for `flatten`: the method and its budgets.
 
     Raises
     ------
     UnknownNameError, InvalidMeshError, FlatteningError
         No such method, a mesh that is no surface, or one that no method lays flat.
     """
-    flatteners.get(method)
-    points, number = np.unique(vertices, axis=0, return_inverse=True)
-    merged = number.ravel()[faces]
-    original = np.zeros(len(points), np.int64)
-    original[number.ravel()] = np.arange(len(vertices))
-    check_surface(merged)
-    charts = []
-    label = face_components(merged)
-    for component in range(int(label.max(initial=-1)) + 1):
-        used, compact = np.unique(merged[label == component], return_inverse=True)
-        started = time.process_time()
-        cut = open_surface(points[used], compact.reshape(-1, 3), hole_share=HOLE_SHARE)
-        place = used[cut.origin]
-        where = f"component {component}"
-        uv, name, holes = flatten_disc(points[place], cut.faces, method=method, where=where)
-        seconds = time.process_time() - started
-        distortion = measure_distortion(points[place], cut.faces, uv)
-        charts.append(
-            MeshChart(
-                original[place],
-                cut.faces,
-                uv,
-                distortion,
-                name,
-                name != method,
-                holes,
-                cut.seam_length,
-                seconds,
-            )
+    return flatten(mesh_surface(vertices, faces, name=name), **options)
+
+
+def mesh_surface(vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh") -> SurfaceMesh:
+    """A bare triangle mesh as a surface mesh whose channels are the rows of `vertices`.
+
+    Corners at one place become one vertex, as in files that repeat them for each face. Triangles
+    without area are left out, neighbours that turn opposite ways are turned alike, and parts that
+    meet in a single vertex come apart there.
+
+    Raises
+    ------
+    InvalidMeshError
+        No triangle with an area, an edge in three faces, a surface with one side only, or more
+        components than `MOST_COMPONENTS`.
+    """
+    points = check_points(vertices, "vertices")
+    triangles = check_faces(faces, len(points))
+    _, first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    try:
+        triangles = _oriented(_with_area(points, first[number.ravel()][triangles]))
+    except InvalidMeshError as error:
+        raise InvalidMeshError(f"{name}: {error}") from error
+    opened, origin = split_along(triangles, np.zeros((0, 2), np.int64))
+    order = np.argsort(origin, kind="stable")  # rows of the file keep their order
+    opened, origin = np.argsort(order)[opened], origin[order]
+    label = face_components(opened)
+    if label.max() >= MOST_COMPONENTS:
+        raise InvalidMeshError(
+            f"{name} falls into {label.max() + 1} pieces, at most {MOST_COMPONENTS}: a soup of "
+            "triangles whose corners nearly meet?"
         )
-    return tuple(charts)
+    corners = points[origin]
+    normals = _vertex_normals(corners, opened)
+    skin = Skin(name, "", origin, np.zeros(len(origin), np.int64), corners, normals)
+    return SurfaceMesh(skin, opened, np.arange(len(origin)), _by_size(label))
+
+
+def _with_area(vertices: FloatArray, faces: IntArray) -> IntArray:
+    """Faces less those whose corners lie on one line or in one place."""
+    if len(faces) == 0:
+        raise InvalidMeshError("no face: a surface has at least one")
+    used = vertices[np.unique(faces)]
+    size = float(np.ptp(used, axis=0).max())
+    kept = np.zeros(len(faces), bool)
+    if size > 0:
+        kept = smallest_altitudes((vertices - used.mean(axis=0)) / size, faces) > NO_AREA
+    if not kept.any():
+        raise InvalidMeshError(f"none of {len(faces)} faces has an area")
+    return np.asarray(faces[kept])
+
+
+def _oriented(faces: IntArray) -> IntArray:
+    """Faces that turn the way their neighbours do; as they came where they do already."""
+    import igl
+
+    directed = half_edges(faces)
+    _, count = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
+    if count.max() > 2:
+        check_surface(faces)
+    n = int(faces.max()) + 1
+    if len(np.unique(directed @ [n, 1])) == len(directed):
+        return faces
+    turned, _ = igl.bfs_orient(faces)
+    turned = np.asarray(turned, np.int64)
+    directed = half_edges(turned)
+    if len(np.unique(directed @ [n, 1])) != len(directed):
+        raise InvalidMeshError("the surface has one side only, as a Moebius strip: cut it first")
+    return turned
+
+
+def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    size = float(np.ptp(vertices, axis=0).max())
+    cross = cross_products(vertices / size, faces)
+    normals = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(normals, faces[:, corner], cross)
+    return unit(normals)
+
+
+def _by_size(label: IntArray) -> IntArray:
+    """(m,) patch of each face, the component with the most faces first."""
+    order = np.argsort(-np.bincount(label), kind="stable")
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return np.asarray(rank[label])

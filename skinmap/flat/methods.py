@@ -8,20 +8,23 @@ comes back. Others are added through the entry-point group `skinmap.flatteners`.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.flat.bff import bff
+from skinmap.flat.budget import within_budget
+from skinmap.flat.convex import harmonic_on_circle, uniform_on_circle
+from skinmap.flat.dirichlet import locally_injective_map
+from skinmap.flat.disc import Disc
+from skinmap.flat.local_global import rigid_map
 from skinmap.geometry.triangles import face_areas, signed_areas
 from skinmap.registry import Registry
 
 Flattener = Callable[[FloatArray, IntArray, IntArray], FloatArray]
 flatteners: Registry[Flattener] = Registry("flattening method", "skinmap.flatteners")
-ARAP_ITERATIONS = 10
 SLIM_ITERATIONS = 5
-flatteners.register("bff")(bff)
-flatteners.register("fast")(bff)
+MOST_SLIM = 20_000  # vertices: above, the factorisation that SLIM needs for each step is too dear
 
 
 def flattener_names() -> tuple[str, ...]:
@@ -29,40 +32,28 @@ def flattener_names() -> tuple[str, ...]:
     return flatteners.names()
 
 
-@flatteners.register("tutte")
-def tutte(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """Uniform-weight embedding on a circle: never flips, always stretches."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.linalg import spsolve
+def on_disc(method: Callable[[Disc], FloatArray]) -> Flattener:
+    """A method of a `Disc` as one of vertices, faces and loop."""
 
-    from skinmap.geometry.topology import edges
+    @wraps(method)
+    def flattener(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+        return method(Disc(vertices, faces, loop))
 
-    pairs = edges(faces)
-    ones = np.ones(len(pairs))
-    graph = coo_array((ones, pairs.T), shape=(len(vertices),) * 2).tocsr()
-    graph = graph + graph.T
-    from scipy.sparse import diags_array
-
-    laplacian = (diags_array(np.asarray(graph.sum(axis=1)).ravel()) - graph).tocsc()
-    inner = np.setdiff1d(np.arange(len(vertices)), loop)
-    uv = np.zeros((len(vertices), 2))
-    uv[loop] = _circle(vertices, faces, loop)
-    if len(inner):
-        uv[inner] = spsolve(
-            laplacian[inner][:, inner], -(laplacian[inner][:, loop] @ uv[loop])
-        ).reshape(-1, 2)
-    return uv
+    _methods_of_discs[flattener] = method
+    return flattener
 
 
-@flatteners.register("harmonic")
-def harmonic(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """Cotangent-weight embedding on a circle, through libigl."""
-    import igl
-
-    return np.asarray(igl.harmonic(vertices, faces, loop, _circle(vertices, faces, loop), 1))
+_methods_of_discs: dict[Flattener, Callable[[Disc], FloatArray]] = {}
 
 
-@flatteners.register("lscm")
+def apply_flattener(name: str, disc: Disc) -> FloatArray:
+    """Flat coordinates by the method of a name; ours share what the disc has computed before."""
+    flattener = flatteners.get(name)
+    if flattener in _methods_of_discs:
+        return _methods_of_discs[flattener](disc)
+    return np.asarray(flattener(disc.vertices, disc.faces, disc.loop), np.float64)
+
+
 def lscm(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """Least-squares conformal map, two border vertices far apart pinned, through libigl."""
     import igl
@@ -76,27 +67,13 @@ def lscm(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     return uv * np.sqrt(size)
 
 
-@flatteners.register("arap")
-@flatteners.register("balanced")
-def arap(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """As rigid as possible from a BFF start, through libigl; BFF itself where it flips.
-
-    Liu et al., "A Local/Global Approach to Mesh Parameterization", SGP 2008.
-    """
-    import igl
-
-    start = bff(vertices, faces, loop)
-    data = igl.ARAPData()
-    data.max_iter = ARAP_ITERATIONS
-    # One pinned vertex: without it the global step is singular and fails on some patches.
-    igl.arap_precomputation(vertices, faces, 2, np.array([0], np.int32), data)
-    uv = np.asarray(igl.arap_solve(start[[0]], data, start))
-    good = bool(np.isfinite(uv).all()) and bool((signed_areas(uv, faces) > 0).all())
-    return uv if good else start
+def accurate(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+    """SLIM on small discs, our own descent on the same energy on large ones."""
+    if len(vertices) <= MOST_SLIM:
+        return slim(vertices, faces, loop)
+    return locally_injective_map(Disc(vertices, faces, loop))
 
 
-@flatteners.register("slim")
-@flatteners.register("accurate")
 def slim(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """Scalable locally injective mapping (symmetric Dirichlet) from a BFF start, by libigl.
 
@@ -104,7 +81,7 @@ def slim(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """
     import igl
 
-    start = bff(vertices, faces, loop)
+    start = Disc(vertices, faces, loop).conformal
     column = np.asfortranarray
     data = igl.slim_precompute(
         column(vertices),
@@ -118,9 +95,23 @@ def slim(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     return np.asarray(igl.slim_solve(data, SLIM_ITERATIONS))
 
 
-def _circle(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-    """Border positions (b, 2) on a circle of the area of the mesh, spaced by length."""
-    length = np.linalg.norm(vertices[np.roll(loop, -1)] - vertices[loop], axis=1)
-    angle = 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(length)[:-1]]) / length.sum()
-    radius = np.sqrt(face_areas(vertices, faces).sum() / np.pi)
-    return np.asarray(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+def bff(disc: Disc) -> FloatArray:
+    """Boundary first flattening: conformal, the border keeps its lengths."""
+    return disc.conformal
+
+
+OWN: dict[str, Flattener] = {
+    "tutte": on_disc(uniform_on_circle),
+    "harmonic": on_disc(harmonic_on_circle),
+    "lscm": lscm,
+    "bff": on_disc(bff),
+    "arap": on_disc(rigid_map),
+    "slim": slim,
+    "dirichlet": on_disc(locally_injective_map),
+    "fast": on_disc(bff),
+    "balanced": on_disc(rigid_map),
+    "accurate": accurate,
+    "auto": on_disc(lambda disc: within_budget(disc).uv),
+}
+for _name, _method in OWN.items():
+    flatteners.register(_name)(_method)

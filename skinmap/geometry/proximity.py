@@ -19,10 +19,17 @@ def median_spacing(points: FloatArray) -> float:
 
 def nearest(points: FloatArray, k: int) -> tuple[FloatArray, IntArray]:
     """Distances (n, k) [m] and indices (n, k) of the k nearest others, fewer if n is small."""
-    k = min(k, len(points) - 1)
-    distance, index = cKDTree(points).query(points, k=k + 1)
+    return nearest_of(cKDTree(points), np.arange(len(points)), k)
+
+
+def nearest_of(tree: cKDTree, rows: IntArray, k: int) -> tuple[FloatArray, IntArray]:
+    """The same for some (r,) of the points of a tree only: (r, k) each."""
+    k = min(k, tree.n - 1)
+    distance, index = tree.query(tree.data[rows], k=np.arange(1, k + 2))
     # A coincident point may come before the query itself: move self to the front.
-    own = index == np.arange(len(points))[:, None]
+    own = index == rows[:, None]
+    if own[:, 0].all():
+        return distance[:, 1:], index[:, 1:]
     missing = ~own.any(axis=1)
     own[missing, -1] = True
     order = np.argsort(~own, axis=1, kind="stable")[:, 1:]

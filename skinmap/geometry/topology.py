@@ -15,21 +15,58 @@ def half_edges(faces: IntArray) -> IntArray:
     return faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 
+def edge_keys(faces: IntArray) -> IntArray:
+    """(3 m,) one number for each directed edge, k or ~k for the two directions of an edge."""
+    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    key = np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)
+    return np.where(start < end, key, ~key)
+
+
+def twins(faces: IntArray) -> IntArray:
+    """(3 m,) directed edge that runs back along each one, -1 at the border.
+
+    Edges in more than two faces or with faces turned over have a twin where any edge runs back.
+    """
+    key = edge_keys(faces)
+    line = np.where(key < 0, ~key, key)
+    order = np.argsort(line, kind="stable")
+    ordered = line[order]
+    twin = np.full(len(key), -1, np.int64)
+    if len(key) > 2 and (ordered[2:] == ordered[:-2]).any():
+        by_key = np.argsort(key, kind="stable")
+        place = np.searchsorted(key[by_key], ~key)
+        place[place == len(key)] = 0
+        back = by_key[place]
+        return np.where(key[back] == ~key, back, twin)
+    pair = np.flatnonzero(ordered[1:] == ordered[:-1])
+    first, second = order[pair], order[pair + 1]
+    opposite = key[first] != key[second]
+    first, second = first[opposite], second[opposite]
+    twin[first], twin[second] = second, first
+    return twin
+
+
 def edges(faces: IntArray) -> IntArray:
     """(e, 2) undirected edges, each once, smaller index first, sorted."""
-    return np.unique(np.sort(half_edges(faces), axis=1), axis=0)
+    key = edge_keys(faces)
+    key = np.sort(np.where(key < 0, ~key, key))  # np.unique hashes, which is slower here
+    once = key[np.flatnonzero(np.diff(key, prepend=-1))]
+    first, second = np.divmod(once, int(faces.max(initial=0)) + 1)
+    return np.column_stack([first, second])
 
 
 def face_components(faces: IntArray) -> IntArray:
     """(m,) component of each face, numbered by first appearance; faces touch through edges."""
     if len(faces) == 0:
         return np.zeros(0, np.int64)
-    _, key = np.unique(np.sort(half_edges(faces), axis=1), axis=0, return_inverse=True)
-    face = np.repeat(np.arange(len(faces)), 3)
-    key = key.ravel() + len(faces)
-    graph = coo_array((np.ones(len(key)), (face, key)), shape=(key.max() + 1,) * 2)
+    key = edge_keys(faces)
+    key = np.where(key < 0, ~key, key)
+    order = np.argsort(key, kind="stable")
+    same = key[order[1:]] == key[order[:-1]]
+    pairs = order[1:][same] // 3, order[:-1][same] // 3
+    graph = coo_array((np.ones(len(pairs[0]), np.int8), pairs), shape=(len(faces),) * 2)
     _, label = connected_components(graph, directed=False)
-    return number_by_appearance(label[: len(faces)])
+    return number_by_appearance(label)
 
 
 def number_by_appearance(labels: IntArray) -> IntArray:
@@ -53,10 +90,7 @@ def boundary_loops(faces: IntArray) -> list[IntArray]:
     InvalidMeshError
         Where two boundary loops meet in one vertex or a face is turned over.
     """
-    directed = half_edges(faces)
-    key = directed[:, 0] * (faces.max(initial=0) + 1) + directed[:, 1]
-    reverse = directed[:, 1] * (faces.max(initial=0) + 1) + directed[:, 0]
-    open_edges = directed[~np.isin(key, reverse)]
+    open_edges = half_edges(faces)[twins(faces) < 0]
     following = dict(map(tuple, open_edges.tolist()))
     if len(following) != len(open_edges):
         raise InvalidMeshError("two boundary loops meet in one vertex: the mesh is not manifold")
@@ -87,12 +121,12 @@ def check_surface(faces: IntArray) -> None:
     InvalidMeshError
         An edge in more than two faces, or neighbours that turn opposite ways.
     """
-    directed = half_edges(faces)
-    undirected, count = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
-    if (count > 2).any():
-        edge = undirected[np.argmax(count > 2)]
-        raise InvalidMeshError(
-            f"edge {tuple(map(int, edge))} lies in {count.max()} faces, at most 2"
-        )
-    if len(np.unique(directed, axis=0)) != len(directed):
+    key = edge_keys(faces)
+    ordered = np.sort(np.where(key < 0, ~key, key))
+    if len(ordered) > 2 and (ordered[2:] == ordered[:-2]).any():
+        worst, count = np.unique(ordered, return_counts=True)
+        edge = divmod(int(worst[count > 2][0]), int(faces.max()) + 1)
+        raise InvalidMeshError(f"edge {edge} lies in {count[count > 2][0]} faces, at most 2")
+    ordered = np.sort(key)
+    if (ordered[1:] == ordered[:-1]).any():
         raise InvalidMeshError("two neighbouring faces turn opposite ways: orient the mesh first")

@@ -219,18 +219,19 @@ def write_vtp(table: TaxelTable, path: Path) -> None:
         ET.SubElement(root, "PolyData"), "Piece", NumberOfPoints=str(n), NumberOfVerts=str(n)
     )
     data = ET.SubElement(piece, "PointData", Scalars="channel", Normals="Normals")
-    _data_array(data, "channel", table.channels)
-    _data_array(data, "module", table.modules)
-    _data_array(data, "Normals", table.normals)
-    _data_array(ET.SubElement(piece, "Points"), "Points", table.positions)
+    data_array(data, "channel", table.channels)
+    data_array(data, "module", table.modules)
+    data_array(data, "Normals", table.normals)
+    data_array(ET.SubElement(piece, "Points"), "Points", table.positions)
     cells = ET.SubElement(piece, "Verts")
-    _data_array(cells, "connectivity", np.arange(n))
-    _data_array(cells, "offsets", np.arange(1, n + 1))
+    data_array(cells, "connectivity", np.arange(n))
+    data_array(cells, "offsets", np.arange(1, n + 1))
     ET.indent(root)
     ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 
 
-def _data_array(parent: ET.Element, name: str, values: np.ndarray) -> None:
+def data_array(parent: ET.Element, name: str, values: np.ndarray) -> None:
+    """Add values (n,) or (n, c) to a VTK XML element, as base64 with their size before them."""
     whole = values.dtype.kind == "i"
     content = values.astype("<i8" if whole else "<f8").tobytes()
     element = ET.SubElement(

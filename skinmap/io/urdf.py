@@ -148,8 +148,10 @@ class UrdfBody:
         return path
 
 
-def read_mesh(path: Path) -> tuple[FloatArray, np.ndarray]:
+def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray]:
     """Vertices (n, 3) and faces (m, 3) of a mesh file in its own units, through trimesh.
+
+    `merge` joins vertices that are closer than 1e-8 units; right for robots, whose unit is known.
 
     Raises
     ------
@@ -164,7 +166,7 @@ def read_mesh(path: Path) -> tuple[FloatArray, np.ndarray]:
     if path.suffix.lower() == ".dae":
         read_xml(path, "a COLLADA mesh", MOST_MESH_BYTES)  # COLLADA is XML with all its doors
     try:
-        mesh = trimesh.load_mesh(str(path))
+        mesh = trimesh.load_mesh(str(path), process=merge)
         vertices = np.asarray(mesh.vertices, np.float64)
         faces = np.asarray(mesh.faces, np.int64)
     except Exception as error:  # each format has its own kinds of failure

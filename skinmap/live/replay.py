@@ -47,6 +47,7 @@ class TouchNamer:
         self, skin: PreparedSkin, classifier: TouchClassifier, *, rule: GroupingRule = RULE
     ) -> None:
         self.skin, self.classifier, self.rule = skin, classifier, rule
+        classifier.prepare(skin)
         self._samples: deque[NDArray[np.uint8]] = deque(maxlen=MEMORY)
         self._felt = np.full(len(skin), -QUIET)  # when each taxel was active last [samples]
         self._now = 0

@@ -120,8 +120,10 @@ class Robot:
             report = self.repair(part)
             link = self.part(part).link
             keep = NORMALS not in self.steps
+            # Robots stand on z: its direction in the link tells which end of a limb is up.
+            up = self.body.poses({})[link][2, :3]
             self._skins[part] = skin_from_table(
-                report.table, self.mesh(link), part, link, keep_normals=keep
+                report.table, self.mesh(link), part, link, keep_normals=keep, up=up
             )
         return self._skins[part]
 

@@ -28,6 +28,8 @@ class Skin:
         [m].
     normals : (n, 3) float
         Unit, outward.
+    up : (3,) float or None
+        What is up for the robot at rest; flat maps are turned by it. None where nobody knows.
     """
 
     part: str
@@ -36,6 +38,7 @@ class Skin:
     modules: IntArray
     positions: FloatArray
     normals: FloatArray
+    up: FloatArray | None = None
 
     def __post_init__(self) -> None:
         positions = check_points(self.positions, "positions")
@@ -47,6 +50,8 @@ class Skin:
                 f"got {channels.shape} and {modules.shape}"
             )
         freeze(self, channels=channels, modules=modules, positions=positions, normals=normals)
+        if self.up is not None:
+            freeze(self, up=check_finite(self.up, "up", (3,)))
 
     def __len__(self) -> int:
         return len(self.channels)
@@ -71,6 +76,7 @@ def skin_from_table(
     *,
     hint: FloatArray | None = None,
     keep_normals: bool = False,
+    up: FloatArray | None = None,
 ) -> Skin:
     """A part's skin from its table and its link's mesh: the stored normals are replaced.
 
@@ -78,4 +84,4 @@ def skin_from_table(
     the file.
     """
     normals = table.normals if keep_normals else repair_normals(table.positions, body, hint)
-    return Skin(part, link, table.channels, table.modules, table.positions, normals)
+    return Skin(part, link, table.channels, table.modules, table.positions, normals, up)

@@ -5,19 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, IntArray, check_faces, check_points, freeze
-from skinmap.errors import InvalidMeshError
-from skinmap.geometry.proximity import median_spacing
+from skinmap.arrays import FloatArray, IntArray, check_faces, freeze
+from skinmap.errors import InvalidMeshError, UnknownNameError
+from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import check_surface, face_components
 from skinmap.geometry.triangles import vertex_areas
 from skinmap.skin.skin import Skin
-from skinmap.surface.merge import consensus, fill_holes
-from skinmap.surface.stars import delaunay_stars
+from skinmap.surface.accurate import accurate_faces
+from skinmap.surface.cloud import make_cloud
+from skinmap.surface.cloud import merge_coincident as merge_coincident
+from skinmap.surface.holes import SMALL_HOLE
+from skinmap.surface.merge import pinched_vertex, without_pinches
+from skinmap.surface.recipe import Limits, consensus_faces
+from skinmap.surface.stars import FEW, NEIGHBOURS
 
-EDGE_LIMIT = 2.5  # in spacings: spans the gap between two modules, not the gap between patches
-MERGE = 1e-2  # in spacings: closer taxels are one vertex
+MESHING = ("consensus", "fast", "accurate")
+DEFAULT = MESHING[0]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -83,7 +88,17 @@ class SurfaceMesh:
         return self.faces[self.face_patches == patch]
 
 
-def build_surface(skin: Skin, *, max_edge: float | None = None) -> SurfaceMesh:
+def build_surface(
+    skin: Skin,
+    *,
+    method: str = DEFAULT,
+    max_edge: float | None = None,
+    merge: float | None = None,
+    least_altitude: float | None = None,
+    largest_hole: int = SMALL_HOLE,
+    faces: ArrayLike | None = None,
+    body: TriangleMesh | tuple[ArrayLike, ArrayLike] | None = None,
+) -> SurfaceMesh:
     """Delaunay surface mesh over all taxels of a skin.
 
     Each taxel votes for the triangles of its own tangent-plane Delaunay star; triangles are
@@ -93,48 +108,91 @@ def build_surface(skin: Skin, *, max_edge: float | None = None) -> SurfaceMesh:
     ----------
     skin : Skin
         Positions and outward normals.
+    method : str
+        One of `MESHING`: "consensus" as above; "fast" with stars of fewer neighbours; "accurate"
+        along the surface of a body, so that taxels on two sides of it are never joined.
     max_edge : float, optional
         Longest edge allowed [m]; 2.5 times the median spacing by default.
+    merge : float, optional
+        Taxels up to this distance from each other [m] share a vertex; 1 % of the spacing.
+    least_altitude : float, optional
+        Flatter triangles [m] are three taxels in a row and left out; 2 % of the spacing.
+    largest_hole : int
+        Inner loops of up to so many vertices are closed; longer ones are real holes.
+    faces : (m, 3) array-like of int, optional
+        Triangles of the user's own over the taxels, counter-clockwise seen from outside: they
+        are checked and taken as they are.
+    body : TriangleMesh or (vertices, faces), optional
+        The link's mesh [m] in the frame of the taxels, for "accurate".
+
+    Raises
+    ------
+    UnknownNameError
+        No such method.
+    InvalidMeshError
+        Fewer than three distinct taxels, none that are close enough to be joined, faces that are
+        no oriented manifold, or no body for "accurate".
+    """
+    if faces is not None:
+        return surface_from_faces(skin, faces)
+    if method not in MESHING:
+        raise UnknownNameError("meshing method", method, MESHING)
+    cloud = make_cloud(skin.positions, skin.normals, merge)
+    limits = Limits.of(cloud, max_edge, least_altitude, largest_hole)
+    if method == "accurate":
+        found = accurate_faces(cloud, limits, _as_body(body, skin))
+    else:
+        neighbours = FEW if method == "fast" else NEIGHBOURS
+        found = consensus_faces(cloud, limits, neighbours=neighbours)
+    if len(found) == 0:
+        raise InvalidMeshError(
+            f"no three of {len(cloud.vertices)} taxels lie within "
+            f"{limits.max_edge * cloud.unit:.3g} m of each other without being in a row: "
+            "no surface there"
+        )
+    return SurfaceMesh(skin, cloud.vertices[found], cloud.representative, by_size(found))
+
+
+def surface_from_faces(skin: Skin, faces: ArrayLike) -> SurfaceMesh:
+    """The surface mesh that a user's own triangles (m, 3) make, with its patches numbered.
 
     Raises
     ------
     InvalidMeshError
-        Fewer than three distinct taxels, or none that are close enough to be joined.
+        No triangle, an index outside, a triangle that names a taxel twice, an edge in more than
+        two, neighbours that turn opposite ways, or patches that meet in one vertex.
     """
-    representative, vertices = merge_coincident(skin.positions)
-    if len(vertices) < 3:
-        raise InvalidMeshError(f"{len(vertices)} distinct taxels make no surface: at least 3")
-    points, normals = skin.positions[vertices], skin.normals[vertices]
-    spacing = median_spacing(points)
-    limit = EDGE_LIMIT * spacing if max_edge is None else max_edge
-    votes = delaunay_stars(points, normals, spacing, limit)
-    faces = consensus(points, normals, votes, spacing)
-    faces = fill_holes(points, normals, faces)
-    if len(faces) == 0:
+    own = check_faces(faces, len(skin))
+    if len(own) == 0:
+        raise InvalidMeshError("no faces: a surface mesh needs at least one triangle")
+    twice = (own == own[:, [1, 2, 0]]).any(axis=1)
+    if twice.any():
+        row = int(np.argmax(twice))
+        raise InvalidMeshError(f"face {row} names a taxel twice: {own[row].tolist()}")
+    check_surface(own)
+    if len(without_pinches(own)) != len(own):
         raise InvalidMeshError(
-            f"no three of {len(vertices)} taxels lie within {limit:.3g} m of each other "
-            "without being in a row: no surface there"
+            f"the faces meet in one vertex only at taxel {pinched_vertex(own)}: not manifold"
         )
-    return SurfaceMesh(skin, vertices[faces], representative, _by_size(faces))
+    return SurfaceMesh(skin, own, np.arange(len(skin)), by_size(own))
 
 
-def merge_coincident(positions: FloatArray) -> tuple[IntArray, IntArray]:
-    """The taxel (n,) that stands for each one, and the taxels (k,) that stand for themselves."""
-    points = check_points(positions, "positions")
-    everyone = np.arange(len(points))
-    distinct = np.unique(points, axis=0)
-    tolerance = MERGE * median_spacing(distinct)
-    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray") if len(points) else []
-    representative = everyone.copy()
-    for low, high in sorted(map(tuple, np.asarray(pairs).reshape(-1, 2).tolist())):
-        representative[high] = min(representative[high], representative[low])
-    return representative, np.flatnonzero(representative == everyone)
-
-
-def _by_size(faces: IntArray) -> IntArray:
+def by_size(faces: IntArray) -> IntArray:
     """(m,) patch of each face, the patch with the most faces first."""
     label = face_components(faces)
     order = np.argsort(-np.bincount(label), kind="stable")
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     return rank[label]
+
+
+def _as_body(body: TriangleMesh | tuple[ArrayLike, ArrayLike] | None, skin: Skin) -> TriangleMesh:
+    if body is None:
+        raise InvalidMeshError(
+            f"method 'accurate' follows the surface of a body, and {skin.part!r} came without "
+            "one: give body=(vertices, faces), or use 'consensus'"
+        )
+    mesh = body if isinstance(body, TriangleMesh) else TriangleMesh(*body)  # type: ignore[arg-type]
+    if len(mesh.faces) == 0:
+        raise InvalidMeshError("the body has no faces: method 'accurate' follows its surface")
+    return mesh

@@ -5,15 +5,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning, UnknownNameError
-from skinmap.flat.bff import bff
+from skinmap.flat.disc import Disc
 from skinmap.flat.distortion import measure_distortion
-from skinmap.flat.flat_map import flatten, flatten_disc, limb_axis
+from skinmap.flat.flat_map import flatten, flatten_disc
 from skinmap.flat.methods import flatteners
-from skinmap.flat.packing import pack, upright
+from skinmap.flat.packing import pack
 from skinmap.geometry.topology import boundary_loops
 from skinmap.geometry.triangles import face_areas, signed_areas
 
-FREE = ["bff", "fast", "lscm", "arap", "balanced", "slim", "accurate"]
+FREE = ["bff", "fast", "lscm", "arap", "balanced", "slim", "dirichlet", "accurate"]
 FIXED = ["tutte", "harmonic"]
 
 
@@ -52,7 +52,7 @@ def test_bff_keeps_the_lengths_of_the_border(sphere):
     used, compact = np.unique(cap, return_inverse=True)
     points, disc = vertices[used], compact.reshape(-1, 3)
     (loop,) = boundary_loops(disc)
-    uv = bff(points, disc, loop)
+    uv = Disc(points, disc, loop).conformal
     length = np.linalg.norm(points[loop] - points[np.roll(loop, -1)], axis=1)
     flat = np.linalg.norm(uv[loop] - uv[np.roll(loop, -1)], axis=1)
     # Lengths change only as far as closing the discrete curve needs.
@@ -82,7 +82,7 @@ def test_icub_is_flattened_without_flips_and_within_the_bounds(prepared, icub):
     strain = [100 * chart.distortion.edge_rms for flat in maps for chart in flat.charts]
     assert len(strain) == 23
     assert sum(flat.flips for flat in maps) == 0
-    assert np.median(strain) <= 0.6
+    assert np.median(strain) <= 0.5
     assert max(strain) <= 1.4
     assert not any(chart.fallback for flat in maps for chart in flat.charts)
     for flat in maps:
@@ -95,38 +95,12 @@ def test_hole_of_the_torso_stays_open(prepared):
     assert len(boundary_loops(chart.faces)) == 2
 
 
-def test_charts_of_a_part_do_not_overlap(prepared):
-    flat = prepared("left_arm").flat
-    boxes = [
-        (flat.uv[chart.taxels].min(axis=0), flat.uv[chart.taxels].max(axis=0))
-        for chart in flat.charts
-    ]
-    for i, (low, high) in enumerate(boxes):
-        for other_low, other_high in boxes[i + 1 :]:
-            assert (low > other_high).any() or (other_low > high).any()
-
-
 def test_packed_charts_keep_their_size(prepared):
     flat = prepared("left_arm").flat
     for chart in flat.charts:
         packed = flat.uv[chart.taxels]
         shift = packed - chart.uv
         assert_allclose(shift, np.broadcast_to(shift[0], shift.shape), atol=1e-12)
-
-
-def test_limb_axis_points_up(prepared):
-    flat = prepared("left_leg_upper").flat
-    axis = limb_axis(flat.mesh.vertices)
-    for chart in flat.charts:
-        height = flat.mesh.vertices[chart.taxels] @ axis
-        assert np.corrcoef(height, chart.uv[:, 1])[0, 1] > 0.7
-
-
-def test_upright_turns_the_height_up(rng):
-    uv = rng.normal(size=(30, 2))
-    angle = 2.0
-    turned = uv @ np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    assert_allclose(upright(turned, uv[:, 1]), uv - uv.mean(axis=0), atol=1e-12)
 
 
 def test_pack_places_every_chart_once(rng):
@@ -139,7 +113,7 @@ def test_pack_places_every_chart_once(rng):
 def test_flatten_disc_falls_back_and_says_so(half_cylinder, monkeypatch):
     vertices, faces = half_cylinder
     monkeypatch.setitem(flatteners._own, "bad", lambda v, f, loop: v[:, :2] * [-1, 1])
-    with pytest.warns(SkinWarning, match="bad flips, bff is used"):
+    with pytest.warns(SkinWarning, match="bad flips or fails, bff is used"):
         _, used, _ = flatten_disc(vertices, faces, method="bad")
     assert used == "bff"
 
@@ -168,7 +142,9 @@ def test_flatten_disc_refuses_reversed_faces(square_grid):
 
 
 def test_flatten_names_the_methods(prepared):
-    with pytest.raises(UnknownNameError, match="no flattening method 'best'; there is: bff, fast"):
+    with pytest.raises(
+        UnknownNameError, match="no flattening method 'best'; there is: tutte, harmonic"
+    ):
         flatten(prepared("left_hand").mesh, method="best")
 
 
@@ -181,9 +157,11 @@ def test_flatten_mesh_takes_every_component_of_a_soup(square_grid, sphere):
     vertices = np.concatenate([grid[faces].reshape(-1, 3), ball[ball_faces].reshape(-1, 3) + 5.0])
     soup = np.arange(len(vertices)).reshape(-1, 3)
     vertices = np.concatenate([vertices, [[9.0, 9, 9]]])
-    flat, cut = sorted(flatten_mesh(vertices, soup), key=lambda chart: len(chart.vertices))
-    assert (len(flat.vertices), flat.seam_length) == (36, 0.0)
+    laid = flatten_mesh(vertices, soup)
+    cut, flat = laid.charts  # the largest first
+    assert (len(flat.taxels), flat.seam_length) == (36, 0.0)
     assert flat.distortion.edge_rms < 1e-7
     assert cut.distortion.flips == 0
     assert cut.seam_length > 0
-    assert face_areas(vertices[flat.vertices], flat.faces).sum() == pytest.approx(1.0)
+    rows = laid.mesh.skin.channels[flat.taxels]
+    assert face_areas(vertices[rows], flat.faces).sum() == pytest.approx(1.0)

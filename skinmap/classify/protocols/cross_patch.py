@@ -7,15 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from sklearn.base import BaseEstimator
 
 from skinmap.classify.classifier import TouchClassifier, classifiers
-from skinmap.classify.descriptors import Touch
+from skinmap.classify.descriptors import Histograms, Touch
 from skinmap.classify.evaluate import score
 from skinmap.classify.protocols.patches import Patch
 from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
 from skinmap.errors import InvalidArrayError
 
-DEFAULTS = ("contact-geometry", "histogram", "paper")
+DEFAULTS = ("contact-geometry", "histogram", "histogram:nearest", "paper")
+NEAREST = ":nearest"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -90,15 +92,41 @@ def run_trial(trial: Trial) -> dict[str, dict[str, Any]]:
         found[patch.name] = {
             "accuracy": got.accuracy,
             "touches": got.touches,
+            "unknown": got.unknown,
             "per_label": dict(got.per_label),
             "counts": _counts(patch.touches),
         }
     return found
 
 
+def check_carries_over(names: Sequence[str]) -> None:
+    """Refuse classifiers that know one skin only.
+
+    Raises
+    ------
+    InvalidArrayError, UnknownNameError
+    """
+    for name in names:
+        if getattr(make(name).descriptor, "one_skin", False):
+            raise InvalidArrayError(
+                f"{name!r} learns the taxels of one part: it cannot be tested on another"
+            )
+
+
 def make(name: str) -> TouchClassifier:
-    """An untrained classifier by its name."""
-    return classifiers.get(name)()
+    """An untrained classifier by its name; "histogram:nearest" adopts unseen structures.
+
+    Raises
+    ------
+    UnknownNameError, InvalidArrayError
+        No such classifier, or one without structures that could be adopted.
+    """
+    model = classifiers.get(name.removesuffix(NEAREST))()
+    if name.endswith(NEAREST):
+        if not isinstance(model.descriptor, Histograms):
+            raise InvalidArrayError(f"{name!r}: only histograms know structures")
+        model.descriptor.unseen = "nearest"
+    return model
 
 
 def _counts(touches: Sequence[Touch]) -> dict[str, int]:
@@ -119,16 +147,27 @@ def summarise(name: str, seeds: Sequence[dict[str, dict[str, Any]]]) -> dict[str
                 right[label] = right.get(label, 0.0) + share * found["counts"][label]
                 total[label] = total.get(label, 0) + found["counts"][label]
     means = [float(np.mean([found["accuracy"] for found in s.values()])) for s in seeds]
-    model = make(name)
     worst = min(per_patch, key=lambda patch: per_patch[patch])
     return {
         "features": name,
-        "classifier": type(model.estimator).__name__,
+        "classifier": _machine(make(name).estimator),
         "mean": float(np.mean(means)),
         "std": float(np.std(means, ddof=1)) if len(means) > 1 else 0.0,
         "worst": per_patch[worst],
         "worst_patch": worst,
         "per_patch": per_patch,
         "per_class": {label: right[label] / total[label] for label in total},
+        "unknown": float(np.mean([found["unknown"] for s in seeds for found in s.values()])),
         "touches": sum(total.values()),
     }
+
+
+def _machine(estimator: Any) -> str:
+    """The class that decides, without what calibrates or prepares for it."""
+    while True:
+        if hasattr(estimator, "steps"):
+            estimator = estimator.steps[-1][1]
+        elif isinstance(getattr(estimator, "estimator", None), BaseEstimator):
+            estimator = estimator.estimator
+        else:
+            return type(estimator).__name__

@@ -89,9 +89,11 @@ def _choose(
     inner = make_folds(kind, labels[train], events[train], folds=able, rng=rng)
     right = [
         sum(
-            np.count_nonzero(
-                _predict(kernel.grams[which], labels, train[fit], train[check], c)
-                == labels[train[check]]
+            int(
+                np.count_nonzero(
+                    _predict(kernel.grams[which], labels, train[fit], train[check], c)
+                    == labels[train[check]]
+                )
             )
             for fit, check in inner
         )

@@ -10,6 +10,7 @@ import numpy as np
 
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
+from skinmap.classify.evaluate import likeliest
 from skinmap.classify.protocols.folds import FoldKind, make_folds, recalls
 from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
 from skinmap.errors import InvalidArrayError, SkinError, SkinMismatchError, UnknownNameError
@@ -176,7 +177,7 @@ def _cross_validate(trial: Trial, rng: np.random.Generator) -> tuple[np.ndarray,
     named, truth = [], []
     for train, test in sides:
         model = classifiers.get(trial.classifier)().fit(train, rng=rng)
-        named += [model.predict(touch).label for touch in test]
+        named += [likeliest(model, touch).label for touch in test]
         truth += [touch.label for touch in test]
     return np.array(named), np.array(truth)
 

@@ -14,13 +14,14 @@ from skinmap.errors import InvalidArrayError
 from skinmap.neighbours.offsets import Neighbourhoods, flat_map_directions, neighbourhoods
 from skinmap.neighbours.structures import Prototypes, Structures, assign, find_structures
 from skinmap.skin.skin import Skin
-from skinmap.touch.codebook import Codebook, histograms, learn_codebook
+from skinmap.touch.codebook import Codebook, learn_codebook
 from skinmap.touch.contacts import ACTIVE
 from skinmap.touch.gestures import ON_SKIN
 from skinmap.touch.people import Places, draw_subjects
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulator import SUBJECTS, Player, place, prepare
+from skinmap.touch.votes import VoteCounter
 
 COUNTS = 255.0
 BOOK_TOUCHES = 12  # touches of each gesture that the codebook is learnt from, and nothing else
@@ -89,7 +90,7 @@ def draw_samples(
     recording, on_skin = _play(skin.skin, tuple(counts), touches, places, rng)
     seen = dict.fromkeys(counts, 0)
     rows: dict[str, list[IntArray]] = {name: [] for name in counts}
-    book = []
+    book: list[IntArray] = []
     touched = (recording.pressures > ACTIVE).any(axis=1)
     for event, label in enumerate(recording.labels):
         own = np.flatnonzero((recording.events == event) & touched)
@@ -204,4 +205,4 @@ def count_votes(
     codebook: Codebook, structures: Structures, pressures: NDArray[np.uint8]
 ) -> FloatArray:
     """(n, bins) histograms of samples (n, n_taxels)."""
-    return histograms(codebook, structures, pressures / COUNTS).astype(np.float64)
+    return VoteCounter(codebook, structures).count(pressures).astype(np.float64)

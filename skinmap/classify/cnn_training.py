@@ -1,0 +1,144 @@
+"""Training of the convolutional networks: the only place that needs torch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from skinmap.arrays import IntArray
+from skinmap.classify.convolution import Float32, Network
+from skinmap.errors import InvalidArrayError, MissingLibraryError
+
+WARM_UP = 5  # epochs of the schedule "cosine" in which the rate grows: full steps kill a fresh net
+STEP_AT, STEP_TO = 2 / 3, 0.1  # of the schedule "step": when, and to which share
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """Size and training of a network, see `cnn.Layout` and `cnn.ContactImageCNN`."""
+
+    channels: int
+    kernel: int
+    momentum: float
+    epochs: int
+    batch: int
+    learning_rate: float
+    schedule: str
+    mirror: bool
+    shift: int
+
+    def __post_init__(self) -> None:
+        if min(self.epochs, self.batch, self.shift + 1) < 1 or not 0 < self.learning_rate < np.inf:
+            raise InvalidArrayError(
+                f"epochs and batch must be at least 1, shift at least 0 and the learning rate "
+                f"above 0, got {self.epochs}, {self.batch}, {self.shift}, {self.learning_rate}"
+            )
+
+    def rate(self, epoch: int) -> float:
+        """Learning rate of an epoch, 0 first."""
+        done = epoch / self.epochs
+        share = {
+            "constant": 1.0,
+            "step": STEP_TO if done >= STEP_AT else 1.0,
+            "cosine": 0.5 * (1.0 + np.cos(np.pi * done)) * min(1.0, (epoch + 1) / WARM_UP),
+        }
+        if self.schedule not in share:
+            raise InvalidArrayError(f"no schedule {self.schedule!r}; there is: {', '.join(share)}")
+        return self.learning_rate * float(share[self.schedule])
+
+
+def train(
+    images: Float32, labels: IntArray, names: tuple[str, ...], recipe: Recipe, *, seed: int
+) -> Network:
+    """Train on images (n, rows, columns) of 0 to 1 and labels (n,) of 0 to len(names) - 1.
+
+    Raises
+    ------
+    InvalidArrayError
+        The loss ran away: the learning rate is too large.
+    """
+    torch = _torch()
+    with _one_thread(torch), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        net = _build(torch, images.shape[1:], len(names), recipe)
+        descent = torch.optim.SGD(
+            net.parameters(), lr=recipe.learning_rate, momentum=recipe.momentum
+        )
+        seen, wanted = torch.from_numpy(images[:, None].copy()), torch.from_numpy(labels.copy())
+        for epoch in range(recipe.epochs):
+            for group in descent.param_groups:
+                group["lr"] = recipe.rate(epoch)
+            for batch in torch.randperm(len(seen)).split(recipe.batch):
+                shown = _varied(torch, seen[batch], recipe)
+                loss = torch.nn.functional.cross_entropy(net(shown), wanted[batch])
+                descent.zero_grad()
+                loss.backward()
+                descent.step()
+        if not bool(torch.isfinite(loss)):
+            raise InvalidArrayError(
+                f"training ran away at a learning rate of {recipe.learning_rate:g}: lower it"
+            )
+        return _network(net, (images.shape[1], images.shape[2]), names)
+
+
+def _build(torch: Any, shape: tuple[int, ...], classes: int, recipe: Recipe) -> Any:
+    nn = torch.nn
+    layers: list[Any] = []
+    into, (rows, columns) = 1, shape
+    for _ in range(3):
+        layers += [nn.Conv2d(into, recipe.channels, recipe.kernel, padding="same")]
+        layers += [nn.ReLU(), nn.MaxPool2d(2)]
+        into, rows, columns = recipe.channels, rows // 2, columns // 2
+    layers += [nn.Flatten(), nn.Linear(into * rows * columns, classes)]
+    for layer in layers:
+        if hasattr(layer, "weight"):
+            # He et al., "Delving Deep into Rectifiers", ICCV 2015.
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+            nn.init.zeros_(layer.bias)
+    return nn.Sequential(*layers)
+
+
+def _varied(torch: Any, images: Any, recipe: Recipe) -> Any:
+    """Each image (n, 1, rows, columns) mirrored and shifted by chance, as the recipe allows."""
+    n, _, rows, columns = images.shape
+    for axis in (2, 3) if recipe.mirror else ():
+        turned = torch.rand(n) < 0.5
+        images = torch.where(turned[:, None, None, None], images.flip(axis), images)
+    if recipe.shift == 0:
+        return images
+    wide = torch.nn.functional.pad(images, [recipe.shift] * 4)
+    start = torch.randint(0, 2 * recipe.shift + 1, (2, n, 1))
+    row, column = start[0] + torch.arange(rows), start[1] + torch.arange(columns)
+    return wide[torch.arange(n)[:, None, None], 0, row[:, :, None], column[:, None, :]][:, None]
+
+
+def _network(net: Any, shape: tuple[int, int], names: tuple[str, ...]) -> Network:
+    arrays = [parameter.detach().numpy().copy() for parameter in net.parameters()]
+    *convolutions, weight, bias = arrays
+    return Network(shape, tuple(convolutions[::2]), tuple(convolutions[1::2]), weight, bias, names)
+
+
+@contextmanager
+def _one_thread(torch: Any) -> Iterator[None]:
+    """More threads cost more than they give on images as small as these."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def _torch() -> ModuleType:
+    try:
+        import torch
+    except ImportError as error:
+        raise MissingLibraryError(
+            "training a network needs torch: pip install 'skinmap[torch]'"
+        ) from error
+    return torch

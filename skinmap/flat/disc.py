@@ -1,0 +1,126 @@
+"""What all flattening methods of one disc share: operators, factors, the conformal start."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array, csr_array
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.flat.factorisation import Solve, factorise
+from skinmap.geometry.triangles import signed_areas
+
+
+class Disc:
+    """A disc to flatten; whatever is computed once serves every method that runs on it.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float
+        [m]; every vertex belongs to a face.
+    faces : (m, 3) array of int
+    loop : (b,) array of int
+        The boundary, in the direction of the faces.
+    """
+
+    def __init__(self, vertices: FloatArray, faces: IntArray, loop: IntArray) -> None:
+        self.vertices, self.faces, self.loop = vertices, faces, loop
+
+    @cached_property
+    def inner(self) -> IntArray:
+        """(k,) vertices that are not on the border."""
+        inside = np.ones(len(self.vertices), bool)
+        inside[self.loop] = False
+        return np.flatnonzero(inside)
+
+    @cached_property
+    def _corners(self) -> tuple[FloatArray, FloatArray]:
+        """(m, 3) dot product and length of the cross product of the edges at each corner [m2]."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        sides = b - a, c - b, a - c
+        dot = [-np.einsum("ij,ij->i", sides[k], sides[k - 1]) for k in range(3)]
+        double = np.linalg.norm(np.cross(sides[0], sides[1]), axis=1)
+        return np.column_stack(dot), double
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """(m,) areas of the triangles [m2]."""
+        return np.asarray(0.5 * self._corners[1])
+
+    @property
+    def smallest_altitudes(self) -> FloatArray:
+        """(m,) twice the area over the longest side [m]."""
+        dot, double = self._corners
+        # The square of the side opposite a corner is the sum of the other two dot products.
+        square = dot.sum(axis=1, keepdims=True) - dot
+        longest = np.sqrt(np.maximum(square.max(axis=1), 0.0))
+        return np.divide(double, longest, out=np.zeros_like(longest), where=longest > 0)
+
+    @cached_property
+    def angle_sums(self) -> FloatArray:
+        """(n,) sum of the angles round each vertex [rad]."""
+        dot, double = self._corners
+        angle = np.arctan2(double[:, None], dot).ravel()
+        sums = np.bincount(self.faces.ravel(), angle, minlength=len(self.vertices))
+        return np.asarray(sums, np.float64)
+
+    @cached_property
+    def laplacian(self) -> csc_array:
+        """(n, n) cotangent Laplacian, positive semidefinite (Pinkall and Polthier 1993)."""
+        dot, double = self._corners
+        weight = (0.5 * dot / double[:, None]).ravel()  # of the edge opposite each corner
+        i, j = self.faces[:, [1, 2, 0]].ravel(), self.faces[:, [2, 0, 1]].ravel()
+        n = len(self.vertices)
+        diagonal = np.bincount(i, weight, minlength=n) + np.bincount(j, weight, minlength=n)
+        every = np.arange(n)
+        values = np.concatenate([-weight, -weight, diagonal])
+        places = np.concatenate([i, j, every]), np.concatenate([j, i, every])
+        return coo_array((values, places), shape=(n, n)).tocsc()
+
+    @cached_property
+    def gradient(self) -> csr_array:
+        """(2 m, n) derivatives along x and y of each triangle's own plane, x along edge 0-1.
+
+        Rows 2 f and 2 f + 1 belong to face f: `gradient @ uv` reshaped to (m, 2, 2) holds the
+        transposed Jacobians.
+        """
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        width = np.linalg.norm(b - a, axis=1)
+        height = self._corners[1] / width
+        foot = np.einsum("ij,ij->i", c - a, b - a) / width
+        along = np.column_stack([-1.0 / width, 1.0 / width, np.zeros(len(width))])
+        across = np.column_stack([(foot / width - 1.0), -foot / width, np.ones(len(width))])
+        values = np.stack([along, across / height[:, None]], axis=1)
+        columns = np.repeat(self.faces[:, None, :], 2, axis=1)
+        rows = np.arange(0, values.size + 1, 3)
+        shape = (2 * len(self.faces), len(self.vertices))
+        return csr_array((values.ravel(), columns.ravel(), rows), shape=shape)
+
+    @cached_property
+    def divergence(self) -> csr_array:
+        """(n, 2 m) transpose of `gradient`."""
+        return self.gradient.T.tocsr()
+
+    @cached_property
+    def solve_free(self) -> Solve:
+        """Solver of the Laplacian with a free border and vertex 0 kept in place."""
+        solve = factorise(self.laplacian[1:, 1:])
+
+        def solve_from_zero(right: FloatArray) -> FloatArray:
+            return np.concatenate([np.zeros_like(right[:1]), solve(right[1:])])
+
+        return solve_from_zero
+
+    @cached_property
+    def conformal(self) -> FloatArray:
+        """(n, 2) the map of boundary first flattening [m]."""
+        from skinmap.flat.bff import boundary_first
+
+        return boundary_first(self)
+
+    def is_injective(self, uv: FloatArray) -> bool:
+        """Whether a map (n, 2) is finite and keeps the side of every triangle."""
+        if uv.shape != (len(self.vertices), 2) or not np.isfinite(uv).all():
+            return False
+        return bool((signed_areas(uv, self.faces) > 0.0).all())

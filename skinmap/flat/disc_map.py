@@ -1,0 +1,175 @@
+"""One surface with a border laid flat: checks before, the method, checks after, a fallback."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
+from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning
+from skinmap.flat.budget import Choice, within_budget
+from skinmap.flat.disc import Disc
+from skinmap.flat.methods import apply_flattener
+from skinmap.geometry.topology import boundary_loops, check_surface, loop_length
+from skinmap.geometry.triangles import cross_products, unit
+from skinmap.surface.holes import close_loop
+
+logger = logging.getLogger(__name__)
+
+DEFAULT = "balanced"
+HOLE_SHARE = 0.35  # a hole's length against the border's: up to here it is filled for the solve
+FALLBACKS = ("bff", "dirichlet", "tutte")  # the last never flips a triangle but for rounding
+NO_AREA = 1e-12  # smallest altitude against the size of the surface that numbers still resolve
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DiscMap:
+    """A flat map that passed our checks.
+
+    Attributes
+    ----------
+    uv : (n, 2) float
+        Finite and free of flips [m].
+    method : str
+        The method that made it.
+    fallback : bool
+        Whether the method asked for failed and this is another.
+    holes : int
+        Boundary loops beside the outer one.
+    reason : str
+        Why this method, where `auto` chose it; otherwise empty.
+    """
+
+    uv: FloatArray
+    method: str
+    fallback: bool
+    holes: int
+    reason: str = ""
+
+
+def flatten_disc(
+    vertices: FloatArray, faces: IntArray, *, method: str = DEFAULT, where: str = "mesh"
+) -> tuple[FloatArray, str, int]:
+    """Flat coordinates, method and number of holes of `map_disc`, without a budget."""
+    flat = map_disc(vertices, faces, method=method, where=where)
+    return flat.uv, flat.method, flat.holes
+
+
+def map_disc(
+    vertices: FloatArray,
+    faces: IntArray,
+    *,
+    method: str = DEFAULT,
+    where: str = "mesh",
+    max_seconds: float | None = None,
+    max_edge_rms: float | None = None,
+) -> DiscMap:
+    """Flatten one connected surface with a border; small holes are filled for the solve.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float
+        [m]; every vertex belongs to a face.
+    faces : (m, 3) array of int
+    method : str
+        One of `flatteners.names()`.
+    where : str
+        How messages call it.
+    max_seconds : float, optional
+        For `auto`: CPU time to keep to [s].
+    max_edge_rms : float, optional
+        For `auto`: edge error to reach, 0.01 for 1 %.
+
+    Raises
+    ------
+    InvalidArrayError, InvalidMeshError
+        Values that are not finite, vertices that no face uses, faces that are no surface.
+    FlatteningError
+        No border, a hole too wide to fill (a tube), a triangle without area, or one that no
+        method keeps from flipping.
+    """
+    disc, size, holes = _prepare(vertices, faces, where)
+    if method == "auto":
+        choice = _choose(disc, max_seconds, max_edge_rms)
+        if choice is not None:
+            if not choice.met:
+                words = f"{where}: no method keeps to the budget; {choice.method} comes nearest"
+                warnings.warn(f"{words} ({choice.reason})", SkinWarning, stacklevel=3)
+            return DiscMap(choice.uv * size, choice.method, False, holes, choice.reason)
+    for name in (method, *FALLBACKS):
+        uv = _attempt(name, disc)
+        if uv is not None:
+            break
+    else:
+        raise FlatteningError(f"{where}: neither {method} nor a convex map is free of flips")
+    if name != method:
+        warnings.warn(
+            f"{where}: {method} flips or fails, {name} is used", SkinWarning, stacklevel=3
+        )
+    return DiscMap(uv * size, name, name != method, holes)
+
+
+def _choose(disc: Disc, max_seconds: float | None, max_edge_rms: float | None) -> Choice | None:
+    """What `auto` takes; None where it fails or flips."""
+    try:
+        choice = within_budget(disc, max_seconds=max_seconds, max_edge_rms=max_edge_rms)
+    except (ArithmeticError, ValueError, RuntimeError):  # a singular matrix, whatever it is called
+        logger.info("flattening method auto fails", exc_info=True)
+        return None
+    return choice if disc.is_injective(choice.uv) else None
+
+
+def _attempt(name: str, disc: Disc) -> FloatArray | None:
+    """Coordinates (n, 2) by one method; None where it fails, flips or is not finite."""
+    try:
+        uv = apply_flattener(name, disc)
+    except Exception:  # whatever a library or a plug-in stumbles over, another method may not
+        logger.info("flattening method %s fails", name, exc_info=True)
+        return None
+    return uv if disc.is_injective(uv) else None
+
+
+def _prepare(vertices: FloatArray, faces: IntArray, where: str) -> tuple[Disc, float, int]:
+    """The surface at unit size round its centre, holes filled; its size [m] and holes."""
+    _check_input(vertices, faces, where)
+    loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
+    if not loops:
+        raise FlatteningError(f"{where} is closed: cut it open first")
+    filled = [faces]
+    for loop in loops[1:]:
+        if loop_length(vertices, loop) > HOLE_SHARE * loop_length(vertices, loops[0]):
+            raise FlatteningError(f"{where} is a tube or has a wide hole: cut it open first")
+        filled.append(close_loop(vertices, _vertex_normals(vertices, faces), loop))
+    centre, size = vertices.mean(axis=0), float(np.ptp(vertices, axis=0).max())
+    disc = Disc((vertices - centre) / (size or 1.0), np.concatenate(filled), loops[0])
+    if disc.smallest_altitudes[: len(faces)].min() <= NO_AREA:
+        raise FlatteningError(f"{where} has a triangle without area")
+    # Every vertex is used and every edge lies in two faces but for those of the outer loop.
+    edges = (3 * len(disc.faces) + len(loops[0])) // 2
+    if (number := len(vertices) - edges + len(disc.faces)) != 1:
+        raise FlatteningError(f"{where} is no disc: Euler number {number}")
+    return disc, size, len(loops) - 1
+
+
+def _check_input(vertices: FloatArray, faces: IntArray, where: str) -> None:
+    if len(faces) == 0:
+        raise FlatteningError(f"{where} has no faces")
+    check_points(vertices, f"vertices of {where}")
+    check_faces(faces, len(vertices))
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    if not used.all():
+        raise InvalidMeshError(
+            f"vertex {int(np.argmin(used))} belongs to no face of {where}: drop it first"
+        )
+    check_surface(faces)
+
+
+def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    normals = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(normals, faces[:, corner], cross_products(vertices, faces))
+    return unit(normals)

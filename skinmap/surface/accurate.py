@@ -1,0 +1,183 @@
+"""Meshing along the surface of a body: who is next to whom is measured on it, not through it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import block_array, coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.proximity import closest_on_mesh
+from skinmap.geometry.topology import edges
+from skinmap.geometry.triangles import unit
+from skinmap.surface.body_surface import fine_surface, walking_graph
+from skinmap.surface.cloud import Cloud
+from skinmap.surface.merge import consensus
+from skinmap.surface.recipe import Limits, close_small_holes
+from skinmap.surface.stars import contains, delaunay_stars
+
+LIFT = 0.3  # in spacings: taxels are dropped onto the body from there, so on their own side of it
+CROWD = 40  # nearest others, of which those on the far side of a thin part are none of a star
+STRETCH = 1.6  # way along the body against straight way: on a flat lattice at most 1.16
+SLACK = 0.5  # in spacings: added to it, for taxels that nearly touch
+DUAL_VOTES = 2  # of a triangle of the Voronoi dual, beside up to three of its taxels' stars
+ROW_HEIGHT = 0.86  # of a hexagonal lattice, in spacings: so many rings reach the longest edge
+MOST_RINGS = 6
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class VoronoiDual:
+    """Voronoi cells of taxels on a surface, measured along it.
+
+    Attributes
+    ----------
+    triangles : (t, 3) int
+        Taxels whose cells meet in a point, counter-clockwise seen from outside.
+    neighbours : (n, n) sparse
+        Distance along the surface of taxels whose cells touch.
+    """
+
+    triangles: IntArray
+    neighbours: csr_array
+
+
+def accurate_faces(cloud: Cloud, limits: Limits, body: TriangleMesh) -> IntArray:
+    """Faces (m, 3) over a cloud along a body [m].
+
+    The dual of the taxels' geodesic Voronoi cells votes first. Where cells are too coarsely
+    known, stars of those neighbours that are near along the body too fill the gaps.
+    """
+    surface = fine_surface(TriangleMesh(cloud.to_units(body.vertices), body.faces), cloud.spacing)
+    dual = voronoi_dual(cloud, surface)
+    reached = near_along(dual.neighbours, _rings(cloud, limits), 2.0 * limits.max_edge)
+    near = _as_near_as_seen(cloud, reached)
+    votes = delaunay_stars(
+        cloud.points,
+        cloud.normals,
+        cloud.spacing,
+        limits.max_edge,
+        neighbours=CROWD,
+        allowed=near,
+    )
+    triangles = _within(cloud, dual.triangles, near, limits.max_edge)
+    weights = np.repeat([DUAL_VOTES, 1], [len(triangles), len(votes)])
+    faces = consensus(
+        cloud.points,
+        cloud.normals,
+        np.concatenate([triangles, votes]),
+        limits.least_altitude,
+        weights=weights,
+    )
+    return close_small_holes(cloud, limits, faces)
+
+
+def voronoi_dual(cloud: Cloud, surface: TriangleMesh) -> VoronoiDual:
+    """Which taxels of a cloud are neighbours along a fine surface mesh in its units.
+
+    References
+    ----------
+    Peyré and Cohen, "Geodesic Remeshing Using Front Propagation", IJCV 69, 2006 (here by
+    shortest paths over the vertices of a mesh finer than the taxels).
+    """
+    n, k = len(surface.vertices), len(cloud.points)
+    lifted = cloud.points + LIFT * cloud.spacing * unit(cloud.normals)
+    _, face, site = closest_on_mesh(lifted, surface.vertices, surface.faces)
+    graph = walking_graph(surface)
+    onto = _landings(graph, surface, face, site)
+    whole = block_array([[graph, onto], [onto.T, None]], format="csr")
+    way, _, source = dijkstra(
+        whole,
+        directed=False,
+        indices=np.arange(n, n + k),
+        min_only=True,
+        return_predecessors=True,
+    )
+    way, owner = way[:n], source[:n].astype(np.int64) - n
+    corner = owner[surface.faces]
+    apart = (corner != corner[:, [1, 2, 0]]).all(axis=1) & (corner >= 0).all(axis=1)
+    return VoronoiDual(corner[apart], _touching(surface, way, owner, k))
+
+
+def _landings(
+    graph: csr_array, surface: TriangleMesh, face: IntArray, site: FloatArray
+) -> csr_array:
+    """(n, k) distance from each taxel's place on the surface to the vertices around it."""
+    n, k = len(surface.vertices), len(site)
+    corners = coo_array(
+        (np.ones(3 * k), (np.repeat(np.arange(k), 3), surface.faces[face].ravel())), shape=(k, n)
+    ).tocsr()
+    # The corners of its triangle and all next to them: paths then start in many directions.
+    around = (corners @ (graph > 0) + corners).tocoo()
+    taxel, vertex = around.coords
+    length = np.linalg.norm(site[taxel] - surface.vertices[vertex], axis=1)
+    # A stored zero would be no edge at all.
+    smallest = np.finfo(np.float64).tiny
+    return coo_array((np.maximum(length, smallest), (vertex, taxel)), shape=(n, k)).tocsr()
+
+
+def _touching(surface: TriangleMesh, way: FloatArray, owner: IntArray, k: int) -> csr_array:
+    """Symmetric (k, k) shortest way between taxels whose cells share an edge of the surface."""
+    pairs = edges(surface.faces)
+    first, second = owner[pairs].T
+    across = (first != second) & (first >= 0) & (second >= 0)
+    pairs, first, second = pairs[across], first[across], second[across]
+    length = np.linalg.norm(surface.vertices[pairs[:, 0]] - surface.vertices[pairs[:, 1]], axis=1)
+    length = length + way[pairs].sum(axis=1)
+    return _shortest(
+        np.concatenate([first, second]), np.concatenate([second, first]), np.tile(length, 2), k
+    )
+
+
+def near_along(neighbours: csr_array, rings: int, limit: float) -> csr_array:
+    """(n, n) shortest way over at most so many steps between neighbours, up to a limit."""
+    n = neighbours.shape[0]
+    step = neighbours.tocsr()
+    reached = step
+    for _ in range(rings - 1):
+        start, middle = reached.tocoo().coords
+        degree = np.diff(step.indptr)[middle]
+        entry = np.repeat(step.indptr[middle] - np.cumsum(degree) + degree, degree)
+        entry = entry + np.arange(len(entry))
+        length = np.repeat(reached.data, degree) + step.data[entry]
+        rows, columns = np.repeat(start, degree), step.indices[entry]
+        keep = (length <= limit) & (rows != columns)
+        known = reached.tocoo()
+        reached = _shortest(
+            np.concatenate([known.coords[0], rows[keep]]).astype(np.int64),
+            np.concatenate([known.coords[1], columns[keep]]).astype(np.int64),
+            np.concatenate([known.data, length[keep]]),
+            n,
+        )
+    return reached
+
+
+def _shortest(rows: IntArray, columns: IntArray, length: FloatArray, n: int) -> csr_array:
+    """(n, n) smallest of the lengths given for each pair."""
+    key = rows * n + columns
+    order = np.lexsort((length, key))
+    key, first = np.unique(key[order], return_index=True)
+    return coo_array((length[order][first], np.divmod(key, n)), shape=(n, n)).tocsr()
+
+
+def _rings(cloud: Cloud, limits: Limits) -> int:
+    return int(np.clip(np.ceil(limits.max_edge / (ROW_HEIGHT * cloud.spacing)), 1, MOST_RINGS))
+
+
+def _as_near_as_seen(cloud: Cloud, reached: csr_array) -> csr_array:
+    """The pairs of `reached` whose way along the body is not much longer than the straight one."""
+    pairs = reached.tocoo()
+    first, second = pairs.coords
+    straight = np.linalg.norm(cloud.points[first] - cloud.points[second], axis=1)
+    keep = pairs.data <= STRETCH * straight + SLACK * cloud.spacing
+    return coo_array((pairs.data[keep], (first[keep], second[keep])), shape=reached.shape).tocsr()
+
+
+def _within(cloud: Cloud, triangles: IntArray, near: csr_array, limit: float) -> IntArray:
+    """The triangles (t, 3) whose edges are all between near taxels and within a limit."""
+    first, second = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
+    length = np.linalg.norm(cloud.points[first] - cloud.points[second], axis=1)
+    fits = (length <= limit) & contains(near, first, second)
+    return triangles[fits.reshape(-1, 3).all(axis=1)]

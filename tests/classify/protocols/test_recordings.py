@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skinmap.classify.protocols.recordings import evaluate_recordings, labelled_touches
+from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.touch.recording import Recording
+from skinmap.touch.simulator import simulate
+
+PART = "left_forearm"
+
+
+@pytest.fixture(scope="module")
+def recording(icub):
+    return simulate(icub.skin(PART), rng=np.random.default_rng(8), per_gesture=8)
+
+
+@pytest.fixture(scope="module")
+def touches(prepared, recording):
+    return labelled_touches({PART: prepared(PART)}, [recording])
+
+
+def test_recordings_give_a_row_for_each_classifier_and_kind_of_folds(touches):
+    found = evaluate_recordings(
+        touches, names=["contact-geometry", "raw-intersection"], seeds=[0], folds=4
+    )
+    assert [(row["classifier"], row["folds"]) for row in found["table"]] == [
+        ("contact-geometry", "plain"), ("contact-geometry", "event"),
+        ("raw-intersection", "plain"), ("raw-intersection", "event"),
+    ]  # fmt: skip
+    means = {(row["classifier"], row["folds"]): row["mean"] for row in found["table"]}
+    assert means["contact-geometry", "event"] >= 0.8  # 24 touches to learn from
+    leak = {row["classifier"]: row["points"] for row in found["leak"]}
+    for name in leak:
+        expected = 100 * (means[name, "plain"] - means[name, "event"])
+        assert leak[name] == pytest.approx(expected)
+    # Raw values have seen the other samples of the very touch that they are asked for.
+    assert leak["raw-intersection"] > 10.0
+    assert found["skipped"] == {}
+
+
+def test_what_cannot_run_is_skipped_with_its_reason_only_where_nobody_asked(prepared, touches):
+    other = prepared("right_leg_lower")
+    moved = [replace(t, skin=other, samples=np.zeros((3, 380), np.uint8)) for t in touches[:8]]
+    both = [*touches, *moved]
+    found = evaluate_recordings(both, names=["raw-rbf"], seeds=[0], folds=2, optional=True)
+    assert found["table"] == []
+    assert "raw values need touches of one part" in found["skipped"]["raw-rbf"]
+    with pytest.raises(InvalidArrayError, match="raw-rbf: raw values need touches of one part"):
+        evaluate_recordings(both, names=["raw-rbf"], seeds=[0], folds=2)
+
+
+def test_too_few_events_for_the_folds_are_counted(touches):
+    with pytest.raises(InvalidArrayError, match=r"9 folds need .* got: 8 full_finger, 8 poke"):
+        evaluate_recordings(touches, names=["contact-geometry"], seeds=[0], folds=9)
+
+
+def relabelled(recording: Recording, *labels: str) -> Recording:
+    return replace(recording, labels=(*labels, *recording.labels[len(labels) :]))
+
+
+def test_labels_that_do_not_match_are_refused(prepared, recording):
+    skins = {PART: prepared(PART)}
+    with pytest.raises(InvalidArrayError, match="touch event 0 of 'left_forearm' has no label"):
+        labelled_touches(skins, [relabelled(recording, " ")])
+    odd = relabelled(recording, "Full Finger")
+    with pytest.raises(InvalidArrayError, match="'full_finger' differ in spelling only"):
+        labelled_touches(skins, [odd])
+    with pytest.raises(UnknownNameError, match="no recorded gesture 'slap'; there is: full_finger"):
+        labelled_touches(skins, [recording], gestures=["slap"])
+    both = relabelled(recording, "poke+whole_hand")
+    assert len(labelled_touches(skins, [both])) == len(recording.labels) - 1
+
+
+def test_a_recording_from_another_skin_is_refused(prepared, recording):
+    skins = {PART: prepared("right_leg_lower")}
+    with pytest.raises(SkinMismatchError, match="has 240 taxels, its skin has 380"):
+        labelled_touches(skins, [recording])

@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import json
+import math
+import socket
+import time
+
+import numpy as np
+import pytest
+
+from skinmap.classify.protocols.kaspar import evaluate_kaspar
+from skinmap.classify.protocols.tasks import Workers, check_workers, run_tasks, task_rng
+from skinmap.errors import InvalidArrayError, UnreachableError
+
+SMALL = dict.fromkeys(("poke", "full_finger", "three_finger", "whole_hand"), 240)
+
+
+def table(skin, workers):
+    return evaluate_kaspar(skin, seeds=[4], samples=SMALL, percents=[20], workers=workers)
+
+
+@pytest.fixture(scope="module")
+def by_one(kaspar_skin):
+    return table(kaspar_skin("right_hand"), Workers())
+
+
+def test_tasks_come_back_in_order_whoever_ran_them():
+    told: list[str] = []
+    expected = [math.factorial(number) for number in range(9)]
+    assert run_tasks(math.factorial, range(9), progress=told.append) == expected
+    assert len(told) == 9
+    assert run_tasks(math.factorial, range(9), workers=Workers(jobs=2)) == expected
+
+
+def test_seeds_of_tasks_differ_and_stay():
+    first = [task_rng(3, number).random() for number in range(5)]
+    assert len({*first, *(task_rng(4, number).random() for number in range(5))}) == 10
+    assert [task_rng(3, number).random() for number in range(5)] == first
+
+
+def test_two_jobs_give_the_table_of_one(kaspar_skin, by_one):
+    assert table(kaspar_skin("right_hand"), Workers(jobs=2)) == by_one
+
+
+def test_a_dask_cluster_gives_the_table_of_one_job(kaspar_skin, by_one):
+    distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        workers = Workers("dask", address=cluster.scheduler_address)
+        check_workers(workers)
+        assert table(kaspar_skin("right_hand"), workers) == by_one
+
+
+def test_the_table_has_every_row_once(by_one):
+    keys = [(row["percent"], row["folds"], row["features"], row["classifier"]) for row in by_one]
+    assert len(set(keys)) == len(keys) == 10
+    for row in by_one:
+        assert set(row["per_class"]) == set(SMALL)
+        assert row["mean"] == pytest.approx(np.mean(list(row["per_class"].values())))
+        assert row["samples"] == 4 * 48
+        assert 0.25 <= row["mean"] <= 1.0  # four gestures: chance
+    json.dumps(by_one)
+
+
+def test_nobody_at_the_address_is_said_within_seconds():
+    pytest.importorskip("distributed", reason="the extra dask is not installed")
+    with socket.socket() as free:  # bound and not listening: connections are refused
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        start = time.monotonic()
+        with pytest.raises(UnreachableError, match=f"no Dask scheduler answers at '{address}'"):
+            check_workers(Workers("dask", address=address))
+        assert time.monotonic() - start < 60.0  # not a measurement: it must come to an end
+    with pytest.raises(UnreachableError, match="expected an address like"):
+        check_workers(Workers("dask", address="nonsense://nowhere"))
+
+
+def test_workers_refuse_half_a_choice():
+    with pytest.raises(InvalidArrayError, match="needs its address"):
+        Workers("dask")
+    with pytest.raises(InvalidArrayError, match="needs the backend dask"):
+        Workers(address="tcp://localhost:8786")
