@@ -71,9 +71,8 @@ def _gestures(settings: Settings) -> tuple[str, ...]:
 
 
 def _kaspar(settings: Settings) -> dict[str, Any]:
-    from skinmap.classify.protocols import kaspar
+    from skinmap.classify.protocols import kaspar, sweep
     from skinmap.classify.protocols.carry_over import evaluate_carry_over
-    from skinmap.classify.protocols.sweep import RADII, sweep_radius_and_words
     from skinmap.touch.prepared import PreparedSkin
 
     if settings.names:
@@ -81,15 +80,14 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
     name = settings.robot or kaspar.ROBOT
     loaded, parts = open_robot(name, settings.parts)
     part = settings.parts[0] if settings.parts else kaspar.PART
-    if part not in loaded.parts:
+    if not settings.parts and name != kaspar.ROBOT:
         raise click.UsageError(f"which part of {name}? --part {' | '.join(loaded.parts)}")
     sizes: dict[int, str] = {}  # one part of each size: mirror images would only cost time
     for one in (part, *parts):
         sizes.setdefault(len(loaded.skin(one)), one)
     skins = {one: PreparedSkin(loaded.skin(one)) for one in sizes.values()}
     seeds = settings.all_seeds
-    sweeps = len(RADII) * len(seeds) if settings.sweep else 0
-    with progress(2 * len(seeds) + sweeps, "kaspar") as advance:
+    with progress((3 if settings.sweep else 2) * len(seeds), "kaspar") as advance:
         shared: dict[str, Any] = {
             "seeds": seeds,
             "workers": settings.workers,
@@ -101,9 +99,11 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
             skins[part], percents=kaspar.PERCENTS, places=settings.places, **shared
         )
         others = evaluate_carry_over(skins, percent=most, **shared)
-        sweep = []
+        swept = []
         if settings.sweep:
-            sweep = sweep_radius_and_words(skins[part], percent=most, **shared)
+            swept = sweep.sweep_radius_and_words(
+                skins[part], radii=sweep.RADII, words=sweep.WORDS, percent=most, **shared
+            )
     return {
         "robot": loaded.name,
         "part": part,
@@ -115,7 +115,7 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
         "table": table,
         "paper": kaspar.paper_rows(),
         "carry_over": others,
-        "sweep": sweep,
+        "sweep": swept,
     }
 
 
@@ -168,8 +168,7 @@ def _cross_patch(settings: Settings) -> dict[str, Any]:
     train = _patches(settings.train_robot, ()) if settings.train_robot else None
     if train is None and len(test) < 2:
         raise click.UsageError(
-            f"leaving one patch out needs two patches, {settings.robot} has {len(test)}; "
-            "give --train-robot"
+            f"leaving one patch out needs two patches, got {test[0].name}; give --train-robot"
         )
     steps = len(test) + (len(train) if train else 0) + len(names) * (1 if train else len(test))
     found = []

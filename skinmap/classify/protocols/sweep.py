@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.classify.protocols.folds import make_folds, recalls
+from skinmap.classify.protocols.folds import Fold, make_folds, recalls
 from skinmap.classify.protocols.kaspar import FOLDS, SAMPLES
 from skinmap.classify.protocols.kernels import cross_validate, intersection
 from skinmap.classify.protocols.samples import (
     ROTATED,
+    SampleSet,
     count_votes,
     draw_samples,
     learn,
@@ -30,12 +31,12 @@ PERCENT = 10.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Cell:
-    """One seed and radius: what a worker needs."""
+class Repeat:
+    """One seed: what a worker needs."""
 
     skin: PreparedSkin
     seed: int
-    radius: float
+    radii: tuple[float, ...]
     words: tuple[int, ...]
     samples: dict[str, int]
     percent: float
@@ -65,7 +66,7 @@ def sweep_radius_and_words(
     words : sequence of int
         Codewords a structure, rest included.
     samples, percent, workers, progress
-        See `evaluate_kaspar`; progress comes once a seed and radius.
+        See `evaluate_kaspar`; progress comes once a seed.
 
     Returns
     -------
@@ -75,35 +76,43 @@ def sweep_radius_and_words(
     """
     skin.hoods  # noqa: B018 - computed here once, then carried to the workers
     wanted = dict(samples or SAMPLES)
-    cells = [
-        Cell(skin, seed, radius, tuple(words), wanted, percent)
-        for radius in radii
-        for seed in seeds
-    ]
-    found = run_tasks(run_cell, cells, workers=workers, progress=progress)
+    tasks = [Repeat(skin, seed, tuple(radii), tuple(words), wanted, percent) for seed in seeds]
+    found = run_tasks(run_repeat, tasks, workers=workers, progress=progress)
     rows = []
-    for place in range(len(radii)):
-        repeats = found[place * len(seeds) : (place + 1) * len(seeds)]
-        for number in range(len(words)):
-            means = [cells[number].pop("mean") for cells in repeats]
-            std = float(np.std(means, ddof=1)) if len(means) > 1 else 0.0
-            rows.append({**repeats[0][number], "mean": float(np.mean(means)), "std": std})
+    for repeats in zip(*found, strict=True):
+        means = [row["mean"] for row in repeats]
+        std = float(np.std(means, ddof=1)) if len(means) > 1 else 0.0
+        rows.append({**repeats[0], "mean": float(np.mean(means)), "std": std})
     return rows
 
 
-def run_cell(cell: Cell) -> list[dict[str, Any]]:
-    """Rows for one seed and radius, one for each number of codewords."""
-    rng = task_rng(cell.seed)
-    drawn = draw_samples(cell.skin, cell.samples, rng=rng)
-    part = drawn.take(resample(drawn.labels, cell.percent, rng=rng))
+def run_repeat(task: Repeat) -> list[dict[str, Any]]:
+    """Rows of one seed: the same samples and folds for each radius and number of codewords."""
+    rng = task_rng(task.seed)
+    drawn = draw_samples(task.skin, task.samples, rng=rng)
+    part = drawn.take(resample(drawn.labels, task.percent, rng=rng))
     folds = make_folds("event", part.labels, part.events, folds=FOLDS, rng=rng)
     seed = int(rng.integers(2**31))
-    hoods = neighbours_within(cell.skin, cell.radius)
-    structures = structures_of(ROTATED, hoods)
+    return [
+        row
+        for radius in task.radii
+        for row in _of_radius(task.skin, radius, task.words, part, folds, seed)
+    ]
+
+
+def _of_radius(
+    skin: PreparedSkin,
+    radius: float,
+    words: Sequence[int],
+    part: SampleSet,
+    folds: Sequence[Fold],
+    seed: int,
+) -> list[dict[str, Any]]:
+    structures = structures_of(ROTATED, neighbours_within(skin, radius))
     common = structures.prototypes.filled[0].sum() if len(structures.prototypes) else 0
     rows = []
-    for words in cell.words:
-        book = learn(ROTATED, structures, drawn.book, seed=seed, words=words)
+    for k in words:
+        book = learn(ROTATED, structures, part.book, seed=seed, words=k)
         votes = count_votes(book, structures, part.pressures)
         named = cross_validate(
             intersection(votes),
@@ -115,8 +124,8 @@ def run_cell(cell: Cell) -> list[dict[str, Any]]:
         )
         rows.append(
             {
-                "radius_mm": 1e3 * cell.radius,
-                "words": words,
+                "radius_mm": 1e3 * radius,
+                "words": k,
                 "structures": len(structures.prototypes),
                 "neighbours": int(common),
                 "bins": votes.shape[1],

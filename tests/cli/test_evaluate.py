@@ -1,0 +1,160 @@
+from __future__ import annotations
+
+import json
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from skinmap.classify.protocols import kaspar, sweep
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+from skinmap.touch.recording import load_recordings, save_recordings
+from skinmap.touch.simulator import simulate
+
+PART = "left_forearm"
+PNG = b"\x89PNG"
+
+
+def run(*words: str) -> dict:
+    result = CliRunner().invoke(cli, ["evaluate", *words, "--json"], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+@pytest.fixture(scope="module")
+def recording(icub, tmp_path_factory):
+    path = tmp_path_factory.mktemp("recordings") / "touches.npz"
+    touches = simulate(icub.skin(PART), rng=np.random.default_rng(3), per_gesture=7)
+    save_recordings([touches], path)
+    return path
+
+
+@pytest.fixture
+def small_paper(monkeypatch):
+    """The first paper's protocol with a tenth of its samples."""
+    monkeypatch.setattr(kaspar, "SAMPLES", dict.fromkeys(kaspar.SAMPLES, 200))
+    monkeypatch.setattr(kaspar, "PERCENTS", (20,))
+    monkeypatch.setattr(sweep, "RADII", (0.0055, 0.008))
+
+
+def documented(result: dict) -> list[str]:
+    """Keys of a result that docs/json.md does not name, names of gestures and parts apart."""
+    text = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
+    rows = [row for value in result.values() if isinstance(value, list) for row in value]
+    keys = {*result, *(key for row in rows if isinstance(row, dict) for key in row)}
+    return [key for key in sorted(keys) if f"`{key}`" not in text]
+
+
+def test_kaspar_prints_the_table_beside_the_papers(small_paper, tmp_path):
+    words = ("--protocol", "kaspar", "--part", "right_hand", "--seeds", "1")
+    result = run(*words, "--out", str(tmp_path))
+    for row in result["table"]:
+        assert {"percent", "folds", "features", "classifier", "per_class", "mean", "std"} <= {*row}
+        assert list(row["per_class"]) == ["poke", "full_finger", "three_finger", "whole_hand"]
+    assert {row["folds"] for row in result["table"]} == {"plain", "event"}
+    assert [row["percent"] for row in result["paper"]] == [2, 2, 10, 10]
+    assert result["accuracy_is"] == "simulated"
+    assert result["files"] == ["evaluation.json", "kaspar.png", "sweep.png"]
+    assert all((tmp_path / name).read_bytes().startswith(PNG) for name in result["files"][1:])
+    assert json.loads((tmp_path / "evaluation.json").read_text())["table"] == result["table"]
+    assert documented(result) == []
+
+
+def test_cross_patch_prints_a_row_for_each_classifier(tmp_path):
+    result = run(
+        "--protocol", "cross-patch", "--robot", "icub", "--part", PART, "--part", "left_arm",
+        "--seeds", "1", "--per-gesture", "5", "--gestures", "poke,full_finger,three_finger",
+        "--classifier", "contact-geometry", "--out", str(tmp_path),
+    )  # fmt: skip
+    (row,) = result["rows"]
+    assert {"features", "classifier", "mean", "worst", "per_patch", "per_class"} <= {*row}
+    assert len(row["per_patch"]) == len(result["patches"]) == 6
+    assert (tmp_path / "patches.png").read_bytes().startswith(PNG)
+    assert documented(result) == []
+
+
+def test_recordings_are_cross_validated_by_event_with_the_leak_beside(recording, tmp_path):
+    words = (str(recording), "--classifier", "contact-geometry", "--seeds", "1")
+    result = run(*words, "--out", str(tmp_path))
+    assert result["touches"] == dict.fromkeys(
+        ("full_finger", "poke", "three_finger", "whole_hand"), 7
+    )
+    assert [row["folds"] for row in result["table"]] == ["plain", "event"]
+    assert result["leak"][0]["classifier"] == "contact-geometry"
+    assert (tmp_path / "leak.png").read_bytes().startswith(PNG)
+    assert documented(result) == []
+    again = run("--protocol", *words)  # a recording may stand there as well
+    assert again["table"] == result["table"]
+
+
+def test_tables_are_printed_for_people(recording):
+    words = ["evaluate", str(recording), "--classifier", "contact-geometry", "--seeds", "1"]
+    result = CliRunner().invoke(cli, words, catch_exceptions=False)
+    assert "plain folds flatter contact-geometry by" in result.stdout
+    assert "7 full_finger, 7 poke" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--protocol", "paper1"], "no protocol or recording 'paper1'; there is: kaspar, baxter"),
+        ([], "name --protocol (kaspar, baxter, cross-patch) or recordings"),
+        (["gone.npz"], "no file 'gone.npz'"),
+        (["--protocol", "kaspar", "x.npz"], "simulates its touches: no recordings"),
+        (["--protocol", "kaspar", "--robot", "icub"], "which part of icub? --part torso | "),
+        (["--protocol", "kaspar", "--robot", "icu"], "there is: baxter-forearm, icub, kaspar"),
+        (["--protocol", "kaspar", "--part", "tail"], "no part 'tail'; there is: torso, right_arm"),
+        (["--protocol", "kaspar", "--classifier", "cnn"], "has its own classifiers"),
+        (["--protocol", "cross-patch", "--classifier", "oracle"], "no classifier 'oracle'"),
+        (["--protocol", "cross-patch", "--classifier", "raw-rbf"], "learns the taxels of one part"),
+        (["--protocol", "cross-patch", "--gestures", "slap"], "no gesture 'slap'"),
+        (
+            ["--protocol", "cross-patch", "--part", "torso"],
+            "two patches, got torso; give",
+        ),
+        (["--protocol", "baxter", "--classifier", "oracle"], "no method 'oracle'"),
+        (["--protocol", "kaspar", "--backend", "dask"], "needs --address tcp://host:port"),
+        (["--protocol", "kaspar", "--address", "tcp://a:1"], "--address needs --backend dask"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_said_in_a_line(words, message):
+    result = CliRunner().invoke(cli, ["evaluate", *words])
+    assert result.exit_code != 0
+    if isinstance(result.exception, SkinError):  # the entry point makes exit code 2 of it
+        assert message in str(result.exception)
+    else:
+        assert result.exit_code == 2
+        assert message in result.stderr
+
+
+def test_recordings_that_do_not_fit_are_refused(recording, tmp_path):
+    (one,) = load_recordings(recording)
+    assert "240 taxels, the skin of iCub has 250" in refused(one, tmp_path, part="left_foot")
+    assert "no part 'wing'" in refused(one, tmp_path, part="wing")
+    assert "differ in spelling only" in refused(one, tmp_path, labels=("POKE",))
+    few = CliRunner().invoke(cli, ["evaluate", str(recording), "--folds", "9"])
+    assert "9 folds need two labels with at least 9 touch events each" in str(few.exception)
+
+
+def refused(one, folder, *, part=PART, labels=()) -> str:
+    from dataclasses import replace
+
+    changed = replace(one, part=part, labels=(*labels, *one.labels[len(labels) :]))
+    save_recordings([changed], folder / "changed.npz")
+    result = CliRunner().invoke(cli, ["evaluate", str(folder / "changed.npz")])
+    assert isinstance(result.exception, SkinError), result.output
+    return str(result.exception)
+
+
+def test_nobody_at_the_dask_address_ends_before_anything_is_simulated():
+    pytest.importorskip("distributed", reason="the extra dask is not installed")
+    with socket.socket() as free:  # bound and not listening: connections are refused
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        words = ["evaluate", "--protocol", "kaspar", "--backend", "dask", "--address", address]
+        result = CliRunner().invoke(cli, words)
+    assert isinstance(result.exception, SkinError)
+    assert f"no Dask scheduler answers at '{address}'" in str(result.exception)
