@@ -32,7 +32,9 @@ def test_convolve_is_cross_correlation(rng, size):
     found = convolve(maps, kernel, bias)
     assert found.dtype == np.float32
     before = (size - 1) // 2  # of an even kernel, torch sets the smaller half before
-    padded = np.pad(maps, ((0, 0), (0, 0), (before, size - 1 - before), (before, size - 1 - before)))
+    padded = np.pad(
+        maps, ((0, 0), (0, 0), (before, size - 1 - before), (before, size - 1 - before))
+    )
     for image, got in zip(padded, found, strict=True):
         for k in range(4):
             expected = correlate(image, kernel[k], mode="valid")[0] + bias[k]
