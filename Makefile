@@ -14,10 +14,10 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench-loading bench-classify wheel lock clean
+.PHONY: help demo test lint bench-loading bench-geometry bench-classify wheel lock clean
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(READY)  ## touches named on the iCub's body, written to build/demo (or OUT=folder)
 	$(BIN)/skinmap demo --out "$(OUT)" $(ARGS)
@@ -33,6 +33,9 @@ lint: $(READY)  ## style, formatting, types, import order
 
 bench-loading: $(READY)  ## time and memory to load 1 and 13 parts, to benchmarks/results
 	$(BIN)/python benchmarks/loading.py
+
+bench-geometry: $(READY)  ## meshes, flat maps and contact images beside their peers, to benchmarks/results
+	$(BIN)/python benchmarks/geometry.py $(ARGS)
 
 bench-classify: $(READY)  ## speed of histograms, SVM and labels, to benchmarks/results
 	$(BIN)/python benchmarks/classify.py $(ARGS)

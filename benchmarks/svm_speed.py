@@ -20,7 +20,7 @@ def svm_row(real: bool, quick: bool) -> dict[str, Any]:
     train, test = (500, 200) if quick else (TRAIN, TEST)
     mean = rng.gamma(0.4, 6.0, (4, 64))
     # Classes overlap on purpose: about a thousand support vectors are left.
-    mean = 0.75 * mean.mean(axis=0) + 0.25 * mean
+    mean = 0.845 * mean.mean(axis=0) + 0.155 * mean
     labels = np.arange(train) % 4
     x = rng.poisson(mean[labels]).astype(float)
     z = rng.poisson(mean[np.arange(test) % 4]).astype(float)

@@ -30,6 +30,7 @@ from skinmap.touch.simulator import simulate
 
 OUT = Path(__file__).parent / "results" / "touches.json"
 TRAINED_PARTS = ("torso", "left_leg_upper", "left_foot", "right_forearm")
+FOLDS = 5
 HALF_OFF = 0.5  # share on the skin of touches that hang over its edge
 
 
@@ -114,40 +115,39 @@ def over_seeds(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def bench_patches(seeds: int, count: int) -> dict[str, Any]:
     """Leave one patch out over the iCub, four and eight touches, also half off the edge."""
     skins = patches_of(skinmap.load_robot("icub"))
-    found: dict[str, Any] = {}
-    for title, gestures, on_skin in (
-        ("four", FOUR, None),
-        ("eight", EIGHT, None),
-        ("four, half off the edge", FOUR, HALF_OFF),
-        ("eight, half off the edge", EIGHT, HALF_OFF),
-    ):
-        rows = [
-            leave_one_out("contact-geometry", touches_on(skins, gestures, count, seed, on_skin))
-            for seed in range(seeds if on_skin is None else min(seeds, 2))
-        ]
-        found[title] = over_seeds(rows)
-        say(f"patches, {title}", found[title])
-    return found
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for seed in range(seeds):
+        for place, on_skin in (("", None), (", half off the edge", HALF_OFF)):
+            if on_skin is not None and seed > 0:
+                continue  # one seed shows what that costs
+            groups = touches_on(skins, EIGHT, count, seed, on_skin)
+            for title, gestures in (("four", FOUR), ("eight", EIGHT)):
+                some = [[t for t in group if t.label in gestures] for group in groups]
+                found = leave_one_out("contact-geometry", some)
+                rows.setdefault(title + place, []).append(found)
+                say(f"seed {seed}, {title}{place}", found)
+    return {title: over_seeds(found) for title, found in rows.items()}
 
 
 def bench_robots(seeds: int, count: int) -> dict[str, Any]:
     """Trained on all of the KASPAR-like robot, tested on all patches of the iCub."""
     kaspar, icub = (patches_of(skinmap.load_robot(name)) for name in ("kaspar", "icub"))
-    found: dict[str, Any] = {}
-    for name, gestures in (
-        ("contact-geometry", FOUR),
-        ("contact-geometry", EIGHT),
-        ("histogram", FOUR),
-    ):
-        rows = []
-        for seed in range(seeds):
-            train = [t for g in touches_on(kaspar, gestures, count, 100 + seed) for t in g]
-            groups = touches_on(icub, gestures, count, seed)
-            rows.append(summary(groups, tested(name, train, groups)))
-        title = f"{name}, {'four' if gestures == FOUR else 'eight'}"
-        found[title] = over_seeds(rows)
-        say(f"kaspar > icub, {title}", found[title])
-    return found
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for seed in range(seeds):
+        train = [t for g in touches_on(kaspar, EIGHT, count, 100 + seed) for t in g]
+        groups = touches_on(icub, EIGHT, count, seed)
+        for name, title, gestures in (
+            ("contact-geometry", "four", FOUR),
+            ("contact-geometry", "eight", EIGHT),
+            ("histogram", "four", FOUR),
+        ):
+            if name == "histogram" and seed > 0:
+                continue  # slow, and beside the point
+            some = [[t for t in group if t.label in gestures] for group in groups]
+            right = tested(name, [t for t in train if t.label in gestures], some)
+            rows.setdefault(f"{name}, {title}", []).append(summary(some, right))
+            say(f"kaspar > icub, seed {seed}, {name}, {title}", rows[f"{name}, {title}"][-1])
+    return {title: over_seeds(found) for title, found in rows.items()}
 
 
 def bench_pairs(seeds: int, count: int) -> dict[str, Any]:
@@ -190,14 +190,23 @@ def bench_pairs(seeds: int, count: int) -> dict[str, Any]:
 
 
 def bench_fusion(seeds: int, count: int) -> dict[str, Any]:
-    """The fusion beside its parts, leave one patch out."""
+    """The fusion beside its parts: a fifth of the 23 patches left out at a time."""
     skins = patches_of(skinmap.load_robot("icub"))
-    found: dict[str, Any] = {}
-    for name in ("contact-geometry", "histogram", "fusion"):
-        rows = [leave_one_out(name, touches_on(skins, FOUR, count, 30 + s)) for s in range(seeds)]
-        found[name] = over_seeds(rows)
-        say(f"fusion, {name}", found[name])
-    return found
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for seed in range(seeds):
+        groups = touches_on(skins, FOUR, count, 30 + seed)
+        fold = np.random.default_rng(seed).permutation(len(groups)) % FOLDS
+        for name in ("contact-geometry", "histogram", "fusion"):
+            right: dict[int, list[bool]] = {}
+            for number in range(FOLDS):
+                held = np.flatnonzero(fold == number).tolist()
+                train = [t for k, g in enumerate(groups) if k not in held for t in g]
+                hits = tested(name, train, [groups[k] for k in held])
+                right.update(zip(held, hits, strict=True))
+            found = summary(groups, [right[k] for k in range(len(groups))])
+            rows.setdefault(name, []).append(found)
+            say(f"fusion, seed {seed}, {name}", found)
+    return {name: over_seeds(found) for name, found in rows.items()}
 
 
 def say(title: str, row: dict[str, Any]) -> None:

@@ -6,7 +6,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-CONSTRAINTS='' scripts/environment.sh "$work/env" '.[dev,scan,fast]'
+CONSTRAINTS='' scripts/environment.sh "$work/env" '.[dev,scan]'
 {
     echo "# Tested versions of everything skinmap installs; renew with: make lock"
     "$work/env/bin/python" - <<'PYTHON'

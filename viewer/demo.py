@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from skinmap.classify.classifier import TouchClassifier
 from skinmap.classify.descriptors import Touch
 from skinmap.cli.common import plain
-from skinmap.cli.figures import flat_map_figure, structures_figure
+from skinmap.cli.figures import flat_map_figure
+from skinmap.cli.structure_figures import structures_figure
 from skinmap.io.output import staged_folder
 from skinmap.live.replay import Frame, centre_of_pressure, replay
 from skinmap.live.touches import NamedTouch

@@ -101,12 +101,13 @@ class FlatPanel:
             sheet = make_mesh(self._uv[part], faces)
             sheet.point_data[PRESSURE] = np.zeros(len(self._uv[part]), np.float32)
             self._sheets[part] = sheet
-        used = np.isfinite(uv[:, 0])
-        up = np.tile([0.0, 0.0, 1.0], (int(used.sum()), 1))
+        # The charts' own vertices: a taxel on a seam is drawn on both of its sides.
+        dots = np.concatenate([chart.uv for chart in self.flat_maps[part].charts])
+        up = np.tile([0.0, 0.0, 1.0], (len(dots), 1))
         metres = self.fit()
         radius = min(DOT_SHARE * median_spacing(layer.skin.positions), DOT_PX * metres)
         self._sheet.mapper.dataset = self._sheets[part]
-        self._dots.mapper.dataset = hexagons(_lifted(uv[used], 1e-3), up, radius)
+        self._dots.mapper.dataset = hexagons(_lifted(dots, 1e-3), up, radius)
         self._border.mapper.dataset = make_lines(_lifted(self._uv[part][:, :2], 5e-4), layer.border)
         title = part.replace("_", " ")
         self._caption.write(f"flat map: {title}")

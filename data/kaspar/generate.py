@@ -48,7 +48,7 @@ SHEETS = {
     "torso": ("torso", [(0, 5), (0, 5), (0, 5), (0, 5)], 0.0, 0.0, 0.110),
     "arm": ("upper_arm", [(0, 4), (0, 4), (0, 4), (0, 4)], 0.0, QUARTER, 0.072),
     "hand": ("hand", [(0, 6), (0, 6)], QUARTER, QUARTER, 0.056),
-    "foot": ("foot", [(0, 3), (0, 3)], 0.0, np.pi, 0.065),
+    "foot": ("foot", [(0, 3), (0, 3)], 0.0, 0.0, 0.075),
 }
 CHEEK = (np.radians(48.0), np.radians(-14.0))  # azimuth and elevation of the middle board
 

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import validate_data
 
 from skinmap.arrays import FloatArray
 from skinmap.classify.bag_of_words import as_images
 from skinmap.classify.convolution import Float32, Network
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, NotFittedError, UnknownNameError
 from skinmap.touch.paper_image import SIZE
 
 Schedule = Literal["constant", "step", "cosine"]
@@ -63,7 +63,8 @@ class ContactImageCNN(ClassifierMixin, BaseEstimator):
     epochs, batch, learning_rate : optional
         Of stochastic gradient descent with momentum 0.9; those of the network by default.
     schedule : {"constant", "step", "cosine"}, optional
-        Learning rate over the epochs: the same; a tenth after two thirds; half a cosine to 0.
+        Learning rate over the epochs: the same; a tenth after two thirds; or growing in the
+        first five epochs, then half a cosine to 0.
     mirror : bool, optional
         Whether each image is mirrored along either axis, by chance, each time it is seen: a
         touch mirrored is the same touch, and few touches then train a network as many do.
@@ -147,7 +148,8 @@ class ContactImageCNN(ClassifierMixin, BaseEstimator):
         NotFittedError
             Before training.
         """
-        check_is_fitted(self)
+        if not hasattr(self, "weight_"):
+            raise NotFittedError("the network is not trained yet")
         shrink = LAYOUTS[self.network].shrink
         shape = (self.image_shape[0] // shrink, self.image_shape[1] // shrink)
         labels = tuple(map(str, self.classes_))
@@ -161,7 +163,8 @@ class ContactImageCNN(ClassifierMixin, BaseEstimator):
 
     def predict(self, X: ArrayLike) -> Any:
         """(n,) labels."""
-        return self.classes_[self.predict_proba(X).argmax(axis=1)]
+        best = self.predict_proba(X).argmax(axis=1)
+        return self.classes_[best]
 
     def _images(self, table: NDArray[Any]) -> Float32:
         grey = as_images(table, self.image_shape)

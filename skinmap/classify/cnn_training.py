@@ -14,6 +14,7 @@ from skinmap.arrays import IntArray
 from skinmap.classify.convolution import Float32, Network
 from skinmap.errors import InvalidArrayError, MissingLibraryError
 
+WARM_UP = 5  # epochs of the schedule "cosine" in which the rate grows: full steps kill a fresh net
 STEP_AT, STEP_TO = 2 / 3, 0.1  # of the schedule "step": when, and to which share
 
 
@@ -44,7 +45,7 @@ class Recipe:
         share = {
             "constant": 1.0,
             "step": STEP_TO if done >= STEP_AT else 1.0,
-            "cosine": 0.5 * (1.0 + np.cos(np.pi * done)),
+            "cosine": 0.5 * (1.0 + np.cos(np.pi * done)) * min(1.0, (epoch + 1) / WARM_UP),
         }
         if self.schedule not in share:
             raise InvalidArrayError(f"no schedule {self.schedule!r}; there is: {', '.join(share)}")

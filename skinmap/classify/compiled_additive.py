@@ -22,7 +22,7 @@ def additive_kernel(function: AdditiveFunction) -> Callable[[FloatArray], FloatA
     ImportError
         Without numba.
     """
-    loop = _compiled()
+    loop = _compiled(len(function.intercept))
     none = np.zeros((0, len(function.intercept)))
     rows = none if function.rows is None else function.rows
     tables = (function.start, function.bends, function.base, function.slope, rows)
@@ -35,21 +35,23 @@ def additive_kernel(function: AdditiveFunction) -> Callable[[FloatArray], FloatA
 
 
 @cache
-def _compiled() -> Any:
+def _compiled(q: int) -> Any:
+    """The loop for q sums: a known number, so that the innermost loops unroll."""
     from numba import njit
 
     @njit(cache=True, error_model="numpy")
     def loop(x, start, bends, base, slope, rows, top, intercept):  # type: ignore[no-untyped-def]
-        total = np.empty((x.shape[0], len(intercept)))
+        total = np.empty((x.shape[0], q))
         for t in range(x.shape[0]):
-            total[t] = intercept
+            for i in range(q):
+                total[t, i] = intercept[i]
             for place in range(x.shape[1]):
                 value = x[t, place]
                 if value == 0.0:
                     continue
                 if len(rows) and value == np.floor(value):
                     row = place * (top + 1) + int(min(value, float(top)))
-                    for i in range(len(intercept)):
+                    for i in range(q):
                         total[t, i] += rows[row, i]
                     continue
                 low, high = start[place], start[place + 1]
@@ -59,7 +61,7 @@ def _compiled() -> Any:
                         low = middle + 1
                     else:
                         high = middle
-                for i in range(len(intercept)):
+                for i in range(q):
                     total[t, i] += base[low + place, i] + slope[low + place, i] * value
         return total
 

@@ -16,6 +16,7 @@ from skinmap.errors import NotFittedError
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, assign, find_structures
 from skinmap.touch.codebook import (
+    COUNTS,
     WORDS,
     Codebook,
     codebook_arrays,
@@ -119,7 +120,7 @@ class Histograms:
             own = [touch.samples for touch in touches if touch.skin is skin]
             samples = np.concatenate([pressed(block) for block in own])
             some = rng.choice(len(samples), min(BOOK_SAMPLES, len(samples)), replace=False)
-            pools.append((matched[skin], samples[some]))
+            pools.append((matched[skin], samples[some] / COUNTS))
         self.codebook = learn_codebook(pools, rng=rng, words=words, literal=self.literal)
 
     def _choose(
@@ -133,7 +134,7 @@ class Histograms:
         held = [(touch, pressed(touch.samples)) for touch in touches]
         used = [(touch, samples) for touch, samples in held if len(samples)]
         words, scores = choose_words(
-            [PatchSamples(matched[touch.skin], samples) for touch, samples in used],
+            [PatchSamples(matched[touch.skin], samples / COUNTS) for touch, samples in used],
             [touch.label for touch, _ in used],
             rng=rng,
             mode="paper" if self.literal else "rest-dropped",
@@ -146,7 +147,7 @@ class Histograms:
         counter = self.counter(touch.skin)
         samples = pressed(touch.samples)
         some = np.linspace(0, len(samples) - 1, min(ROWS, len(samples))).astype(np.int64)
-        votes = counter.count(samples[some])
+        votes = counter.count(samples[some] / COUNTS)
         if self.literal or len(votes) == 0:
             return votes.astype(np.float64)
         return votes.mean(axis=0, keepdims=True)

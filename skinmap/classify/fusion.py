@@ -178,7 +178,9 @@ def learn_pool(shares: FloatArray, labels: IntArray, classes: np.ndarray) -> Poo
     for candidate in _simplex(members):
         named = np.argmax(pool(shares, candidate), axis=1) == labels
         change = named.astype(np.float64) - right[best]
-        error = change.std() / np.sqrt(max(len(change), 1))
+        if len(change) == 0:
+            break
+        error = change.std() / np.sqrt(len(change))
         if change.mean() > max(gain, error):
             weights, gain = candidate, float(change.mean())
     found = Pool()

@@ -45,7 +45,7 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
         check_classification_targets(labels)
         self.classes_, number = np.unique(labels, return_inverse=True)
         if len(self.classes_) < 2:
-            raise ValueError(f"one class only: {self.classes_[0]!r}; an RBF machine needs two")
+            raise ValueError(f"one class only: {str(self.classes_[0])!r}; an RBF machine needs two")
         scaled = np.log1p(np.maximum(rows, 0.0))
         self.mean_ = scaled.mean(axis=0)
         self.scale_ = scaled.std(axis=0)
@@ -90,7 +90,8 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
 
     def predict(self, X: ArrayLike) -> Any:
         """(m,) most probable labels."""
-        return self.classes_[np.argmax(self.predict_proba(X), axis=1)]
+        share = self.predict_proba(X)
+        return self.classes_[np.argmax(share, axis=1)]
 
     @property
     def _pairs(self) -> int:

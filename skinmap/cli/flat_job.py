@@ -13,7 +13,7 @@ import numpy as np
 
 from skinmap.arrays import IntArray
 from skinmap.cli.flat_rows import drawing_row, drawn_charts, method_row, patch_row
-from skinmap.errors import InvalidArrayError, MissingFileError, SkinWarning
+from skinmap.errors import InvalidArrayError, MissingFileError, SkinWarning, UnknownNameError
 from skinmap.flat.drawing_comparison import DrawnChart
 from skinmap.flat.face_metrics import FaceMetric
 from skinmap.flat.flat_map import FlatMap, flatten
@@ -22,7 +22,7 @@ from skinmap.flat.methods import flatteners
 from skinmap.io.drawing import read_drawing
 from skinmap.io.urdf import read_mesh
 from skinmap.skin.robot import Robot
-from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
+from skinmap.surface.surface_mesh import DEFAULT, MESHING, SurfaceMesh, build_surface
 
 DRAWING = "drawing"
 MOST_CHANNEL = 10_000_000
@@ -36,7 +36,9 @@ class FlatJob:
     ----------
     name : str
         Robot or file as people call it.
-    method, metric_name, meshing : str
+    method, metric_name : str
+    meshing : str or None
+        None for a mesh file, which is a surface already.
     metric : FaceMetric
     others : tuple of str
         Methods to compare with.
@@ -63,7 +65,7 @@ class FlatJob:
     with_drawing: bool
     away: IntArray
     budgets: Mapping[str, float]
-    meshing: str
+    meshing: str | None
     seed: int
     surfaces: Mapping[str, Callable[[], SurfaceMesh]] = field(default_factory=dict)
     drawings: Mapping[str, Path] = field(default_factory=dict)
@@ -79,13 +81,16 @@ class FlatJob:
         if not path.is_file():
             raise MissingFileError(path, "a mesh file")
         surface = {path.name: lambda: mesh_surface(*read_mesh(path, merge=False), name=path.name)}
-        return replace(self, name=path.name, surfaces=surface)
+        return replace(self, name=path.name, surfaces=surface, meshing=None)
 
     def for_robot(self, robot: Robot, parts: tuple[str, ...]) -> FlatJob:
         """The job on parts of a robot."""
 
         def maker(part: str) -> Callable[[], SurfaceMesh]:
-            return lambda: build_surface(robot.skin(part))
+            if self.meshing != "accurate":
+                return lambda: build_surface(robot.skin(part), method=self.meshing or DEFAULT)
+            link = robot.part(part).link
+            return lambda: build_surface(robot.skin(part), method="accurate", body=robot.mesh(link))
 
         specs = {part: robot.part(part).drawing for part in parts}
         return replace(
@@ -151,21 +156,38 @@ def check_compare(words: str) -> tuple[tuple[str, ...], bool]:
     return methods, DRAWING in names
 
 
-def check_budget(max_seconds: float | None, max_edge_rms: float | None) -> dict[str, float]:
-    """The budgets that were given.
+def check_budget(
+    method: str, max_seconds: float | None, max_edge_rms: float | None
+) -> dict[str, float]:
+    """The budgets that were given: seconds, and the edge error as a share.
 
     Raises
     ------
     InvalidArrayError
-        One that is not above zero.
+        One that is not above zero, or with another method than `auto`.
     """
     given = {"max_seconds": max_seconds, "max_edge_rms": max_edge_rms}
     budgets = {name: value for name, value in given.items() if value is not None}
     for name, value in budgets.items():
+        option = "--" + name.replace("_", "-")
         if not (0.0 < value < np.inf):
-            option = "--" + name.replace("_", "-")
             raise InvalidArrayError(f"{option} must be above 0, got {value:g}")
+        if method != "auto":
+            raise InvalidArrayError(f"{option} needs --method auto, got {method!r}")
+    if "max_edge_rms" in budgets:
+        budgets["max_edge_rms"] /= 100.0
     return budgets
+
+
+def check_meshing(name: str) -> None:
+    """Refuse a meshing method that there is not.
+
+    Raises
+    ------
+    UnknownNameError
+    """
+    if name not in MESHING:
+        raise UnknownNameError("meshing method", name, MESHING)
 
 
 def read_channels(words: tuple[str, ...]) -> IntArray:

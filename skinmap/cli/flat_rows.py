@@ -26,6 +26,7 @@ def patch_row(part: str, flat: FlatMap, chart: Chart, metric: FaceMetric) -> dic
         "cut_mm": MM * chart.seam_length,
         "method": chart.method,
         "fallback": chart.fallback,
+        "reason": chart.reason,
         **chart.distortion.summary(),
         "geodesic_stress": _stress(flat, chart),
         "seconds": chart.seconds,

@@ -30,9 +30,9 @@ COMPARE_HELP = "Methods to compare with, and `drawing` for a hand-drawn map: bff
 @click.argument("robot", default="icub", metavar="[ROBOT|MESH]")
 @outside_option
 @part_option
-@click.option("--method", default="balanced", show_default=True, help="Flattening method.")
-@click.option("--max-seconds", type=float, help="Time for the maps; `auto` chooses by it.")
-@click.option("--max-edge-rms", type=float, help="Largest edge error wanted [%].")
+@click.option("--method", help="Flattening method; balanced, or auto where a budget is given.")
+@click.option("--max-seconds", type=float, help="CPU time for the maps of a part [s], for auto.")
+@click.option("--max-edge-rms", type=float, help="Edge error to reach [%], for auto.")
 @click.option("--meshing", default="consensus", show_default=True, help="Surface meshing method.")
 @click.option("--compare", default="", metavar="M2,M3|drawing", help=COMPARE_HELP)
 @click.option(
@@ -51,14 +51,14 @@ def command(robot: str, out: Path | None, as_json: bool, **options: Any) -> None
     """Lay every patch of a robot's skin, or any triangle mesh, flat and measure the distortion.
 
     ROBOT is a built-in name (default: icub), the path of a manifest, or a mesh file (OBJ, STL,
-    PLY, OFF, ...). Methods are tutte, harmonic, lscm, bff, arap, slim, or by price fast, balanced,
-    accurate, auto; meshing is consensus, fast or accurate. Triangles are coloured by
-    edge_strain, area, quasi_conformal, symmetric_dirichlet, stretch_l2 or arap_energy.
+    PLY, OFF, ...). Methods are tutte, harmonic, lscm, bff, arap, slim, dirichlet, or by
+    price fast, balanced, accurate, auto; meshing is consensus, fast or accurate. Triangles are
+    coloured by edge_strain, area, quasi_conformal, symmetric_dirichlet, stretch_l2 or arap_energy.
 
     \b
-    Examples:  skinmap flatten icub --part torso --out maps
-               skinmap flatten icub --part left_arm --compare bff,lscm --json
-               skinmap flatten bunny.obj --method accurate --json
+    Example:  skinmap flatten icub --part torso --out maps
+              skinmap flatten icub --part left_arm --compare bff,lscm --json
+              skinmap flatten bunny.obj --method accurate --json
     """
     from skinmap.cli.flat_job import run_job
 
@@ -82,7 +82,7 @@ def _job(
     robot: str,
     *,
     parts: tuple[str, ...],
-    method: str,
+    method: str | None,
     max_seconds: float | None,
     max_edge_rms: float | None,
     meshing: str,
@@ -93,12 +93,22 @@ def _job(
     seed: int,
 ) -> FlatJob:
     """What was asked for, every name and number checked before any work is done."""
-    from skinmap.cli.flat_job import FlatJob, check_budget, check_compare, read_channels
+    from skinmap.cli.flat_job import (
+        FlatJob,
+        check_budget,
+        check_compare,
+        check_meshing,
+        read_channels,
+    )
     from skinmap.errors import UnknownNameError
     from skinmap.flat.face_metrics import face_metric
+    from skinmap.flat.flat_map import DEFAULT
     from skinmap.flat.methods import flatteners
 
+    budgets = max_seconds is not None or max_edge_rms is not None
+    method = method or ("auto" if budgets else DEFAULT)
     flatteners.get(method)
+    check_meshing(meshing)
     others, with_drawing = check_compare(compare)
     job = FlatJob(
         name=robot,
@@ -109,7 +119,7 @@ def _job(
         drawing=drawing,
         with_drawing=with_drawing or drawing is not None,
         away=read_channels(seam_away),
-        budgets=check_budget(max_seconds, max_edge_rms),
+        budgets=check_budget(method, max_seconds, max_edge_rms),
         meshing=meshing,
         seed=seed,
     )

@@ -10,13 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.cli.figures import picture_bytes
+from skinmap.cli.figures import picture_bytes, plain_figure
+from skinmap.cli.projection import View, draw_surface
+from skinmap.geometry.triangles import face_normals, unit
 from skinmap.skin.fit import measure_fit
 from skinmap.skin.robot import Robot
+from skinmap.skin.skin import Skin
 
 MM = 1e3
-VIEWS = ((15.0, -60.0), (15.0, 120.0))  # elevation and azimuth of the two views [deg]
-MOST_FACES = 3000  # of the link drawn behind the taxels: more cannot be seen at this size
+TURN = np.radians(55.0)  # of each of the two views from where the skin looks
+LEVEL = 0.5  # sine: skin that looks further up or down than 60 degrees has no front
+MARGIN_MM = 10.0  # round the taxels: what of the link lies further is cut off
+TIP_MM = 6.0  # length of the normals drawn
+MOST_FACES = 12_000  # of the link: more cannot be seen at this size
 FAR_MM = 3.0  # end of the colour scale
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1d2733; margin: 2rem auto; max-width: 64rem; }
@@ -50,39 +56,50 @@ def write_inspection(
 def part_picture(robot: Robot, name: str) -> bytes:
     """PNG of a part from two sides: link in grey, taxels coloured by their distance to it."""
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+    from matplotlib.colors import Normalize, to_rgba
 
     skin, mesh = robot.skin(name), robot.mesh(robot.part(name).link)
     found = measure_fit(skin, mesh)
-    figure = Figure(figsize=(10.0, 4.6), dpi=100, layout="constrained")
-    points = skin.positions * MM
+    figure = plain_figure((10.0, 4.9))
+    axes = figure.subplots(1, 2)
     scale = Normalize(0.0, FAR_MM)
-    step = max(1, len(mesh.faces) // MOST_FACES)
-    for place, (elevation, azimuth) in enumerate(VIEWS):
-        axis: Any = figure.add_subplot(1, 2, place + 1, projection="3d")
-        triangles = mesh.vertices[mesh.faces[::step]] * MM
-        axis.add_collection3d(Poly3DCollection(triangles, facecolor="#c9ced4", alpha=0.25))
-        axis.scatter(*points.T, c=found.distance * MM, s=9, cmap="viridis", norm=scale)
-        tips = points + 6.0 * skin.normals
-        for start, end in zip(points[::5], tips[::5], strict=True):
-            axis.plot(*np.stack([start, end]).T, color="#303030", linewidth=0.6)
-        axis.set_box_aspect(np.ptp(points, axis=0) + 1.0)
-        for setter, low, high in zip(
-            (axis.set_xlim, axis.set_ylim, axis.set_zlim),
-            points.min(axis=0) - 8.0,
-            points.max(axis=0) + 8.0,
-            strict=True,
-        ):
-            setter(low, high)
-        axis.view_init(elevation, azimuth)
+    faces = mesh.faces[:: max(1, len(mesh.faces) // MOST_FACES)]
+    normals = face_normals(mesh.vertices, faces)
+    grey = np.tile(to_rgba("#c9ced4"), (len(faces), 1))
+    for axis, view in zip(axes, _views(skin), strict=True):
+        # Open and double shells have faces of both turns: none is left out.
+        draw_surface(axis, view, mesh.vertices[faces] * MM, normals, grey, both_sides=True)
+        seen = skin.normals @ view.out > 0.0
+        points = view.project(skin.positions * MM)
+        tips = view.project(skin.positions * MM + TIP_MM * skin.normals)
+        for start, end in zip(points[seen][::5], tips[seen][::5], strict=True):
+            axis.plot(*np.stack([start, end])[:, :2].T, color="#303030", linewidth=0.6)
+        distance = found.distance[seen] * MM
+        axis.scatter(*points[seen][:, :2].T, c=distance, s=9, cmap="viridis", norm=scale, zorder=3)
+        axis.set_xlim(points[:, 0].min() - MARGIN_MM, points[:, 0].max() + MARGIN_MM)
+        axis.set_ylim(points[:, 1].min() - MARGIN_MM, points[:, 1].max() + MARGIN_MM)
+        axis.set_aspect("equal")
+        axis.set_title(view.name, fontsize=9)
+        axis.set_xlabel("mm", fontsize=8)
         axis.tick_params(labelsize=7)
-    bar = figure.colorbar(
-        ScalarMappable(scale, "viridis"), ax=figure.axes, shrink=0.7, extend="max"
-    )
+    bar = figure.colorbar(ScalarMappable(scale, "viridis"), ax=axes, shrink=0.7, extend="max")
     bar.set_label("distance to the link [mm]")
     return picture_bytes(figure)
+
+
+def _views(skin: Skin) -> list[View]:
+    """From the left and the right of where the skin looks, the robot's upward direction up."""
+    looks = skin.normals.mean(axis=0)
+    up = np.array([0.0, 0.0, 1.0]) if skin.up is None else skin.up
+    if np.linalg.norm(np.cross(up, looks)) < LEVEL * np.linalg.norm(looks):
+        # A sole looks down: its length is up in the picture.
+        up = np.linalg.svd(skin.positions - skin.positions.mean(axis=0), full_matrices=False)[2][0]
+    front = unit(looks - (looks @ up) * up)
+    side = np.cross(up, front)
+    views = []
+    for name, turn in zip(("from the left", "from the right"), (-TURN, TURN), strict=True):
+        views.append(View(name, np.cos(turn) * front + np.sin(turn) * side, up))
+    return views
 
 
 def _numbers(row: Mapping[str, Any]) -> str:

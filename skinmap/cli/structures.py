@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +20,9 @@ from skinmap.cli.common import (
 )
 
 if TYPE_CHECKING:
+    from skinmap.neighbours.offsets import Neighbourhoods
     from skinmap.neighbours.structures import Structures
+    from skinmap.touch.prepared import PreparedSkin
 
 RARE = 5  # structures with fewer members say little about the lattice
 
@@ -26,25 +30,38 @@ RARE = 5  # structures with fewer members say little about the lattice
 @click.command("structures")
 @robot_argument
 @part_option
-@click.option("--radius-mm", default=8.0, show_default=True, help="Radius of a neighbourhood.")
+@click.option(
+    "--radius-mm",
+    default="8",
+    show_default=True,
+    help="Radius of a neighbourhood, or auto: between two rings of the lattice, near 8 mm.",
+)
 @click.option(
     "--tolerance-mm", default=1.5, show_default=True, help="How far neighbours may stray."
 )
 @click.option(
     "--rotations",
-    type=click.Choice(["1", "6"]),
+    type=click.Choice(["1", "4", "6"]),
     default="6",
     show_default=True,
-    help="Whether structures may turn by pi/3.",
+    help="Whether structures may turn: by pi/3 (6), or by quarters (4, square grids).",
+)
+@click.option(
+    "--distance",
+    type=click.Choice(["euclidean", "geodesic"]),
+    default="euclidean",
+    show_default=True,
+    help="Straight, or along the skin.",
 )
 @out_option
 @json_option
 def command(
     robot: str,
     parts: tuple[str, ...],
-    radius_mm: float,
+    radius_mm: str,
     tolerance_mm: float,
     rotations: str,
+    distance: str,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -57,32 +74,41 @@ def command(
     from skinmap.neighbours.structures import find_structures
     from skinmap.touch.prepared import PreparedSkin
 
-    if radius_mm <= 0 or tolerance_mm <= 0:
-        raise click.UsageError("--radius-mm and --tolerance-mm must be above 0")
+    if not 0 < tolerance_mm < math.inf:
+        raise click.UsageError(f"--tolerance-mm must be above 0, got {tolerance_mm}")
+    wanted = _radius(radius_mm)
     loaded, names = open_robot(robot, parts)
-    skins = {name: PreparedSkin(loaded.skin(name), radius=radius_mm * 1e-3) for name in names}
-    hoods = concatenate([skin.hoods for skin in skins.values()])
-    found = find_structures(hoods, tolerance=tolerance_mm * 1e-3, rotations=int(rotations))
+    skins = {name: PreparedSkin(loaded.skin(name)) for name in names}
+    radius = _auto_radius(skins) if wanted is None else wanted
+    hoods = [_neighbourhoods(skin, radius, int(rotations), distance) for skin in skins.values()]
+    found = find_structures(
+        concatenate(hoods), tolerance=tolerance_mm * 1e-3, rotations=int(rotations)
+    )
     files = []
     if out is not None:
-        from skinmap.cli.figures import structures_figure
+        from skinmap.cli.structure_figures import body_figure, structures_figure
         from skinmap.io.output import staged_folder
 
         with staged_folder(out) as stage:
             structures_figure(skins, found, stage / "structures.png")
-        files = ["structures.png"]
+            body_figure(loaded, skins, found, stage / "structures_body.png")
+        files = ["structures.png", "structures_body.png"]
     result = summary(found)
     if as_json:
         settings = {
-            "radius_mm": radius_mm,
+            "radius_mm": radius * 1e3,
+            "radius_is": "requested" if wanted is not None else "auto",
             "tolerance_mm": tolerance_mm,
             "rotations": int(rotations),
+            "distance": distance,
         }
         emit({"robot": loaded.name, "parts": list(names), **settings, **result, "files": files})
         return
     click.echo(
-        f"{result['structures']} structures over {result['taxels']} taxels; "
-        f"{result['rare_taxels']} taxels in structures with fewer than {RARE} members"
+        f"{result['structures']} structures over {result['taxels']} taxels within "
+        f"{radius * 1e3:.2f} mm; {result['rare_taxels']} taxels "
+        f"({100.0 * result['rare_share']:.1f} %) in structures with fewer than {RARE} members, "
+        f"{result['leftovers']} of them alone"
     )
     table(
         ["structure", "taxels", "neighbours"],
@@ -92,13 +118,51 @@ def command(
         click.echo(str(Path(out or ".") / file))
 
 
+def _radius(text: str) -> float | None:
+    """The radius asked for [m], None for auto."""
+    if text == "auto":
+        return None
+    try:
+        radius = float(text)
+    except ValueError:
+        radius = math.nan
+    if not 0 < radius < math.inf:
+        raise click.UsageError(f"--radius-mm must be above 0, or auto, got {text!r}")
+    return radius * 1e-3
+
+
+def _auto_radius(skins: Mapping[str, PreparedSkin]) -> float:
+    from skinmap.neighbours.radius import auto_radius
+    from skinmap.neighbours.structures import RADIUS
+
+    return auto_radius([skin.skin.positions for skin in skins.values()], near=RADIUS)
+
+
+def _neighbourhoods(
+    skin: PreparedSkin, radius: float, rotations: int, distance: str
+) -> Neighbourhoods:
+    from skinmap.neighbours.geodesic import geodesic_neighbourhoods
+    from skinmap.neighbours.offsets import LATTICE, flat_map_directions, neighbourhoods
+
+    symmetry = rotations if rotations > 1 else LATTICE
+    directions = flat_map_directions(skin.flat, symmetry=symmetry)
+    if distance == "geodesic":
+        return geodesic_neighbourhoods(skin.mesh, directions, radius=radius)
+    return neighbourhoods(skin.skin.positions, skin.skin.normals, directions, radius=radius)
+
+
 def summary(found: Structures) -> dict[str, Any]:
     """The numbers of a set of structures, ready for JSON."""
     counts = found.counts
+    without = int((found.labels < 0).sum())
+    rare = int(counts[counts < RARE].sum()) + without
     return {
         "structures": len(found.prototypes),
         "taxels": len(found.labels),
-        "rare_taxels": int(counts[counts < RARE].sum()),
+        "rare_taxels": rare,
+        "rare_share": rare / max(len(found.labels), 1),
+        "leftovers": len(found.leftovers),
+        "without_structure": without,
         "table": [
             {
                 "structure": s,

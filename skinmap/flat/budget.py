@@ -12,10 +12,10 @@ from skinmap.flat.disc import Disc
 from skinmap.flat.distortion import edge_rms
 from skinmap.flat.local_global import rigid_map
 
-# CPU seconds (s, p) as s (n / 100,000)^p, without and with what the cheaper method leaves for
-# the next one, by `make bench-geometry` (rows "cost model" of benchmarks/results/geometry.json).
+# CPU seconds (s, p) as s (n / 100,000)^p; what `balanced` and `dirichlet` add to `fast`, which is
+# their start. From "cost_model" of benchmarks/results/geometry.json, by `make bench-geometry`.
 # What a method really takes is scaled by what `fast` took on the machine and the mesh at hand.
-COSTS = {"fast": (0.75, 1.12), "balanced": (0.95, 1.10), "dirichlet": (1.20, 1.10)}
+COSTS = {"fast": (0.83, 1.17), "balanced": (0.87, 1.18), "dirichlet": (1.41, 1.13)}
 SMALLEST = 1e-3  # seconds: no disc takes less
 CHEAP = 0.1  # seconds: without a budget, the most that `dirichlet` may take beside `fast`
 _REFINEMENTS: dict[str, Callable[[Disc], FloatArray]] = {

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import FlatteningError, SkinWarning
-from skinmap.flat.budget import within_budget
+from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
+from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning
+from skinmap.flat.budget import Choice, within_budget
 from skinmap.flat.disc import Disc
-from skinmap.flat.methods import flatteners
-from skinmap.geometry.topology import boundary_loops, check_surface, euler_number, loop_length
+from skinmap.flat.methods import apply_flattener
+from skinmap.geometry.topology import boundary_loops, check_surface, loop_length
 from skinmap.geometry.triangles import cross_products, unit
 from skinmap.surface.holes import close_loop
 
@@ -85,21 +85,19 @@ def map_disc(
 
     Raises
     ------
+    InvalidArrayError, InvalidMeshError
+        Values that are not finite, vertices that no face uses, faces that are no surface.
     FlatteningError
         No border, a hole too wide to fill (a tube), a triangle without area, or one that no
         method keeps from flipping.
     """
     disc, size, holes = _prepare(vertices, faces, where)
     if method == "auto":
-        choice = within_budget(disc, max_seconds=max_seconds, max_edge_rms=max_edge_rms)
-        if disc.is_injective(choice.uv):
+        choice = _choose(disc, max_seconds, max_edge_rms)
+        if choice is not None:
             if not choice.met:
-                warnings.warn(
-                    f"{where}: no method keeps to the budget; {choice.method} comes nearest "
-                    f"({choice.reason})",
-                    SkinWarning,
-                    stacklevel=3,
-                )
+                words = f"{where}: no method keeps to the budget; {choice.method} comes nearest"
+                warnings.warn(f"{words} ({choice.reason})", SkinWarning, stacklevel=3)
             return DiscMap(choice.uv * size, choice.method, False, holes, choice.reason)
     for name in (method, *FALLBACKS):
         uv = _attempt(name, disc)
@@ -108,14 +106,26 @@ def map_disc(
     else:
         raise FlatteningError(f"{where}: neither {method} nor a convex map is free of flips")
     if name != method:
-        warnings.warn(f"{where}: {method} flips, {name} is used", SkinWarning, stacklevel=3)
+        warnings.warn(
+            f"{where}: {method} flips or fails, {name} is used", SkinWarning, stacklevel=3
+        )
     return DiscMap(uv * size, name, name != method, holes)
+
+
+def _choose(disc: Disc, max_seconds: float | None, max_edge_rms: float | None) -> Choice | None:
+    """What `auto` takes; None where it fails or flips."""
+    try:
+        choice = within_budget(disc, max_seconds=max_seconds, max_edge_rms=max_edge_rms)
+    except (ArithmeticError, ValueError, RuntimeError):  # a singular matrix, whatever it is called
+        logger.info("flattening method auto fails", exc_info=True)
+        return None
+    return choice if disc.is_injective(choice.uv) else None
 
 
 def _attempt(name: str, disc: Disc) -> FloatArray | None:
     """Coordinates (n, 2) by one method; None where it fails, flips or is not finite."""
     try:
-        uv = np.asarray(flatteners.get(name)(disc.vertices, disc.faces, disc.loop), np.float64)
+        uv = apply_flattener(name, disc)
     except Exception:  # whatever a library or a plug-in stumbles over, another method may not
         logger.info("flattening method %s fails", name, exc_info=True)
         return None
@@ -124,7 +134,7 @@ def _attempt(name: str, disc: Disc) -> FloatArray | None:
 
 def _prepare(vertices: FloatArray, faces: IntArray, where: str) -> tuple[Disc, float, int]:
     """The surface at unit size round its centre, holes filled; its size [m] and holes."""
-    check_surface(faces)
+    _check_input(vertices, faces, where)
     loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
     if not loops:
         raise FlatteningError(f"{where} is closed: cut it open first")
@@ -134,12 +144,28 @@ def _prepare(vertices: FloatArray, faces: IntArray, where: str) -> tuple[Disc, f
             raise FlatteningError(f"{where} is a tube or has a wide hole: cut it open first")
         filled.append(close_loop(vertices, _vertex_normals(vertices, faces), loop))
     centre, size = vertices.mean(axis=0), float(np.ptp(vertices, axis=0).max())
-    disc = Disc((vertices - centre) / size, np.concatenate(filled), loops[0])
+    disc = Disc((vertices - centre) / (size or 1.0), np.concatenate(filled), loops[0])
     if disc.smallest_altitudes[: len(faces)].min() <= NO_AREA:
         raise FlatteningError(f"{where} has a triangle without area")
-    if (number := euler_number(disc.faces)) != 1:
+    # Every vertex is used and every edge lies in two faces but for those of the outer loop.
+    edges = (3 * len(disc.faces) + len(loops[0])) // 2
+    if (number := len(vertices) - edges + len(disc.faces)) != 1:
         raise FlatteningError(f"{where} is no disc: Euler number {number}")
     return disc, size, len(loops) - 1
+
+
+def _check_input(vertices: FloatArray, faces: IntArray, where: str) -> None:
+    if len(faces) == 0:
+        raise FlatteningError(f"{where} has no faces")
+    check_points(vertices, f"vertices of {where}")
+    check_faces(faces, len(vertices))
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    if not used.all():
+        raise InvalidMeshError(
+            f"vertex {int(np.argmin(used))} belongs to no face of {where}: drop it first"
+        )
+    check_surface(faces)
 
 
 def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:

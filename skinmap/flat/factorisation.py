@@ -7,10 +7,11 @@ supernodal part, which scikit-sparse brings where it is installed. All agree to 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from importlib.util import find_spec
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csc_array, csc_matrix, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
@@ -43,6 +44,7 @@ def factorise(matrix: csc_array, *, solver: str | None = None) -> Solve:
     return _FACTORISERS[solver](csc_array(matrix))
 
 
+@cache
 def solvers() -> tuple[str, ...]:
     """Names of the solvers installed here."""
     optional = {"cholespy": "cholespy", "scikit-sparse": "sksparse"}
@@ -97,10 +99,14 @@ def _cholespy(matrix: csc_array) -> Solve:
 
 
 def _scikit_sparse(matrix: csc_array) -> Solve:
-    from scipy.sparse import csc_matrix
-    from sksparse.cholmod import cholesky  # the interface up to 0.4; later ones keep it
-
-    factor = cholesky(csc_matrix(matrix))
+    try:
+        from sksparse.cholmod import CholmodError, cholesky
+    except ImportError:  # installed but without its library, or with another interface
+        return _scipy(matrix)
+    try:
+        factor = cholesky(csc_matrix(matrix))
+    except CholmodError:
+        return _scipy(matrix)
     return lambda right: np.asarray(factor(right))
 
 

@@ -43,6 +43,9 @@ def geodesic_stress(
     """
     import igl
 
+    # The exact search has tolerances of its own: at other sizes than about 1 it may not end.
+    size = float(np.ptp(vertices, axis=0).max())
+    vertices, uv = (vertices - vertices.mean(axis=0)) / size, (uv - uv.mean(axis=0)) / size
     everyone, none = np.arange(len(vertices)), np.zeros(0, np.int64)
     chosen = np.unique(np.linspace(0, len(vertices) - 1, sources).astype(np.int64))
     around = np.array(

@@ -11,7 +11,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.flat.disc import Disc
 
-ITERATIONS = 10
+ITERATIONS = 5  # from a conformal start: more change the energy's excess by less than 1 %
 
 
 def rigid_map(disc: Disc) -> FloatArray:

@@ -64,6 +64,8 @@ def mesh_surface(vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh") -
     except InvalidMeshError as error:
         raise InvalidMeshError(f"{name}: {error}") from error
     opened, origin = split_along(triangles, np.zeros((0, 2), np.int64))
+    order = np.argsort(origin, kind="stable")  # rows of the file keep their order
+    opened, origin = np.argsort(order)[opened], origin[order]
     label = face_components(opened)
     if label.max() >= MOST_COMPONENTS:
         raise InvalidMeshError(

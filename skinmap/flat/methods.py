@@ -24,7 +24,7 @@ from skinmap.registry import Registry
 Flattener = Callable[[FloatArray, IntArray, IntArray], FloatArray]
 flatteners: Registry[Flattener] = Registry("flattening method", "skinmap.flatteners")
 SLIM_ITERATIONS = 5
-MOST_SLIM = 20_000  # vertices: above, SLIM's own factorisation per step takes minutes
+MOST_SLIM = 20_000  # vertices: above, the factorisation that SLIM needs for each step is too dear
 
 
 def flattener_names() -> tuple[str, ...]:
@@ -39,7 +39,19 @@ def on_disc(method: Callable[[Disc], FloatArray]) -> Flattener:
     def flattener(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
         return method(Disc(vertices, faces, loop))
 
+    _methods_of_discs[flattener] = method
     return flattener
+
+
+_methods_of_discs: dict[Flattener, Callable[[Disc], FloatArray]] = {}
+
+
+def apply_flattener(name: str, disc: Disc) -> FloatArray:
+    """Flat coordinates by the method of a name; ours share what the disc has computed before."""
+    flattener = flatteners.get(name)
+    if flattener in _methods_of_discs:
+        return _methods_of_discs[flattener](disc)
+    return np.asarray(flattener(disc.vertices, disc.faces, disc.loop), np.float64)
 
 
 def lscm(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:

@@ -15,20 +15,27 @@ from skinmap.geometry.triangles import unit
 
 
 def log_map(
-    points: FloatArray, normals: FloatArray, graph: csr_array, source: int, reach: float
+    points: FloatArray,
+    normals: FloatArray,
+    graph: csr_array,
+    source: int,
+    reach: float,
+    *,
+    frame: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Coordinates (n, 2) and path lengths (n,) [m] of points around a source point.
 
     Frames are carried along the shortest paths of the graph by the least rotation between
     normals; each step is laid into the frame at its full 3D length. On a plane the coordinates
-    are exact. Points further than `reach` [m] get NaN and inf.
+    are exact. Points further than `reach` [m] get NaN and inf. `frame` (2, 3) are the axes at the
+    source, any by default.
     """
     length, parent = dijkstra(
         graph, directed=False, indices=source, limit=reach, return_predecessors=True
     )
     uv = np.full((len(points), 2), np.nan)
     axes = np.zeros((len(points), 2, 3))
-    axes[source] = _any_frame(normals[source])
+    axes[source] = _any_frame(normals[source]) if frame is None else frame
     uv[source] = 0.0
     reached = np.isfinite(length)
     reached[source] = False

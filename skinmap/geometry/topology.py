@@ -22,6 +22,30 @@ def edge_keys(faces: IntArray) -> IntArray:
     return np.where(start < end, key, ~key)
 
 
+def twins(faces: IntArray) -> IntArray:
+    """(3 m,) directed edge that runs back along each one, -1 at the border.
+
+    Edges in more than two faces or with faces turned over have a twin where any edge runs back.
+    """
+    key = edge_keys(faces)
+    line = np.where(key < 0, ~key, key)
+    order = np.argsort(line, kind="stable")
+    ordered = line[order]
+    twin = np.full(len(key), -1, np.int64)
+    if len(key) > 2 and (ordered[2:] == ordered[:-2]).any():
+        by_key = np.argsort(key, kind="stable")
+        place = np.searchsorted(key[by_key], ~key)
+        place[place == len(key)] = 0
+        back = by_key[place]
+        return np.where(key[back] == ~key, back, twin)
+    pair = np.flatnonzero(ordered[1:] == ordered[:-1])
+    first, second = order[pair], order[pair + 1]
+    opposite = key[first] != key[second]
+    first, second = first[opposite], second[opposite]
+    twin[first], twin[second] = second, first
+    return twin
+
+
 def edges(faces: IntArray) -> IntArray:
     """(e, 2) undirected edges, each once, smaller index first, sorted."""
     key = edge_keys(faces)
@@ -66,11 +90,7 @@ def boundary_loops(faces: IntArray) -> list[IntArray]:
     InvalidMeshError
         Where two boundary loops meet in one vertex or a face is turned over.
     """
-    key = edge_keys(faces)
-    ordered = np.sort(key)
-    place = np.searchsorted(ordered, ~key)
-    place[place == len(key)] = 0
-    open_edges = half_edges(faces)[ordered[place] != ~key] if len(key) else half_edges(faces)
+    open_edges = half_edges(faces)[twins(faces) < 0]
     following = dict(map(tuple, open_edges.tolist()))
     if len(following) != len(open_edges):
         raise InvalidMeshError("two boundary loops meet in one vertex: the mesh is not manifold")

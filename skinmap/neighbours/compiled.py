@@ -43,7 +43,7 @@ def _compile() -> Kernel:
 
 
 def _match(
-    offsets: Any, held: Any, must: Any, alone: Any, raster: Any,
+    rows: Any, offsets: Any, held: Any, musts: Any, must: Any, alone: Any, raster: Any,
     places: Any, count: Any, needed: Any, required: Any, weight: Any, masks: Any,
     reach2: float, margin: float, cost: Any, stray: Any, turn: Any,
 ) -> None:  # fmt: skip
@@ -51,12 +51,10 @@ def _match(
     width, depth = offsets.shape[1], places.shape[2]
     partner, gap = np.empty(depth, np.int64), np.empty(depth)
     place, near = np.empty(width, np.int64), np.empty(width)
-    for r in range(offsets.shape[0]):
-        wanted = 0
-        for j in range(held[r]):
-            wanted += must[r, j]
+    for line in range(len(rows)):
+        r = rows[line]
         for s in range(places.shape[0]):
-            if wanted > count[s] or held[r] < needed[s]:
+            if musts[r] > count[s] or held[r] < needed[s]:
                 continue
             for t in range(places.shape[1]):
                 fits = True
@@ -108,5 +106,5 @@ def _match(
                     continue
                 mean = total / max(number, 1)
                 value = mean / reach2 + lone
-                if value < cost[r, s] - margin:
-                    cost[r, s], stray[r, s], turn[r, s] = value, mean, t
+                if value < cost[line, s] - margin:
+                    cost[line, s], stray[line, s], turn[line, s] = value, mean, t

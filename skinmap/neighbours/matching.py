@@ -6,11 +6,12 @@ within a reach: a matching is one-to-one by construction, whatever the reach.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.neighbours.compiled import match_kernel
 from skinmap.neighbours.offsets import Neighbourhoods, ramp
 from skinmap.neighbours.prototypes import Prototypes
@@ -19,6 +20,43 @@ CELLS = 13  # cells of the coarse raster along one axis: all of them fit into th
 WORDS = -(-CELLS * CELLS // 64)
 TRIPLES = 16384  # neighbourhood, prototype and rotation that are matched at a time
 MARGIN = 1e-9  # a cost must be lower by this to count as lower: ties do not hang on rounding
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class View:
+    """Neighbourhoods made ready to be matched, once for many prototypes.
+
+    Attributes
+    ----------
+    hoods : Neighbourhoods
+    filled : (n, k) bool
+    held, needed : (n,) int
+        How many neighbours there are, and how many of them must have a place.
+    weight : (n, k) float
+        What a neighbour without a place costs.
+    raster : (n, w) uint64
+        A bit for each cell of a coarse raster that holds a neighbour.
+    """
+
+    hoods: Neighbourhoods
+    filled: BoolArray
+    held: IntArray
+    needed: IntArray
+    weight: FloatArray
+    raster: np.ndarray
+
+
+def view(hoods: Neighbourhoods) -> View:
+    """Neighbourhoods ready to be matched."""
+    filled = hoods.filled
+    return View(
+        hoods,
+        filled,
+        filled.sum(axis=1),
+        hoods.required.sum(axis=1),
+        hoods.weight,
+        _occupancy(hoods, filled),
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -43,7 +81,7 @@ class Matcher:
     offsets: FloatArray
     count: IntArray
     needed: IntArray
-    required: np.ndarray
+    required: BoolArray
     weight: FloatArray
     masks: np.ndarray
     reach: float
@@ -70,7 +108,7 @@ def matcher(shapes: Prototypes, hoods: Neighbourhoods, *, reach: float) -> Match
 
 
 def match_costs(
-    hoods: Neighbourhoods, rows: IntArray, ready: Matcher, *, compiled: bool | None = None
+    seen: View, rows: IntArray, ready: Matcher, *, compiled: bool | None = None
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Cost, mean squared stray and best rotation (r, s) of some neighbourhoods by prototype.
 
@@ -79,7 +117,7 @@ def match_costs(
 
     Parameters
     ----------
-    hoods : Neighbourhoods
+    seen : View
     rows : (r,) int
         Neighbourhoods to match.
     ready : Matcher
@@ -91,17 +129,16 @@ def match_costs(
     turn = np.zeros(shape, np.int64)
     if 0 in shape:
         return cost, stray, turn
-    raster = occupancy(hoods, rows)
     kernel = match_kernel(len(rows) * len(ready.count) * ready.offsets.shape[1], compiled)
     if kernel is not None:
         kernel(
-            hoods.offsets[rows], hoods.filled[rows].sum(axis=1), hoods.required[rows],
-            hoods.weight[rows], raster, ready.offsets, ready.count, ready.needed, ready.required,
+            rows, seen.hoods.offsets, seen.held, seen.needed, seen.hoods.required,
+            seen.weight, seen.raster, ready.offsets, ready.count, ready.needed, ready.required,
             ready.weight, ready.masks, ready.reach**2, MARGIN, cost, stray, turn,
         )  # fmt: skip
         return cost, stray, turn
-    for local, s, t in _passing(hoods, rows, raster, ready):
-        total, mean, _ = pairing(hoods, rows[local], ready, s, t)
+    for local, s, t in _passing(seen, rows, ready):
+        total, mean, _ = pairing(seen, rows[local], ready, s, t)
         for step in range(ready.offsets.shape[1]):  # one after the other: ties keep the first
             now = np.flatnonzero(t == step)
             better = now[total[now] < cost[local[now], s[now]] - MARGIN]
@@ -111,12 +148,12 @@ def match_costs(
 
 
 def pairing(
-    hoods: Neighbourhoods, rows: IntArray, ready: Matcher, s: IntArray, t: IntArray
+    seen: View, rows: IntArray, ready: Matcher, s: IntArray, t: IntArray
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Cost (r,), mean squared stray (r,) and place of a neighbour in each place (r, k), or -1."""
-    filled, must = hoods.filled[rows], hoods.required[rows]
+    filled, must = seen.filled[rows], seen.hoods.required[rows]
     places = np.arange(ready.offsets.shape[2]) < ready.count[s][:, None]
-    gap = ((hoods.offsets[rows][:, None] - ready.offsets[s, t][:, :, None]) ** 2).sum(axis=3)
+    gap = ((seen.hoods.offsets[rows][:, None] - ready.offsets[s, t][:, :, None]) ** 2).sum(axis=3)
     gap = np.where(filled[:, None] & places[:, :, None], gap, np.inf)
     partner, place = gap.argmin(axis=2), gap.argmin(axis=1)
     distance = np.take_along_axis(gap, partner[..., None], 2)[..., 0]
@@ -129,18 +166,17 @@ def pairing(
     number = found.sum(axis=1)
     mean = np.where(found, distance, 0.0).sum(axis=1) / np.maximum(number, 1)
     alone = np.where(places & ~found, ready.weight[s], 0.0).sum(axis=1)
-    alone = alone + np.where(filled & ~taken, hoods.weight[rows], 0.0).sum(axis=1)
+    alone = alone + np.where(filled & ~taken, seen.weight[rows], 0.0).sum(axis=1)
     cost = np.where(fits, mean / ready.reach**2 + alone, np.inf)
     return cost, np.where(fits, mean, np.inf), np.where(found, partner, -1)
 
 
-def occupancy(hoods: Neighbourhoods, rows: IntArray) -> np.ndarray:
-    """(r, w) uint64: a bit for each cell of a coarse raster that holds a neighbour."""
+def _occupancy(hoods: Neighbourhoods, filled: BoolArray) -> np.ndarray:
     size = _cell(hoods.radius + hoods.band)
-    cell = np.floor(hoods.offsets[rows] / size + 0.5 * CELLS).astype(np.int64)
+    cell = np.floor(hoods.offsets / size + 0.5 * CELLS).astype(np.int64)
     bit = np.clip(cell[..., 0], 0, CELLS - 1) * CELLS + np.clip(cell[..., 1], 0, CELLS - 1)
-    raster = np.zeros((len(rows), WORDS), np.uint64)
-    row, place = np.nonzero(hoods.filled[rows])
+    raster = np.zeros((len(hoods), WORDS), np.uint64)
+    row, place = np.nonzero(filled)
     bit = bit[row, place]
     np.bitwise_or.at(raster, (row, bit // 64), np.uint64(1) << (bit % 64).astype(np.uint64))
     return raster
@@ -165,10 +201,13 @@ def _masks(turned: FloatArray, extent: float, reach: float) -> np.ndarray:
     return np.where(grouped, powers, np.uint64(0)).sum(axis=-1, dtype=np.uint64)
 
 
-def _passing(hoods: Neighbourhoods, rows: IntArray, raster: np.ndarray, ready: Matcher):
+Triples = tuple[IntArray, IntArray, IntArray]
+
+
+def _passing(seen: View, rows: IntArray, ready: Matcher) -> Iterator[Triples]:
     """Batches of (row, prototype, rotation) of which the raster does not exclude a match."""
-    held, must = hoods.filled[rows].sum(axis=1), hoods.required[rows].sum(axis=1)
-    words = np.ascontiguousarray(raster.T)
+    held, must = seen.held[rows], seen.needed[rows]
+    words = np.ascontiguousarray(seen.raster[rows].T)
     batch: list[tuple[IntArray, int, int]] = []
     size = 0
     for s in range(len(ready.count)):
@@ -193,7 +232,7 @@ def _passing(hoods: Neighbourhoods, rows: IntArray, raster: np.ndarray, ready: M
         yield _joined(batch)
 
 
-def _joined(batch: list[tuple[IntArray, int, int]]) -> tuple[IntArray, IntArray, IntArray]:
+def _joined(batch: list[tuple[IntArray, int, int]]) -> Triples:
     lengths = [len(rows) for rows, _, _ in batch]
     return (
         np.concatenate([rows for rows, _, _ in batch]),

@@ -125,15 +125,16 @@ def gathered(
     return Neighbourhoods(index, padded, required, radius, band)
 
 
-def flat_map_directions(flat: FlatMap) -> FloatArray:
+def flat_map_directions(flat: FlatMap, *, symmetry: int = LATTICE) -> FloatArray:
     """(n, 3) direction on the skin along which the flat map's second coordinate grows.
 
-    Each chart is first turned by less than pi / 6 so that its lattice lies along the axes:
-    then structures of one patch mean the same on another.
+    Each chart is first turned by at most pi / symmetry so that its lattice lies along the axes:
+    then structures of one patch mean the same on another. `symmetry` is 6 for triangular
+    modules and hexagonal lattices, 4 for square grids.
     """
     directions = np.zeros((len(flat.mesh.skin), 3))
     for chart in flat.charts:
-        phase = lattice_phase(chart.uv)
+        phase = lattice_phase(chart.uv, symmetry=symmetry)
         height = chart.uv @ np.array([-np.sin(phase), np.cos(phase)])
         np.add.at(
             directions,
@@ -143,15 +144,15 @@ def flat_map_directions(flat: FlatMap) -> FloatArray:
     return unit(directions)[flat.mesh.representative]
 
 
-def lattice_phase(uv: FloatArray) -> float:
-    """Angle [rad], at most pi / 6 in size, of the nearest-neighbour directions of a lattice."""
+def lattice_phase(uv: FloatArray, *, symmetry: int = LATTICE) -> float:
+    """Angle [rad], at most pi / symmetry in size, of the nearest steps of a lattice."""
     limit = 1.25 * median_spacing(uv)
     pairs = cKDTree(uv).query_pairs(limit, output_type="ndarray")
     if len(pairs) == 0:
         return 0.0
     step = uv[pairs[:, 1]] - uv[pairs[:, 0]]
     angle = np.arctan2(step[:, 1], step[:, 0])
-    return float(np.angle(np.exp(1j * LATTICE * angle).sum()) / LATTICE)
+    return float(np.angle(np.exp(1j * symmetry * angle).sum()) / symmetry)
 
 
 def _gradients(vertices: FloatArray, faces: IntArray, values: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
-from skinmap.neighbours.matching import MARGIN, match_costs, matcher, pairing
+from skinmap.neighbours.matching import MARGIN, View, match_costs, matcher, pairing, view
 from skinmap.neighbours.offsets import Neighbourhoods, ramp
 from skinmap.neighbours.prototypes import Prototypes, as_prototypes, clockwise
 
@@ -101,17 +101,17 @@ def find_structures(
         raise InvalidArrayError(
             f"tolerance must be above 0 and rotations at least 1, got {tolerance} and {rotations}"
         )
-    order = _canonical_order(hoods)
+    order, seen = _canonical_order(hoods), view(hoods)
     none = as_prototypes(hoods, order[:0], tolerance=tolerance, rotations=rotations)
-    shapes, left = _cover(hoods, order, none, compiled)
+    shapes, left = _cover(seen, order, none, compiled)
     if len(shapes):
-        shapes = _settled(hoods, shapes, compiled)
-        labels = assign(hoods, shapes, compiled=compiled).labels
+        shapes = _settled(seen, shapes, compiled)
+        labels = _assigned(seen, shapes, compiled).labels
         left = order[labels[order] < 0]
     if len(left):
-        own, _ = _cover(hoods, left, none, compiled, fewest=1)
+        own, _ = _cover(seen, left, none, compiled, fewest=1)
         shapes = shapes.joined(own)
-    return _by_frequency(assign(hoods, shapes, compiled=compiled))
+    return _by_frequency(_assigned(seen, shapes, compiled))
 
 
 def assign(
@@ -122,7 +122,11 @@ def assign(
     First come matches of which every point lies within the tolerance, then those of which a point
     or two strays by up to 1.5 tolerances, if the root mean square is below 1 / 1.5 of it.
     """
-    n = len(hoods)
+    return _assigned(view(hoods), prototypes, compiled)
+
+
+def _assigned(seen: View, prototypes: Prototypes, compiled: bool | None) -> Structures:
+    hoods, n = seen.hoods, len(seen.hoods)
     labels, turn = np.full(n, -1), np.zeros(n, np.int64)
     neighbours = np.full((n, prototypes.offsets.shape[1]), -1)
     tolerance = prototypes.tolerance
@@ -131,12 +135,12 @@ def assign(
         waiting = np.flatnonzero(labels < 0)
         for start in range(0, len(waiting), ROWS):
             rows = waiting[start : start + ROWS]
-            cost, stray, turns = match_costs(hoods, rows, ready, compiled=compiled)
+            cost, stray, turns = match_costs(seen, rows, ready, compiled=compiled)
             cost[stray > rms**2] = np.inf
             best, lowest = _lowest(cost)
             hit = np.flatnonzero(np.isfinite(lowest))
             s, t = best[hit], turns[hit, best[hit]]
-            partner = pairing(hoods, rows[hit], ready, s, t)[2]
+            partner = pairing(seen, rows[hit], ready, s, t)[2]
             at = rows[hit]
             labels[at], turn[at] = s, t
             taken = np.take_along_axis(hoods.index[at], np.maximum(partner, 0), 1)
@@ -159,18 +163,16 @@ def _canonical_order(hoods: Neighbourhoods) -> IntArray:
     spread = (weight * (hoods.offsets**2).sum(axis=2)).sum(axis=1)
     centre = (weight[..., None] * hoods.offsets).sum(axis=1)
     key = (centre[:, 1], centre[:, 0], spread, -hoods.required.sum(axis=1))
-    scale = hoods.radius + hoods.band
+    scale = 1e-6 * (hoods.radius + hoods.band)  # far below noise, far above rounding
     rounded = [
-        np.round(values / (1e-6 * scale * scale))
-        if i == 2
-        else (np.round(values / (1e-6 * scale)) if i < 2 else values)
-        for i, values in enumerate(key)
+        np.round(values / unit)
+        for values, unit in zip(key, (scale, scale, scale**2 * 1e6, 1.0), strict=True)
     ]
     return np.lexsort(rounded)
 
 
 def _cover(
-    hoods: Neighbourhoods,
+    seen: View,
     rows: IntArray,
     none: Prototypes,
     compiled: bool | None,
@@ -178,7 +180,7 @@ def _cover(
     fewest: int = 2,
 ) -> tuple[Prototypes, IntArray]:
     """Prototypes of at least `fewest` members that cover some rows, and the rows left over."""
-    shapes, uncovered = none, rows
+    hoods, shapes, uncovered = seen.hoods, none, rows
     tolerance, rotations = none.tolerance, none.rotations
     for _ in range(POOLS):
         if len(uncovered) == 0 or len(shapes) >= MOST:
@@ -186,7 +188,7 @@ def _cover(
         candidates, columns = _sampled(uncovered, CANDIDATES), _sampled(uncovered, COLUMNS)
         pool = as_prototypes(hoods, candidates, tolerance=tolerance, rotations=rotations)
         ready = matcher(pool, hoods, reach=tolerance)
-        cost, _, _ = match_costs(hoods, columns, ready, compiled=compiled)
+        cost, _, _ = match_costs(seen, columns, ready, compiled=compiled)
         matches = np.isfinite(cost).astype(np.int64)
         free = np.ones(len(columns), np.int64)
         every = len(candidates) == len(uncovered)
@@ -198,9 +200,9 @@ def _cover(
                 break
             shape = pool.take(np.array([best]))
             for _ in range(REFINED):
-                members, found = _members(hoods, uncovered, shape, compiled)
+                members, found = _members(seen, uncovered, shape, compiled)
                 shape = _refined(hoods, shape, members, found)
-            members, _ = _members(hoods, uncovered, shape, compiled)
+            members, _ = _members(seen, uncovered, shape, compiled)
             covered = np.zeros(len(hoods), bool)
             covered[members] = True
             covered[columns[matches[:, best] > 0]] = True
@@ -220,14 +222,14 @@ def _sampled(rows: IntArray, most: int) -> IntArray:
 
 
 def _members(
-    hoods: Neighbourhoods, rows: IntArray, shape: Prototypes, compiled: bool | None
+    seen: View, rows: IntArray, shape: Prototypes, compiled: bool | None
 ) -> tuple[IntArray, tuple[IntArray, IntArray]]:
     """Rows that match a single prototype, with their rotation (m,) and partners (m, k)."""
-    ready = matcher(shape, hoods, reach=shape.tolerance)
-    cost, _, turn = match_costs(hoods, rows, ready, compiled=compiled)
+    ready = matcher(shape, seen.hoods, reach=shape.tolerance)
+    cost, _, turn = match_costs(seen, rows, ready, compiled=compiled)
     hit = np.flatnonzero(np.isfinite(cost[:, 0]))
     turns = turn[hit, 0]
-    partner = pairing(hoods, rows[hit], ready, np.zeros_like(turns), turns)[2]
+    partner = pairing(seen, rows[hit], ready, np.zeros_like(turns), turns)[2]
     return rows[hit], (turns, partner)
 
 
@@ -267,13 +269,13 @@ def _refined(
     )
 
 
-def _settled(hoods: Neighbourhoods, shapes: Prototypes, compiled: bool | None) -> Prototypes:
+def _settled(seen: View, shapes: Prototypes, compiled: bool | None) -> Prototypes:
     """Prototypes moved to the mean of all taxels that match them best.
 
     Those without members are left out, and so are those that match one with more members: noise
     had split them.
     """
-    found = _by_frequency(assign(hoods, shapes, compiled=compiled))
+    hoods, found = seen.hoods, _by_frequency(_assigned(seen, shapes, compiled))
     order = np.argsort(found.labels, kind="stable")
     kept = found.prototypes.take(np.zeros(0, np.int64))
     ends = np.searchsorted(found.labels[order], np.arange(len(found.prototypes) + 1))
@@ -294,7 +296,7 @@ def _matches_any(shape: Prototypes, others: Prototypes, hoods: Neighbourhoods) -
     index = np.where(shape.filled, np.arange(shape.filled.shape[1]), -1)
     alike = Neighbourhoods(index, shape.offsets, shape.required, hoods.radius, hoods.band)
     ready = matcher(others, alike, reach=shape.tolerance)
-    return bool(np.isfinite(match_costs(alike, np.zeros(1, np.int64), ready)[0]).any())
+    return bool(np.isfinite(match_costs(view(alike), np.zeros(1, np.int64), ready)[0]).any())
 
 
 def _by_frequency(found: Structures) -> Structures:

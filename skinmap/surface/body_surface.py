@@ -5,15 +5,22 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidMeshError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import boundary_loops, check_surface, face_components, half_edges
-from skinmap.geometry.triangles import cross_2d, cross_products, edge_lengths, face_areas
+from skinmap.geometry.triangles import (
+    cross_2d,
+    cross_products,
+    edge_lengths,
+    face_areas,
+    smallest_altitudes,
+)
 
 ALPHA = 1.5  # in spacings: openings narrower than this are closed over
 OFFSET = 0.1  # in spacings: how far the wrap stays off the mesh
 FINE = 0.35  # in spacings: longest edge that distances are measured along
+LEAST = 1e-10  # of the body's size: flatter faces are none
 MOST = 4_000_000  # fine triangles: more would need more than about 2 GB
 
 
@@ -26,8 +33,13 @@ def fine_surface(body: TriangleMesh, spacing: float) -> TriangleMesh:
     Raises
     ------
     InvalidMeshError
-        A body so large beside the spacing that millions of triangles would be needed.
+        A body without a face that has an area, or one so large beside the spacing that millions of
+        triangles would be needed.
     """
+    # The wrap of a face without area ends the process.
+    body = TriangleMesh(body.vertices, body.faces[_has_area(body)])
+    if len(body.faces) == 0:
+        raise InvalidMeshError("the body has no faces that have an area: nothing to follow")
     area = float(face_areas(body.vertices, body.faces).sum())
     needed = 4.6 * area / (FINE * spacing) ** 2  # twice the triangles that would tile it evenly
     if not needed < MOST:
@@ -36,6 +48,13 @@ def fine_surface(body: TriangleMesh, spacing: float) -> TriangleMesh:
             f"{needed:.2g} triangles are needed, at most {MOST:.0e}; cut it to the link's part"
         )
     return _divided(body if is_closed(body) else _wrapped(body, spacing), FINE * spacing)
+
+
+def _has_area(body: TriangleMesh) -> BoolArray:
+    """(m,) whether a face is more than a rounding error beside the body."""
+    size = np.ptp(body.vertices, axis=0).max() if len(body.vertices) else 0.0
+    altitude = smallest_altitudes(body.vertices, body.faces)
+    return np.asarray(altitude > LEAST * size)
 
 
 def is_closed(body: TriangleMesh) -> bool:
@@ -62,7 +81,8 @@ def _wrapped(body: TriangleMesh, spacing: float) -> TriangleMesh:
 
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(body.vertices, body.faces))
-    share = 100 * spacing / float(np.linalg.norm(np.ptp(body.vertices, axis=0)))
+    # In per cent of the diagonal, which a body of a few taxels may be shorter than.
+    share = min(50.0, 100 * spacing / float(np.linalg.norm(np.ptp(body.vertices, axis=0))))
     try:
         meshes.generate_alpha_wrap(
             alpha=pymeshlab.PercentageValue(ALPHA * share),

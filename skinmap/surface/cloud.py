@@ -9,10 +9,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, freeze
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_points, freeze
 from skinmap.errors import InvalidMeshError
 
 MERGE = 1e-2  # in spacings: closer taxels are one vertex
+AWAY = -0.5  # cosine between the normals of two taxels: 120 degrees
 COPIES = 8  # taxels that may share a place and yet let the spacing be seen
 
 
@@ -70,12 +71,14 @@ def make_cloud(positions: FloatArray, normals: FloatArray, merge: float | None =
     """
     scaled, centre, unit = to_unit(check_points(positions, "positions"))
     tolerance = None if merge is None else merge / unit
-    representative, vertices, spacing = _distinct(scaled, tolerance)
+    normals = check_finite(normals, "normals", (len(positions), 3))
+    representative, vertices, spacing = _distinct(scaled, normals, tolerance)
     if len(vertices) < 3:
         raise InvalidMeshError(f"{len(vertices)} distinct taxels make no surface: at least 3")
     vertices = vertices[np.lexsort(scaled[vertices].T[::-1])]
-    outward = check_finite(normals, "normals", (len(positions), 3))[vertices]
-    return Cloud(scaled[vertices], outward, vertices, representative, centre, unit, spacing)
+    return Cloud(
+        scaled[vertices], normals[vertices], vertices, representative, centre, unit, spacing
+    )
 
 
 def to_unit(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
@@ -93,28 +96,29 @@ def to_unit(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
 
 def merge_coincident(positions: FloatArray) -> tuple[IntArray, IntArray]:
     """The taxel (n,) that stands for each one, and the taxels (k,) that stand for themselves."""
-    representative, vertices, _ = _distinct(to_unit(check_points(positions, "positions"))[0], None)
+    scaled, _, _ = to_unit(check_points(positions, "positions"))
+    representative, vertices, _ = _distinct(scaled, np.ones_like(scaled), None)
     return representative, vertices
 
 
-def _distinct(points: FloatArray, tolerance: float | None) -> tuple[IntArray, IntArray, float]:
+def _distinct(
+    points: FloatArray, normals: FloatArray, tolerance: float | None
+) -> tuple[IntArray, IntArray, float]:
     """Representative (n,), distinct points (k,) and their spacing.
 
     Where taxels stand in near-coincident groups the nearest other says nothing of the spacing:
-    what is nearer than a hundredth of the distance to the eighth is merged first.
+    what is nearer than a hundredth of the distance to the eighth is merged first. Taxels that
+    look the other way are on the far side of a thin part and no neighbours.
     """
     _, first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)
     representative = first[same.ravel()]
     vertices = np.sort(first)
     while len(vertices) > 1:
-        k = min(COPIES, len(vertices) - 1) + 1
-        distance, index = cKDTree(points[vertices]).query(points[vertices], k=np.arange(2, k + 1))
-        spacing = float(np.median(distance[:, 0]))
-        far = float(np.median(distance[:, -1]))
-        if tolerance is None:
-            limit = MERGE * (spacing if spacing > MERGE * far else far)
-        else:
-            limit = tolerance
+        distance, index = _nearest_on_its_side(points[vertices], normals[vertices])
+        near, far = distance[:, 0], distance[:, -1]
+        spacing, wide = float(np.median(near)), float(np.median(far))
+        crowded = spacing <= MERGE * wide < np.inf
+        limit = (MERGE * (wide if crowded else spacing)) if tolerance is None else tolerance
         row, column = np.nonzero(distance <= limit)
         if len(row) == 0:
             return representative, vertices, spacing
@@ -129,3 +133,25 @@ def _distinct(points: FloatArray, tolerance: float | None) -> tuple[IntArray, In
         representative = stand_in[representative]
         vertices = np.unique(representative)
     return representative, vertices, 0.0
+
+
+def _nearest_on_its_side(points: FloatArray, normals: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Distances (k, c) and indices (k, c) of the nearest, infinitely far those that face away.
+
+    As many columns as are finite in most rows, so that the last one tells of a wider ring.
+    """
+    count = min(COPIES, len(points) - 1)
+    distance, index = cKDTree(points).query(points, k=np.arange(2, count + 2))
+    across = faces_away(normals, np.arange(len(points)), index)
+    if not across.any() or np.median(across.all(axis=1)) > 0:
+        return distance, index  # one side only, or normals that say nothing
+    distance = np.where(across, np.inf, distance)
+    order = np.argsort(distance, axis=1, kind="stable")
+    distance = np.take_along_axis(distance, order, 1)
+    kept = max(1, int((np.median(distance, axis=0) < np.inf).sum()))
+    return distance[:, :kept], np.take_along_axis(index, order, 1)[:, :kept]
+
+
+def faces_away(normals: FloatArray, rows: IntArray, index: IntArray) -> BoolArray:
+    """(r, k) whether neighbours of rows (r,) look the other way: on the far side, or a fold's."""
+    return np.asarray(np.einsum("ri,rki->rk", normals[rows], normals[index]) < AWAY)

@@ -12,7 +12,7 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 
-PAYS = 30_000  # taxels: below, the import of numba (about 1 s) costs more than it saves
+PAYS = 100_000  # taxels: below, the import of numba (over 1 s) costs more than it saves
 Kernel = Callable[..., Any]
 
 
@@ -38,14 +38,14 @@ def compile_kernel(function: Kernel) -> Kernel:
         return numba.njit(function, nogil=True)
 
 
-def star_kernel(n: int) -> Kernel | None:
-    """Compiled `delaunay_stars` for one chunk of points, None where the plain one is quicker."""
-    return compile_kernel(_stars) if pays(n) else None
+def star_kernel(n: int, compiled: bool | None = None) -> Kernel | None:
+    """Compiled stars for a chunk of n points; None for the plain ones, by default by what pays."""
+    return compile_kernel(_stars) if (pays(n) if compiled is None else compiled) else None
 
 
-def take_kernel(n: int) -> Kernel | None:
-    """Compiled `take_in_turn` for n points, None where the plain one is quicker."""
-    return compile_kernel(_take) if pays(n) else None
+def take_kernel(n: int, compiled: bool | None = None) -> Kernel | None:
+    """Compiled `take_in_turn` for n points; None for the plain one, by default by what pays."""
+    return compile_kernel(_take) if (pays(n) if compiled is None else compiled) else None
 
 
 def _take(numbers: IntArray) -> BoolArray:
@@ -71,7 +71,7 @@ def _stars(
 ) -> IntArray:
     """Votes (t, 3) of points rows (r,) with tangent axes (r, 3) and neighbours (r, k)."""
     k = index.shape[1]
-    x, y = np.zeros(k), np.zeros(k)
+    x, y, who = np.zeros(k), np.zeros(k), np.zeros(k, np.int64)
     votes = np.empty((rows.size * k, 3), np.int64)
     count = 0
     for row in range(rows.size):
@@ -80,11 +80,7 @@ def _stars(
         near = 0
         for i in range(k):
             far = distance[row, i]
-            if far > limit:
-                break
-            if far == 0.0:
-                x[near], y[near] = 0.0, 0.0
-                near += 1
+            if far > limit or far == 0.0:
                 continue
             u, v = 0.0, 0.0
             for axis in range(3):
@@ -95,6 +91,7 @@ def _stars(
             stretch = 1.0 / (far * shadow) if shadow > 0.0 else 0.0
             x[near], y[near] = u * stretch, v * stretch
             size = max(size, abs(x[near]), abs(y[near]))
+            who[near] = index[row, i]
             near += 1
         tiny = 1e-12 * size * size
         for i in range(near):
@@ -118,10 +115,10 @@ def _stars(
                 continue
             chord = 0.0
             for axis in range(3):
-                chord += (points[index[row, i], axis] - points[index[row, step], axis]) ** 2
+                chord += (points[who[i], axis] - points[who[step], axis]) ** 2
             if chord <= limit * limit:
                 votes[count, 0] = rows[row]
-                votes[count, 1] = index[row, i]
-                votes[count, 2] = index[row, step]
+                votes[count, 1] = who[i]
+                votes[count, 2] = who[step]
                 count += 1
     return votes[:count].copy()

@@ -7,6 +7,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.geometry.topology import twins
 from skinmap.geometry.triangles import cross_products, edge_lengths
 from skinmap.surface.compiled import take_kernel
 
@@ -37,7 +38,7 @@ def consensus(
     longest = edge_lengths(points, triangles[solid]).max(axis=1)
     order = np.lexsort((longest, -count[solid]))
     triangles = triangles[solid][order]
-    kernel = take_kernel(len(points)) if compiled in (None, True) else None
+    kernel = take_kernel(len(points), compiled)
     taken = (take_in_turn if kernel is None else kernel)(_edge_numbers(triangles, len(points)))
     return without_pinches(triangles[taken])
 
@@ -108,9 +109,9 @@ def take_in_turn(numbers: IntArray) -> BoolArray:
 def without_pinches(faces: IntArray) -> IntArray:
     """Faces less the smaller fans at vertices where two or more fans meet in a point."""
     while True:
-        fan, vertex = _fans(faces)
+        fan, vertex = fans(faces)
         size = np.bincount(fan)
-        if len(size) == len(np.unique(faces)):
+        if len(size) == np.count_nonzero(np.bincount(faces.ravel())):
             return faces
         # Largest fan first at each vertex, then the one with the earliest face.
         rank = np.lexsort((np.arange(len(size)), -size, vertex))
@@ -121,33 +122,25 @@ def without_pinches(faces: IntArray) -> IntArray:
 
 def pinched_vertex(faces: IntArray) -> int:
     """A vertex where two fans meet in a point; -1 where there is none."""
-    _, vertex = _fans(faces)
+    _, vertex = fans(faces)
     used, count = np.unique(vertex, return_counts=True)
     return int(used[np.argmax(count)]) if (count > 1).any() else -1
 
 
-def _fans(faces: IntArray) -> tuple[IntArray, IntArray]:
+def fans(faces: IntArray) -> tuple[IntArray, IntArray]:
     """Fan (3 m,) of each corner, numbered by first appearance, and the vertex (k,) of each fan.
 
     Corners of one vertex are of one fan where their faces share an edge at it.
     """
-    corner = np.arange(faces.size)
-    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
-    n = int(faces.max(initial=-1)) + 1
-    key = start * n + end
-    order = np.argsort(key)
-    place = np.searchsorted(key[order], end * n + start)
-    place[place == len(key)] = 0
-    twin = order[place] if len(order) else order
-    shared = key[twin] == end * n + start
+    start = faces.ravel()
+    twin = twins(faces)
+    corner = np.flatnonzero(twin >= 0)
     # The edge behind corner c runs back from the corner after its twin, at the same vertex.
-    ahead = twin - twin % 3 + (twin + 1) % 3
-    graph = coo_array(
-        (np.ones(shared.sum(), np.int8), (corner[shared], ahead[shared])), shape=(faces.size,) * 2
-    )
+    ahead = twin[corner] - twin[corner] % 3 + (twin[corner] + 1) % 3
+    graph = coo_array((np.ones(len(corner), np.int8), (corner, ahead)), shape=(faces.size,) * 2)
     count, label = connected_components(graph, directed=False)
     first = np.full(count, faces.size)
-    np.minimum.at(first, label, corner)
+    np.minimum.at(first, label, np.arange(faces.size))
     rank = np.empty(count, np.int64)
     rank[np.argsort(first)] = np.arange(count)
     return rank[label], start[np.sort(first)]

@@ -2,7 +2,8 @@
 
 The rule: contacts that begin together (and, once both are over, end together) and lie within a
 hand's span of each other are one grip; all others are separate touches. Each contact's course is
-scaled to its own largest load, so a light finger begins when a firm one does.
+scaled to its own largest load, so a light finger begins when a firm one does. A contact so faint
+that its times say nothing joins the nearest one that is not.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from skinmap.touch.contacts import ACTIVE, SkinGeometry, check_pressures, connec
 
 BRIEF = 3  # a taxel that is active for fewer samples than this has felt noise or a graze
 HALF = 0.5  # a contact begins and ends where it crosses this share of its largest load
+FAINT = 24.0  # a contact that never exceeds this [counts] flickers at the threshold: no times
 MAX_CONTACTS = 64  # contacts beyond this many, weakest first, join the touch nearest to them
 
 
@@ -52,12 +54,13 @@ RULE = GroupingRule()
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Contact:
-    """One contact of an event: its taxels, and when it began and ended."""
+    """One contact of an event: its taxels, when it began and ended, load and strongest taxel."""
 
     taxels: IntArray
     begin: float
     end: float
     load: float
+    peak: float
 
 
 def group_touches(
@@ -108,7 +111,7 @@ def group_touches(
 def contacts_of_event(geometry: SkinGeometry, samples: NDArray[np.uint8]) -> tuple[Contact, ...]:
     """Connected taxels that were active during the samples (k, n), with begin and end [samples]."""
     felt = samples > ACTIVE
-    often = felt.sum(axis=0) >= min(BRIEF, len(samples))
+    often = felt.sum(axis=0) >= max(1, min(BRIEF, len(samples)))
     index = np.flatnonzero(often)
     if len(index) == 0:
         return ()
@@ -123,7 +126,14 @@ def contacts_of_event(geometry: SkinGeometry, samples: NDArray[np.uint8]) -> tup
     end = _crossing(loads, final, HALF * peak, 1)
     kept = np.argsort(-peak, kind="stable")[:MAX_CONTACTS]
     return tuple(
-        Contact(index[piece == k], float(begin[k]), float(end[k]), float(peak[k])) for k in kept
+        Contact(
+            index[piece == k],
+            float(begin[k]),
+            float(end[k]),
+            float(peak[k]),
+            float(pressures[:, piece == k].max()),
+        )
+        for k in kept
     )
 
 
@@ -150,9 +160,22 @@ def _grips(
     one_ended = lasting[:, None] | lasting[None, :]
     joined = np.abs(begin[:, None] - begin[None, :]) <= slack
     joined &= (np.abs(end[:, None] - end[None, :]) <= slack) | one_ended
+    faint = np.array([contact.peak <= FAINT for contact in contacts])
+    if faint.any() and not faint.all():
+        joined[faint] = joined[:, faint] = False
+        clear = np.flatnonzero(~faint).tolist()
+        for k in np.flatnonzero(faint).tolist():
+            gaps = [_gap(geometry, contacts[k], contacts[j]) for j in clear]
+            nearest = clear[int(np.argmin(gaps))]
+            joined[k, nearest] = joined[nearest, k] = True
     one, other = np.nonzero(joined)
     near = [
-        a == b or geometry.distances(contacts[a].taxels, contacts[b].taxels).min() <= rule.span
+        a == b or _gap(geometry, contacts[a], contacts[b]) <= rule.span
         for a, b in zip(one.tolist(), other.tolist(), strict=True)
     ]
     return pieces(one[near], other[near], len(contacts))
+
+
+def _gap(geometry: SkinGeometry, one: Contact, other: Contact) -> float:
+    """Shortest path along the skin between two contacts [m]."""
+    return float(geometry.distances(one.taxels, other.taxels).min())

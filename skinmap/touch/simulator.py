@@ -45,7 +45,8 @@ FOAM = SENSING.foam
 SUBJECTS = 10
 REACH = 0.13  # no pad goes further from its middle [m]
 GAP = 0.25  # pause between touches [s]
-TRIES = 60  # places tried for one touch before the part counts as too small for it
+TRIES = 60  # places tried for one touch
+MISSES = 3  # touches that found no place before the part counts as too small for the gesture
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -137,16 +138,16 @@ def simulate(
     people = draw_subjects(subjects, rng=rng)
     wanted = rng.permutation(np.repeat(np.arange(len(gestures)), per_gesture))
     player = Player(stage, rng)
-    tired: set[str] = set()
+    missed = dict.fromkeys(gestures, 0)
     for name in (gestures[i] for i in wanted):
         if progress is not None:
             progress(skin.part)
         subject = people[int(rng.integers(len(people)))]
         placed = None
-        if name not in tired:
+        if missed[name] < MISSES:
             placed = place(stage, name, subject, rng=rng, places=places, on_skin=on_skin)
         if placed is None:
-            tired.add(name)
+            missed[name] += 1
             continue
         player.touch([placed])
     return player.recording()

@@ -7,11 +7,12 @@ import pytest
 from sklearn.svm import SVC
 
 from skinmap.classify.check import check_classifier, planted_touches
+from skinmap.classify.choose_words import CANDIDATES
 from skinmap.classify.classifier import classifiers
-from skinmap.classify.descriptors import Touch
+from skinmap.classify.descriptors import Histograms, Touch
 from skinmap.classify.inputs import ContactImages, RawSamples, descriptor_of
 from skinmap.classify.raw_classifiers import PENALTIES, WIDTHS
-from skinmap.errors import NotFittedError, SkinMismatchError, UnknownNameError
+from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError, UnknownNameError
 
 NAMES = ("raw-rbf", "raw-intersection", "histogram-chi2", "histogram-sqrt")
 
@@ -60,3 +61,31 @@ def test_contact_images_are_scaled_to_their_own_maximum(rng):
 def test_input_kinds_are_known_by_name():
     with pytest.raises(UnknownNameError, match="there is: raw, histogram, image, contact-geometry"):
         descriptor_of("smell")
+
+
+@pytest.mark.parametrize("name", ["histogram", "contact-geometry", "raw-rbf"])
+def test_training_on_untouched_skin_is_refused(name, rng):
+    touches = [
+        Touch(one.skin, np.zeros_like(one.samples), one.label)
+        for one in planted_touches(6, rng=rng)
+    ]
+    with pytest.raises(InvalidArrayError, match=r"two labels with 5 touches .*, got: none"):
+        classifiers.get(name)().fit(touches, rng=rng)
+
+
+def test_words_can_be_chosen_by_cross_validation(rng):
+    chosen = Histograms(words="cv")
+    chosen.fit(planted_touches(6, rng=rng), rng=rng)
+    assert chosen.codebook.words.shape[1] in CANDIDATES
+
+
+def test_samples_of_floats_count_like_those_of_bytes_and_nan_is_refused(rng):
+    touches = planted_touches(4, rng=rng)
+    votes = Histograms()
+    votes.fit(touches, rng=rng)
+    one = touches[0]
+    floats = Touch(one.skin, one.samples.astype(float))
+    np.testing.assert_array_equal(votes.describe(floats), votes.describe(one))
+    floats.samples[-1, 3] = np.nan
+    with pytest.raises(InvalidArrayError, match="NaN or infinity"):
+        votes.describe(floats)

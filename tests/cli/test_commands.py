@@ -65,15 +65,6 @@ def test_inspect_reads_a_bare_table(tmp_path):
     assert part["module_side_mm"] == pytest.approx(33.46, abs=0.05)
 
 
-def test_flatten_writes_a_picture_and_its_numbers(tmp_path):
-    result = run("flatten", "icub", "--part", "left_forearm", "--out", str(tmp_path))
-    assert [row["patch"] for row in result["patches"]] == [0, 1]
-    assert sum(row["vertices"] for row in result["patches"]) == 240
-    assert all(row["flips"] == 0 and not row["fallback"] for row in result["patches"])
-    assert [path.name for path in tmp_path.iterdir()] == result["files"] == ["left_forearm.png"]
-    assert (tmp_path / "left_forearm.png").read_bytes().startswith(b"\x89PNG")
-
-
 def test_structures_of_a_sole_are_few(tmp_path):
     result = run("structures", "--part", "left_foot", "--out", str(tmp_path))
     assert result["structures"] == len(result["table"]) <= 7  # a 10-pad tiling has 7 at most
@@ -112,7 +103,7 @@ def test_same_seed_writes_the_same_recording(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("inspect", "icu"), "no robot .*'icu'; there is: icub"),
+        (("inspect", "icu"), "no robot .*'icu'; there is: .*icub"),
         (("inspect", "icub", "--part", "tail"), "no part 'tail'; there is: torso"),
         (("flatten", "icub", "--method", "best"), "no flattening method 'best'"),
         (("flatten", "gone.toml"), r"no file 'gone\.toml'"),

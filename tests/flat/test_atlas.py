@@ -122,7 +122,7 @@ def test_arrange_unrolls_a_cylinder():
 
 
 @given(seeds)
-@settings(max_examples=10)
+@settings(max_examples=10, deadline=None)  # a crowded machine is no failure
 def test_moving_and_renumbering_the_body_changes_nothing(seed):
     rng = np.random.default_rng(seed)
     mesh = three_patches()
@@ -137,7 +137,7 @@ def test_moving_and_renumbering_the_body_changes_nothing(seed):
 
 
 @given(seeds)
-@settings(max_examples=10)
+@settings(max_examples=10, deadline=None)  # a crowded machine is no failure
 def test_a_mirror_image_has_the_mirror_image_as_its_map(seed):
     rng = np.random.default_rng(seed)
     mesh = three_patches()

@@ -58,6 +58,76 @@ def test_a_closed_skin_is_slit(sphere):
     assert cut.seam_length == pytest.approx(np.pi, rel=0.1)  # half round the unit sphere
 
 
+def test_a_closed_skin_is_slit_where_fewest_vertices_are(sphere):
+    vertices, faces = sphere
+    # The poles stay; vertices are drawn together towards +x, so -x is thinly covered.
+    angle = np.arctan2(vertices[:, 1], vertices[:, 0])
+    radius = np.hypot(vertices[:, 0], vertices[:, 1])
+    angle = angle - 0.75 * np.sin(angle)
+    squeezed = np.column_stack(
+        [radius * np.cos(angle), radius * np.sin(angle), 1.5 * vertices[:, 2]]
+    )
+    cut = open_surface(squeezed, faces, hole_share=SHARE)
+    check_opened(squeezed, faces, cut)
+    slit = np.flatnonzero(np.bincount(cut.origin) > 1)
+    around = np.abs(vertices[slit][:, 2]) < 0.8  # near the poles all sides are one
+    assert around.any()
+    # Half of the surface that holds a quarter of the vertices.
+    assert (np.cos(angle[slit][around]) < 0.5).all()
+
+
+def test_the_seam_is_the_shortest_of_all(rng):
+    vertices, faces = tube(14, 10, 1.0, 4.0)
+    vertices = vertices + rng.normal(scale=0.06, size=vertices.shape)
+    cut = open_surface(vertices, faces, hole_share=SHARE)
+    pairs = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    length = np.full((len(vertices),) * 2, np.inf)
+    reach = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    length[pairs[:, 0], pairs[:, 1]] = length[pairs[:, 1], pairs[:, 0]] = reach
+    for k in range(len(vertices)):  # Floyd and Warshall: all ways between all vertices
+        length = np.minimum(length, length[:, k : k + 1] + length[k : k + 1])
+    assert cut.seam_length == pytest.approx(length[:14, -14:].min())
+
+
+def test_small_holes_are_filled_for_the_solve_and_open_in_the_map(square_grid):
+    vertices, faces = square_grid(11)
+    vertices = vertices + [0, 0, 1] * (0.2 * np.sin(3 * vertices[:, :1]) * vertices[:, 1:2])
+    hole = (np.abs(vertices[faces].mean(axis=1)[:, :2] - 0.5) < 0.1).all(axis=1)
+    uv, _, holes = flatten_disc(vertices, faces)
+    assert holes == 0
+    used, compact = np.unique(faces[~hole], return_inverse=True)
+    open_uv, _, holes = flatten_disc(vertices[used], compact.reshape(-1, 3))
+    assert holes == 1
+    assert len(boundary_loops(compact.reshape(-1, 3))) == 2
+    # The fill holds the hole's place: edges are as long as on the whole sheet, within 1 %.
+    one, other = uv[faces[~hole]], open_uv[compact.reshape(-1, 3)]
+    ratio = np.linalg.norm(other[:, 0] - other[:, 1], axis=1) / np.linalg.norm(
+        one[:, 0] - one[:, 1], axis=1
+    )
+    np.testing.assert_allclose(ratio, 1.0, atol=0.01)
+
+
+def test_doubled_vertices_share_taxel_and_value():
+    vertices, _ = tube(24, 12, 0.04, 0.1)
+    mesh = build_surface(skin_from_points(vertices, vertices * [1, 1, 0] / 0.04))
+    (chart,) = flatten(mesh).charts
+    taxels, count = np.unique(chart.taxels, return_counts=True)
+    assert (count == 2).sum() == 12
+    for taxel in taxels[count == 2]:
+        one, other = np.flatnonzero(chart.taxels == taxel)
+        np.testing.assert_array_equal(mesh.vertices[chart.taxels[one]], vertices[taxel])
+        assert np.linalg.norm(chart.uv[one] - chart.uv[other]) > 0.2  # across the map: 2 pi 0.04
+
+
+def test_flatten_keeps_seams_away_from_taxels():
+    vertices, _ = tube(24, 12, 0.04, 0.1)
+    mesh = build_surface(skin_from_points(vertices, vertices * [1, 1, 0] / 0.04))
+    (chart,) = flatten(mesh).charts
+    on_seam = np.flatnonzero(np.bincount(chart.taxels) > 1)
+    (other,) = flatten(mesh, avoid=on_seam).charts
+    assert not np.isin(np.flatnonzero(np.bincount(other.taxels) > 1), on_seam).any()
+
+
 def test_a_torus_is_opened():
     mesh = trimesh.creation.torus(1.0, 0.3, major_sections=24, minor_sections=12)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces, np.int64)

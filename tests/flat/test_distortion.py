@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from skinmap.errors import InvalidArrayError
-from skinmap.flat.distortion import measure_distortion, spread
+from skinmap.flat.distortion import edge_rms, measure_distortion, spread
 
 
 def test_plane_to_itself_is_perfect(square_grid):
@@ -33,6 +33,7 @@ def test_stretch_by_two_has_its_closed_form(square_grid):
     assert_allclose(d.symmetric_dirichlet, 5.0, rtol=1e-9)
     # sqrt((1/2 + 2) / 2), and (sqrt(2) - 1)^2 + (1/sqrt(2) - 1)^2.
     assert_allclose(d.stretch, np.sqrt(1.25), rtol=1e-9)
+    assert_allclose(d.stretch_max, np.sqrt(2.0), rtol=1e-9)
     assert_allclose(d.arap, (2**0.5 - 1) ** 2 + (0.5**0.5 - 1) ** 2, rtol=1e-9)
 
 
@@ -52,6 +53,7 @@ def test_flips_are_counted_and_make_energies_infinite(square_grid):
     d = measure_distortion(vertices, faces, uv)
     assert 0 < d.flips < len(faces)
     assert np.isinf(d.symmetric_dirichlet).sum() == d.flips
+    assert np.isinf(d.stretch_max).sum() == d.flips
     assert d.area_sd == np.inf
 
 
@@ -77,8 +79,41 @@ def test_distortion_does_not_depend_on_scale_place_turn_or_order(
     )
     # The shift of 100 on coordinates of one leaves 14 digits; quotients near flips lose more.
     assert_allclose(other.edge_rms, one.edge_rms, rtol=1e-8)
-    assert_allclose(other.area, one.area, rtol=1e-6, atol=1e-6)
+    for name in PER_FACE:
+        assert_allclose(getattr(other, name), getattr(one, name), rtol=1e-6, atol=1e-6)
     assert other.flips == one.flips
+    same_numbers(other.summary(), one.summary())
+
+
+PER_FACE = ["quasi_conformal", "area", "symmetric_dirichlet", "stretch", "stretch_max", "arap"]
+
+
+def same_numbers(one: dict, other: dict) -> None:
+    """All numbers of two summaries, spreads included, but for rounding."""
+    assert one.keys() == other.keys()
+    for key, value in one.items():
+        if isinstance(value, dict):
+            same_numbers(value, other[key])
+        else:
+            assert_allclose(value, other[key], rtol=1e-6, atol=1e-6, err_msg=key)
+
+
+def test_every_metric_has_mean_p95_and_max(half_cylinder, square_grid):
+    vertices, faces = half_cylinder
+    summary = measure_distortion(vertices, faces, square_grid(15)[0][:, :2]).summary()
+    for name in ("quasi_conformal", "area", "symmetric_dirichlet", "stretch", "arap"):
+        spread = summary[name]
+        assert list(spread) == ["mean", "p95", "max"]
+        assert spread["p95"] <= spread["max"]
+    assert list(summary["edge_strain_percent"]) == ["mean", "p95", "max"]
+    assert summary["stretch_l2"] <= summary["stretch_linf"]
+
+
+def test_edge_rms_alone_is_that_of_the_distortion(half_cylinder, rng):
+    vertices, faces = half_cylinder
+    uv = vertices[:, :2] + rng.normal(scale=0.005, size=(len(vertices), 2))
+    whole = measure_distortion(vertices, faces, uv).edge_rms
+    assert edge_rms(vertices, faces, uv) == pytest.approx(whole, rel=1e-12)
 
 
 def test_face_edge_strain_is_the_mean_of_its_edges(square_grid):

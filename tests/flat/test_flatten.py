@@ -82,7 +82,7 @@ def test_icub_is_flattened_without_flips_and_within_the_bounds(prepared, icub):
     strain = [100 * chart.distortion.edge_rms for flat in maps for chart in flat.charts]
     assert len(strain) == 23
     assert sum(flat.flips for flat in maps) == 0
-    assert np.median(strain) <= 0.6
+    assert np.median(strain) <= 0.5
     assert max(strain) <= 1.4
     assert not any(chart.fallback for flat in maps for chart in flat.charts)
     for flat in maps:
@@ -113,7 +113,7 @@ def test_pack_places_every_chart_once(rng):
 def test_flatten_disc_falls_back_and_says_so(half_cylinder, monkeypatch):
     vertices, faces = half_cylinder
     monkeypatch.setitem(flatteners._own, "bad", lambda v, f, loop: v[:, :2] * [-1, 1])
-    with pytest.warns(SkinWarning, match="bad flips, bff is used"):
+    with pytest.warns(SkinWarning, match="bad flips or fails, bff is used"):
         _, used, _ = flatten_disc(vertices, faces, method="bad")
     assert used == "bff"
 

@@ -18,8 +18,8 @@ from skinmap.classify.visual_features import local_features
 
 FOLDS = 5
 WORD_CHOICES = (30, 65, 130, 200, 300)
-RATE_CHOICES = (0.01, 0.03, 0.05)
-EPOCH_CHOICES = (30, 60, 90)
+RATE_CHOICES = (0.01, 0.02, 0.03)
+EPOCH_CHOICES = (30, 60)
 PENALTY = 0.01  # of the linear SVM, on roots of counts; flat from here to ten times as much
 PENALTIES, WIDTHS = (1.0, 10.0, 100.0, 1000.0), (1e-2, 1e-1, 1.0)  # of the raw baseline
 Rows = NDArray[np.bool_]

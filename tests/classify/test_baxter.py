@@ -1,0 +1,157 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skinmap
+from skinmap.classify import visual_features
+from skinmap.classify.classifier import classifiers
+from skinmap.classify.cnn import ContactImageCNN
+from skinmap.classify.convolution import load_network
+from skinmap.classify.descriptors import Touch
+from skinmap.classify.model_file import load_classifier, save_classifier
+from skinmap.classify.protocols.baxter import LABELS, evaluate_baxter
+from skinmap.classify.protocols.baxter_images import GESTURES, simulate_images, split_images
+from skinmap.classify.protocols.baxter_methods import Bench, default_settings, mean_diagonal, tune
+from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
+from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.simulator import simulate
+
+NETWORK = Path(__file__).parents[1] / "golden" / "contact_cnn.npz"
+
+
+@pytest.fixture(scope="module")
+def skin() -> PreparedSkin:
+    return PreparedSkin(skinmap.load_robot("baxter-forearm").skin("forearm"))
+
+
+@pytest.fixture(scope="module")
+def data(skin):
+    return simulate_images(skin, images=400, rng=np.random.default_rng(7))
+
+
+def test_images_are_half_of_hands_and_two_a_touch(data):
+    assert len(data) == pytest.approx(400, abs=20)
+    assert np.mean(data.labels == "hand") == pytest.approx(0.5, abs=0.03)
+    assert set(data.gestures) == {name for names in GESTURES.values() for name in names}
+    assert (np.bincount(data.events) == 2).all()
+    # The image of each sample is brightest at 255 but for what resizing smooths.
+    assert data.images.max(axis=(1, 2)).min() > 150
+
+
+def test_split_images_holds_30_percent_of_each_gesture(data, rng):
+    for kind in ("event", "plain"):
+        held = split_images(kind, data, rng=rng)
+        for gesture in np.unique(data.gestures):
+            assert held[data.gestures == gesture].mean() == pytest.approx(0.3, abs=0.03)
+        shared = set(data.events[held]) & set(data.events[~held])
+        assert bool(shared) == (kind == "plain")
+
+
+def test_the_saved_network_names_fresh_touches(data):
+    # The goal on the simulator; the network has seen touches of other seeds only.
+    machine = ContactImageCNN("small").take(load_network(NETWORK))
+    assert mean_diagonal(data.labels, machine.predict(data.table)) >= 0.95
+
+
+def test_a_network_in_a_model_file_names_touches_without_torch(skin, tmp_path):
+    classifier = classifiers.get("cnn")()
+    classifier.estimator.take(load_network(NETWORK))
+    save_classifier(classifier, tmp_path / "m.skinmodel")
+    back = load_classifier(tmp_path / "m.skinmodel")
+    recording = simulate(
+        skin.skin,
+        rng=np.random.default_rng(3),
+        per_gesture=3,
+        gestures=("whole_hand", "forearm"),
+    )
+    for _, label, samples in recording.touches():
+        touch = Touch(skin, samples)
+        np.testing.assert_array_equal(back.probabilities(touch), classifier.probabilities(touch))
+        assert back.predict(touch).label == {"whole_hand": "hand", "forearm": "other"}[label]
+    quiet = Touch(skin, np.zeros((10, len(skin)), np.uint8))
+    assert back.predict(quiet).label == "no_contact"
+
+
+def test_bags_of_words_come_back_from_a_model_file(skin, tmp_path):
+    pytest.importorskip("mahotas", reason="the extra `images` is not installed")
+    recording = simulate(
+        skin.skin,
+        rng=np.random.default_rng(3),
+        per_gesture=8,
+        gestures=("whole_hand", "forearm"),
+    )
+    touches = [Touch(skin, samples, label) for _, label, samples in recording.touches()]
+    classifier = classifiers.get("bovw")().fit(touches[:12], rng=np.random.default_rng(0))
+    save_classifier(classifier, tmp_path / "m.skinmodel")
+    back = load_classifier(tmp_path / "m.skinmodel")
+    for touch in touches[12:]:
+        np.testing.assert_array_equal(back.probabilities(touch), classifier.probabilities(touch))
+    assert np.mean([back.predict(touch).label == touch.label for touch in touches[12:]]) > 0.5
+
+
+def test_evaluate_baxter_reports_what_it_promises(skin):
+    found = evaluate_baxter(skin, seed=1, repeats=2, images=240, methods=("raw_rbf",), tuned=False)
+    row = found["raw_rbf"]
+    assert 0.5 < row["mean"] < 1.0
+    assert row["min"] <= row["mean"] <= row["max"]
+    # Samples of one touch on both sides flatter raw values.
+    assert row["plain"]["mean"] > row["mean"]
+    table = np.array(found["confusion"]["raw_rbf"])
+    np.testing.assert_allclose(table.sum(axis=1), 1.0, atol=1e-12)
+    assert np.diag(table).mean() == pytest.approx(row["mean"])
+    assert found["confusion"]["labels"] == list(LABELS)
+    assert found["simulated"] is True
+    again = evaluate_baxter(skin, seed=1, repeats=2, images=240, methods=("raw_rbf",), tuned=False)
+    assert again == found
+
+
+def test_bags_of_visual_words_beat_raw_values(skin):
+    pytest.importorskip("mahotas", reason="the extra `images` is not installed")
+    found = evaluate_baxter(
+        skin, seed=1, repeats=1, images=200, methods=("bovw", "raw_rbf"), tuned=False
+    )
+    assert found["bovw"]["k"] == 130
+    assert found["bovw"]["mean"] > found["raw_rbf"]["mean"] + 0.1
+
+
+def test_tune_takes_the_best_of_what_it_tried(data):
+    settings, tried = tune(
+        Bench(data),
+        "raw_rbf",
+        default_settings("small"),
+        rows=np.arange(len(data)) % 3 > 0,
+        rng=np.random.default_rng(0),
+    )
+    best = max(tried, key=lambda row: row["mean"])
+    assert (settings.penalty, settings.width) == (best["penalty"], best["width"])
+    assert len(tried) == 12
+
+
+def test_a_missing_library_leaves_one_method_out(skin, monkeypatch):
+    def missing(*_: object, **__: object) -> None:
+        raise MissingLibraryError("bags of visual words need mahotas")
+
+    monkeypatch.setattr(visual_features, "_library", missing)
+    with pytest.warns(SkinWarning, match="bovw is left out: .*mahotas"):
+        found = evaluate_baxter(skin, seed=1, repeats=1, images=160, methods=("bovw",), tuned=False)
+    assert found["bovw"] == {"missing": "bags of visual words need mahotas"}
+    assert "bovw" not in found["confusion"]
+
+
+def test_evaluate_baxter_refuses_what_it_cannot_do(skin):
+    with pytest.raises(InvalidArrayError, match="at least 1 repeat"):
+        evaluate_baxter(skin, seed=1, repeats=0)
+    with pytest.raises(InvalidArrayError, match="20 images are too few"):
+        evaluate_baxter(skin, seed=1, images=20)
+    with pytest.raises(UnknownNameError, match="no method 'oracle'; there is: bovw, cnn, raw_rbf"):
+        evaluate_baxter(skin, seed=1, methods=("oracle",))
+
+
+def test_training_without_torch_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(MissingLibraryError, match=r"needs torch: pip install 'skinmap\[torch\]'"):
+        ContactImageCNN().fit(np.zeros((4, 6600)), ["a", "b"] * 2)

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinmap.classify.cnn import ContactImageCNN
+from skinmap.classify.cnn_training import Recipe
+from skinmap.errors import InvalidArrayError, NotFittedError, UnknownNameError
+
+
+@pytest.fixture
+def bars(rng) -> tuple[np.ndarray, np.ndarray]:
+    """120 images of 66 x 100 with a bar that lies or stands, anywhere."""
+    images, labels = np.zeros((120, 66, 100), np.uint8), np.tile(["lying", "standing"], 60)
+    for image, label in zip(images, labels, strict=True):
+        row, column = rng.integers(20, 46), rng.integers(20, 80)
+        half = (4, 16) if label == "lying" else (16, 4)
+        image[row - half[0] : row + half[0], column - half[1] : column + half[1]] = 255
+    return images.reshape(120, -1), labels
+
+
+def recipe(**changes) -> Recipe:
+    values = {"channels": 8, "kernel": 5, "momentum": 0.9, "epochs": 30, "batch": 32}
+    values |= {"learning_rate": 0.1, "schedule": "constant", "mirror": True, "shift": 0}
+    return Recipe(**(values | changes))
+
+
+def test_learning_rate_schedules():
+    assert {recipe().rate(epoch) for epoch in range(30)} == {0.1}
+    step = [recipe(schedule="step").rate(epoch) for epoch in range(30)]
+    np.testing.assert_allclose(step, [0.1] * 20 + [0.01] * 10)
+    cosine = np.array([recipe(schedule="cosine").rate(epoch) for epoch in range(30)])
+    assert cosine[0] == pytest.approx(0.02)  # grows over five epochs
+    assert cosine[15] == pytest.approx(0.05)
+    assert cosine.argmax() == 4
+    assert (np.diff(cosine[4:]) < 0).all()
+    with pytest.raises(InvalidArrayError, match="no schedule 'slow'; there is: constant"):
+        recipe(schedule="slow").rate(0)
+
+
+@pytest.mark.parametrize(
+    "bad", [{"epochs": 0}, {"batch": 0}, {"shift": -1}, {"learning_rate": 0.0}]
+)
+def test_recipes_that_train_nothing_are_refused(bad):
+    with pytest.raises(InvalidArrayError, match="must be at least 1"):
+        recipe(**bad)
+
+
+def test_fit_learns_bars_and_repeats_itself(bars):
+    pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    images, labels = bars
+    machine = ContactImageCNN(epochs=8, schedule="constant", mirror=False, shift=0)
+    machine.fit(images[:90], labels[:90])
+    assert machine.score(images[90:], labels[90:]) >= 0.9
+    share = machine.predict_proba(images[90:])
+    np.testing.assert_allclose(share.sum(axis=1), 1.0, atol=1e-12)
+    again = ContactImageCNN(epochs=8, schedule="constant", mirror=False, shift=0)
+    again.fit(images[:90], labels[:90])
+    np.testing.assert_array_equal(again.predict_proba(images[90:]), share)
+
+
+def test_varied_images_are_mirrored_and_shifted_copies():
+    torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    from skinmap.classify.cnn_training import _varied
+
+    image = torch.zeros(1, 1, 9, 12)
+    image[0, 0, 4, 5], image[0, 0, 4, 6] = 1.0, 2.0
+    many = _varied(torch, image.repeat(400, 1, 1, 1), recipe(shift=2)).numpy()[:, 0]
+    np.testing.assert_array_equal(many.sum(axis=(1, 2)), 3.0)
+    peaks = {tuple(np.argwhere(one == 2.0)[0]) for one in many}
+    # Mirrored, the peak stands at column 5 or 6 of row 4; shifted, up to two around that.
+    assert peaks == {(row, column) for row in range(2, 7) for column in range(3, 9)}
+    same = _varied(torch, image, recipe(mirror=False))
+    np.testing.assert_array_equal(same.numpy(), image.numpy())
+
+
+def test_the_papers_network_has_its_size(bars):
+    pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    images, labels = bars
+    machine = ContactImageCNN("paper", epochs=1, batch=8).fit(images[:8], labels[:8])
+    network = machine.trained
+    assert [kernel.shape for kernel in network.kernels] == [
+        (50, 1, 5, 5),
+        (50, 50, 5, 5),
+        (50, 50, 5, 5),
+    ]
+    assert network.weight.shape == (2, 50 * 8 * 12)
+
+
+def test_training_that_runs_away_is_an_error(bars):
+    pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    images, labels = bars
+    with pytest.raises(InvalidArrayError, match="lower it"):
+        ContactImageCNN(epochs=3, learning_rate=1e6).fit(images[:64], labels[:64])
+
+
+def test_what_cannot_be_trained_or_used_is_refused(bars):
+    images, labels = bars
+    with pytest.raises(UnknownNameError, match="no network 'huge'; there is: paper, small"):
+        ContactImageCNN("huge").fit(images, labels)
+    with pytest.raises(InvalidArrayError, match="two labels, got 1 class"):
+        ContactImageCNN().fit(images[::2], labels[::2])
+    for ask in (ContactImageCNN().predict, ContactImageCNN().predict_proba):
+        with pytest.raises(NotFittedError, match="not trained yet"):
+            ask(images)

@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinmap.classify.classifier import NO_CONTACT, Prediction, classifiers
+from skinmap.classify.descriptors import Touch
+from skinmap.classify.naming import Named, all_right, name_touches, true_labels
+from skinmap.classify.rejection import UNKNOWN
+from skinmap.errors import SkinMismatchError
+from skinmap.live.replay import TouchNamer
+from skinmap.touch.pairs import simulate_pairs
+from skinmap.touch.simulator import simulate
+
+
+@pytest.fixture(scope="module")
+def model(prepared):
+    """Contact geometry that learnt on a foot and an upper leg."""
+    rng = np.random.default_rng(9)
+    touches = [
+        Touch(prepared(part), samples, label)
+        for part in ("left_foot", "left_leg_upper")
+        for _, label, samples in simulate(prepared(part).skin, rng=rng, per_gesture=20).touches()
+    ]
+    return classifiers.get("contact-geometry")().fit(touches, rng=rng)
+
+
+def test_two_touches_at_once_get_two_right_labels(model, prepared):
+    leg = prepared("right_leg_upper")
+    pairs = simulate_pairs(leg.skin, rng=np.random.default_rng(11), count=16)
+    right = [
+        all_right(name_touches(model, leg, samples), samples, label, pairs.owners[event])
+        for event, label, samples in pairs.touches()
+    ]
+    # 85 % is asked for; 16 pairs at 0.91 (the benchmark) fall below 12 once in 100 seeds.
+    assert len(right) >= 12
+    assert np.mean(right) >= 0.75
+
+
+def test_whole_hands_over_the_patches_of_an_arm_are_one_touch(model, prepared):
+    arm = prepared("left_arm")
+    recording = simulate(
+        arm.skin, rng=np.random.default_rng(12), per_gesture=12, gestures=["whole_hand"]
+    )
+    named = [name_touches(model, arm, samples) for _, _, samples in recording.touches()]
+    assert np.mean([len(touches) == 1 for touches in named]) >= 0.9
+    labels = [touches[0].prediction.label for touches in named]
+    # Half of them before patches were seen together.
+    assert len(labels) >= 6
+    assert labels.count("whole_hand") >= 0.9 * len(labels)
+
+
+def test_two_touches_are_followed_live(model, prepared):
+    leg = prepared("right_leg_upper")
+    pairs = simulate_pairs(leg.skin, rng=np.random.default_rng(15), count=1, gestures=["poke"])
+    namer = TouchNamer(leg, model)
+    shown = [namer.feed(sample) for sample in pairs.pressures]
+    assert max(map(len, shown)) == 2
+    both = next(touches for touches in reversed(shown) if len(touches) == 2)
+    assert {touch.label for touch in both} == {"poke"}
+    own = [set(pairs.owners[0][touch.taxels].tolist()) - {-1} for touch in both]
+    assert sorted(own, key=min) == [{0}, {1}]
+    assert shown[-1] == ()
+
+
+def test_live_namer_refuses_another_skin(model, prepared):
+    with pytest.raises(SkinMismatchError, match="3 pressures for the 250 taxels"):
+        TouchNamer(prepared("left_foot"), model).feed(np.zeros(3, np.uint8))
+
+
+def test_no_contact_is_never_a_class(model, prepared):
+    foot = prepared("left_foot")
+    for counts in (0, 9):
+        samples = np.full((20, len(foot)), counts, np.uint8)
+        assert name_touches(model, foot, samples) == ()
+        assert model.predict(Touch(foot, samples)).label == NO_CONTACT
+
+
+def test_a_foot_pressed_all_over_is_one_touch(model, prepared):
+    foot = prepared("left_foot")
+    (touch,) = name_touches(model, foot, np.full((20, len(foot)), 255, np.uint8))
+    assert touch.taxels.all()
+    assert touch.prediction.label in (*model.labels, UNKNOWN)
+
+
+def test_dead_taxels_change_few_names(model, prepared):
+    leg = prepared("right_leg_upper")
+    recording = simulate(leg.skin, rng=np.random.default_rng(13), per_gesture=6)
+    alive = np.random.default_rng(1).random(len(leg)) >= 0.03
+    right = [
+        all_right(name_touches(model, leg, samples * alive), samples, label)
+        for _, label, samples in recording.touches()
+    ]
+    assert np.mean(right) >= 0.9
+
+
+def test_unsure_touches_are_unknown(model, prepared):
+    foot = prepared("left_foot")
+    samples = np.zeros((20, len(foot)), np.uint8)
+    samples[:, 10] = 100
+    before = model.estimator.reject_
+    model.estimator.reject_ = 1.1
+    try:
+        said = model.predict(Touch(foot, samples))
+    finally:
+        model.estimator.reject_ = before
+    assert said.label == UNKNOWN
+    assert 0 < said.confidence <= 1
+
+
+def touch(taxels, label="poke"):
+    mask = np.zeros(4, bool)
+    mask[taxels] = True
+    return Named(mask, Prediction(label, 0.9))
+
+
+def test_all_right_asks_for_each_touch_at_its_place():
+    samples = np.array([[90, 80, 0, 70]], np.uint8)
+    owners = np.array([0, 0, -1, 1])
+    label = "poke+ball"
+    here, there = touch([0, 1]), touch([3], "ball")
+    assert all_right([here, there], samples, label, owners)
+    assert true_labels([there, here], samples, label, owners) == ["ball", "poke"]
+    assert not all_right([touch([0, 1], "ball"), touch([3])], samples, label, owners)
+    assert not all_right([touch([0, 1, 3])], samples, label, owners)
+    assert not all_right([here, touch([1]), there], samples, label, owners)
+    with pytest.raises(SkinMismatchError, match="3 owners for 4 taxels"):
+        all_right([here], samples, label, np.zeros(3, np.int64))

@@ -1,0 +1,76 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sklearn.preprocessing import StandardScaler
+from sklearn.svm import SVC
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from skinmap.classify.rbf_machine import MARGIN, RbfMachine
+from skinmap.classify.rejection import rejection_threshold
+
+
+@pytest.fixture(scope="module")
+def clouds():
+    """Four overlapping clouds of 60 points in 5 dimensions, non-negative."""
+    rng = np.random.default_rng(7)
+    labels = np.repeat(["a", "b", "c", "d"], 60)
+    centres = rng.uniform(2, 20, (4, 5))
+    rows = np.abs(np.repeat(centres, 60, axis=0) + rng.normal(0, 3, (240, 5)))
+    return rows, labels
+
+
+def test_decisions_are_those_of_scikit_learn(clouds):
+    rows, labels = clouds
+    ours = RbfMachine(penalty=3.0, width=0.1).fit(rows, labels)
+    scaled = StandardScaler().fit_transform(np.log1p(rows))
+    theirs = SVC(C=3.0, gamma=0.1, decision_function_shape="ovo").fit(scaled, labels)
+    expected = np.clip(theirs.decision_function(scaled), -MARGIN, MARGIN)
+    np.testing.assert_allclose(ours._decisions(scaled), expected, atol=1e-9)
+
+
+def test_probabilities_are_calibrated_and_lead_to_the_label(clouds):
+    rows, labels = clouds
+    machine = RbfMachine().fit(rows[::2], labels[::2])
+    share = machine.predict_proba(rows[1::2])
+    np.testing.assert_allclose(share.sum(axis=1), 1.0, rtol=1e-12)
+    said = machine.predict(rows[1::2])
+    np.testing.assert_array_equal(said, machine.classes_[share.argmax(axis=1)])
+    right = (said == labels[1::2]).mean()
+    # 120 touches: two standard errors of an accuracy near 0.9 are 0.055.
+    assert share.max(axis=1).mean() == pytest.approx(right, abs=0.055)
+    np.testing.assert_array_equal(machine.probabilities(rows[:3]), machine.predict_proba(rows[:3]))
+
+
+def test_order_of_rows_does_not_matter_much(clouds, rng):
+    rows, labels = clouds
+    order = rng.permutation(len(rows))
+    one, other = RbfMachine().fit(rows, labels), RbfMachine().fit(rows[order], labels[order])
+    # The folds differ, and with them the calibration; the machine itself stays.
+    assert (one.predict(rows) == other.predict(rows)).mean() > 0.97
+
+
+def test_one_class_is_refused(clouds):
+    rows, labels = clouds
+    with pytest.raises(ValueError, match="one class only: 'a'"):
+        RbfMachine().fit(rows[:60], labels[:60])
+
+
+@parametrize_with_checks([RbfMachine()])
+def test_rbf_machine_keeps_the_contract_of_scikit_learn(estimator, check):
+    check(estimator)
+
+
+def test_rejection_threshold_is_where_wrong_names_outnumber_right_ones():
+    confidence = np.concatenate([[0.3, 0.35, 0.37, 0.4], np.linspace(0.5, 1.0, 200)])
+    right = np.concatenate([[False, True, False, False], np.ones(200, bool)])
+    assert rejection_threshold(confidence, right) == pytest.approx(0.45)
+    assert rejection_threshold(confidence, np.ones(204, bool)) == 0.0
+    assert rejection_threshold([], []) == 0.0
+
+
+def test_rejection_threshold_never_loses_more_than_it_may():
+    confidence = np.linspace(0, 1, 100)
+    right = np.arange(100) % 3 == 0  # wrong names everywhere: rejecting all would gain most
+    limit = rejection_threshold(confidence, right, lost=0.1)
+    assert (right & (confidence < limit)).sum() <= 0.1 * right.sum()

@@ -1,0 +1,339 @@
+"""`skinmap flatten` as people use it."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner
+
+from skinmap.cli.flat_job import FlatJob, read_channels, run_job
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+from skinmap.flat.face_metrics import METRICS
+
+PROMISED = {
+    "part", "patch", "vertices", "faces", "holes", "cut_mm", "method", "fallback", "flips",
+    "quasi_conformal", "area_sd", "symmetric_dirichlet", "stretch_l2", "edge_rms_percent",
+    "geodesic_stress", "seconds",
+}  # fmt: skip
+
+
+def run(*words: object) -> dict:
+    """The JSON that the command prints, and nothing else, on standard output."""
+    arguments = ["flatten", *map(str, words), "--json"]
+    result = CliRunner().invoke(cli, arguments, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+@pytest.fixture(scope="module")
+def forearm(tmp_path_factory) -> tuple[Path, dict]:
+    """The folder and the numbers of one run with everything on."""
+    out = tmp_path_factory.mktemp("maps")
+    return out, run("icub", "--part", "left_forearm", "--compare", "bff", "--out", out)
+
+
+@pytest.fixture
+def sheet(tmp_path, half_cylinder) -> Path:
+    path = tmp_path / "sheet.obj"
+    write_obj(path, *half_cylinder)
+    return path
+
+
+def write_obj(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, float).tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(faces) + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_flatten_prints_what_was_promised(forearm):
+    _, result = forearm
+    assert [row["patch"] for row in result["patches"]] == [0, 1]
+    assert sum(row["vertices"] for row in result["patches"]) == 240
+    assert all(row["flips"] == 0 and not row["fallback"] for row in result["patches"])
+    assert all(set(row) >= PROMISED for row in result["patches"])
+    assert set(result["patches"][0]["quasi_conformal"]) == {"mean", "p95", "max"}
+    assert result["seconds"] == pytest.approx(
+        sum(row["seconds"] for row in result["patches"]), abs=1e-5
+    )
+
+
+def test_worst_triangles_are_named_by_channel_and_sorted(forearm, icub):
+    _, result = forearm
+    channels = set(icub.skin("left_forearm").channels.tolist())
+    for row in result["patches"]:
+        values = [face["value"] for face in row["worst"]]
+        assert values == sorted(values, reverse=True)
+        assert all(set(face["channels"]) <= channels for face in row["worst"])
+
+
+def test_other_methods_are_compared_chart_by_chart(forearm):
+    _, result = forearm
+    assert [(row["with"], row["patch"]) for row in result["compare"]] == [("bff", 0), ("bff", 1)]
+    for ours, other in zip(result["patches"], result["compare"], strict=True):
+        assert ours["edge_rms_percent"] < other["edge_rms_percent"]  # that is what ARAP is for
+
+
+def test_flatten_writes_pictures_meshes_and_a_report(forearm):
+    out, result = forearm
+    assert sorted(path.name for path in out.iterdir()) == sorted(result["files"])
+    for name in ("left_forearm.png", "left_forearm_compared.png"):
+        assert (out / name).read_bytes().startswith(b"\x89PNG")
+    page = (out / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 3
+    assert not re.search(r"(src|href)=.?(http|file)", page)  # one file, nothing beside it
+    for row in result["patches"]:
+        for face in row["worst"]:
+            assert ", ".join(map(str, face["channels"])) in page
+
+
+def test_obj_holds_the_map_as_texture_coordinates(forearm, icub, prepared):
+    out, _ = forearm
+    lines = [line.split() for line in (out / "left_forearm.obj").read_text().splitlines()]
+    vertices = np.array([words[1:] for words in lines if words[0] == "v"], float)
+    uv = np.array([words[1:] for words in lines if words[0] == "vt"], float)
+    corners = np.array([[w.split("/") for w in words[1:]] for words in lines if words[0] == "f"])
+    np.testing.assert_array_equal(vertices, icub.skin("left_forearm").positions)
+    flat = prepared("left_forearm").flat
+    np.testing.assert_array_equal(uv, np.concatenate([chart.uv for chart in flat.charts]))
+    place, texture = corners.astype(int)[..., 0] - 1, corners.astype(int)[..., 1] - 1
+    np.testing.assert_array_equal(
+        place, np.concatenate([chart.taxels[chart.faces] for chart in flat.charts])
+    )
+    np.testing.assert_array_equal(flat.uv[place], uv[texture])  # no seam here
+
+
+def test_meshes_with_seams_double_the_texture_not_the_taxels(tmp_path, sphere):
+    vertices, faces = sphere
+    write_obj(tmp_path / "ball.obj", vertices, faces)
+    result = run(tmp_path / "ball.obj", "--out", tmp_path / "out")
+    (row,) = result["patches"]
+    assert row["cut_mm"] > 0
+    text = (tmp_path / "out" / "ball.obj.obj").read_text()
+    assert text.count("\nv ") == len(vertices)
+    assert text.count("\nvt ") == row["vertices"] > len(vertices)
+    pv = pytest.importorskip("pyvista", reason="pyvista reads the VTP back")
+    read = pv.read(tmp_path / "out" / "ball.obj.vtp")
+    assert (read.n_points, read.n_cells) == (row["vertices"], len(faces))
+    channel = read.point_data["channel"]
+    np.testing.assert_array_equal(channel[: len(vertices)], np.arange(len(vertices)))
+    np.testing.assert_array_equal(np.asarray(read.points, float)[: len(vertices)], vertices)
+    # A copy has the place and the channel of its taxel, and another place on the map.
+    uv = read.point_data["uv"]
+    for copy in range(len(vertices), read.n_points):
+        np.testing.assert_array_equal(read.points[copy], read.points[channel[copy]])
+        assert np.abs(uv[copy] - uv[channel[copy]]).max() > 1e-3
+
+
+@pytest.mark.parametrize("suffix", ["obj", "stl", "ply", "off"])
+def test_every_mesh_format_gives_the_same_map(tmp_path, half_cylinder, suffix):
+    path = tmp_path / f"sheet.{suffix}"
+    trimesh.Trimesh(*half_cylinder, process=False).export(path)
+    (row,) = run(path, "--method", "accurate")["patches"]
+    assert set(row) >= PROMISED
+    assert (row["part"], row["vertices"], row["faces"], row["flips"]) == (path.name, 225, 392, 0)
+    assert row["edge_rms_percent"] < 0.4  # the facets of the cylinder; STL keeps seven digits
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_the_size_of_a_mesh_does_not_matter(tmp_path, square_grid, scale):
+    vertices, faces = square_grid(9)
+    vertices[:, 2] = 0.3 * np.sin(np.pi * vertices[:, 0]) * np.sin(np.pi * vertices[:, 1])
+    write_obj(tmp_path / "plain.obj", vertices, faces)
+    (plain,) = run(tmp_path / "plain.obj")["patches"]
+    write_obj(tmp_path / "sheet.obj", vertices * scale, faces)
+    out = ["--out", tmp_path / "out"] if scale < 1 else []
+    result = run(tmp_path / "sheet.obj", *out)
+    for key in ("edge_rms_percent", "area_sd", "geodesic_stress"):
+        assert result["patches"][0][key] == pytest.approx(plain[key], rel=1e-4)
+        assert plain[key] > 1e-3
+    for name in result["files"]:
+        assert (tmp_path / "out" / name).stat().st_size > 5_000  # no empty picture
+
+
+def test_components_pinches_and_turned_faces_are_sorted_out(tmp_path, square_grid):
+    vertices, faces = square_grid(4)
+    turned = faces.copy()
+    turned[::2] = turned[::2, ::-1]
+    # The second sheet touches the first in one corner only.
+    second = vertices + [1.0, 1.0, 0.0]
+    write_obj(
+        tmp_path / "two.obj",
+        np.concatenate([vertices, second]),
+        np.concatenate([turned, faces + len(vertices)]),
+    )
+    rows = run(tmp_path / "two.obj")["patches"]
+    assert [row["vertices"] for row in rows] == [16, 16]
+    assert all(row["flips"] == 0 and row["edge_rms_percent"] < 1e-5 for row in rows)
+
+
+def test_drawings_are_laid_over_the_charts(tmp_path, icub):
+    # Planted: the drawing is our own map of a sole in another place, turned, halved and mirrored;
+    # triangles of the drawing format stand where the modules are.
+    from skinmap.skin.layouts import BUILTIN
+
+    layout = BUILTIN["triangle_10pad"]
+    lines = ["[SENSORS]"]
+    for k in range(4):
+        lines.append(f"triangle_10pad {k} {16.0 * k} {9.2 * (k % 2)} {180 * (k % 2)} 1 0")
+    (tmp_path / "sole.ini").write_text("\n".join(lines) + "\n")
+    from skinmap.io.drawing import read_drawing
+
+    drawing = read_drawing(tmp_path / "sole.ini")
+    rows = ["channel,module,x,y,z,nx,ny,nz"]
+    for channel, module, (x, y) in zip(
+        drawing.channels, drawing.modules, drawing.xy.tolist(), strict=True
+    ):
+        rows.append(f"{channel},{module},{x / 2},{-y / 2},0,0,0,1")
+    (tmp_path / "sole.csv").write_text("\n".join(rows) + "\n")
+    trimesh.creation.box((0.2, 0.2, 1e-3)).export(tmp_path / "plate.stl")
+    (tmp_path / "sole.toml").write_text(
+        '[robot]\nname = "sole"\nmesh = "plate.stl"\n[[part]]\nname = "sole"\nlink = "body"\n'
+        'taxels = "sole.csv"\ndrawing = "sole.ini"\n'
+    )
+    assert len(drawing) == 4 * int((~layout.thermal).sum())
+    result = run(tmp_path / "sole.toml", "--compare", "drawing", "--out", tmp_path / "out")
+    (row,) = result["compare"]
+    assert (row["with"], row["flips"], row["missing"]) == ("drawing", 0, 0)
+    assert row["mirrored"]
+    assert row["edge_rms_percent"] < 1e-4
+    assert row["distance_mm"] < 1e-4
+    assert row["scale"] == pytest.approx(0.5)
+    assert "sole_compared.png" in result["files"]
+
+
+def test_seams_keep_away_from_channels(tmp_path):
+    n, rows = 20, 12
+    i, j = np.meshgrid(np.arange(n), np.arange(rows))
+    angle = 2 * np.pi * i.ravel() / n
+    tube = np.column_stack([np.cos(angle), np.sin(angle), 0.3 * j.ravel()])
+    here = (np.arange(rows - 1)[:, None] * n + np.arange(n)).ravel()
+    next_ = (np.arange(rows - 1)[:, None] * n + (np.arange(n) + 1) % n).ravel()
+    faces = np.concatenate(
+        [np.column_stack([here, next_, here + n]), np.column_stack([next_, next_ + n, here + n])]
+    )
+    write_obj(tmp_path / "tube.obj", tube, faces)
+    job = FlatJob(
+        "tube", "balanced", "area", METRICS["area"], (), None, False, read_channels(()), {},
+        "consensus", 0,
+    ).for_mesh(tmp_path / "tube.obj")  # fmt: skip
+
+    def seam(*words: str) -> set[int]:
+        _, maps, _, _ = run_job(replace(job, away=read_channels(words)))
+        (chart,) = maps["tube.obj"].charts
+        return set(np.flatnonzero(np.bincount(chart.taxels) > 1).tolist())
+
+    first = seam()
+    assert len(first) == rows
+    second = seam(",".join(map(str, sorted(first)[:2])), f"{max(first)}-{max(first)}")
+    assert not second & {*sorted(first)[:2], max(first)}
+
+
+def test_channels_are_read_as_numbers_and_ranges():
+    assert read_channels(("3, 8,20-23", "8")).tolist() == [3, 8, 20, 21, 22, 23]
+
+
+def test_budgets_choose_the_method(half_cylinder, sheet):
+    cheap = run(sheet, "--max-edge-rms", "50")
+    assert cheap["method"] == "auto"
+    assert cheap["patches"][0]["method"] == "fast"
+    assert cheap["patches"][0]["reason"]
+
+
+@pytest.mark.parametrize("meshing", ["consensus", "fast", "accurate"])
+def test_every_meshing_flattens_a_hand(meshing):
+    result = run("icub", "--part", "left_hand", "--meshing", meshing)
+    assert result["meshing"] == meshing
+    assert result["patches"][0]["vertices"] == 48
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--method", "best"], "no flattening method 'best'; there is: .*bff"),
+        (["--meshing", "best"], "no meshing method 'best'; there is: consensus"),
+        (["--metric", "beauty"], "no metric 'beauty'; there is: edge_strain"),
+        (["--compare", "bff,best"], "no flattening method 'best'"),
+        (["--compare", "drawing"], "expected `drawing = ...`"),
+        (["--drawing", "gone.ini"], "no file 'gone.ini'"),
+        (["--part", "tail"], "no part 'tail'"),
+        (["--seam-away", "3;8"], "--seam-away wants channels"),
+        (["--part", "left_hand", "--seam-away", "99999"], "no channel 99999 in left_hand"),
+        (["--max-seconds", "0"], "--max-seconds must be above 0"),
+        (["--method", "bff", "--max-seconds", "1"], "--max-seconds needs --method auto"),
+        (["--part", "left_hand", "--out", "/proc/maps"], "cannot write to the folder"),
+    ],
+)
+def test_bad_options_are_named(words, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SkinError, match=message):
+        CliRunner().invoke(cli, ["flatten", "icub", *words], catch_exceptions=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+FLAT = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nv 2 0 0\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "without triangles"),
+        (FLAT, "without triangles"),
+        (FLAT + "f 1 2 9\n", "not a mesh that can be read"),
+        ("v 0 0 nan\n" + FLAT + "f 1 2 3\n", "NaN"),
+        (FLAT + "f 1 2 6\n", "bad.obj: none of 1 faces has an area"),
+        (FLAT + "f 1 2 3\nf 2 1 4\nf 1 2 5\n", r"bad.obj: edge \(0, 1\) lies in 3 faces"),
+    ],
+)
+def test_files_that_are_no_surface_are_refused(tmp_path, text, message):
+    path = tmp_path / "bad.obj"
+    path.write_text(text)
+    with pytest.raises(SkinError, match=message):
+        CliRunner().invoke(cli, ["flatten", str(path)], catch_exceptions=False)
+
+
+def test_a_moebius_strip_is_refused(tmp_path):
+    n = 30
+    angle = 2 * np.pi * np.arange(n) / n
+    across = np.array([-0.2, 0.2])
+    radius = 1 + across * np.cos(angle / 2)[:, None]
+    strip = np.stack(
+        [radius * np.cos(angle)[:, None], radius * np.sin(angle)[:, None],
+         across * np.sin(angle / 2)[:, None]], axis=-1,
+    ).reshape(-1, 3)  # fmt: skip
+    a = 2 * np.arange(n)
+    c, d = np.append(a[1:], 1), np.append(a[1:] + 1, 0)  # the last two are swapped: half a turn
+    faces = np.concatenate([np.column_stack([a, c, a + 1]), np.column_stack([a + 1, c, d])])
+    write_obj(tmp_path / "strip.obj", strip, faces)
+    with pytest.raises(SkinError, match=r"strip.obj: the surface has one side only"):
+        CliRunner().invoke(cli, ["flatten", str(tmp_path / "strip.obj")], catch_exceptions=False)
+
+
+def test_missing_files_folders_and_parts_of_meshes_are_refused(tmp_path, sheet):
+    (tmp_path / "folder.obj").mkdir()
+    for words, message in (
+        (["gone.obj"], "no file 'gone.obj'"),
+        ([str(tmp_path / "folder.obj")], "no file .*folder.obj"),
+        ([str(sheet), "--part", "left_arm"], "no part 'left_arm'; there is: none"),
+    ):
+        with pytest.raises(SkinError, match=message):
+            CliRunner().invoke(cli, ["flatten", *words], catch_exceptions=False)
+
+
+def test_out_onto_a_file_is_refused(sheet):
+    result = CliRunner().invoke(cli, ["flatten", str(sheet), "--out", str(sheet)])
+    assert result.exit_code == 2
+    assert "is a file" in result.output
+
+
+def test_tables_for_people_name_what_was_compared(sheet):
+    result = CliRunner().invoke(cli, ["flatten", str(sheet), "--compare", "lscm"])
+    assert result.exit_code == 0, result.output
+    assert "compared with" in result.output
+    assert "lscm" in result.output

@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import spsolve
+
+from skinmap.flat import factorisation
+from skinmap.flat.disc import Disc
+from skinmap.flat.factorisation import factorise, solvers
+from skinmap.geometry.topology import boundary_loops
+
+
+@pytest.fixture
+def matrix(half_cylinder) -> csc_array:
+    """A Laplacian with one vertex held."""
+    vertices, faces = half_cylinder
+    return Disc(vertices, faces, boundary_loops(faces)[0]).laplacian[1:, 1:]
+
+
+@pytest.mark.parametrize("columns", [None, 2])
+def test_every_solver_installed_solves(matrix, rng, columns):
+    right = rng.normal(size=matrix.shape[0] if columns is None else (matrix.shape[0], columns))
+    expected = spsolve(matrix, right)
+    before = right.copy()
+    for solver in solvers():
+        # The condition of this Laplacian is below 1e4.
+        assert_allclose(factorise(matrix, solver=solver)(right), expected, rtol=1e-9, atol=1e-11)
+    assert (right == before).all()
+
+
+def test_a_singular_matrix_is_named():
+    with pytest.raises(ArithmeticError, match="the matrix of 3 unknowns is singular"):
+        factorise(csc_array(np.diag([1.0, 0.0, 2.0])), solver="scipy")
+
+
+def test_scikit_sparse_is_taken_where_it_is_installed(matrix, monkeypatch):
+    """Its interface, played by scipy: it is a build away on most machines."""
+    seen = []
+
+    def cholesky(what):
+        seen.append(what.shape)
+        return lambda right: spsolve(what.tocsc(), right)
+
+    fake = SimpleNamespace(cholesky=cholesky, CholmodError=type("CholmodError", (Exception,), {}))
+    monkeypatch.setitem(sys.modules, "sksparse", SimpleNamespace(cholmod=fake))
+    monkeypatch.setitem(sys.modules, "sksparse.cholmod", fake)
+    monkeypatch.setattr(factorisation, "solvers", lambda: ("scipy", "scikit-sparse"))
+    right = np.ones(matrix.shape[0])
+    assert_allclose(factorise(matrix)(right), spsolve(matrix, right), rtol=1e-9)
+    assert seen == [matrix.shape]
+
+
+def test_numbering_of_a_subdivided_ball_costs_no_fill(sphere):
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    matrix = Disc(ball.vertices, np.asarray(ball.faces), np.array([0])).laplacian
+    matrix = (matrix + diags_array(np.full(len(ball.vertices), 1e-3))).tocsc()
+    right = np.ones(len(ball.vertices))
+    # A Laplacian's rows sum to zero: what is left of the ones is the shift.
+    assert_allclose(factorise(matrix)(right), 1e3, rtol=1e-6)

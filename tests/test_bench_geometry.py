@@ -1,0 +1,44 @@
+"""The benchmark of the geometry runs, and its file holds what the documents promise."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory) -> dict:
+    """The result of `benchmarks/geometry.py --quick`."""
+    out = tmp_path_factory.mktemp("geometry")
+    command = [sys.executable, str(ROOT / "benchmarks" / "geometry.py"), "--quick", "--out", out]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    subprocess.run(command, check=True, capture_output=True, env=environment)
+    assert (out / "cost_of_flattening.png").stat().st_size > 10_000
+    return json.loads((out / "geometry.json").read_text(encoding="utf-8"))
+
+
+def test_the_geometry_benchmark_measures_us_beside_the_peers(quick):
+    rows = {row["method"]: row for row in quick["flattening"] if "method" in row}
+    assert {"fast", "balanced", "dirichlet", "libigl LSCM", "libigl SLIM-2 from BFF"} <= set(rows)
+    assert all(row["flips"] == 0 for row in rows.values())
+    assert all(row["seconds"] > 0 and row["C"] > 0 for row in rows.values())
+    # Accuracy is no matter of the machine: 2 steps of SLIM do not reach our descent.
+    assert (
+        rows["dirichlet"]["symmetric_dirichlet"]
+        <= rows["libigl SLIM-2 from BFF"]["symmetric_dirichlet"]
+    )
+    assert sum(row.get("is_C", False) for row in quick["flattening"]) == 1
+
+
+def test_the_geometry_benchmark_holds_the_bounds_that_are_no_times(quick):
+    goals = {goal["what"]: goal for goal in quick["goals"] if "[s]" not in goal["what"]}
+    assert {"iCub: flips", "iCub: worst edge rms [%]", "iCub: median edge rms [%]"} <= set(goals)
+    assert all(goal["met"] for goal in goals.values())
+    assert {"commit", "versions", "threads"} <= set(quick)
