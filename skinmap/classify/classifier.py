@@ -154,7 +154,6 @@ def _plugged_in(name: str, thing: object) -> Callable[[], TouchClassifier]:
 BUILT_IN = {
     # the geometry of the contacts
     "contact-geometry": "skinmap.classify.geometry_classifier:contact_geometry_classifier",
-    "fusion": "skinmap.classify.fusion:fusion_classifier",
     # the first paper
     "histogram": "skinmap.classify.histogram_classifier:histogram_classifier",
     "paper": "skinmap.classify.paper_classifier:paper_classifier",
@@ -166,6 +165,8 @@ BUILT_IN = {
     # the second paper
     "bovw": "skinmap.classify.bovw_classifier:bovw_classifier",
     "cnn": "skinmap.classify.cnn_classifier:cnn_classifier",
+    # the first two, pooled
+    "fusion": "skinmap.classify.fusion:fusion_classifier",
 }
 classifiers: Registry[Callable[[], TouchClassifier]] = Registry(
     "classifier", "skinmap.classifiers", built_in=BUILT_IN, adapt=_plugged_in

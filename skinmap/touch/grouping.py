@@ -118,7 +118,7 @@ def contacts_of_event(geometry: SkinGeometry, samples: NDArray[np.uint8]) -> tup
     piece = connected(geometry.links, often, index)
     members = np.eye(int(piece.max()) + 1, dtype=np.float32)[piece]
     pressures = np.where(felt[:, index], samples[:, index], 0).astype(np.float32)
-    loads = pressures @ members
+    loads = (pressures @ members).astype(np.float64)
     peak = loads.max(axis=0)
     high = loads >= HALF * peak
     begin = _crossing(loads, high.argmax(axis=0), HALF * peak, -1)

@@ -83,9 +83,31 @@ def test_simulate_train_classify_and_back(tmp_path):
     assert trained["tested"]["same_parts"] == 12
     assert trained["accuracy"]["same_parts"] >= 0.75  # 12 touches, 28 to learn from
     named = run("classify", str(model), str(recording), "--part", "right_hand")
-    assert len(named["touches"]) == sum(made["parts"][1]["touches"].values())
+    assert named["events"] == sum(made["parts"][1]["touches"].values())
+    assert {row["event"] for row in named["touches"]} == set(range(named["events"]))
     assert {row["part"] for row in named["touches"]} == {"right_hand"}
     assert all(0 <= row["confidence"] <= 1 for row in named["touches"])
+
+
+def test_pairs_are_named_one_by_one(tmp_path):
+    alone, pairs, model = tmp_path / "t.npz", tmp_path / "p.npz", tmp_path / "m.skinmodel"
+    foot = ("--part", "left_foot")
+    run("simulate", "icub", *foot, "--per-gesture", "8", "-o", str(alone))
+    run("train", str(alone), "-o", str(model))
+    made = run(
+        "simulate", "icub", *foot, "--pairs", "3", "--gesture", "poke", "--subjects", "3",
+        "--dead", "0.02", "--noise", "1", "-o", str(pairs),
+    )  # fmt: skip
+    assert made["parts"][0]["touches"] == {"poke+poke": 3}
+    # Times that no two touches share: every contact is a touch of its own.
+    named = run("classify", str(model), str(pairs), "--together-ms", "1")
+    assert named["events"] == 3
+    assert len(named["touches"]) >= 6
+    assert {row["recorded_label"] for row in named["touches"]} == {"poke"}
+    # And where everything begins together, each pair is one touch.
+    joined = run("classify", str(model), str(pairs), "--together-ms", "9000")
+    assert [row["touch"] for row in joined["touches"]] == [0, 0, 0]
+    assert joined["accuracy"] == 0.0
 
 
 def test_same_seed_writes_the_same_recording(tmp_path):
@@ -109,6 +131,8 @@ def test_same_seed_writes_the_same_recording(tmp_path):
         (("flatten", "gone.toml"), r"no file 'gone\.toml'"),
         (("structures", "--radius-mm", "-1"), "must be above 0"),
         (("simulate", "--gesture", "slap", "--part", "torso", "-o", "x.npz"), "no gesture 'slap'"),
+        (("simulate", "--part", "torso", "--dead", "2"), "dead is a share of 0..1"),
+        (("simulate", "--part", "torso", "--pairs", "2", "--places", "habitual"), "leave out"),
         (("simulate", "--part", "left_hand", "-o", "/proc/x/y.npz"), "cannot write"),
         (("train", "gone.npz"), r"no file 'gone\.npz'"),
         (("classify", "gone.skinmodel", "gone.npz"), r"no file 'gone\.skinmodel'"),
