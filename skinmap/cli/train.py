@@ -14,7 +14,10 @@ from skinmap.cli.common import emit, json_option, open_robot, part_option, robot
 @robot_option
 @part_option
 @click.option(
-    "--classifier", default="contact-geometry", show_default=True, help="Which classifier."
+    "--classifier",
+    default="contact-geometry",
+    show_default=True,
+    help="Which classifier; an unknown name lists them.",
 )
 @click.option(
     "-o",
