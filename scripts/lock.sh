@@ -18,5 +18,7 @@ pins = {re.sub(r"[-_.]+", "-", d.name).lower(): d.version for d in distributions
 for name in sorted(pins.keys() - skipped):
     print(f"{name}=={pins[name]}")
 PYTHON
-} >"$work/constraints.txt"
+    # Installed by hand where networks are trained: its builds differ from machine to machine.
+    grep '^torch==' constraints.txt
+} | LC_ALL=C sort >"$work/constraints.txt"
 cp "$work/constraints.txt" constraints.txt

@@ -204,4 +204,4 @@ def test_constraints_pin_every_direct_dependency() -> None:
     wanted = [*project["dependencies"], *(line for extra in extras for line in extra)]
     names = {re.split(r"[<>=!~ ;\[]", line)[0].lower() for line in wanted}
     pinned = {line.split("==")[0] for line in (ROOT / "constraints.txt").read_text().splitlines()}
-    assert names <= pinned
+    assert names - {"skinmap"} <= pinned  # it names its own extras
