@@ -30,7 +30,7 @@ from skinmap.touch.simulator import simulate
 
 OUT = Path(__file__).parent / "results" / "touches.json"
 TRAINED_PARTS = ("torso", "left_leg_upper", "left_foot", "right_forearm")
-FOLDS = 5
+FOLDS = 3
 HALF_OFF = 0.5  # share on the skin of touches that hang over its edge
 
 
@@ -190,7 +190,7 @@ def bench_pairs(seeds: int, count: int) -> dict[str, Any]:
 
 
 def bench_fusion(seeds: int, count: int) -> dict[str, Any]:
-    """The fusion beside its parts: a fifth of the 23 patches left out at a time."""
+    """The fusion beside its parts: a third of the 23 patches left out at a time."""
     skins = patches_of(skinmap.load_robot("icub"))
     rows: dict[str, list[dict[str, Any]]] = {}
     for seed in range(seeds):
