@@ -2,8 +2,8 @@
 
 Sizes of hands are those of adults, with a spread: fingertips 12 to 18 mm wide, fingers 15 to 20 mm
 (Dandekar, Raju and Srinivasan, J. Biomech. Eng. 125(5), 2003), palms 70 to 95 mm (Pheasant,
-"Bodyspace", 1996), scaled by 0.75 to 1 for hands from child to adult. Elbows, forearms and things
-have sizes that we measured on ourselves and at home; docs/simulator.md lists them all.
+"Bodyspace", 1996), scaled by 0.75 to 1 for hands from child to adult. Sizes of elbows,
+forearms and things are estimated; docs/simulator.md lists them all.
 """
 
 from __future__ import annotations
