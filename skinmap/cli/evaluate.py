@@ -97,9 +97,9 @@ def command(
     Results are the same whatever the number of jobs and whatever the backend.
 
     \b
-    Examples:  skinmap evaluate --protocol kaspar --seeds 3 --json
-               skinmap evaluate --protocol cross-patch --robot icub --seeds 1
-               skinmap evaluate touches.npz --robot icub
+    Example:  skinmap evaluate --protocol kaspar --seeds 3 --json
+              skinmap evaluate --protocol cross-patch --robot icub --seeds 1
+              skinmap evaluate touches.npz --robot icub
     """
     from skinmap.classify.protocols.tasks import Workers, check_workers
     from skinmap.cli.evaluation_report import show, write
