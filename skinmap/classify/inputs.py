@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.classify.descriptors import ROWS, ContactGeometry, Descriptor, Histograms, Touch
+from skinmap.classify.image_descriptor import PaperImages
 from skinmap.errors import NotFittedError, SkinMismatchError, UnknownNameError
 from skinmap.touch.codebook import COUNTS
-from skinmap.touch.contacts import pool_event, pressed
-from skinmap.touch.prepared import PreparedSkin
-
-IMAGE_SHAPE = (66, 100)  # as published (Albini, Denei and Cannata, IROS 2017)
+from skinmap.touch.contacts import pressed
 
 
 class RawSamples:
@@ -63,31 +61,10 @@ class RawSamples:
         self.part, self.positions = str(arrays["part"]), arrays["positions"]
 
 
-class ContactImages:
-    """Contact images of 66 x 100 pixels, floor(255 p / max p), one flattened row a touch."""
-
-    def __init__(self) -> None:
-        self._geometry: dict[PreparedSkin, Any] = {}
-
-    def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
-        """Nothing to learn."""
-
-    def describe(self, touch: Touch) -> FloatArray:
-        """(1, 6600) pixels of 0 to 255, of the pooled touch; no row where nothing is touched."""
-        from skinmap.touch.contact_image import image_geometry
-
-        if touch.skin not in self._geometry:
-            self._geometry[touch.skin] = image_geometry(touch.skin.flat, shape=IMAGE_SHAPE)
-        image = self._geometry[touch.skin].image(pool_event(touch.samples)).ravel()
-        top = float(image.max())
-        pixels = np.floor(255.0 * image.astype(np.float64) / top) if top > 0 else image
-        return np.asarray(pixels[None] if top > 0 else np.zeros((0, image.size)))
-
-
 INPUT_KINDS: Mapping[str, Callable[[], Descriptor]] = {
     "raw": RawSamples,
     "histogram": Histograms,
-    "image": ContactImages,
+    "image": PaperImages,
     "contact-geometry": ContactGeometry,
 }
 

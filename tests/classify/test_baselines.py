@@ -10,7 +10,8 @@ from skinmap.classify.check import check_classifier, planted_touches
 from skinmap.classify.choose_words import CANDIDATES
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Histograms, Touch
-from skinmap.classify.inputs import ContactImages, RawSamples, descriptor_of
+from skinmap.classify.image_descriptor import PaperImages
+from skinmap.classify.inputs import RawSamples, descriptor_of
 from skinmap.classify.raw_classifiers import PENALTIES, WIDTHS
 from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError, UnknownNameError
 
@@ -50,12 +51,13 @@ def test_raw_values_are_of_one_skin_only(rng, prepared):
 
 def test_contact_images_are_scaled_to_their_own_maximum(rng):
     touch = planted_touches(1, rng=rng)[0]
-    image = ContactImages().describe(touch)
-    assert image.shape == (1, 6600)
-    assert image.max() == 255.0
+    image = PaperImages().describe(touch)
+    assert image.shape == (2, 6600)  # two moments of the touch
     np.testing.assert_array_equal(image, np.floor(image))
+    # Each grid has a pixel of 255; enlarging it to 66 x 100 keeps most of that level.
+    assert ((image.max(axis=1) > 200) & (image.max(axis=1) <= 255)).all()
     still = Touch(touch.skin, np.zeros_like(touch.samples))
-    assert ContactImages().describe(still).shape == (0, 6600)  # no division by zero
+    assert PaperImages().describe(still).shape == (0, 6600)  # no division by zero
 
 
 def test_input_kinds_are_known_by_name():

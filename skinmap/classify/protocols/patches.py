@@ -10,7 +10,8 @@ import numpy as np
 from skinmap.classify.descriptors import Touch
 from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import Skin
+from skinmap.surface.surface_mesh import build_surface
+from skinmap.touch.patches import cut_into_patches
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.simulator import simulate
 
@@ -34,15 +35,8 @@ class Patch:
 
 def cut_patches(robot: Robot, parts: Sequence[str]) -> list[Patch]:
     """Every patch of some parts as a skin of its own."""
-    patches = []
-    for part in parts:
-        whole = PreparedSkin(robot.skin(part))
-        numbers = np.unique(whole.patches)
-        for number in numbers:
-            name = part if len(numbers) == 1 else f"{part}/{number}"
-            index = np.flatnonzero(whole.patches == number)
-            patches.append(Patch(name, PreparedSkin(_take(whole.skin, index, name))))
-    return patches
+    skins = [skin for part in parts for skin in cut_into_patches(build_surface(robot.skin(part)))]
+    return [Patch(skin.part, PreparedSkin(skin)) for skin in skins]
 
 
 def touch_patches(
@@ -90,14 +84,3 @@ def _simulate(task: _Session) -> list[tuple[str, np.ndarray]]:
         gestures=task.gestures,
     )
     return [(label, samples) for _, label, samples in recording.touches()]
-
-
-def _take(skin: Skin, index: np.ndarray, name: str) -> Skin:
-    return Skin(
-        name,
-        skin.link,
-        skin.channels[index],
-        skin.modules[index],
-        skin.positions[index],
-        skin.normals[index],
-    )
