@@ -15,6 +15,9 @@ from skinmap.classify.convolution import Float32, Network
 from skinmap.errors import InvalidArrayError, MissingLibraryError
 
 WARM_UP = 5  # epochs of the schedule "cosine" in which the rate grows: full steps kill a fresh net
+ATTEMPTS = 3  # trainings with another start where one stays at chance
+STUCK = 0.95  # of the loss of chance: a net that does not get below has learnt nothing
+TELLING = 10  # epochs: after fewer nothing can be said
 STEP_AT, STEP_TO = 2 / 3, 0.1  # of the schedule "step": when, and to which share
 
 
@@ -65,25 +68,42 @@ def train(
     torch = _torch()
     with _one_thread(torch), torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        net = _build(torch, images.shape[1:], len(names), recipe)
-        descent = torch.optim.SGD(
-            net.parameters(), lr=recipe.learning_rate, momentum=recipe.momentum
-        )
-        seen, wanted = torch.from_numpy(images[:, None].copy()), torch.from_numpy(labels.copy())
-        for epoch in range(recipe.epochs):
-            for group in descent.param_groups:
-                group["lr"] = recipe.rate(epoch)
-            for batch in torch.randperm(len(seen)).split(recipe.batch):
-                shown = _varied(torch, seen[batch], recipe)
-                loss = torch.nn.functional.cross_entropy(net(shown), wanted[batch])
-                descent.zero_grad()
-                loss.backward()
-                descent.step()
-        if not bool(torch.isfinite(loss)):
-            raise InvalidArrayError(
-                f"training ran away at a learning rate of {recipe.learning_rate:g}: lower it"
-            )
+        chance = _entropy(labels)
+        for _ in range(ATTEMPTS):
+            net = _build(torch, images.shape[1:], len(names), recipe)
+            loss = _descend(torch, net, images, labels, recipe)
+            # A net whose rectifiers all died early gives every image the same answer.
+            if recipe.epochs < TELLING or loss < STUCK * chance:
+                break
         return _network(net, (images.shape[1], images.shape[2]), names)
+
+
+def _descend(torch: Any, net: Any, images: Float32, labels: IntArray, recipe: Recipe) -> float:
+    """Fit a net in place; the mean loss of its last epoch."""
+    descent = torch.optim.SGD(net.parameters(), lr=recipe.learning_rate, momentum=recipe.momentum)
+    seen, wanted = torch.from_numpy(images[:, None].copy()), torch.from_numpy(labels.copy())
+    for epoch in range(recipe.epochs):
+        for group in descent.param_groups:
+            group["lr"] = recipe.rate(epoch)
+        losses = []
+        for batch in torch.randperm(len(seen)).split(recipe.batch):
+            shown = _varied(torch, seen[batch], recipe)
+            loss = torch.nn.functional.cross_entropy(net(shown), wanted[batch])
+            descent.zero_grad()
+            loss.backward()
+            descent.step()
+            losses.append(float(loss.detach()))
+    if not np.isfinite(losses).all():
+        raise InvalidArrayError(
+            f"training ran away at a learning rate of {recipe.learning_rate:g}: lower it"
+        )
+    return float(np.mean(losses))
+
+
+def _entropy(labels: IntArray) -> float:
+    """The loss of always answering with the shares of the classes."""
+    share = np.unique(labels, return_counts=True)[1] / len(labels)
+    return float(-(share * np.log(share)).sum())
 
 
 def _build(torch: Any, shape: tuple[int, ...], classes: int, recipe: Recipe) -> Any:

@@ -59,6 +59,27 @@ def test_fit_learns_bars_and_repeats_itself(bars):
     np.testing.assert_array_equal(again.predict_proba(images[90:]), share)
 
 
+def test_a_net_that_stays_at_chance_is_trained_again(bars, monkeypatch):
+    torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    from skinmap.classify import cnn_training
+
+    build, made = cnn_training._build, []
+
+    def dead_first(*arguments):
+        net = build(*arguments)
+        if not made:
+            torch.nn.init.constant_(net[6].bias, -1e6)  # the last rectifiers never answer
+        made.append(net)
+        return net
+
+    monkeypatch.setattr(cnn_training, "_build", dead_first)
+    images, labels = bars
+    machine = ContactImageCNN(epochs=10, schedule="constant", mirror=False, shift=0)
+    machine.fit(images[:90], labels[:90])
+    assert len(made) == 2
+    assert machine.score(images[90:], labels[90:]) >= 0.9
+
+
 def test_varied_images_are_mirrored_and_shifted_copies():
     torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
     from skinmap.classify.cnn_training import _varied
