@@ -10,7 +10,9 @@ import numpy as np
 import skinmap
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
+from skinmap.classify.naming import name_touches
 from skinmap.live.replay import TouchNamer
+from skinmap.touch.contacts import ACTIVE
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.simulator import simulate
 
@@ -26,8 +28,12 @@ def live_rows(quick: bool) -> list[dict[str, Any]]:
     for part in touched:
         recording = simulate(skins[part].skin, rng=rng, per_gesture=8 if quick else 16)
         train += [Touch(skins[part], samples, label) for _, label, samples in recording.touches()]
-    tracks = {
-        part: simulate(skins[part].skin, rng=rng, per_gesture=4).pressures for part in touched
+    played = {part: simulate(skins[part].skin, rng=rng, per_gesture=4) for part in touched}
+    tracks = {part: recording.pressures for part, recording in played.items()}
+    # The middle of each touch: a sample of a hand at rest on the skin.
+    middles = {
+        part: [samples[len(samples) // 2] for _, _, samples in recording.touches()]
+        for part, recording in played.items()
     }
     steps = min(100 if quick else 600, *(len(track) for track in tracks.values()))
     rows = []
@@ -36,8 +42,31 @@ def live_rows(quick: bool) -> list[dict[str, Any]]:
         if name == "histogram":
             for skin in skins.values():
                 model.descriptor.counter(skin, compiled=True)  # type: ignore[attr-defined]
-        rows.append({"classifier": name, **_live_row(model, skins, tracks, steps)})
+        row = {"classifier": name, **_live_row(model, skins, tracks, steps)}
+        for count in (1, 2):
+            some = {part: middles[part] for part in touched[:count]}
+            row[f"one_sample_alone_{count}_touched_ms"] = _alone(model, skins, some)
+        rows.append(row)
     return rows
+
+
+def _alone(
+    model: Any, skins: dict[str, PreparedSkin], middles: dict[str, list[Any]]
+) -> dict[str, float]:
+    """One sample of all parts, without a past, to the labels of all touches in it."""
+    rest = {part: np.zeros(len(skin), np.uint8) for part, skin in skins.items()}
+    times: list[float] = []
+    for _ in range(3):  # the first time warms up
+        times = []
+        for samples in zip(*middles.values(), strict=False):
+            now = {**rest, **dict(zip(middles, samples, strict=True))}
+            start = time.process_time()
+            for part, sample in now.items():
+                if sample.max() > ACTIVE:
+                    name_touches(model, skins[part], sample[None])
+            times.append((time.process_time() - start) * 1e3)
+    cost = np.array(times)
+    return {"mean": float(cost.mean()), "p95": float(np.percentile(cost, 95))}
 
 
 def _live_row(
