@@ -167,6 +167,7 @@ BUILT_IN = {
     "cnn": "skinmap.classify.cnn_classifier:cnn_classifier",
     # the first two, pooled
     "fusion": "skinmap.classify.fusion:fusion_classifier",
+    "fusion-images": "skinmap.classify.fusion:fusion_images_classifier",
 }
 classifiers: Registry[Callable[[], TouchClassifier]] = Registry(
     "classifier", "skinmap.classifiers", built_in=BUILT_IN, adapt=_plugged_in

@@ -220,3 +220,11 @@ def _share(model: TouchClassifier, touch: Touch, classes: np.ndarray) -> FloatAr
 def fusion_classifier() -> FusionClassifier:
     """Contact geometry and histograms, pooled."""
     return FusionClassifier()
+
+
+def fusion_images_classifier() -> FusionClassifier:
+    """Contact geometry, histograms and contact images (bags of visual words), pooled.
+
+    Under a name of its own, as the images need the extra `images`.
+    """
+    return FusionClassifier("fusion-images", (*MEMBERS, "bovw"))

@@ -7,6 +7,7 @@ from skinmap.classify.check import check_classifier
 from skinmap.classify.fusion import (
     FusionClassifier,
     fusion_classifier,
+    fusion_images_classifier,
     learn_pool,
     part_folds,
     pool,
@@ -89,6 +90,11 @@ def test_folds_keep_parts_together(prepared):
 def test_fusion_and_contact_geometry_keep_the_contract():
     check_classifier(contact_geometry_classifier)
     check_classifier(fusion_classifier)
+
+
+def test_fusion_with_images_keeps_the_contract():
+    pytest.importorskip("mahotas", reason="the extra `images` is not installed")
+    check_classifier(fusion_images_classifier)
 
 
 def test_fusion_refuses_members_that_it_cannot_use():
