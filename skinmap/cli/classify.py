@@ -55,12 +55,16 @@ def command(
     Example:  skinmap classify touch.skinmodel touches.npz --part right_forearm --json
     """
     from skinmap.classify.model_file import load_classifier
+    from skinmap.errors import UnknownNameError
     from skinmap.touch.recording import load_recordings
 
     classifier = load_classifier(model)
     recordings = load_recordings(recording)
     loaded, wanted = open_robot(robot, parts)
     chosen = [one for one in recordings if one.part in wanted]
+    if not chosen:
+        asked = parts[0] if parts else f"any of {loaded.name}"
+        raise UnknownNameError("recorded part", asked, [one.part for one in recordings])
     skins = prepare_skins(loaded, chosen)
     check_model(classifier, skins, chosen)
     rows: list[dict[str, Any]] = []

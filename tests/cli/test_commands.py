@@ -108,6 +108,8 @@ def test_pairs_are_named_one_by_one(tmp_path):
     joined = run("classify", str(model), str(pairs), "--together-ms", "9000")
     assert [row["touch"] for row in joined["touches"]] == [0, 0, 0]
     assert joined["accuracy"] == 0.0
+    with pytest.raises(SkinError, match="no recorded part 'torso'; there is: left_foot"):
+        run("classify", str(model), str(pairs), "--part", "torso")
 
 
 def test_same_seed_writes_the_same_recording(tmp_path):
