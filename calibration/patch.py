@@ -1,0 +1,81 @@
+"""What calibrating a patch gives: where each taxel is, how sure, and whether to trust it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
+
+
+class Status(StrEnum):
+    """Whether a calibration may be used as it is."""
+
+    OK = "ok"
+    LOW_COVERAGE = "low_coverage"
+    AMBIGUOUS = "ambiguous"
+    UNOBSERVABLE = "unobservable"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PatchCalibration:
+    """Calibrated taxels of one patch, in the frame of the mesh that they were laid on.
+
+    Attributes
+    ----------
+    positions : (n, 3) float
+        [m].
+    normals : (n, 3) float
+        Unit, outward.
+    covariance : (n, 3, 3) float
+        Of each position [m2].
+    status : Status
+        `ok`, or what is doubtful.
+    reasons : tuple of str
+        Why, in words; empty where it is ok.
+    residuals : mapping of str to (k, 3) or (k,) float
+        By kind of evidence, divided by what was expected of them.
+    scale : float
+        Of the body's lengths against the layout's.
+    height : float
+        Mean height of the taxels above the wrapped mesh [m].
+    coverage : float
+        Share of the patch inside the hull of its evidence.
+    weakest : str
+        How the patch could still move most easily, in words.
+    next_taxels : (k,) int
+        Taxels whose place would tell most if it was measured next, the best first.
+    """
+
+    positions: FloatArray
+    normals: FloatArray
+    covariance: FloatArray
+    status: Status
+    reasons: tuple[str, ...] = ()
+    residuals: Mapping[str, FloatArray] = field(default_factory=dict)
+    scale: float = 1.0
+    height: float = 0.0
+    coverage: float = 1.0
+    weakest: str = ""
+    next_taxels: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def __post_init__(self) -> None:
+        n = len(self.positions)
+        freeze(
+            self,
+            positions=check_finite(self.positions, "positions", (n, 3)),
+            normals=check_finite(self.normals, "normals", (n, 3)),
+            covariance=check_finite(self.covariance, "covariance", (n, 3, 3)),
+            next_taxels=np.asarray(self.next_taxels, np.int64),
+        )
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @property
+    def predicted_sd(self) -> FloatArray:
+        """(n,) predicted error of each position: the root of its covariance's trace [m]."""
+        return np.asarray(np.sqrt(np.einsum("nii->n", self.covariance)))

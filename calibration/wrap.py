@@ -1,0 +1,114 @@
+"""Wrapping a board on a link: from its flat layout and a few anchors to where every taxel is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calibration.evidence import check_anchors, check_layout, check_link
+from calibration.one_thread import one_thread
+from calibration.patch import PatchCalibration
+from calibration.sheet import ROUGHLY, STAGES, Board, Evidence, State, linearise, make_board, settle
+from calibration.starts import log_map_start
+from calibration.status import judge
+from calibration.target import Target, make_target
+from skinmap.arrays import BoolArray, FloatArray
+
+STARTS, MOST_STARTS = 3, 9
+GOOD = 8.0  # cost for each anchor or touch: three coordinates, and lengths and heights that fit
+SAME = 0.3e-3  # states whose taxels are this close on average are one [m]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Minimum:
+    """A state that the cost cannot be improved from, its cost and its Gauss-Newton matrix."""
+
+    state: State
+    cost: float
+    hessian: FloatArray
+
+
+def wrap_layout(
+    layout: ArrayLike,
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    anchor_indices: ArrayLike,
+    anchor_points: ArrayLike,
+    *,
+    anchor_sigma: ArrayLike = 1e-3,
+    rng: np.random.Generator,
+) -> PatchCalibration:
+    """Lay a flat board on a link so that lengths hold and the anchors are where they should be.
+
+    Parameters
+    ----------
+    layout : (n, 2) array-like of float
+        Taxels on the flat board, seen from outside [m].
+    vertices, faces : (v, 3) array-like of float, (f, 3) array-like of int
+        The link's mesh [m]; it may be open, doubled or partly inside out.
+    anchor_indices : (k,) array-like of int
+        Taxels whose place is known; at least three, not in a row.
+    anchor_points : (k, 3) array-like of float
+        Where they are, in the frame of the mesh [m].
+    anchor_sigma : float
+        Standard deviation of each coordinate of an anchor [m].
+    rng : numpy.random.Generator
+        Where the starts are taken.
+
+    Returns
+    -------
+    PatchCalibration
+
+    Raises
+    ------
+    InvalidArrayError
+        NaN, wrong shapes, fewer than three anchors, anchors in a row or twice, a taxel that the
+        layout lacks, lengths in other units than metres (names the factor).
+    InvalidMeshError
+        An empty mesh, or one that the anchors are far from.
+    """
+    board_layout = check_layout(layout)
+    link = check_link(vertices, faces)
+    anchors = check_anchors(board_layout, link, anchor_indices, anchor_points, anchor_sigma)
+    target = make_target(*link)
+    board = make_board(board_layout)
+    every = np.ones(len(anchors), bool)
+    with one_thread():
+        minima = find_minima(target, board, anchors, every, rng=rng)
+        return judge(target, board, anchors, minima, {"anchors": every})
+
+
+def find_minima(
+    target: Target, board: Board, evidence: Evidence, first: BoolArray, *, rng: np.random.Generator
+) -> list[Minimum]:
+    """Distinct minima of the cost, the lowest first, from starts that fit some (k,) evidence."""
+    places = evidence.blend[first] @ board.layout
+    points = evidence.points[first]
+    order = rng.permutation(len(points))
+    sources = [points.mean(axis=0), *points[order[: MOST_STARTS - 1]]]
+    close, normals = target.project(points)
+    above = float(np.median(np.einsum("kd,kd->k", points - close, normals)))
+    found: list[Minimum] = []
+    soft: list[State] = []
+    # Most patches need three starts; those that fit badly so far get the others.
+    for some in (sources[:STARTS], sources[STARTS:]):
+        if found and found[0].cost < GOOD * len(evidence):
+            break
+        tried = len(soft)
+        for source in some:
+            start = State(log_map_start(target, board.layout, places, points, source), 0.0, above)
+            state = settle(target, board, evidence, start, stages=STAGES[:-1], settled=ROUGHLY)
+            if all(_apart(state, other) > SAME for other in soft):
+                soft.append(state)
+        for state in soft[tried:]:
+            final = settle(target, board, evidence, state, stages=STAGES[-1:])
+            cost, _, hessian = linearise(target, board, evidence, final)
+            found.append(Minimum(final, cost, hessian))
+        found.sort(key=lambda minimum: minimum.cost)
+    return found
+
+
+def _apart(one: State, other: State) -> float:
+    return float(np.linalg.norm(one.positions - other.positions, axis=1).mean())
