@@ -1,0 +1,266 @@
+"""Where a rigid patch is mounted: from pairs of its points and places known in other frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, freeze
+from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.geometry.rigid import check_transform, transform_points
+
+Loss = Literal["linear", "cauchy"]
+CAUCHY = 2.3849  # residuals' scale: 95 % efficient on normal errors (Holland and Welsch 1977)
+LENGTH = 1.5382  # median length of a normal vector in space, in standard deviations
+NORMAL = 1.4826  # standard deviation of a normal variable over its median absolute deviation
+ROUNDS = 200
+SETTLED = 1e-9  # relative to the size of the points
+RIGID = 1e-6
+FLOOR = 1e-12  # of the points' size: residuals below are rounding
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MountFit:
+    """The pose of a patch on its link, and how well it explains the pairs.
+
+    Attributes
+    ----------
+    mount : (4, 4) float
+        T_link_patch.
+    module_offsets : dict of int to (3,) float
+        Shift of each module in the patch's frame [m]; empty where none were asked for.
+    rms : float
+        Root mean square distance of the pairs after the fit [m].
+    covariance : (6, 6) float
+        Of a left-multiplied rotation vector [rad] and the translation [m], in this order.
+    residuals : (m,) float
+        Distance of each pair [m].
+    """
+
+    mount: FloatArray
+    module_offsets: dict[int, FloatArray]
+    rms: float
+    covariance: FloatArray
+    residuals: FloatArray
+
+    def __post_init__(self) -> None:
+        freeze(self, mount=self.mount, covariance=self.covariance, residuals=self.residuals)
+
+
+def fit_mount(
+    points: ArrayLike,
+    frames: ArrayLike,
+    targets: ArrayLike,
+    *,
+    initial: ArrayLike | None = None,
+    loss: Loss = "linear",
+    modules: ArrayLike | None = None,
+    module_sigma: float = 3e-3,
+) -> MountFit:
+    """The mount T_link_patch that brings points to their targets: T_world_link @ mount @ point.
+
+    Every target is carried back into its link first, which turns the problem into one of two
+    point sets: the least squares mount has a closed form (Kabsch 1976) and no start can miss it.
+    The robust loss reweights from there.
+
+    Parameters
+    ----------
+    points : (m, 3) array-like of float
+        In the frame of the patch [m].
+    frames : (m, 4, 4) array-like of float
+        T_world_link of each pair.
+    targets : (m, 3) array-like of float
+        In the world [m].
+    initial : (4, 4) array-like of float, optional
+        Where the search begins. Only checked: the closed form needs no start.
+    loss : {"linear", "cauchy"}
+        Squares, or a loss that outliers cannot pull.
+    modules : (m,) array-like of int, optional
+        Module of each point: each may then be shifted, by a prior of `module_sigma`.
+    module_sigma : float
+        Standard deviation of a module's shift against the noise of a pair [m].
+
+    Raises
+    ------
+    InvalidArrayError
+        Wrong shapes, NaN, frames that are not rigid (names the rows), fewer than three pairs
+        or points in a row.
+    """
+    p, back = _check(points, frames, targets)
+    if loss not in get_args(Loss):
+        raise UnknownNameError("loss", loss, get_args(Loss))
+    if initial is not None:
+        check_transform(initial, "initial")
+    member = _check_modules(modules, len(p), module_sigma)
+    # Squares first: the robust loss alone loses its way from far starts.
+    solution = _solve(p, back, _Solution(_kabsch(p, back, np.ones(len(p)))), member, module_sigma)
+    if loss == "cauchy":
+        solution = _solve(p, back, solution, member, module_sigma, robust=True)
+    placed = transform_points(solution.mount, _shifted(p, solution.offsets, member))
+    missed = np.linalg.norm(placed - back, axis=1)
+    named = {int(k): solution.offsets[row] for row, k in enumerate(member[0])} if member else {}
+    covariance = _covariance(
+        placed - solution.mount[:3, 3], missed, solution.weight, member, module_sigma
+    )
+    rms = float(np.sqrt(np.mean(missed**2)))
+    return MountFit(solution.mount, named, rms, covariance, missed)
+
+
+Members = tuple[IntArray, IntArray]
+
+
+@dataclass(eq=False, slots=True)
+class _Solution:
+    mount: FloatArray
+    offsets: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
+    weight: FloatArray = field(default_factory=lambda: np.ones(1))
+
+
+def _solve(
+    p: FloatArray,
+    q: FloatArray,
+    start: _Solution,
+    member: Members | None,
+    sigma: float,
+    *,
+    robust: bool = False,
+) -> _Solution:
+    """Mount, shifts of modules and weights by turns, each in closed form."""
+    weight, mount = np.ones(len(p)), start.mount
+    offsets = start.offsets
+    if member is not None and len(offsets) != len(member[0]):
+        offsets = np.zeros((len(member[0]), 3))
+    size = max(1.0, float(np.ptp(p, axis=0).max()))
+    for _ in range(ROUNDS if robust or member else 1):
+        before = mount
+        missed = (q - mount[:3, 3]) @ mount[:3, :3] - p  # in the patch's frame
+        left = missed if member is None else missed - offsets[member[1]]
+        if robust:
+            length = np.sqrt(np.einsum("mk,mk->m", left, left))
+            # The spread of three coordinates: the median of their length is 1.54 deviations.
+            scale = max(float(np.median(length)) / LENGTH, FLOOR * size)
+            weight = 1.0 / (1.0 + (length / (CAUCHY * scale)) ** 2)
+        if member is not None:
+            noise = max(float(np.median(np.abs(left))) * NORMAL, FLOOR * size)
+            offsets = _drawn(missed, weight, member[1], len(offsets), (noise / sigma) ** 2)
+        mount = _kabsch(_shifted(p, offsets, member), q, weight)
+        if np.abs(mount - before).max() < SETTLED * size:
+            break
+    return _Solution(mount, offsets, weight)
+
+
+def _drawn(
+    missed: FloatArray, weight: FloatArray, group: IntArray, count: int, stiffness: float
+) -> FloatArray:
+    """Shift (count, 3) of each module: the mean of its misses, held back by the prior."""
+    total = np.bincount(group, weight, minlength=count)[:, None]
+    sums = [np.bincount(group, weight * axis, minlength=count) for axis in missed.T]
+    return np.asarray(np.stack(sums, axis=1) / (total + stiffness))
+
+
+def _shifted(p: FloatArray, offsets: FloatArray, member: Members | None) -> FloatArray:
+    return p if member is None else p + offsets[member[1]]
+
+
+def _kabsch(p: FloatArray, q: FloatArray, weight: FloatArray) -> FloatArray:
+    """Rigid (4, 4) of least weighted squares from p (m, 3) to q (m, 3)."""
+    share = weight / weight.sum()
+    middle_p, middle_q = share @ p, share @ q
+    left, _, right = np.linalg.svd((share[:, None] * (q - middle_q)).T @ (p - middle_p))
+    turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    mount = np.eye(4)
+    mount[:3, :3], mount[:3, 3] = turn, middle_q - turn @ middle_p
+    return mount
+
+
+def _covariance(
+    arms: FloatArray,
+    missed: FloatArray,
+    weight: FloatArray,
+    member: Members | None,
+    sigma: float,
+) -> FloatArray:
+    """(6, 6) covariance from the residuals' own spread; `arms` (m, 3) from the mount's origin.
+
+    With weights w the residuals r count as (w r)^2 and the slope of w r is their information
+    (Huber 1981, section 7.6): honest under outliers, and plain least squares where w is 1.
+    Shifts of modules take with them what the mount would have known of their common motion.
+    """
+    x, y, z = arms.T
+    zero = np.zeros_like(x)
+    cross = np.stack([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)
+    jacobian = np.concatenate([cross, np.broadcast_to(np.eye(3), (len(x), 3, 3))], axis=2)
+    slope = float(np.mean(weight + 2.0 * weight**2)) / 3.0
+    normal = np.einsum("mki,mkj->ij", jacobian, jacobian)
+    taken = 6.0
+    if member is not None:
+        count = len(member[0])
+        noise = float(np.mean((weight * missed) ** 2)) / 3.0 / slope**2
+        stiffness = noise / sigma**2  # of the prior, in pairs
+        size = np.bincount(member[1], minlength=count)
+        sums = np.zeros((count, 3, 6))
+        np.add.at(sums, member[1], jacobian)
+        normal = normal - np.einsum("gki,gkj,g->ij", sums, sums, 1.0 / (size + stiffness))
+        taken += 3.0 * float(np.sum(size / (size + stiffness)))
+    free = max(1.0, 3.0 * len(x) - taken) / len(x)
+    variance = float(np.mean((weight * missed) ** 2)) / free / slope**2
+    return np.asarray(variance * np.linalg.pinv(normal, hermitian=True))
+
+
+def point_covariance(mount: FloatArray, points: FloatArray, covariance: FloatArray) -> FloatArray:
+    """(n, 3, 3) of points (n, 3) of a patch in its link [m2], from that of its mount (6, 6)."""
+    arm = points @ mount[:3, :3].T
+    swept = np.cross(np.eye(3)[None], arm[:, None]).transpose(0, 2, 1)
+    jacobian = np.concatenate([swept, np.broadcast_to(np.eye(3), swept.shape)], axis=2)
+    return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
+
+
+def _check(
+    points: ArrayLike, frames: ArrayLike, targets: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Points (m, 3) in the patch and the targets (m, 3) carried back into the link."""
+    p = check_points(points, "points")
+    q = check_finite(targets, "targets", (len(p), 3))
+    T = check_frames(frames, len(p))
+    if len(p) < 3:
+        raise InvalidArrayError(f"a mount needs at least 3 pairs, got {len(p)}")
+    spread = np.linalg.svd(p - p.mean(axis=0), compute_uv=False)
+    if spread[1] <= 1e-6 * spread[0]:
+        raise InvalidArrayError("all points lie in a row: the patch could turn about it")
+    return p, np.einsum("mji,mj->mi", T[:, :3, :3], q - T[:, :3, 3])
+
+
+def check_frames(frames: ArrayLike, m: int) -> FloatArray:
+    """Rigid frames (m, 4, 4).
+
+    Raises
+    ------
+    InvalidArrayError
+        Wrong shape, NaN, or frames that are not rigid (names the rows).
+    """
+    T = check_finite(frames, "frames", (m, 4, 4))
+    turn = T[:, :3, :3]
+    off = np.abs(turn @ turn.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) > RIGID
+    off |= (np.linalg.det(turn) < 0) | (np.abs(T[:, 3] - [0, 0, 0, 1]).max(axis=1) > RIGID)
+    if off.any():
+        rows = np.flatnonzero(off)
+        shown = ", ".join(map(str, rows[:5].tolist())) + (" ..." if len(rows) > 5 else "")
+        raise InvalidArrayError(f"{len(rows)} frames are not rigid: rows {shown}")
+    return T
+
+
+def _check_modules(modules: ArrayLike | None, m: int, sigma: float) -> Members | None:
+    if modules is None:
+        return None
+    given = np.asarray(modules)
+    if given.shape != (m,) or not np.issubdtype(given.dtype, np.integer):
+        raise InvalidArrayError(
+            f"modules must be {m} whole numbers, got {given.dtype} {given.shape}"
+        )
+    if not (np.isfinite(sigma) and sigma > 0):
+        raise InvalidArrayError(f"module_sigma must be above 0 m, got {sigma}")
+    names, group = np.unique(given, return_inverse=True)
+    return names, group.ravel()
