@@ -14,7 +14,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench-loading bench-geometry bench-classify wheel lock clean
+.PHONY: help demo test lint bench-loading bench-geometry bench-classify bench-calibration wheel lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -39,6 +39,9 @@ bench-geometry: $(READY)  ## meshes, flat maps and contact images beside their p
 
 bench-classify: $(READY)  ## speed of histograms, SVM and labels, to benchmarks/results
 	$(BIN)/python benchmarks/classify.py $(ARGS)
+
+bench-calibration: $(READY)  ## accuracy of calibrations by anchors, touches, scans, to benchmarks/results
+	$(BIN)/python benchmarks/calibration.py $(ARGS)
 
 wheel: $(READY)  ## the distribution, written to dist (or DIST=folder)
 	rm -rf build/lib build/bdist.*  # a module deleted since would still be packed from here

@@ -1,4 +1,7 @@
-"""Our own taxel table: CSV with the columns `channel,module,x,y,z,nx,ny,nz`, metres."""
+"""Our own taxel table: CSV with the columns `channel,module,x,y,z,nx,ny,nz`, metres.
+
+Calibrated tables have six more, the covariance of each position, which reading leaves aside.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,8 @@ from skinmap.io.text import MOST_CHANNEL, parse_floats, read_text
 from skinmap.skin.taxels import TaxelTable
 
 COLUMNS = ("channel", "module", "x", "y", "z", "nx", "ny", "nz")
+# What a calibration adds: the covariance of each position [m2].
+COVARIANCE = ("cxx", "cyy", "czz", "cxy", "cxz", "cyz")
 
 
 def read_csv(path: Path) -> TaxelTable:
@@ -27,12 +32,13 @@ def read_csv(path: Path) -> TaxelTable:
     values = array("d")  # a list of lists would take ten times the file's size
     try:
         header = next(reader, None)
-        if header is None or tuple(cell.strip() for cell in header) != COLUMNS:
+        names = tuple(cell.strip() for cell in header or ())
+        if names not in (COLUMNS, (*COLUMNS, *COVARIANCE)):
             came = ",".join(header)[:200] if header is not None else "an empty file"
             raise DataFormatError(f"expected the header {','.join(COLUMNS)}, got {came!r}", path, 1)
         for row in reader:
             if row:
-                values.extend(_numbers(row, path, reader.line_num))
+                values.extend(_numbers(row, len(names), path, reader.line_num)[: len(COLUMNS)])
     except csv.Error as error:
         raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
     if not values:
@@ -46,9 +52,9 @@ def read_csv(path: Path) -> TaxelTable:
         raise DataFormatError(str(error), path) from None
 
 
-def _numbers(row: list[str], path: Path, line: int) -> list[float]:
-    if len(row) != len(COLUMNS):
-        raise DataFormatError(f"expected {len(COLUMNS)} columns, got {len(row)}", path, line)
+def _numbers(row: list[str], count: int, path: Path, line: int) -> list[float]:
+    if len(row) != count:
+        raise DataFormatError(f"expected {count} columns, got {len(row)}", path, line)
     numbers = parse_floats(row, path, line)
     channel, module = numbers[:2]
     if channel != int(channel) or module != int(module) or channel < 0:

@@ -1,0 +1,50 @@
+"""`skinmap calibrate`: one command for each kind of evidence, loaded when it is called."""
+
+from __future__ import annotations
+
+import importlib
+from importlib.util import find_spec
+
+import click
+
+# name: (module, its command there, one line for the list)
+COMMANDS = {
+    "wrap": ("calibration.wrap_command", "command", "A flat board on its link, by a few anchors."),
+    "touch": ("calibration.touch_command", "command", "By touches with a known probe."),
+    "selftouch": ("calibration.mount_commands", "selftouch", "By skin that touches skin."),
+    "scan": ("calibration.scan_command", "command", "A 3D scan of the link to its mesh."),
+    "wrench": ("calibration.mount_commands", "wrench", "By the lines of forces that were felt."),
+    "response": ("calibration.mount_commands", "response", "Baselines, gains, health of taxels."),
+}
+
+
+class LazyCommands(click.Group):
+    """Commands that are imported when they are called, not when they are listed."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order of a calibration's work."""
+        return [name for name, (module, _, _) in COMMANDS.items() if find_spec(module)]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Load one command; None if there is none of that name."""
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        module, attribute, _ = COMMANDS[cmd_name]
+        command: click.Command | None = getattr(importlib.import_module(module), attribute, None)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, COMMANDS[name][2]) for name in self.list_commands(ctx)])
+
+
+@click.group(
+    cls=LazyCommands, name="calibrate", short_help="Where taxels are, how sure, and do they work."
+)
+def calibrate() -> None:
+    """Calibrate a skin: where every taxel is, how sure that is, and whether it works.
+
+    \b
+    Example:  skinmap calibrate wrap --layout board.csv --mesh link.stl --anchors anchors.csv -o out
+    """

@@ -1,0 +1,148 @@
+"""`skinmap calibrate selftouch`: what it finds, judges, prints and writes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from calibration.chains import Chain
+from calibration.mount import Loss
+from calibration.mount_files import (
+    write_mounts,
+    write_taxels,
+)
+from calibration.mount_jobs import Job, pitch_of, verdict
+from calibration.mount_report import distance_picture, write_report
+from calibration.patch import Status
+from calibration.self_touch import SelfTouchFit, self_touch, taxel_covariance
+from calibration.self_touch_files import load_self_touch
+from skinmap.geometry.rigid import transform_points
+
+MM = 1e3
+OVERFIT = 1.5  # times the misses of the fit that unseen touches may miss by
+
+
+def selftouch_job(
+    files: Sequence[Path],
+    names: Sequence[str],
+    *,
+    joint_offsets: bool,
+    drop_inconsistent: bool,
+    loss: str,
+    seed: int,
+) -> Job:
+    """Fit mounts to recordings of self-touch."""
+    recordings, chains = load_self_touch(files)
+    calibrate = tuple(names) or tuple(name for name, one in chains.items() if not one.is_probe)
+    start = time.process_time()
+    fit = self_touch(
+        recordings,
+        chains,
+        calibrate=calibrate,
+        joint_offsets=joint_offsets,
+        loss=cast("Loss", loss),
+        drop_inconsistent=drop_inconsistent,
+        rng=np.random.default_rng(seed),
+    )
+    seconds = time.process_time() - start
+    judged = _judge_self_touch(fit, chains, calibrate)
+    result = {
+        **verdict(judged),
+        "calibrated": list(calibrate),
+        "events": sum(map(len, recordings)),
+        "rms_mm": {
+            "before": MM * fit.rms_before,
+            "after": MM * fit.rms_after,
+            "held_out": MM * fit.held_out,
+        },
+        "split_shift_mm": MM * fit.split_shift,
+        "dropped": list(fit.dropped),
+        "inconsistent": list(fit.inconsistent),
+        "medians_mm": {name: MM * value for name, value in fit.medians.items()},
+        "mounts": dict(fit.mounts),
+        "tips_mm": {name: MM * tip for name, tip in fit.tips.items()},
+        "joint_offsets_deg": {
+            joint: float(np.rad2deg(value)) for joint, value in fit.joint_offsets.items()
+        },
+        "seed": seed,
+        "seconds": seconds,
+    }
+
+    def write(stage: Path) -> None:
+        write_mounts(
+            {"mounts": fit.mounts, "tips": fit.tips, "joint_offsets": fit.joint_offsets},
+            stage / "mounts.json",
+        )
+        for name in calibrate:
+            _write_chain(chains[name], fit, stage / f"taxels_{name}.csv")
+
+    def report(path: Path) -> None:
+        rows = [
+            ("distance of what touched, as it came (rms)", f"{MM * fit.rms_before:.2f} mm"),
+            ("calibrated", f"{MM * fit.rms_after:.2f} mm"),
+            ("held-out error: touches that the fit never saw", f"{MM * fit.held_out:.2f} mm"),
+            ("taxels move between fits to two halves by", f"{MM * fit.split_shift:.2f} mm"),
+            *((f"median of {name}", f"{MM * value:.2f} mm") for name, value in fit.medians.items()),
+            ("left out", ", ".join(fit.dropped) or "nothing"),
+        ]
+        picture = distance_picture(fit.distances_before, fit.distances)
+        words = "Distance between the middles of the active taxels of both sides."
+        title = f"Self-touch: {', '.join(calibrate)}"
+        write_report(title, result, rows, [("Touches", picture, words)], path)
+
+    return Job(result, write, report)
+
+
+def _judge_self_touch(
+    fit: SelfTouchFit, chains: dict[str, Chain], calibrate: Sequence[str]
+) -> list[tuple[str, str]]:
+    judged: list[tuple[str, str]] = []
+    left = [name for name in fit.inconsistent if name not in fit.dropped]
+    if left:
+        judged.append(
+            (
+                Status.AMBIGUOUS,
+                f"{', '.join(left)}: median {MM * fit.medians[left[0]]:.1f} mm, contradicts the "
+                "other recordings; --drop-inconsistent leaves it out",
+            )
+        )
+    pitch = min(pitch_of(chains[name].taxels) for name in calibrate)
+    if fit.split_shift > pitch / 2:
+        judged.append(
+            (
+                Status.UNOBSERVABLE,
+                f"taxels move by {MM * fit.split_shift:.1f} mm between fits to two halves, half "
+                f"a pitch is {MM * pitch / 2:.1f} mm: more touches, in other poses",
+            )
+        )
+    if fit.held_out > OVERFIT * fit.rms_after:
+        judged.append(
+            (
+                Status.AMBIGUOUS,
+                f"touches that the fit never saw are missed by {MM * fit.held_out:.1f} mm, those "
+                f"it saw by {MM * fit.rms_after:.1f} mm: too few touches",
+            )
+        )
+    return judged
+
+
+def _write_chain(chain: Chain, fit: SelfTouchFit, path: Path) -> None:
+    rows = np.flatnonzero(np.isfinite(chain.taxels).all(axis=1))
+    mount = fit.mounts[chain.name]
+    covariance = taxel_covariance(chain, mount, fit.covariances[chain.name])
+    write_taxels(rows, transform_points(mount, chain.taxels[rows]), covariance, path)
+
+
+def selftouch_lines(result: dict[str, Any]) -> list[str]:
+    """A few lines for people."""
+    rms = result["rms_mm"]
+    return [
+        f"{', '.join(result['calibrated'])}: {rms['before']:.2f} -> {rms['after']:.2f} mm rms, "
+        f"held out {rms['held_out']:.2f} mm",
+        f"taxels move by {result['split_shift_mm']:.2f} mm between fits to two halves",
+        f"left out: {', '.join(result['dropped']) or 'nothing'}",
+    ]
