@@ -74,8 +74,10 @@ def open3d_pivoting(skin: Skin) -> np.ndarray:
     """Open3D ball pivoting with balls of one, one and a half and two spacings."""
     import open3d
 
-    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(skin.positions))
-    cloud.normals = open3d.utility.Vector3dVector(skin.normals)
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(np.array(skin.positions)))
+    cloud.normals = open3d.utility.Vector3dVector(
+        np.array(skin.normals)
+    )  # it takes no read-only arrays
     radii = open3d.utility.DoubleVector([PITCH, 1.5 * PITCH, 2 * PITCH])
     mesh = open3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(cloud, radii)
     return np.asarray(mesh.triangles, np.int64)
