@@ -53,7 +53,7 @@ def touch_patches(
     A gesture that does not fit a patch is left out there.
     """
     tasks = [
-        _Session(patch, seed, number, tuple(gestures), per_gesture)
+        _Playing(patch, seed, number, tuple(gestures), per_gesture)
         for number, patch in enumerate(patches)
     ]
     found = run_tasks(_simulate, tasks, workers=workers, progress=progress)
@@ -68,7 +68,7 @@ def touch_patches(
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Session:
+class _Playing:
     patch: Patch
     seed: int | Sequence[int]
     number: int
@@ -76,7 +76,7 @@ class _Session:
     per_gesture: int
 
 
-def _simulate(task: _Session) -> list[tuple[str, np.ndarray]]:
+def _simulate(task: _Playing) -> list[tuple[str, np.ndarray]]:
     recording = simulate(
         task.patch.skin.skin,
         rng=task_rng(task.seed, task.number),
