@@ -7,13 +7,11 @@ benchmarks/geometry.py. CPU time of one thread, medians, the peers interleaved.
 from __future__ import annotations
 
 import json
-import time
 import warnings
-from collections.abc import Callable
-from statistics import median
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
+from timing import cpu_us
 
 from skinmap.flat.flat_map import FlatMap, flatten
 from skinmap.skin.skin import Skin, skin_from_points
@@ -37,20 +35,6 @@ def lattice(n: int, aspect: float) -> Skin:
     normals = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(n)])
     positions = normals * radius + np.column_stack([np.zeros((n, 2)), along])
     return skin_from_points(positions, normals, part="lattice")
-
-
-def cpu_us(tasks: dict[str, tuple[Callable[[], object], int]]) -> dict[str, float]:
-    """Median CPU time of each task [us] over rounds in which they take turns."""
-    times: dict[str, list[float]] = {name: [] for name in tasks}
-    for run, _ in tasks.values():
-        run()
-    for _ in range(ROUNDS):
-        for name, (run, repeats) in tasks.items():
-            start = time.process_time()
-            for _ in range(repeats):
-                run()
-            times[name].append((time.process_time() - start) / repeats * 1e6)
-    return {name: median(values) for name, values in times.items()}
 
 
 def traffic(geometry: ContactImageGeometry) -> int:
@@ -97,7 +81,8 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
                 lambda: LinearNDInterpolator(flat.uv, sample, fill_value=0.0)(centres),
                 1,
             ),
-        }
+        },
+        ROUNDS,
     )
     theirs = LinearNDInterpolator(triangulation, sample, fill_value=0.0)(centres)
     both = geometry.mask.ravel()

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, freeze
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.geometry.rigid import check_transform, transform_points
+from skinmap.geometry.rigid import check_transform, rigid_fit, transform_points
 
 Loss = Literal["linear", "cauchy"]
 CAUCHY = 2.3849  # residuals' scale: 95 % efficient on normal errors (Holland and Welsch 1977)
@@ -96,7 +96,7 @@ def fit_mount(
         check_transform(initial, "initial")
     member = _check_modules(modules, len(p), module_sigma)
     # Squares first: the robust loss alone loses its way from far starts.
-    solution = _solve(p, back, _Solution(_kabsch(p, back, np.ones(len(p)))), member, module_sigma)
+    solution = _solve(p, back, _Solution(rigid_fit(p, back, np.ones(len(p)))), member, module_sigma)
     if loss == "cauchy":
         solution = _solve(p, back, solution, member, module_sigma, robust=True)
     placed = transform_points(solution.mount, _shifted(p, solution.offsets, member))
@@ -146,7 +146,7 @@ def _solve(
         if member is not None:
             noise = max(float(np.median(np.abs(left))) * NORMAL, FLOOR * size)
             offsets = _drawn(missed, weight, member[1], len(offsets), (noise / sigma) ** 2)
-        mount = _kabsch(_shifted(p, offsets, member), q, weight)
+        mount = rigid_fit(_shifted(p, offsets, member), q, weight)
         if np.abs(mount - before).max() < SETTLED * size:
             break
     return _Solution(mount, offsets, weight)
@@ -163,17 +163,6 @@ def _drawn(
 
 def _shifted(p: FloatArray, offsets: FloatArray, member: Members | None) -> FloatArray:
     return p if member is None else p + offsets[member[1]]
-
-
-def _kabsch(p: FloatArray, q: FloatArray, weight: FloatArray) -> FloatArray:
-    """Rigid (4, 4) of least weighted squares from p (m, 3) to q (m, 3)."""
-    share = weight / weight.sum()
-    middle_p, middle_q = share @ p, share @ q
-    left, _, right = np.linalg.svd((share[:, None] * (q - middle_q)).T @ (p - middle_p))
-    turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
-    mount = np.eye(4)
-    mount[:3, :3], mount[:3, 3] = turn, middle_q - turn @ middle_p
-    return mount
 
 
 def _covariance(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from calibration.tables import ENTRIES
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError
 from skinmap.io.table import COLUMNS, COVARIANCE
 from skinmap.io.text import check_file
 
@@ -47,7 +46,7 @@ def read_arrays(path: Path, expected: str) -> dict[str, NDArray[Any]]:
                 return {"samples": loaded}
             with loaded:
                 return {name: loaded[name] for name in loaded.files}
-    except (ValueError, OSError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+    except DAMAGED_ARCHIVE as error:
         raise DataFormatError(f"not {expected}: {error}", path) from error
 
 

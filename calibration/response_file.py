@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from calibration.gain import Gain
 from calibration.response import ResponseCalibration
-from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, MissingFileError
 from skinmap.io.output import staged_file
 
 FORMAT = "skinmap-response-1"
@@ -84,10 +83,7 @@ def load_response(path: Path, *, fingerprint: str = "") -> ResponseCalibration:
                 arrays.get("modules"),
                 arrays.get("thermal"),
             )
-    except (
-        ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile, UnknownNameError,
-        NotImplementedError,
-    ) as error:  # fmt: skip
+    except DAMAGED_ARCHIVE as error:
         if isinstance(error, DataFormatError):
             raise
         raise DataFormatError(f"not a response calibration: {error}", path) from error

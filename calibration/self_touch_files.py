@@ -9,7 +9,6 @@ taxel), `mount (6,)` (translation [m], rotation vector [rad]), `dh (k, 4)` (a, d
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.chains import Chain, TouchRecording
 from skinmap.arrays import FloatArray
-from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 
 PART = "part_"
 PROBE = ("Finger", "Arm")  # a probe without a part of its own sits on the arm of its side
@@ -62,7 +61,7 @@ def _read(path: Path, expected: str) -> dict[str, FloatArray]:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
-    except (ValueError, OSError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+    except DAMAGED_ARCHIVE as error:
         raise DataFormatError(f"not {expected}: {error}", path) from error
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.triangles import cross_products, unit
+from skinmap.geometry.triangles import unit, vertex_normals
 
 ALPHA = 15e-3  # openings narrower than this are closed [m]
 OFFSET = 0.3e-3  # of the wrap from the mesh [m]
@@ -62,11 +62,9 @@ def make_target(vertices: FloatArray, faces: IntArray, *, alpha: float = ALPHA) 
     import igl
 
     vertices, faces = _wrapped(vertices, faces, alpha)
-    normals = np.zeros_like(vertices)
-    np.add.at(normals, faces.ravel(), np.repeat(cross_products(vertices, faces), 3, axis=0))
     tree = igl.AABB()
     tree.init(vertices, faces)
-    return Target(vertices, faces, unit(normals), tree)
+    return Target(vertices, faces, vertex_normals(vertices, faces), tree)
 
 
 def _wrapped(vertices: FloatArray, faces: IntArray, alpha: float) -> tuple[FloatArray, IntArray]:

@@ -2,8 +2,27 @@
 
 from __future__ import annotations
 
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Iterable
 from pathlib import Path
+
+# What numpy and zipfile raise for archives that are damaged: in their directory, their compressed
+# data, their method of compression or the headers of their arrays.
+DAMAGED_ARCHIVE: tuple[type[Exception], ...] = (
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    OSError,
+    EOFError,
+    NotImplementedError,
+    SyntaxError,
+    zipfile.BadZipFile,
+    zlib.error,
+    tokenize.TokenError,
+)
 
 
 class SkinError(Exception):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 
 FORMAT = "skinmap-network-1"
 BATCH = 32  # images at a time: their unfolded windows stay in the cache
@@ -154,7 +153,7 @@ def load_network(path: Path) -> Network:
                 arrays["bias"],
                 tuple(map(str, head["labels"])),
             )
-    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except DAMAGED_ARCHIVE as error:
         if isinstance(error, DataFormatError):
             raise
         raise DataFormatError(f"not a network of ours: {error}", path) from error

@@ -14,7 +14,7 @@ from skinmap.flat.budget import Choice, within_budget
 from skinmap.flat.disc import Disc
 from skinmap.flat.methods import apply_flattener
 from skinmap.geometry.topology import boundary_loops, check_surface, loop_length
-from skinmap.geometry.triangles import cross_products, unit
+from skinmap.geometry.triangles import vertex_normals
 from skinmap.surface.holes import close_loop
 
 logger = logging.getLogger(__name__)
@@ -142,7 +142,7 @@ def _prepare(vertices: FloatArray, faces: IntArray, where: str) -> tuple[Disc, f
     for loop in loops[1:]:
         if loop_length(vertices, loop) > HOLE_SHARE * loop_length(vertices, loops[0]):
             raise FlatteningError(f"{where} is a tube or has a wide hole: cut it open first")
-        filled.append(close_loop(vertices, _vertex_normals(vertices, faces), loop))
+        filled.append(close_loop(vertices, vertex_normals(vertices, faces), loop))
     centre, size = vertices.mean(axis=0), float(np.ptp(vertices, axis=0).max())
     disc = Disc((vertices - centre) / (size or 1.0), np.concatenate(filled), loops[0])
     if disc.smallest_altitudes[: len(faces)].min() <= NO_AREA:
@@ -166,10 +166,3 @@ def _check_input(vertices: FloatArray, faces: IntArray, where: str) -> None:
             f"vertex {int(np.argmin(used))} belongs to no face of {where}: drop it first"
         )
     check_surface(faces)
-
-
-def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    normals = np.zeros_like(vertices)
-    for corner in range(3):
-        np.add.at(normals, faces[:, corner], cross_products(vertices, faces))
-    return unit(normals)

@@ -12,7 +12,7 @@ from skinmap.errors import InvalidMeshError
 from skinmap.flat.cutting import split_along
 from skinmap.flat.flat_map import FlatMap, flatten
 from skinmap.geometry.topology import check_surface, face_components, half_edges
-from skinmap.geometry.triangles import cross_products, smallest_altitudes, unit
+from skinmap.geometry.triangles import smallest_altitudes, vertex_normals
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh
 
@@ -73,7 +73,7 @@ def mesh_surface(vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh") -
             "triangles whose corners nearly meet?"
         )
     corners = points[origin]
-    normals = _vertex_normals(corners, opened)
+    normals = vertex_normals(corners, opened)
     skin = Skin(name, "", origin, np.zeros(len(origin), np.int64), corners, normals)
     return SurfaceMesh(skin, opened, np.arange(len(origin)), _by_size(label))
 
@@ -109,15 +109,6 @@ def _oriented(faces: IntArray) -> IntArray:
     if len(np.unique(directed @ [n, 1])) != len(directed):
         raise InvalidMeshError("the surface has one side only, as a Moebius strip: cut it first")
     return turned
-
-
-def _vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    size = float(np.ptp(vertices, axis=0).max())
-    cross = cross_products(vertices / size, faces)
-    normals = np.zeros_like(vertices)
-    for corner in range(3):
-        np.add.at(normals, faces[:, corner], cross)
-    return unit(normals)
 
 
 def _by_size(label: IntArray) -> IntArray:

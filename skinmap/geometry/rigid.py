@@ -37,3 +37,18 @@ def transform_points(transform: FloatArray, points: FloatArray) -> FloatArray:
 def transform_directions(transform: FloatArray, directions: FloatArray) -> FloatArray:
     """(n, 3) directions turned by a (4, 4) transform."""
     return directions @ transform[:3, :3].T
+
+
+def rigid_fit(places: FloatArray, points: FloatArray, weights: FloatArray) -> FloatArray:
+    """T (4, 4) that carries places (k, 3) nearest to points (k, 3) in the weighted mean square.
+
+    Kabsch, Acta Crystallographica A32, 1976; never a mirror image.
+    """
+    share = weights / weights.sum()
+    a, b = share @ places, share @ points
+    u, _, vt = np.linalg.svd(((places - a) * share[:, None]).T @ (points - b))
+    sign = np.sign(np.linalg.det(vt.T @ u.T))
+    transform = np.eye(4)
+    transform[:3, :3] = vt.T @ np.diag([1.0, 1.0, sign]) @ u.T
+    transform[:3, 3] = b - transform[:3, :3] @ a
+    return transform

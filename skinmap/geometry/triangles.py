@@ -29,6 +29,14 @@ def vertex_areas(vertices: FloatArray, faces: IntArray) -> FloatArray:
     return np.bincount(faces.ravel(), third, minlength=len(vertices)).astype(np.float64)
 
 
+def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """(n, 3) unit mean of the normals of the triangles around each vertex, by area."""
+    size = float(np.ptp(vertices, axis=0).max(initial=0.0)) or 1.0  # squares of it may underflow
+    normals = np.zeros_like(vertices)
+    np.add.at(normals, faces.ravel(), np.repeat(cross_products(vertices / size, faces), 3, axis=0))
+    return unit(normals)
+
+
 def smallest_altitudes(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(m,) smallest altitude of each triangle [m]: twice the area over the longest edge."""
     longest = edge_lengths(vertices, faces).max(axis=1)

@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
 from skinmap.geometry.proximity import nearest
-from skinmap.geometry.rigid import transform_points
+from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.skin.layouts import ModuleLayout
-from skinmap.skin.modules import ModulePose, fit_modules, rigid_fit
+from skinmap.skin.modules import ModulePose, fit_modules
 from skinmap.skin.skin import Skin
 from skinmap.skin.taxels import TaxelTable
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
-from skinmap.geometry.rigid import transform_points
+from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.geometry.triangles import unit
 from skinmap.skin.layouts import ModuleLayout
 from skinmap.skin.taxels import TaxelTable
@@ -113,21 +113,6 @@ def module_normals(table: TaxelTable, layout: ModuleLayout) -> FloatArray:
     for module, pose in fit_modules(table, layout).items():
         normals[table.modules == module] = pose.T_link_module[:3, 2]
     return normals
-
-
-def rigid_fit(places: FloatArray, points: FloatArray, weights: FloatArray) -> FloatArray:
-    """T (4, 4) that carries places (k, 3) nearest to points (k, 3) in the weighted mean square.
-
-    Kabsch, Acta Crystallographica A32, 1976; never a mirror image.
-    """
-    share = weights / weights.sum()
-    a, b = share @ places, share @ points
-    u, _, vt = np.linalg.svd(((places - a) * share[:, None]).T @ (points - b))
-    sign = np.sign(np.linalg.det(vt.T @ u.T))
-    transform = np.eye(4)
-    transform[:3, :3] = vt.T @ np.diag([1.0, 1.0, sign]) @ u.T
-    transform[:3, 3] = b - transform[:3, :3] @ a
-    return transform
 
 
 def _fit_with_normal(

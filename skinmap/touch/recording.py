@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, freeze
-from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 
 FORMAT = "skinmap-recording-1"
 
@@ -137,7 +136,7 @@ def load_recordings(path: Path) -> list[Recording]:
                 )
                 for number, entry in enumerate(head["recordings"])
             ]
-    except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except DAMAGED_ARCHIVE as error:
         if isinstance(error, DataFormatError):
             raise
         raise DataFormatError(f"not a recording of ours: {error}", path) from error
