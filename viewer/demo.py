@@ -18,7 +18,8 @@ from skinmap.cli.common import plain
 from skinmap.cli.figures import flat_map_figure
 from skinmap.cli.structure_figures import structures_figure
 from skinmap.io.output import staged_folder
-from skinmap.live.replay import Frame, centre_of_pressure, replay
+from skinmap.live.moment import Moment
+from skinmap.live.replay import centre_of_pressure, replay
 from skinmap.live.touches import NamedTouch
 from skinmap.skin.robot import Robot
 from skinmap.touch.contacts import ACTIVE, pool_event
@@ -111,8 +112,8 @@ def _moments(
 ) -> Iterator[tuple[Mapping[str, NDArray[np.uint8]], list[NamedTouch], str | None]]:
     """What the window shows, without end."""
     while True:
-        for frame in replay(stage.skins, stage.tracks, stage.classifier, rate=RATE):
-            yield frame.pressures, list(frame.touches), newest(frame)
+        for moment in replay(stage.skins, stage.tracks, stage.classifier, rate=RATE):
+            yield moment.pressures, list(moment.touches), newest(moment)
         if not any(len(track) for track in stage.tracks.values()):
             return
 
@@ -229,18 +230,18 @@ def track(touches: Sequence[Touch], start: int) -> NDArray[np.uint8]:
 
 def movie_frames(scene: Scene, stage: Stage) -> Iterator[NDArray[np.uint8]]:
     """Pictures (h, w, 3) of the replay."""
-    frames = replay(stage.skins, stage.tracks, stage.classifier, rate=RATE)
-    for number, frame in enumerate(frames):
+    moments = replay(stage.skins, stage.tracks, stage.classifier, rate=RATE)
+    for number, moment in enumerate(moments):
         if number % EVERY:
             continue
-        for part, pressures in frame.pressures.items():
+        for part, pressures in moment.pressures.items():
             scene.set_pressures(part, pressures)
-        if (touched := newest(frame)) is not None:
+        if (touched := newest(moment)) is not None:
             scene.show_flat_map(touched)
-        scene.set_touches(list(frame.touches))
+        scene.set_touches(list(moment.touches))
         yield scene.frame()
 
 
-def newest(frame: Frame) -> str | None:
+def newest(moment: Moment) -> str | None:
     """The part of the touch that began last, None where nothing is touched."""
-    return frame.touches[-1].part if frame.touches else None
+    return moment.touches[-1].part if moment.touches else None

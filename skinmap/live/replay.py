@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import BoolArray, FloatArray
 from skinmap.classify.classifier import TouchClassifier
 from skinmap.classify.naming import Named, name_touches
+from skinmap.live.moment import Moment
 from skinmap.live.touches import NamedTouch
 from skinmap.touch.contacts import ACTIVE, check_pressures
 from skinmap.touch.grouping import RULE, GroupingRule
@@ -20,15 +20,6 @@ from skinmap.touch.prepared import PreparedSkin
 QUIET = 5  # samples (0.1 s at 50 Hz) without an active taxel that end a touch
 RENAME = 5  # samples between two namings: labels at 10 Hz, a calm pace for the eye
 MEMORY = 200  # samples (4 s) that a touch is named from; what lasts longer forgets its beginning
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Frame:
-    """One moment: pressures (n,) of each part and the touches on it."""
-
-    time: float
-    pressures: Mapping[str, NDArray[np.uint8]]
-    touches: tuple[NamedTouch, ...]
 
 
 class TouchNamer:
@@ -128,8 +119,8 @@ def replay(
     classifier: TouchClassifier,
     *,
     rate: float,
-) -> Iterator[Frame]:
-    """Frames of parts played together; a track (t, n) that ends before others rests at zero.
+) -> Iterator[Moment]:
+    """Moments of parts played together; a track (t, n) that ends before others rests at zero.
 
     Parameters
     ----------
@@ -146,4 +137,4 @@ def replay(
             for part, track in tracks.items()
         }
         named = [touch for part, sample in now.items() for touch in namers[part].feed(sample)]
-        yield Frame(step / rate, now, tuple(named))
+        yield Moment(step / rate, now, tuple(named))

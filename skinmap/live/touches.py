@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from skinmap.arrays import FloatArray, IntArray, freeze
 
 
@@ -17,11 +19,25 @@ class NamedTouch:
     taxels : (k,) int
         Active taxels, dense rows of the part's skin.
     centre : (3,) float
-        Taxel position nearest to the centre of pressure, in the link's frame [m].
+        Centre of pressure on the surface, in the link's frame [m].
     label : str
         Name of the touch.
     confidence : float
         0 to 1.
+    identity : int
+        The same number from its first sample to its last; -1 where nobody follows it.
+    began : float
+        Time of its first sample, in the source's clock [s].
+    normal : (3,) float or None
+        Mean outward direction of the touched skin, unit length, in the link's frame.
+    area : float
+        Touched skin [m2].
+    peak, mean : float
+        Largest and mean pressure of its taxels [counts].
+    force : float or None
+        [N], where the response is calibrated by loads.
+    path : (p, 3) float or None
+        Where its centre has been, oldest first, along the surface, in the link's frame [m].
     """
 
     part: str
@@ -29,6 +45,18 @@ class NamedTouch:
     centre: FloatArray
     label: str
     confidence: float
+    identity: int = -1
+    began: float = float("nan")
+    normal: FloatArray | None = None
+    area: float = float("nan")
+    peak: float = float("nan")
+    mean: float = float("nan")
+    force: float | None = None
+    path: FloatArray | None = None
 
     def __post_init__(self) -> None:
         freeze(self, taxels=self.taxels, centre=self.centre)
+        if self.normal is not None:
+            freeze(self, normal=np.asarray(self.normal, np.float64))
+        if self.path is not None:
+            freeze(self, path=np.asarray(self.path, np.float64))

@@ -1,0 +1,48 @@
+"""A moment of the skin: what the loop hands to a viewer, a publisher or a command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.typing import NDArray
+
+from skinmap.live.touches import NamedTouch
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Moment:
+    """One sample of all parts, and the touches found in it.
+
+    Attributes
+    ----------
+    time : float
+        Of the sample, in the source's clock [s].
+    pressures : mapping of str to (n,) array
+        Of each part's taxels, dense rows, 0 to 255 counts.
+    touches : tuple of NamedTouch
+        What is touched now.
+    raw : mapping of str to (n,) array
+        What the sensors sent for the same taxels; empty where the source sends pressures.
+    angles : mapping of str to float
+        Joint angles [rad]; empty where the source has none.
+    stale : bool
+        Nothing has come for a while: pressures are those of the last sample.
+    rate : float
+        Samples a second that came lately; NaN where nobody counts.
+    latency : float
+        From a sample's arrival to this moment [s]; NaN where nobody measures.
+    dropped : int
+        Samples left out so far because they came quicker than they were used.
+    """
+
+    time: float
+    pressures: Mapping[str, NDArray[Any]]
+    touches: tuple[NamedTouch, ...] = ()
+    raw: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    angles: Mapping[str, float] = field(default_factory=dict)
+    stale: bool = False
+    rate: float = float("nan")
+    latency: float = float("nan")
+    dropped: int = 0
