@@ -16,6 +16,7 @@ from skinmap.touch.prepared import PreparedSkin
 # once found failing; `HYPOTHESIS_PROFILE=search` looks for new examples.
 settings.register_profile("suite", derandomize=True)
 settings.register_profile("search", derandomize=False)
+settings.register_profile("fuzz", derandomize=False, max_examples=5000)  # `make fuzz`
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
 # Taxel places in one module, in mm, origin at its centre.

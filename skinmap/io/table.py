@@ -28,7 +28,18 @@ def read_csv(path: Path) -> TaxelTable:
     DataFormatError
         Wrong header, column count, number, channel or module (says which line).
     """
-    reader = csv.reader(read_text(path).splitlines(keepends=True))
+    return parse_csv(read_text(path), path)
+
+
+def parse_csv(text: str, path: Path) -> TaxelTable:
+    """A table of ours from its text; errors name the path.
+
+    Raises
+    ------
+    DataFormatError
+        As for `read_csv`.
+    """
+    reader = csv.reader(text.splitlines(keepends=True))
     values = array("d")  # a list of lists would take ten times the file's size
     try:
         header = next(reader, None)

@@ -1,0 +1,77 @@
+"""Arrays as ROS 2 messages: `std_msgs/msg/UInt8MultiArray` and `Float32MultiArray` in CDR.
+
+Foxglove, PlotJuggler and rosbag2 decode them from the definition that stands in the file, so that
+a recording needs no reader of ours. A message is 36 bytes and the values; all but the values is
+the same in every sample and costs nothing once compressed.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Number = Literal["UInt8", "Float32"]
+DTYPES: dict[Number, np.dtype[Any]] = {"UInt8": np.dtype("u1"), "Float32": np.dtype("<f4")}
+LITTLE_ENDIAN = b"\x00\x01\x00\x00"  # encapsulation of plain CDR, DDS-XTypes 1.3, 7.6.3.1.2
+LABEL = b"channel\0"
+# One dimension, its label, size and stride, the offset of the data and their number.
+HEAD = struct.Struct(f"<4sII{len(LABEL)}sIIII")
+
+LAYOUT = """\
+# The layout of an array, ROS 2 common_interfaces
+MultiArrayDimension[] dim
+uint32 data_offset
+"""
+DIMENSION = """\
+string label
+uint32 size
+uint32 stride
+"""
+RULE = "=" * 80
+
+
+def schema_name(number: Number) -> str:
+    """Name of the message type, as ROS 2 writes it."""
+    return f"std_msgs/msg/{number}MultiArray"
+
+
+def definition(number: Number) -> bytes:
+    """The message type as text, with the types that it holds (MCAP's encoding `ros2msg`)."""
+    values = {"UInt8": "uint8[]", "Float32": "float32[]"}[number]
+    return "\n".join(
+        [
+            f"MultiArrayLayout layout\n{values} data",
+            RULE,
+            f"MSG: std_msgs/MultiArrayLayout\n{LAYOUT}{RULE}",
+            f"MSG: std_msgs/MultiArrayDimension\n{DIMENSION}",
+        ]
+    ).encode()
+
+
+def encode(values: NDArray[Any], number: Number) -> bytes:
+    """One sample (n,) as a message."""
+    n = len(values)
+    head = HEAD.pack(LITTLE_ENDIAN, 1, len(LABEL), LABEL, n, n, 0, n)
+    return head + values.astype(DTYPES[number], copy=False).tobytes()
+
+
+def decode(message: bytes, number: Number) -> NDArray[Any]:
+    """The values (n,) of a message that `encode` made.
+
+    Raises
+    ------
+    ValueError
+        Another kind of message, or one whose length is not what it says.
+    """
+    if len(message) < HEAD.size:
+        raise ValueError(f"a message of {len(message)} bytes")
+    start, dimensions, length, label, size, _, _, n = HEAD.unpack_from(message)
+    kind = DTYPES[number]
+    if (start, dimensions, length, label, size) != (LITTLE_ENDIAN, 1, len(LABEL), LABEL, n):
+        raise ValueError("not one row of values")
+    if len(message) != HEAD.size + n * kind.itemsize:
+        raise ValueError(f"{n} values expected, got {len(message) - HEAD.size} bytes")
+    return np.frombuffer(message, kind, offset=HEAD.size)

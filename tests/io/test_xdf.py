@@ -1,0 +1,179 @@
+"""What LabRecorder writes, made here by the rules of the format."""
+
+from __future__ import annotations
+
+import gzip
+import struct
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from skinmap.errors import DataFormatError, MissingFileError, SkinError, UnknownNameError
+from skinmap.io.track import Track
+from skinmap.io.xdf import BOUNDARY, read_xdf
+
+RATE = 50.0
+START = 1000.0
+OURS = (
+    "<desc><skinmap><version>1</version><kind>pressure</kind><robot>iCub</robot><parts>"
+    "<part><name>a</name><channels>3</channels><fingerprint>ab</fingerprint></part>"
+    "<part><name>b</name><channels>5</channels><fingerprint></fingerprint></part>"
+    "</parts></skinmap></desc>"
+)
+
+
+def chunk(tag: int, content: bytes) -> bytes:
+    return b"\x04" + struct.pack("<I", len(content) + 2) + struct.pack("<H", tag) + content
+
+
+def header(stream: int, name: str, channels: int, kind: str = "float32", desc: str = "") -> bytes:
+    xml = (
+        f'<?xml version="1.0"?><info><name>{name}</name><type>Tactile</type>'
+        f"<channel_count>{channels}</channel_count><nominal_srate>{RATE}</nominal_srate>"
+        f"<channel_format>{kind}</channel_format><created_at>1.0</created_at>{desc}</info>"
+    )
+    return chunk(2, struct.pack("<I", stream) + xml.encode())
+
+
+def samples(stream: int, values: np.ndarray, first: int = 0) -> bytes:
+    content = struct.pack("<I", stream) + b"\x04" + struct.pack("<I", len(values))
+    for row, sample in enumerate(values):
+        stamp = struct.pack("<d", START + (first + row) / RATE)
+        content += b"\x08" + stamp + sample.astype("<f4").tobytes()
+    return chunk(3, content)
+
+
+def offset(stream: int, time: float, value: float) -> bytes:
+    return chunk(4, struct.pack("<Idd", stream, time, value))
+
+
+def recording(values: np.ndarray, name: str = "left_hand", desc: str = "") -> bytes:
+    body = b"XDF:" + chunk(1, b'<?xml version="1.0"?><info><version>1.0</version></info>')
+    body += header(1, name, values.shape[1], desc=desc) + header(2, "marks", 1, "string")
+    for first in range(0, len(values), 20):
+        body += samples(1, values[first : first + 20], first) + chunk(5, BOUNDARY)
+        body += chunk(3, struct.pack("<I", 2) + b"\x01\x01\x08" + struct.pack("<d", START)
+                      + b"\x01\x02hi")  # fmt: skip
+        body += offset(1, START + first / RATE, -0.5)
+    return body + chunk(6, struct.pack("<I", 1) + b"<info></info>")
+
+
+@pytest.fixture(scope="module")
+def values() -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (100, 8)).astype(np.uint8)
+
+
+def read(tmp_path, data: bytes, **how) -> Track:
+    (tmp_path / "t.xdf").write_bytes(data)
+    return read_xdf(tmp_path / "t.xdf", **how)
+
+
+def test_stream_of_numbers_is_read_at_its_corrected_times(tmp_path, values):
+    track = read(tmp_path, recording(values))
+    np.testing.assert_array_equal(track.values[:], values)
+    assert (track.parts, track.widths, track.kind) == (("left_hand",), (8,), "raw")
+    assert track.values[:].dtype == np.uint8
+    # The clocks differ by half a second all the time; jitter removal leaves a straight line.
+    np.testing.assert_allclose(track.times, START - 0.5 + np.arange(100) / RATE, rtol=0, atol=1e-6)
+    assert not track.loss.recovered
+
+
+def test_stream_that_describes_its_skin_is_read_as_it_says(tmp_path, values):
+    track = read(tmp_path, recording(values, "demo", OURS))
+    assert (track.parts, track.widths, track.kind) == (("a", "b"), (3, 5), "pressure")
+    assert (track.robot, track.fingerprints) == ("iCub", {"a": "ab"})
+    np.testing.assert_array_equal(track.values[:][:, track.columns("b")], values[:, 3:])
+
+
+def test_description_of_another_width_is_not_believed(tmp_path, values):
+    wrong = OURS.replace("<channels>5<", "<channels>6<")
+    assert read(tmp_path, recording(values, "demo", wrong)).parts == ("demo",)
+
+
+def test_streams_are_parts_of_the_robot(tmp_path, values, icub):
+    track = read(tmp_path, recording(values, "skin_left_hand"), robot=icub)
+    assert (track.parts, track.robot) == (("left_hand",), "iCub")
+    with pytest.raises(UnknownNameError, match="no part of iCub among the streams 'tail'"):
+        read(tmp_path, recording(values, "tail"), robot=icub)
+
+
+def test_compressed_file_is_read(tmp_path, values):
+    (tmp_path / "t.xdfz").write_bytes(gzip.compress(recording(values)))
+    np.testing.assert_array_equal(read_xdf(tmp_path / "t.xdfz").values[:], values)
+    (tmp_path / "t.xdfz").write_bytes(b"no gzip")
+    with pytest.raises(DataFormatError, match="not a compressed XDF file"):
+        read_xdf(tmp_path / "t.xdfz")
+
+
+def test_cut_file_gives_all_whole_chunks(tmp_path, values):
+    data = recording(values)
+    cut = data.rindex(samples(1, values[80:], 80)) + 100
+    track = read(tmp_path, data[:cut])
+    np.testing.assert_array_equal(track.values[:], values[:80])
+    assert track.loss.recovered
+
+
+def test_damaged_length_leads_to_the_next_boundary(tmp_path, values):
+    data = bytearray(recording(values))
+    place = data.index(samples(1, values[20:40], 20))
+    data[place] = 3  # no number has three bytes
+    track = read(tmp_path, bytes(data))
+    np.testing.assert_array_equal(track.values[:], np.delete(values, np.r_[20:40], axis=0))
+    assert track.loss.recovered
+
+
+def test_sizes_are_checked_before_anything_is_made_of_them(tmp_path, values):
+    many = struct.pack("<I", 1) + b"\x08" + struct.pack("<Q", 2**40) + b"\x08" * 100
+    wide = header(3, "wide", 2**31)
+    tracemalloc.start()
+    track = read(tmp_path, recording(values) + chunk(3, many) + wide)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    np.testing.assert_array_equal(track.values[:], values)
+    assert len(track.loss.damage) == 2
+    assert peak < 32 * 2**20
+
+
+def test_files_that_are_none_are_refused(tmp_path, values):
+    with pytest.raises(MissingFileError, match="expected an XDF recording"):
+        read_xdf(tmp_path / "gone.xdf")
+    for data, message in (
+        (b"", "an empty file"),
+        (b"text" * 10, "not an XDF file"),
+        (b"XDF:", "no stream of numbers in it"),
+        (recording(values)[:300], "no stream of numbers in it"),
+    ):
+        with pytest.raises(DataFormatError, match=message):
+            read(tmp_path, data)
+
+
+def test_entities_are_not_unfolded(tmp_path, values):
+    bomb = b'<!DOCTYPE a [<!ENTITY b "bbbb">]><info><name>&b;</name></info>'
+    track = read(tmp_path, recording(values) + chunk(2, struct.pack("<I", 9) + bomb))
+    assert "XML with declarations" in track.loss.damage[0]
+
+
+@settings(
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+@given(
+    flips=st.lists(
+        st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 7)), min_size=1, max_size=5
+    ),
+    end=st.floats(0, 1),
+)
+def test_damaged_files_are_read_or_refused(tmp_path, values, flips, end):
+    data = bytearray(recording(values))
+    for where, bit in flips:
+        data[int(where * len(data))] ^= 1 << bit
+    try:
+        track = read(tmp_path, bytes(data[: int(end * len(data))]))
+    except SkinError:
+        return
+    assert len(track.values[:]) == len(track.times)
+    assert np.isfinite(track.times).all()
