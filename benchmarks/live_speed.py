@@ -11,7 +11,9 @@ import skinmap
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
 from skinmap.classify.naming import name_touches
-from skinmap.live.replay import TouchNamer
+from skinmap.live.loop import TouchLoop
+from skinmap.live.playback import Playback
+from skinmap.live.source import StreamInfo
 from skinmap.touch.contacts import ACTIVE
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.simulator import simulate
@@ -42,7 +44,7 @@ def live_rows(quick: bool) -> list[dict[str, Any]]:
         if name == "histogram":
             for skin in skins.values():
                 model.descriptor.counter(skin, compiled=True)  # type: ignore[attr-defined]
-        row = {"classifier": name, **_live_row(model, skins, tracks, steps)}
+        row = {"classifier": name, **_live_row(robot, model, skins, tracks, steps)}
         for count in (1, 2):
             some = {part: middles[part] for part in touched[:count]}
             row[f"one_sample_alone_{count}_touched_ms"] = _alone(model, skins, some)
@@ -70,20 +72,28 @@ def _alone(
 
 
 def _live_row(
-    model: Any, skins: dict[str, PreparedSkin], tracks: dict[str, Any], steps: int
+    robot: Any, model: Any, skins: dict[str, PreparedSkin], tracks: dict[str, Any], steps: int
 ) -> dict[str, Any]:
-    rest = {part: np.zeros(len(skin), np.uint8) for part, skin in skins.items()}
+    values = np.concatenate(
+        [
+            tracks[part][:steps] if part in tracks else np.zeros((steps, len(skin)), np.uint8)
+            for part, skin in skins.items()
+        ],
+        axis=1,
+    )
+    info = StreamInfo("benchmark", tuple(skins), tuple(map(len, skins.values())), 50.0)
+    source = Playback(info, np.arange(steps) / 50.0, values, speed=float("inf"))
+    loop = TouchLoop(robot, source, classifier=model, skins=skins)
     times: list[float] = []
     touches: list[int] = []
-    for _ in range(2):  # the first time warms up: tables and compiled loops
-        namers = {part: TouchNamer(skin, model) for part, skin in skins.items()}
+    for _ in range(2):  # the first time warms up
+        loop.seek(0.0)
         times, touches = [], []
-        for step in range(steps):
-            now = {**rest, **{part: track[step] for part, track in tracks.items()}}
+        for _ in range(steps):
             start = time.process_time()
-            named = [touch for part, namer in namers.items() for touch in namer.feed(now[part])]
+            moment = loop.step(1.0)
             times.append((time.process_time() - start) * 1e3)
-            touches.append(len(named))
+            touches.append(0 if moment is None else len(moment.touches))
     cost, count = np.array(times), np.array(touches)
     return {
         "taxels": sum(len(skin) for skin in skins.values()),

@@ -14,6 +14,16 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
+def _ragged(values: ArrayLike) -> str:
+    """Words on the first row that has another length than the rows before; none where all agree."""
+    rows = values if isinstance(values, list | tuple) else ()
+    counts = [len(row) if isinstance(row, list | tuple | np.ndarray) else -1 for row in rows]
+    for row, count in enumerate(counts):
+        if count != counts[0]:
+            return f"; row {row} has {count} values, row 0 has {counts[0]}"
+    return ""
+
+
 def check_finite(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> FloatArray:
     """Convert to float64 of a given shape and refuse NaN and infinity.
 
@@ -40,7 +50,9 @@ def check_finite(values: ArrayLike, name: str, shape: tuple[int | None, ...]) ->
     try:
         array = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InvalidArrayError(f"{name} must be numbers of shape {_words(shape)}") from error
+        raise InvalidArrayError(
+            f"{name} must be numbers of shape {_words(shape)}{_ragged(values)}"
+        ) from error
     fits = array.ndim == len(shape) and all(
         want is None or have == want for have, want in zip(array.shape, shape, strict=True)
     )

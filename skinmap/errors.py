@@ -61,6 +61,10 @@ class UnreachableError(SkinError, ConnectionError):
     """A machine or service that does not answer."""
 
 
+class MessageError(SkinError, ValueError):
+    """A message of a live stream that does not follow its layout."""
+
+
 class MissingFileError(SkinError, FileNotFoundError):
     """A file that does not exist."""
 

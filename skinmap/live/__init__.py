@@ -1,1 +1,32 @@
-"""From samples to named touches, while they happen."""
+"""Live: sources of samples, publishers, and the loop from a sample to a named touch.
+
+The names below are loaded on first use, so that `import skinmap.live` costs next to nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+_PUBLIC = {
+    "Moment": ("skinmap.live.moment", "Moment"),
+    "NamedTouch": ("skinmap.live.touches", "NamedTouch"),
+    "Receiver": ("skinmap.live.receiver", "Receiver"),
+    "TouchLoop": ("skinmap.live.loop", "TouchLoop"),
+    "check_source": ("skinmap.live.check", "check_source"),
+    "open_publisher": ("skinmap.live.publish", "open_publisher"),
+    "open_recording": ("skinmap.live.recorded", "open_recording"),
+    "open_source": ("skinmap.live.opening", "open_source"),
+}
+__all__ = [*_PUBLIC]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PUBLIC:
+        module, attribute = _PUBLIC[name]
+        return getattr(importlib.import_module(module), attribute)
+    raise AttributeError(f"module 'skinmap.live' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_PUBLIC])

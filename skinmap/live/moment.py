@@ -35,6 +35,9 @@ class Moment:
         From a sample's arrival to this moment [s]; NaN where nobody measures.
     dropped : int
         Samples left out so far because they came quicker than they were used.
+    contacts : tuple of NamedTouch
+        The connected pieces of the touches one by one, each with a number of its own and the
+        label of its touch.
     """
 
     time: float
@@ -46,3 +49,4 @@ class Moment:
     rate: float = float("nan")
     latency: float = float("nan")
     dropped: int = 0
+    contacts: tuple[NamedTouch, ...] = ()

@@ -8,6 +8,8 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 
+UNNAMED = "touch"  # what a touch is called while nobody has named it
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NamedTouch:

@@ -31,6 +31,15 @@ class PreparedSkin:
     def __init__(self, skin: Skin, *, method: str = DEFAULT, radius: float = RADIUS) -> None:
         self.skin, self.method, self.radius = skin, method, radius
 
+    @classmethod
+    def of(cls, mesh: SurfaceMesh, flat: FlatMap | None = None) -> PreparedSkin:
+        """A prepared skin whose surface mesh, and flat map if given, exist already."""
+        made = cls(mesh.skin)
+        made.__dict__["mesh"] = mesh  # where cached_property would keep it
+        if flat is not None:
+            made.__dict__["flat"] = flat
+        return made
+
     def __len__(self) -> int:
         return len(self.skin)
 

@@ -266,7 +266,7 @@ class Player:
         """Play touches that overlap in time as one event; each starts at its own time [s]."""
         sensors, rng = self.stage.sensors, self.rng
         rate = sensors.sensing.rate
-        courses = [_course(placed, rate, rng) for placed in together]
+        courses = [loads_over_time(placed, rate, rng) for placed in together]
         first = [round(start * rate) for start in starts]
         total = max(begin + len(one) for begin, one in zip(first, courses, strict=True))
         loads = np.zeros((total, len(self.stage.skin)))
@@ -297,7 +297,7 @@ class Player:
         )
 
 
-def _course(placed: Placed, rate: float, rng: np.random.Generator) -> FloatArray:
+def loads_over_time(placed: Placed, rate: float, rng: np.random.Generator) -> FloatArray:
     """Loads (t, n) of one touch: press, hold with a tremor, let go."""
     pace = placed.subject.pace
     press, hold, release = pace * rng.uniform((0.08, 0.4, 0.08), (0.25, 0.9, 0.2))

@@ -8,9 +8,9 @@ from skinmap.classify.descriptors import Touch
 from skinmap.classify.naming import Named, all_right, name_touches, true_labels
 from skinmap.classify.rejection import UNKNOWN
 from skinmap.errors import SkinMismatchError
-from skinmap.live.replay import TouchNamer
+from skinmap.live.replay import replay
 from skinmap.touch.pairs import simulate_pairs
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulator import RATE, simulate
 
 
 @pytest.fixture(scope="module")
@@ -50,22 +50,16 @@ def test_whole_hands_over_the_patches_of_an_arm_are_one_touch(model, prepared):
     assert labels.count("whole_hand") >= 0.9 * len(labels)
 
 
-def test_two_touches_are_followed_live(model, prepared):
+def test_two_touches_are_followed_live(icub, model, prepared):
     leg = prepared("right_leg_upper")
     pairs = simulate_pairs(leg.skin, rng=np.random.default_rng(15), count=1, gestures=["poke"])
-    namer = TouchNamer(leg, model)
-    shown = [namer.feed(sample) for sample in pairs.pressures]
-    assert max(map(len, shown)) == 2
-    both = next(touches for touches in reversed(shown) if len(touches) == 2)
+    moments = list(replay(icub, {"right_leg_upper": pairs.pressures}, model, rate=RATE))
+    assert max(len(moment.touches) for moment in moments) == 2
+    both = next(one.touches for one in reversed(moments) if len(one.touches) == 2)
     assert {touch.label for touch in both} == {"poke"}
     own = [set(pairs.owners[0][touch.taxels].tolist()) - {-1} for touch in both]
     assert sorted(own, key=min) == [{0}, {1}]
-    assert shown[-1] == ()
-
-
-def test_live_namer_refuses_another_skin(model, prepared):
-    with pytest.raises(SkinMismatchError, match="3 pressures for the 250 taxels"):
-        TouchNamer(prepared("left_foot"), model).feed(np.zeros(3, np.uint8))
+    assert moments[-1].touches == ()
 
 
 def test_no_contact_is_never_a_class(model, prepared):

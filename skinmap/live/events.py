@@ -1,0 +1,83 @@
+"""What happens to contacts and touches: small records, one for each thing that happened."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from skinmap.arrays import FloatArray, freeze
+
+Happening = Literal["birth", "motion", "merge", "split", "end"]
+
+
+@dataclass(frozen=True, slots=True)
+class ContactEvent:
+    """Something that happened to a contact.
+
+    Attributes
+    ----------
+    kind : {"birth", "motion", "merge", "split", "end"}
+    identity : int
+        Of the contact: the new one of a split, the one that is left of a merge.
+    other : int
+        That it came from by a split, or that it swallowed by a merge; -1 else.
+    part : str
+    time : float
+        In the source's clock [s]; of an end, when it was felt last.
+    centre : tuple of 3 float
+        Its centre of pressure then, in the link's frame [m].
+    """
+
+    kind: Happening
+    identity: int
+    other: int
+    part: str
+    time: float
+    centre: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TouchEvent:
+    """A touch that is over.
+
+    Attributes
+    ----------
+    identity : int
+    part, label : str
+    confidence : float
+        0 to 1; NaN where no classifier named it.
+    began, ended : float
+        Its first and last sample, in the source's clock [s].
+    area : float
+        Largest touched skin [m2].
+    peak : float
+        Largest pressure of a taxel [counts].
+    path_length : float
+        Way of its centre along the skin [m].
+    centre : (3,) float
+        Where it was last, in the link's frame [m].
+    contacts : int
+        Contacts that were part of it.
+    """
+
+    identity: int
+    part: str
+    label: str
+    confidence: float
+    began: float
+    ended: float
+    area: float
+    peak: float
+    path_length: float
+    centre: FloatArray
+    contacts: int
+
+    def __post_init__(self) -> None:
+        freeze(self, centre=np.asarray(self.centre, np.float64))
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample [s]."""
+        return self.ended - self.began

@@ -1,0 +1,254 @@
+"""A receiving thread: takes what comes at once, keeps it within bounds, and counts the rest."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.errors import SkinError
+from skinmap.live.source import Block, Source, SourceEnded, StreamInfo
+
+MOST_BYTES = 64_000_000  # kept for who reads late: 3.7 s of a whole iCub at 1 kHz in float32
+POLL = 0.1  # the thread looks so often whether it is to stop [s]
+SILENT = 0.8  # without a sign of life, a source counts as dead: well within a second [s]
+FULL_SCALE = 255.0  # largest pressure [counts]
+LATE = 2.0  # periods after the one before, from which a block counts as late
+
+
+@dataclass(slots=True)
+class Counts:
+    """What happened to the samples of a source.
+
+    Attributes
+    ----------
+    received : int
+        Samples that came.
+    given : int
+        Samples handed on.
+    dropped : int
+        Left out because nobody took them in time.
+    lost : int
+        Never came: gaps in the transport's own numbering, where it has one.
+    late : int
+        Blocks that came more than two periods after the one before.
+    backwards, repeated : int
+        Samples whose time lies before that of the one before, or is the same.
+    not_finite, out_of_range : int
+        Samples with NaN or infinity; pressures outside of 0 to 255 counts.
+    refused : int
+        Messages that do not follow their layout.
+    reconnected : int
+        How often a source was lost and had again.
+    """
+
+    received: int = 0
+    given: int = 0
+    dropped: int = 0
+    lost: int = 0
+    late: int = 0
+    backwards: int = 0
+    repeated: int = 0
+    not_finite: int = 0
+    out_of_range: int = 0
+    refused: int = 0
+    reconnected: int = 0
+
+
+class Receiver:
+    """Reads a source in a thread of its own; itself a `Source`.
+
+    Parameters
+    ----------
+    source : Source
+        Read from the thread only, and closed with this. Its `counts` (lost, refused,
+        reconnected), `alive` and `last_seen` are used where it has them.
+    most_bytes : int
+        Values kept for who reads late; the oldest samples go first.
+
+    Notes
+    -----
+    `read` gives all that was kept, `newest` the last sample alone. What a source raises is raised
+    again by whoever reads.
+    """
+
+    def __init__(self, source: Source, *, most_bytes: int = MOST_BYTES) -> None:
+        self._source, self._most_bytes = source, most_bytes
+        self._kept: deque[Block] = deque()
+        self._bytes = 0
+        self._counts = Counts()
+        self._counter = Counter(source.info, self._counts)
+        self._raised: Exception | None = None
+        self._last_seen = time.perf_counter()
+        self._changed = threading.Condition()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="receiver", daemon=True)
+        self._thread.start()
+
+    @property
+    def info(self) -> StreamInfo:
+        """What is in a sample."""
+        return self._source.info
+
+    @property
+    def counts(self) -> Counts:
+        """What happened so far; a copy."""
+        theirs = getattr(self._source, "counts", None)
+        with self._changed:
+            counts = replace(self._counts)
+        if isinstance(theirs, Counts):
+            counts.lost += theirs.lost
+            counts.refused += theirs.refused
+            counts.reconnected += theirs.reconnected
+        return counts
+
+    @property
+    def dropped(self) -> int:
+        """Samples left out because nobody took them in time, or lost on the way."""
+        counts = self.counts
+        return counts.dropped + counts.lost
+
+    @property
+    def last_seen(self) -> float:
+        """`time.perf_counter()` of the last sign of life."""
+        return max(self._last_seen, float(getattr(self._source, "last_seen", 0.0)))
+
+    @property
+    def alive(self) -> bool:
+        """Whether there was a sign of life within the last second."""
+        theirs = bool(getattr(self._source, "alive", True))
+        return theirs and time.perf_counter() - self.last_seen < SILENT
+
+    def read(self, timeout: float) -> Block | None:
+        """All samples that were kept, as one block; None where none come within `timeout` [s]."""
+        if not self._wait(timeout):
+            return None
+        with self._changed:
+            blocks = list(self._kept)
+            self._kept.clear()
+            self._bytes = 0
+            count = sum(len(block) for block in blocks)
+            self._counts.given += count
+        if len(blocks) == 1:
+            return blocks[0]
+        return Block(
+            np.concatenate([block.times for block in blocks]),
+            np.concatenate([block.values for block in blocks]),
+            blocks[-1].arrived,
+        )
+
+    def newest(self, timeout: float) -> Block | None:
+        """The last sample alone; those before it count as dropped."""
+        if not self._wait(timeout):
+            return None
+        with self._changed:
+            last = self._kept[-1]
+            count = sum(len(block) for block in self._kept)
+            self._kept.clear()
+            self._bytes = 0
+            self._counts.given += 1
+            self._counts.dropped += count - 1
+        return last if len(last) == 1 else Block(last.times[-1:], last.values[-1:], last.arrived)
+
+    def close(self) -> None:
+        """Stop the thread and close the source; may be called twice."""
+        self._stop.set()
+        with self._changed:
+            self._changed.notify_all()
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+        self._source.close()
+
+    def _wait(self, timeout: float) -> bool:
+        """Whether something is kept, within the time; raises what the source raised."""
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._kept or self._raised is not None or self._stop.is_set(), timeout
+            )
+            if self._stop.is_set():
+                raise SourceEnded
+            if self._kept:
+                return True
+            if self._raised is not None:
+                raise self._raised
+            return False
+
+    def _work(self) -> None:
+        while not self._stop.is_set():
+            try:
+                block = self._source.read(POLL)
+            except (SourceEnded, SkinError) as error:
+                self._fail(error)
+                return
+            except Exception as error:  # noqa: BLE001 - a plug-in's fault, told to who reads
+                self._fail(error)
+                return
+            if block is None or len(block) == 0:
+                continue
+            with self._changed:
+                self._last_seen = time.perf_counter()
+                self._counter.look(block)
+                self._keep(block)
+                self._changed.notify_all()
+
+    def _fail(self, error: Exception) -> None:
+        with self._changed:
+            self._raised = error
+            self._changed.notify_all()
+
+    def _keep(self, block: Block) -> None:
+        self._kept.append(block)
+        self._bytes += block.values.nbytes
+        # One block always stays: it may alone be larger than what is to be kept.
+        while self._bytes > self._most_bytes and len(self._kept) > 1:
+            gone = self._kept.popleft()
+            self._bytes -= gone.values.nbytes
+            self._counts.dropped += len(gone)
+
+
+class Counter:
+    """Counts what is odd about samples; they are handed on as they came.
+
+    Parameters
+    ----------
+    info : StreamInfo
+    counts : Counts
+        That it adds to.
+    """
+
+    def __init__(self, info: StreamInfo, counts: Counts) -> None:
+        self._info, self._counts = info, counts
+        self._time = float("nan")
+        self._arrived = float("nan")
+
+    def look(self, block: Block) -> None:
+        """Count a block of samples."""
+        counts, rate = self._counts, self._info.rate
+        counts.received += len(block)
+        if rate > 0 and block.arrived - self._arrived > LATE / rate:
+            counts.late += 1
+        self._arrived = block.arrived
+        steps = np.diff(block.times, prepend=self._time)  # NaN for the very first: neither
+        self._time = float(block.times[-1])
+        if not (steps > 0).all():
+            counts.repeated += int(np.count_nonzero(steps == 0))
+            counts.backwards += int(np.count_nonzero(steps < 0))
+        if block.values.dtype.kind == "f":
+            self._look_at_values(block.values)
+
+    def _look_at_values(self, values: NDArray[Any]) -> None:
+        # Smallest and largest tell of both: NaN fails every comparison, infinity is out of range.
+        low, high = float(values.min()), float(values.max())
+        if low >= 0.0 and high <= FULL_SCALE:
+            return
+        if not (np.isfinite(low) and np.isfinite(high)):
+            finite = np.isfinite(values).all(axis=1)
+            self._counts.not_finite += int(np.count_nonzero(~finite))
+        if self._info.kind == "pressure":
+            outside = ((values < 0.0) | (values > FULL_SCALE)).any(axis=1)
+            self._counts.out_of_range += int(np.count_nonzero(outside))

@@ -1,0 +1,305 @@
+"""Endless simulated touches as a live source: seeded, on chosen parts, at any pace."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import InvalidArrayError, SkinError
+from skinmap.live.skins import fingerprint
+from skinmap.live.source import Block, Kind, SourceEnded, StreamInfo
+from skinmap.skin.robot import Robot
+from skinmap.touch.gestures import FOUR
+from skinmap.touch.people import Subject, draw_subjects
+from skinmap.touch.sensing import Sensing
+from skinmap.touch.simulator import (
+    GAP,
+    MISSES,
+    SUBJECTS,
+    Stage,
+    check_gestures,
+    loads_over_time,
+    place,
+    prepare,
+)
+
+REST = 240  # what an iCub's taxel sends untouched; less is harder [counts]
+PAUSE = 0.4  # mean time between the beginnings of two touches that may overlap [s]
+CHUNK = 0.25  # samples are made so far in one go [s]
+AHEAD = 4  # chunks made before they are wanted
+REMEMBERED = 1000  # touches kept in `truth`
+
+
+@dataclass(frozen=True, slots=True)
+class TrueTouch:
+    """A touch that was simulated.
+
+    Attributes
+    ----------
+    part, label : str
+    began, ended : float
+        In the source's clock [s].
+    """
+
+    part: str
+    label: str
+    began: float
+    ended: float
+
+
+@dataclass(slots=True)
+class _Playing:
+    """A touch that lasts: its part, its loads (t, n) and the sample that it began with."""
+
+    row: int
+    loads: FloatArray
+    began: int
+
+
+class Touching:
+    """Makes samples of several parts, chunk by chunk; the same ones for the same seed.
+
+    Parameters
+    ----------
+    robot : Robot
+    parts : sequence of str
+    rng : numpy.random.Generator
+    sensing : Sensing
+    gestures : sequence of str
+    together : int
+        Touches at once, each on its own part.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        parts: Sequence[str],
+        *,
+        rng: np.random.Generator,
+        sensing: Sensing,
+        gestures: Sequence[str] = FOUR,
+        together: int = 2,
+    ) -> None:
+        check_gestures(gestures)
+        self._rng, self._gestures, self._together = rng, tuple(gestures), together
+        self._people: tuple[Subject, ...] = draw_subjects(SUBJECTS, rng=rng)
+        self._stages: list[Stage] = [
+            prepare(robot.skin(part), rng=rng, sensing=sensing) for part in parts
+        ]
+        self._rate = sensing.rate
+        self._playing: list[_Playing] = []
+        self._free_at = [0] * len(parts)
+        self._next = 0
+        self._now = 0
+        self._misses = [dict.fromkeys(gestures, 0) for _ in parts]
+        self.truth: deque[TrueTouch] = deque(maxlen=REMEMBERED)
+
+    def make(self, count: int) -> NDArray[np.uint8]:
+        """The next samples (count, channels), 0 at rest to 255."""
+        while self._next < self._now + count:
+            self._begin(self._next)
+            pause = max(1, round(float(self._rng.exponential(PAUSE)) * self._rate))
+            self._next += pause
+        columns = []
+        for row, stage in enumerate(self._stages):
+            loads = np.zeros((count, len(stage.skin)))
+            for touch in self._playing:
+                if touch.row == row:
+                    self._add(touch, loads)
+            columns.append(stage.sensors.read(loads, rng=self._rng))
+        self._now += count
+        self._playing = [one for one in self._playing if one.began + len(one.loads) > self._now]
+        return np.concatenate(columns, axis=1)
+
+    def _add(self, touch: _Playing, loads: FloatArray) -> None:
+        first = touch.began - self._now
+        start, stop = max(first, 0), min(first + len(touch.loads), len(loads))
+        if start < stop:
+            loads[start:stop] += touch.loads[start - first : stop - first]
+
+    def _begin(self, sample: int) -> None:
+        """Let a touch begin at a sample, if a part is free and a place is found."""
+        lasting = sum(one.began + len(one.loads) > sample for one in self._playing)
+        free = [row for row in range(len(self._stages)) if self._free_at[row] <= sample]
+        if lasting >= self._together or not free:
+            return
+        row = free[int(self._rng.integers(len(free)))]
+        label = self._gestures[int(self._rng.integers(len(self._gestures)))]
+        who = self._people[int(self._rng.integers(len(self._people)))]
+        if self._misses[row][label] >= MISSES:
+            return
+        stage = self._stages[row]
+        placed = place(stage, label, who, rng=self._rng)
+        if placed is None:
+            self._misses[row][label] += 1
+            return
+        loads = loads_over_time(placed, self._rate, self._rng)
+        self._playing.append(_Playing(row, loads, sample))
+        self._free_at[row] = sample + len(loads) + round(GAP * self._rate)
+        ended = (sample + len(loads)) / self._rate
+        self.truth.append(TrueTouch(stage.skin.part, label, sample / self._rate, ended))
+
+
+class SimulatedSource:
+    """Touches on a robot's skin without end: a `Source`.
+
+    Parameters
+    ----------
+    robot : Robot
+    parts : sequence of str, optional
+        Only these.
+    seed : int
+        The same touches for the same seed, parts and rate.
+    rate : float
+        Samples a second.
+    speed : float
+        How many times faster than the clock; `inf` as fast as they are asked for.
+    kind : {"pressure", "raw"}
+        Raw values are 240 at rest and fall under load, as the iCub sends them.
+    gestures : sequence of str
+    sensing : Sensing, optional
+        How taxels answer; its rate is `rate`.
+    seconds : float
+        It ends after so long; never by default.
+
+    Notes
+    -----
+    Nothing is left out: who reads late gets all samples that are due.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        parts: Sequence[str] | None = None,
+        seed: int = 0,
+        rate: float = 50.0,
+        speed: float = 1.0,
+        kind: Kind = "pressure",
+        gestures: Sequence[str] = FOUR,
+        sensing: Sensing | None = None,
+        seconds: float = float("inf"),
+    ) -> None:
+        sensing = Sensing(rate=rate) if sensing is None else sensing
+        if not speed > 0:
+            raise InvalidArrayError(f"speed must be above 0, got {speed}")
+        chosen = tuple(dict.fromkeys(parts or robot.parts))
+        rng = np.random.default_rng(seed)
+        self._touching = Touching(robot, chosen, rng=rng, sensing=sensing, gestures=gestures)
+        self._info = StreamInfo(
+            "simulation",
+            chosen,
+            tuple(len(robot.skin(part)) for part in chosen),
+            sensing.rate,
+            kind,
+            robot.name,
+            {part: fingerprint(robot, part) for part in chosen},
+            "simulation",
+        )
+        self._speed = float(speed)
+        self._last = seconds * sensing.rate
+        self._chunk = max(1, round(CHUNK * sensing.rate))
+        self._made: queue.Queue[NDArray[np.uint8] | Exception] = queue.Queue(AHEAD)
+        self._closed = threading.Event()
+        self._worker = threading.Thread(target=self._work, name="simulator", daemon=True)
+        self._open = np.zeros((0, self._info.channels), np.uint8)
+        self._given = 0
+        self._since = float("nan")
+        self._worker.start()
+
+    @property
+    def info(self) -> StreamInfo:
+        """What is in a sample."""
+        return self._info
+
+    @property
+    def truth(self) -> tuple[TrueTouch, ...]:
+        """What was simulated, the last thousand touches; some may still be to come."""
+        return tuple(self._touching.truth)
+
+    def read(self, timeout: float) -> Block | None:
+        """Samples that are due; None when none is within `timeout` [s].
+
+        Raises
+        ------
+        SourceEnded
+            Closed, or played as long as was asked for.
+        """
+        if self._closed.is_set() or self._given >= self._last:
+            raise SourceEnded
+        deadline = time.perf_counter() + timeout
+        if len(self._open) == 0 and not self._take(timeout):
+            return None
+        if np.isnan(self._since):
+            # The clock starts when somebody listens and there is something to hear.
+            self._since = time.perf_counter()
+        due = self._when(self._given)
+        now = time.perf_counter()
+        if due > now:
+            if self._closed.wait(min(due, deadline) - now if deadline > now else 0.0):
+                raise SourceEnded
+            now = time.perf_counter()
+            if due > now:
+                return None
+        return self._give(now)
+
+    def close(self) -> None:
+        """End it; whoever waits in `read` is told."""
+        self._closed.set()
+        while True:  # let the worker go that waits for room
+            try:
+                self._made.get_nowait()
+            except queue.Empty:
+                break
+        self._worker.join()
+
+    def _when(self, sample: int) -> float:
+        """When a sample is due, by `perf_counter`; at once where no clock paces it."""
+        return self._since + sample / (self._info.rate * self._speed)
+
+    def _give(self, now: float) -> Block:
+        count = len(self._open)
+        if np.isfinite(self._speed):
+            passed = int((now - self._since) * self._info.rate * self._speed) + 1
+            count = min(count, max(passed - self._given, 1))
+        count = int(min(count, np.ceil(self._last - self._given)))
+        values, self._open = self._open[:count], self._open[count:]
+        times = (self._given + np.arange(count)) / self._info.rate
+        arrived = self._when(self._given + count - 1) if np.isfinite(self._speed) else now
+        self._given += count
+        return Block(times, values, min(arrived, now))
+
+    def _take(self, timeout: float) -> bool:
+        """Open the next chunk, if one is made within the time."""
+        try:
+            made = self._made.get(timeout=max(timeout, 1e-3))
+        except queue.Empty:
+            return False
+        if isinstance(made, Exception):
+            raise made
+        self._open = made
+        return True
+
+    def _work(self) -> None:
+        while not self._closed.is_set():
+            made: NDArray[np.uint8] | Exception
+            try:
+                made = self._touching.make(self._chunk)
+                if self._info.kind == "raw":
+                    made = np.uint8(REST) - np.minimum(made, np.uint8(REST))
+            except SkinError as error:
+                made = error
+            while not self._closed.is_set():
+                try:
+                    self._made.put(made, timeout=0.1)
+                    break
+                except queue.Full:
+                    continue

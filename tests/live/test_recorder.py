@@ -1,0 +1,234 @@
+"""Recording: queue, thread, rotation, a full disk, and a process that is killed."""
+
+from __future__ import annotations
+
+import errno
+import importlib.util
+import io
+import threading
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from skinmap.errors import OutputError, SkinMismatchError
+from skinmap.io.mcap_recording import McapRecording
+from skinmap.io.mcap_track import read_track
+from skinmap.io.mcap_writer import McapWriter
+from skinmap.live import recorder as module
+from skinmap.live.playback import Playback
+from skinmap.live.recorder import Recorded, Recorder
+from skinmap.live.source import Block, SourceEnded, StreamInfo, blocks
+
+ROOT = Path(__file__).parents[2]
+N = 300
+DEADLINE = 60.0  # of waiting for an event that comes at once
+
+
+def load_benchmark() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("b", ROOT / "benchmarks" / "recordings.py")
+    assert spec is not None
+    assert spec.loader is not None
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded
+
+
+@pytest.fixture
+def info() -> StreamInfo:
+    return StreamInfo("t", ("a",), (N,), 50.0, "raw")
+
+
+@pytest.fixture(scope="module")
+def values() -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (600, N)).astype(np.uint8)
+
+
+def block(values: np.ndarray, first: int, count: int = 1) -> Block:
+    rows = np.arange(first, first + count)
+    return Block(rows / 50, values[rows], 0.0)
+
+
+def test_what_is_put_is_in_the_file(tmp_path, info, values):
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    for first in range(0, 600, 20):
+        recorder.put(block(values, first, 20))
+    recorder.mark("a", 7, "poke", began=0.2, ended=0.4)
+    recorder.put_angles(1.0, {"elbow": 0.5})
+    recorder.close()
+    recorder.close()
+    track = read_track(tmp_path / "t.mcap")
+    np.testing.assert_array_equal(track.values[:], values)
+    (touch,) = track.touches
+    assert (touch.event, touch.label, touch.first, touch.last) == (7, "poke", 10, 20)
+    assert np.isnan(track.angles[49, 0])
+    assert track.angles[50:, 0].tolist() == [0.5] * 550
+    assert recorder.counts.written == 600
+    assert recorder.counts.waiting == recorder.counts.dropped == 0
+
+
+def test_files_rotate_by_size_and_each_explains_itself(tmp_path, icub):
+    width = len(icub.skin("left_hand"))
+    info = StreamInfo("t", ("left_hand",), (width,), 50.0)
+    values = np.random.default_rng(0).integers(0, 256, (2000, width)).astype(np.uint8)
+    recorder = Recorder(tmp_path / "t.mcap", info, robot=icub, rotate_bytes=40_000)
+    for first in range(0, 2000, 10):
+        recorder.put(block(values, first, 10))
+    recorder.close()
+    assert [file.name for file in recorder.files[:3]] == ["t.mcap", "t_0002.mcap", "t_0003.mcap"]
+    tracks = [read_track(file) for file in recorder.files]
+    np.testing.assert_array_equal(np.concatenate([one.values[:] for one in tracks]), values)
+    # Another file begins at the next block: one chunk of 0.1 s and the file's end come on top.
+    assert max(file.stat().st_size for file in recorder.files) < 50_000
+    for track in tracks:
+        assert len(track.tables["left_hand"]) == width
+        assert not track.loss.recovered
+
+
+def test_files_rotate_by_time(tmp_path, info, values, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    recorder = Recorder(tmp_path / "t.mcap", info, rotate_seconds=10)
+    for first in range(3):
+        recorder.put(block(values, first))
+        with recorder._changed:
+            assert recorder._changed.wait_for(lambda: recorder._counts.waiting == 0, DEADLINE)
+        now[0] += 6.0
+    recorder.close()
+    assert [len(read_track(file).times) for file in recorder.files] == [2, 1]
+
+
+def test_time_that_starts_again_gets_a_file_of_its_own(tmp_path, info, values):
+    source = Playback(info, np.arange(100) / 50, values[:100], speed=np.inf, loop=True)
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    for _ in range(3):
+        recorder.put(source.read(1.0))
+    recorder.close()
+    assert [len(read_track(file).times) for file in recorder.files] == [100, 100, 100]
+
+
+def test_slow_disk_drops_samples_counts_them_and_keeps_memory_bounded(
+    tmp_path, info, values, monkeypatch
+):
+    entered, free = threading.Event(), threading.Event()
+    add = McapRecording.add
+
+    def slow(self, *args):
+        entered.set()
+        assert free.wait(DEADLINE)
+        add(self, *args)
+
+    monkeypatch.setattr(McapRecording, "add", slow)
+    recorder = Recorder(tmp_path / "t.mcap", info, most_bytes=10 * N)
+    recorder.put(block(values, 0))
+    assert entered.wait(DEADLINE)
+    for first in range(1, 30):
+        recorder.put(block(values, first), patience=0.0)
+    assert recorder.counts.waiting <= 10 * N
+    assert recorder.counts.dropped == 20
+    free.set()
+    recorder.close()
+    np.testing.assert_array_equal(read_track(tmp_path / "t.mcap").values[:], values[:10])
+
+
+def test_put_refuses_another_number_of_channels(tmp_path, info):
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    with pytest.raises(SkinMismatchError, match="7 raw values in a sample, stream 't' has 300"):
+        recorder.put(Block(np.zeros(1), np.zeros((1, 7), np.uint8), 0.0))
+    recorder.close()
+
+
+def test_bad_time_ends_the_recording_with_an_error_and_a_whole_file(tmp_path, info, values):
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    recorder.put(block(values, 0, 5))
+    recorder.put(Block(np.array([-3.0]), values[:1], 0.0))
+    with pytest.raises(ValueError, match="time must lie in"):
+        recorder.close()
+    track = read_track(tmp_path / "t.mcap")
+    assert len(track.times) == 5
+    assert not track.loss.recovered
+
+
+def test_recorded_source_passes_on_what_it_records_and_ends_in_time(tmp_path, info, values):
+    source = Playback(info, np.arange(600) / 50, values, speed=np.inf)
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    recorded = Recorded(source, recorder, seconds=6.0)
+    passed = np.concatenate([one.values for one in blocks(recorded)])
+    with pytest.raises(SourceEnded):
+        recorded.read(1.0)
+    assert recorded.speed == np.inf
+    recorder.close()
+    np.testing.assert_array_equal(passed, values[:300])
+    np.testing.assert_array_equal(read_track(tmp_path / "t.mcap").values[:], passed)
+
+
+class FullDisk(io.BytesIO):
+    """A file that the system stops writing after so many bytes, in the middle of a piece."""
+
+    def __init__(self, room: int) -> None:
+        super().__init__()
+        self.room = room
+
+    def write(self, data) -> int:
+        left = self.room - self.tell()
+        if left <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return super().write(bytes(data[:left]))
+
+
+@pytest.mark.parametrize("room", [500, 700, 1000, 1500, 2500, 4000, 4050, 4100, 9000])
+def test_full_disk_leaves_a_file_that_the_standard_reader_opens(room):
+    file = FullDisk(room)
+    payload = np.random.default_rng(0).integers(0, 256, (40, 100)).astype(np.uint8)
+    writer, told = McapWriter(file, chunk_bytes=500), 0
+    channel = writer.add_channel("/t", "", 0)
+    try:
+        for number, data in enumerate(payload):
+            writer.add_message(channel, number, data.tobytes(), number)
+        writer.finish()
+    except OSError as error:
+        told += error.errno == errno.ENOSPC
+        writer.finish()
+    reader = make_reader(io.BytesIO(file.getvalue()), validate_crcs=True)
+    found = [message.data for _, _, message in reader.iter_messages()]
+    assert found == [data.tobytes() for data in payload[: len(found)]]
+    assert told == (room < 9000)
+    # All but the chunk that did not fit, and one more where its end did not fit either.
+    assert len(found) * 122 >= min(room, 4880) - 1000 - 300
+
+
+def test_full_disk_is_said_and_what_was_written_stays_readable(tmp_path, values):
+    told = load_benchmark().fill_disk(tmp_path, values, room=60_000)
+    assert "File too large; what was written stays readable" in told["error"]
+    assert told["readable"] == told["readable_by_mcap"]
+    # 300 random bytes a sample: all but the last chunk and the ends of the file.
+    assert told["readable"] > (60_000 - 7_000) / 400
+    assert told["bytes"] <= 60_000
+
+
+def test_failed_recorder_tells_everybody_who_comes_after(tmp_path, info, values, monkeypatch):
+    def fail(self, *args):
+        raise OutputError("no room")
+
+    monkeypatch.setattr(McapRecording, "add", fail)
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    recorder.put(block(values, 0))
+    recorder._thread.join(DEADLINE)
+    for _ in range(2):
+        with pytest.raises(OutputError, match="no room"):
+            recorder.put(block(values, 1))
+    with pytest.raises(OutputError, match="no room"):
+        recorder.close()
+
+
+def test_killed_process_loses_a_fifth_of_a_second_at_most(tmp_path):
+    # 4,326 channels at 50 Hz; the full form with 50 kills is `make soak`.
+    noise = np.random.default_rng(0).normal(0, 1.2, (100, 4326))
+    samples = np.rint(noise).clip(0, 255).astype(np.uint8)
+    losses = load_benchmark().kill_many(tmp_path, samples, 3, rng=np.random.default_rng(1), most=40)
+    for one in losses:
+        assert one["opened"]
+        assert one["found"] > 0
+        assert one["lost_s"] <= 0.2
