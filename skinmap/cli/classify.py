@@ -1,4 +1,4 @@
-"""`skinmap classify`: name the touches of a recording."""
+"""`skinmap classify`: name the touches of a recording, or of what comes live."""
 
 from __future__ import annotations
 
@@ -8,18 +8,27 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_option, table
+from skinmap.cli.common import (
+    emit,
+    json_option,
+    open_robot,
+    part_option,
+    robot_option,
+    seed_option,
+    table,
+)
 
 if TYPE_CHECKING:
     from skinmap.classify.classifier import TouchClassifier
     from skinmap.skin.robot import Robot
+    from skinmap.touch.grouping import GroupingRule
     from skinmap.touch.prepared import PreparedSkin
     from skinmap.touch.recording import Recording
 
 
 @click.command("classify")
 @click.argument("model", type=click.Path(path_type=Path))
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("source")
 @robot_option
 @part_option
 @click.option(
@@ -36,30 +45,103 @@ if TYPE_CHECKING:
     show_default=True,
     help="Contacts that begin and end within this time are one grip.",
 )
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Stop after so long; live sources only.",
+)
+@click.option(
+    "--publish",
+    multiple=True,
+    metavar="SPEC",
+    help="Let others follow pressures, contacts and labels: lsl:NAME or zmq:PORT.",
+)
+@click.option(
+    "--response",
+    "responses",
+    multiple=True,
+    metavar="[PART=]FILE",
+    help="Response calibration of a part that sends raw values.",
+)
+@seed_option
 @json_option
 def command(
     model: Path,
-    recording: Path,
+    source: str,
     robot: str,
     parts: tuple[str, ...],
     span_mm: float,
     together_ms: float,
+    seconds: float | None,
+    publish: tuple[str, ...],
+    responses: tuple[str, ...],
+    seed: int,
     as_json: bool,
 ) -> None:
-    """Name the touches of each event of a recording, with a confidence from 0 to 1.
+    """Name touches with a confidence from 0 to 1.
+
+    SOURCE is a recording of marked touches (.npz, .mcap), whose names are compared with the
+    recorded ones, or whatever can be followed: sim, lsl:NAME, zmq:HOST:PORT, a recording without
+    marks (.mcap, .xdf, data.log), which gives a line a touch when it ends and a summary at the
+    end; with --json each line is an object.
 
     Several touches at once on one part are told apart and named each. `no_contact` is said where
     nothing is touched, `unknown` where the model is less sure than it was on held-out touches.
 
     \b
     Example:  skinmap classify touch.skinmodel touches.npz --part right_forearm --json
+              skinmap classify touch.skinmodel lsl:demo --seconds 60 --json
     """
     from skinmap.classify.model_file import load_classifier
-    from skinmap.errors import UnknownNameError
-    from skinmap.touch.recording import load_recordings
+    from skinmap.touch.grouping import GroupingRule
 
     classifier = load_classifier(model)
-    recordings = load_recordings(recording)
+    rule = GroupingRule(span=span_mm / 1e3, together=together_ms / 1e3)
+    live = not holds_events(source)
+    if live or publish or seconds is not None:
+        from skinmap.cli.classify_live import classify_live
+
+        classify_live(
+            classifier,
+            source,
+            robot=robot,
+            parts=parts,
+            rule=rule,
+            seconds=seconds,
+            seed=seed,
+            publish=publish,
+            responses=responses,
+            as_json=as_json,
+        )
+        return
+    _classify_events(classifier, Path(source), robot, parts, rule, as_json=as_json)
+
+
+def holds_events(source: str) -> bool:
+    """Whether a source is a recording of pressures whose touches were marked."""
+    path = Path(source)
+    if path.suffix.lower() != ".mcap" or not path.is_file():
+        return path.suffix.lower() == ".npz"
+    from skinmap.io.mcap_track import read_track
+
+    track = read_track(path)
+    return track.kind == "pressure" and len(track.touches) > 0
+
+
+def _classify_events(
+    classifier: TouchClassifier,
+    path: Path,
+    robot: str,
+    parts: tuple[str, ...],
+    rule: GroupingRule,
+    *,
+    as_json: bool,
+) -> None:
+    """Name the touches of each event and compare them with what was recorded."""
+    from skinmap.errors import UnknownNameError
+    from skinmap.io.recordings import load_recordings
+
+    recordings = load_recordings(path)
     loaded, wanted = open_robot(robot, parts)
     chosen = [one for one in recordings if one.part in wanted]
     if not chosen:
@@ -70,9 +152,7 @@ def command(
     rows: list[dict[str, Any]] = []
     right = 0
     for one in chosen:
-        found, hits = _name_events(
-            classifier, skins[one.part], one, span_mm / 1e3, together_ms / 1e3
-        )
+        found, hits = _name_events(classifier, skins[one.part], one, rule)
         rows.extend(found)
         right += hits
     events = sum(len(one.labels) for one in chosen)
@@ -96,19 +176,18 @@ def _name_events(
     classifier: TouchClassifier,
     skin: PreparedSkin,
     recording: Recording,
-    span: float,
-    together: float,
+    rule: GroupingRule,
 ) -> tuple[list[dict[str, Any]], int]:
     """A row for each touch of each event, and how many events were understood in full."""
     import numpy as np
 
     from skinmap.classify.classifier import NO_CONTACT
     from skinmap.classify.naming import all_right, name_touches, true_labels
-    from skinmap.touch.grouping import GroupingRule
+    from skinmap.touch.grouping import GroupingRule as Rule  # the type alone above
 
     step = np.diff(recording.times)
     rate = 1.0 / float(np.median(step)) if len(step) and np.median(step) > 0 else 50.0
-    rule = GroupingRule(span=span, together=together, rate=rate)
+    rule = Rule(span=rule.span, together=rule.together, rate=rate)
     rows = []
     right = 0
     for event, label, samples in recording.touches():

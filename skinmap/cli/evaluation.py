@@ -221,7 +221,7 @@ def _recordings(settings: Settings) -> dict[str, Any]:
         labelled_touches,
     )
     from skinmap.cli.classify import prepare_skins
-    from skinmap.touch.recording import load_recordings
+    from skinmap.io.recordings import load_recordings
 
     loaded, wanted = open_robot(settings.robot or "icub", settings.parts)
     recordings = [one for path in settings.recordings for one in load_recordings(path)]

@@ -1,4 +1,4 @@
-"""`skinmap export`: taxels in the formats of others."""
+"""`skinmap export`: taxels and recordings in the formats of others."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ if TYPE_CHECKING:
     from skinmap.skin.taxels import TaxelTable
 
 FORMATS = ("csv", "icub", "urdf", "ply", "vtp")
+RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log")
+WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 
 
 @click.command("export")
 @robot_argument
 @part_option
 @click.option(
-    "--format", "format", type=click.Choice(FORMATS), default="csv", show_default=True,
-    help="Format to write.",
+    "--format", "format", type=click.Choice(FORMATS),
+    help="Format to write taxels in.  [default: csv]",
 )  # fmt: skip
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), required=True, help="File to write."
@@ -32,7 +34,7 @@ FORMATS = ("csv", "icub", "urdf", "ply", "vtp")
 def command(
     robot: str,
     parts: tuple[str, ...],
-    format: str,
+    format: str | None,
     output: Path,
     unrepaired: bool,
     read_as: str | None,
@@ -44,12 +46,22 @@ def command(
     taxels of a robot are repaired and in the frame of their link, those of a bare table as they
     are.
 
+    A recording (.mcap, .npz, .xdf, data.log) in place of the robot is written as arrays for
+    machine learning: HDF5 or NPZ, by the suffix of the output.
+
     \b
     Example:  skinmap export icub --part torso --format icub -o torso.txt
     Example:  skinmap export torso.txt --format csv -o torso.csv
+    Example:  skinmap export touch.mcap -o touch.h5
     """
     from skinmap.io.output import staged_file
 
+    if Path(robot).suffix.lower() in RECORDINGS or (Path(robot) / "data.log").exists():
+        if format or parts or unrepaired or read_as:
+            raise click.UsageError("a recording is written whole, in the format that -o ends in")
+        _export_recording(Path(robot), output, as_json)
+        return
+    format = format or "csv"
     name, part, table = _table(robot, parts, unrepaired, read_as)
     with staged_file(output) as stage:
         _write(table, stage, format, name, part)
@@ -58,6 +70,34 @@ def command(
         emit({"robot": name, "format": format, "parts": [row], "files": [output]})
         return
     click.echo(f"{part}: {row['taxels']} taxels, {row['modules']} modules")
+    click.echo(str(output))
+
+
+def _export_recording(path: Path, output: Path, as_json: bool) -> None:
+    """Write a recording as arrays."""
+    from skinmap.errors import UnknownNameError
+    from skinmap.io import learning
+    from skinmap.io.output import staged_file
+    from skinmap.live.recorded import open_track
+
+    suffix = output.suffix.lower()
+    if suffix not in WRITERS:
+        raise UnknownNameError("format of a recording for files ending in", suffix, WRITERS)
+    track = open_track(path)
+    with staged_file(output) as stage:
+        getattr(learning, WRITERS[suffix])(track, stage)
+    parts = [
+        {"name": part, "channels": width}
+        for part, width in zip(track.parts, track.widths, strict=True)
+    ]
+    kind, samples = track.kind, len(track.times)
+    if as_json:
+        emit({
+            "robot": track.robot, "format": suffix[1:], "kind": kind, "samples": samples,
+            "parts": parts, "files": [output],
+        })  # fmt: skip
+        return
+    click.echo(f"{samples} samples of {kind} values, {track.channels} channels")
     click.echo(str(output))
 
 

@@ -17,13 +17,16 @@ from skinmap.errors import SkinError
 # name: (module, one line for the list); the module holds a click command called `command`.
 COMMANDS = {
     "inspect": ("skinmap.cli.inspect", "What a robot's skin is made of, and whether it fits."),
-    "export": ("skinmap.cli.export", "Taxels of a part in the formats of others."),
+    "export": ("skinmap.cli.export", "Taxels or recordings in the formats of others."),
     "flatten": ("skinmap.cli.flatten", "Flat maps of the skin and what they distort."),
     "structures": ("skinmap.cli.structures", "Periodic neighbourhood structures of the layout."),
     "simulate": ("skinmap.cli.simulate", "Simulated touches on the skin, as a recording."),
     "train": ("skinmap.cli.train", "Train a touch classifier on a recording."),
     "evaluate": ("skinmap.cli.evaluate", "How well classifiers do, by the papers' protocols."),
-    "classify": ("skinmap.cli.classify", "Name the touches of a recording."),
+    "record": ("skinmap.cli.record", "Record a live source; a killed process loses 0.2 s."),
+    "replay": ("skinmap.cli.replay", "Play a recording, and publish it to other programs."),
+    "info": ("skinmap.cli.info", "What a recording holds, and what it lacks."),
+    "classify": ("skinmap.cli.classify", "Name the touches of a recording, or live."),
 }
 GROUP = "skinmap.commands"
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from skinmap.cli.common import (
     emit,
@@ -16,6 +17,8 @@ from skinmap.cli.common import (
     robot_argument,
     seed_option,
 )
+
+SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bits", "rate")
 
 
 @click.command("simulate")
@@ -73,8 +76,16 @@ from skinmap.cli.common import (
     type=click.Path(path_type=Path),
     default=Path("touches.npz"),
     show_default=True,
-    help="Recording to write.",
+    help="Recording to write: .npz or .mcap.",
 )
+@click.option(
+    "--publish",
+    metavar="SPEC",
+    help="Instead of a recording, stream touches live until Ctrl-C: lsl:NAME, zmq:PORT or "
+    "zmq:HOST:PORT.",
+)
+@click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="End the stream.")
+@click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
 @seed_option
 @json_option
 def command(
@@ -84,28 +95,51 @@ def command(
     gestures: tuple[str, ...],
     pairs: int | None,
     output: Path,
+    publish: str | None,
+    seconds: float | None,
+    raw: bool,
     seed: int,
     as_json: bool,
     **how: Any,
 ) -> None:
-    """Simulate touches and write them with event numbers, labels and subjects.
+    """Simulate touches and write them with event numbers, labels and subjects, or stream them.
 
     \b
     Example:  skinmap simulate icub --part torso --per-gesture 30 -o torso.npz
               skinmap simulate icub --gesture eight --subjects 20 --dead 0.02 -o touches.npz
               skinmap simulate icub --part torso --pairs 50 -o pairs.npz
+              skinmap simulate icub --rate 50 --publish lsl:demo
     """
+    if publish is not None:
+        _refuse_given("per_gesture", "pairs", "output", "subjects", "places")
+        from skinmap.cli.simulate_live import publish_touches
+
+        publish_touches(
+            robot,
+            parts,
+            publish,
+            gestures=gestures,
+            seconds=seconds,
+            raw=raw,
+            seed=seed,
+            as_json=as_json,
+            sensing={name: value for name, value in how.items() if name in SENSING},
+        )
+        return
+    if seconds is not None or raw:
+        raise click.UsageError("--seconds and --raw are for streams: add --publish")
     import numpy as np
 
     from skinmap.io.output import staged_file
+    from skinmap.io.recordings import check_suffix, save_recordings
     from skinmap.touch.gestures import gesture_set
     from skinmap.touch.pairs import simulate_pairs
-    from skinmap.touch.recording import save_recordings
     from skinmap.touch.sensing import Sensing
     from skinmap.touch.simulator import check_gestures, simulate
 
     if pairs is not None and how["places"] != "anywhere":
         raise click.UsageError("--pairs are made anywhere on the skin; leave out --places")
+    check_suffix(output)
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
     check_gestures(wanted)
@@ -127,7 +161,7 @@ def command(
                 recordings.append(simulate_pairs(skin, count=pairs, **shared))
             else:
                 recordings.append(simulate(skin, per_gesture=per_gesture, places=places, **shared))
-        save_recordings(recordings, stage)
+        save_recordings(recordings, stage, robot=loaded)
     rows: list[dict[str, Any]] = [
         {
             "part": recording.part,
@@ -144,6 +178,16 @@ def command(
         counts = ", ".join(f"{count} {name}" for name, count in row["touches"].items())
         click.echo(f"{row['part']}: {row['samples']} samples, {counts or 'no touch fits'}")
     click.echo(str(output))
+
+
+def _refuse_given(*names: str) -> None:
+    """Refuse options that make no sense for a stream, where the user gave them."""
+    context = click.get_current_context()
+    default = (ParameterSource.DEFAULT, ParameterSource.DEFAULT_MAP)
+    for name in names:
+        if context.get_parameter_source(name) not in default:
+            option = "--" + name.replace("_", "-")
+            raise click.UsageError(f"--publish streams touches without end; leave out {option}")
 
 
 def _counts(labels: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str, int]:

@@ -52,7 +52,7 @@ def command(
     from skinmap.classify.model_file import save_classifier
     from skinmap.cli.classify import prepare_skins
     from skinmap.io.output import staged_file
-    from skinmap.touch.recording import load_recordings
+    from skinmap.io.recordings import load_recordings
 
     make = classifiers.get(classifier)
     recordings = load_recordings(recording)

@@ -1,0 +1,197 @@
+"""`skinmap record`: what a source sends, into a file that survives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_option, seed_option
+
+if TYPE_CHECKING:
+    from skinmap.live.loop import TouchLoop
+    from skinmap.live.recorder import Recorder
+    from skinmap.live.source import Source
+
+LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk before dropping
+
+
+@click.command("record")
+@click.argument("source")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    required=True,
+    help="MCAP file to write.",
+)
+@robot_option
+@part_option
+@click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="Stop after these.")
+@click.option("--label", help="Mark every touch with this name, to train on.")
+@click.option(
+    "--model", type=click.Path(path_type=Path), help="Mark every touch with what a model says."
+)
+@click.option(
+    "--rotate-mb", type=click.FloatRange(min=0.01), default=1024.0, show_default=True,
+    help="Begin another file at this size.",
+)  # fmt: skip
+@click.option(
+    "--rotate-minutes", type=click.FloatRange(min=0.01), default=60.0, show_default=True,
+    help="Begin another file after this time.",
+)  # fmt: skip
+@click.option(
+    "--speed", type=click.FloatRange(min=0.0, min_open=True), default=1.0, show_default=True,
+    help="Of a recording or the simulator; inf is as fast as it goes.",
+)  # fmt: skip
+@seed_option
+@json_option
+def command(
+    source: str,
+    output: Path,
+    robot: str,
+    parts: tuple[str, ...],
+    seconds: float | None,
+    label: str | None,
+    model: Path | None,
+    rotate_mb: float,
+    rotate_minutes: float,
+    speed: float,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Record SOURCE until it ends, the time is over, or Ctrl-C.
+
+    SOURCE is sim, lsl:NAME, zmq:HOST:PORT or a recording. At most 0.2 s are lost if the process is
+    killed; a full disk ends the recording, and what was written stays readable. Of a source of raw
+    values, --label and --model record the pressures too.
+
+    \b
+    Example:  skinmap record lsl:demo -o touch.mcap --seconds 60
+              skinmap record sim --label poke --part torso -o poke.mcap
+    """
+    from skinmap.classify.model_file import load_classifier
+    from skinmap.errors import UnknownNameError
+    from skinmap.live.loop import TouchLoop
+    from skinmap.live.opening import open_source
+    from skinmap.live.recorder import Recorded, Recorder
+    from skinmap.live.source import Seekable, blocks
+
+    if label is not None and model is not None:
+        raise click.UsageError("--label and --model both name the touches; give one")
+    if output.suffix.lower() != ".mcap":
+        raise UnknownNameError("format to record in for files ending in", output.suffix, [".mcap"])
+    loaded, _ = open_robot(robot, parts)
+    classifier = None if model is None else load_classifier(model)
+    origin = open_source(source, robot=loaded, parts=parts or None, seed=seed, speed=speed)
+    named = label is not None or model is not None
+    try:
+        recorder = Recorder(
+            output,
+            origin.info,
+            robot=loaded,
+            widths=_pressures(origin, loaded) if named else None,
+            rotate_bytes=rotate_mb * 2**20,
+            rotate_seconds=rotate_minutes * 60.0,
+        )
+        patience = FILE_PATIENCE if isinstance(origin, Seekable) else LIVE_PATIENCE
+        recorded = Recorded(origin, recorder, patience=patience, seconds=seconds, one_by_one=named)
+        try:
+            with _until_stopped():
+                if named:
+                    _follow(TouchLoop(loaded, recorded, classifier=classifier), recorder, label)
+                else:
+                    for _ in blocks(recorded):
+                        pass
+        finally:
+            recorder.close()
+    finally:
+        origin.close()
+    _say(recorder, as_json)
+
+
+def _say(recorder: Recorder, as_json: bool) -> None:
+    counts = recorder.counts
+    size = sum(file.stat().st_size for file in recorder.files)
+    if as_json:
+        emit(
+            {
+                "samples": counts.written,
+                "dropped": counts.dropped,
+                "bytes": size,
+                "files": recorder.files,
+            }
+        )
+        return
+    click.echo(f"{counts.written} samples, {counts.dropped} dropped, {size / 1e6:.1f} MB")
+    for file in recorder.files:
+        click.echo(str(file))
+
+
+def _until_stopped() -> Any:
+    """Ctrl-C and a polite kill end the recording as if the source had ended."""
+    import contextlib
+    import signal
+
+    @contextlib.contextmanager
+    def stopped() -> Any:
+        def stop(*_: object) -> None:
+            raise KeyboardInterrupt
+
+        before = signal.signal(signal.SIGTERM, stop)
+        try:
+            with contextlib.suppress(KeyboardInterrupt):
+                yield
+        finally:
+            signal.signal(signal.SIGTERM, before)
+
+    return stopped()
+
+
+def _follow(loop: TouchLoop, recorder: Recorder, label: str | None) -> None:
+    """Record samples, pressures and touches with their names."""
+    from skinmap.live.source import SourceEnded
+
+    seen: set[int] = set()
+    try:
+        while True:
+            moment = loop.step(0.5)
+            if moment is None or moment.stale:
+                continue
+            if loop.info.kind == "raw":
+                recorder.put(_pressure_block(moment, loop.info.parts), "pressure")
+            for touch in moment.touches:
+                if touch.identity not in seen:
+                    seen.add(touch.identity)
+                    name = label or touch.label
+                    recorder.mark(touch.part, touch.identity, name, began=touch.began)
+            _mark_ended(loop, recorder, label, seen)
+    except SourceEnded:
+        _mark_ended(loop, recorder, label, seen)
+
+
+def _mark_ended(loop: TouchLoop, recorder: Recorder, label: str | None, seen: set[int]) -> None:
+    for event in loop.finished():
+        seen.discard(event.identity)
+        recorder.mark(
+            event.part, event.identity, label or event.label, began=event.began, ended=event.ended
+        )
+
+
+def _pressure_block(moment: Any, parts: tuple[str, ...]) -> Any:
+    import numpy as np
+
+    from skinmap.live.source import Block
+
+    row = np.concatenate([np.asarray(moment.pressures[part]) for part in parts])
+    # Counts, as a classifier is trained on; a response calibration gives fractions of them.
+    counts = np.rint(row).clip(0, 255).astype(np.uint8)
+    return Block(np.array([moment.time]), counts[None], 0.0)
+
+
+def _pressures(source: Source, robot: Any) -> dict[Any, tuple[int, ...]] | None:
+    """Columns of the pressures that a source of raw values gets."""
+    if source.info.kind == "pressure":
+        return None
+    return {"pressure": tuple(len(robot.skin(part)) for part in source.info.parts)}

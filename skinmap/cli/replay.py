@@ -1,0 +1,78 @@
+"""`skinmap replay`: a recording as if it happened now."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from skinmap.cli.common import emit, json_option, part_option
+
+
+@click.command("replay")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--robot", help="Robot whose skin it must be; it also names a dumper's folders.")
+@part_option
+@click.option("--publish", help="Where to: lsl:NAME, zmq:PORT or zmq:HOST:PORT.")
+@click.option(
+    "--speed", type=click.FloatRange(min=0.0, min_open=True), default=1.0, show_default=True,
+    help="How many times faster than recorded; inf is as fast as it goes.",
+)  # fmt: skip
+@click.option("--loop", is_flag=True, help="Start again at the end, until Ctrl-C.")
+@click.option("--seconds", type=click.FloatRange(min=0.0), help="Stop after these.")
+@json_option
+def command(
+    recording: Path,
+    robot: str | None,
+    parts: tuple[str, ...],
+    publish: str | None,
+    speed: float,
+    loop: bool,
+    seconds: float | None,
+    as_json: bool,
+) -> None:
+    """Play RECORDING in its own time, and publish it so that other programs can follow.
+
+    \b
+    Example:  skinmap replay touch.mcap --publish lsl:demo --loop
+    """
+    from skinmap.cli.common import open_robot
+    from skinmap.live.publish import open_publisher
+    from skinmap.live.recorded import open_recording
+
+    loaded = open_robot(robot, ())[0] if robot else None
+    source = open_recording(recording, robot=loaded, parts=parts or None, speed=speed, loop=loop)
+    publisher = None
+    try:
+        publisher = open_publisher(publish, source.info) if publish else None
+        sent, played = _play(source, publisher, seconds)
+    finally:
+        source.close()
+        if publisher is not None:
+            publisher.close()
+    result = {"samples": sent, "seconds": played, "published": publish}
+    if as_json:
+        emit(result)
+        return
+    click.echo(f"{sent} samples in {played:.2f} s")
+
+
+def _play(source: Any, publisher: Any, seconds: float | None) -> tuple[int, float]:
+    """Samples sent, and how long it took [s]."""
+    import time
+
+    from skinmap.live.source import SourceEnded
+
+    began, sent = time.perf_counter(), 0
+    try:
+        while seconds is None or time.perf_counter() - began < seconds:
+            block = source.read(0.5)
+            if block is None:
+                continue
+            sent += len(block)
+            if publisher is not None:
+                publisher.send_block(block)
+    except (SourceEnded, KeyboardInterrupt):
+        pass
+    return sent, time.perf_counter() - began

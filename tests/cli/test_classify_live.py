@@ -1,0 +1,152 @@
+from __future__ import annotations
+
+import json
+import re
+import socket
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from skinmap.classify.classifier import classifiers
+from skinmap.classify.descriptors import Touch
+from skinmap.classify.model_file import save_classifier
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+from skinmap.touch.recording import Recording, load_recordings, save_recordings
+from skinmap.touch.simulator import simulate
+
+FOOT = ("--part", "left_foot")
+TOUCH = {
+    "event", "touch", "part", "label", "confidence", "start_s", "duration_s", "area_mm2", "path_mm",
+    "peak", "centre_mm", "contacts",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made(prepared, tmp_path_factory):
+    """A model file that learnt on the left foot, and a recording of other touches there."""
+    folder = tmp_path_factory.mktemp("live")
+    foot = prepared("left_foot")
+    rng = np.random.default_rng(8)
+    touches = [
+        Touch(foot, samples, label)
+        for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=10).touches()
+    ]
+    model = classifiers.get("contact-geometry")().fit(touches, rng=rng)
+    save_classifier(model, folder / "m.skinmodel")
+    save_recordings([simulate(foot.skin, rng=rng, per_gesture=3)], folder / "t.npz")
+    return folder / "m.skinmodel", folder / "t.npz"
+
+
+def lines(*words):
+    """What a command prints with --json: an object a line."""
+    result = CliRunner().invoke(
+        cli, ["classify", *map(str, words), "--json"], catch_exceptions=False
+    )
+    assert result.exit_code == 0, result.output
+    return [json.loads(line) for line in result.stdout.splitlines()]
+
+
+def free_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+def test_a_recording_is_followed_as_a_stream(made):
+    model, recording = made
+    *touches, summary = lines(model, recording, "--seconds", "1000")
+    (recorded,) = load_recordings(recording)
+    assert all(set(touch) == TOUCH for touch in touches)
+    assert {touch["event"] for touch in touches} == {"touch"}
+    assert len(recorded.labels) <= len(touches) <= len(recorded.labels) + 2
+    starts = [touch["start_s"] + touch["duration_s"] for touch in touches]
+    assert starts == sorted(starts)
+    assert summary["event"] == "summary"
+    assert summary["touches"] == len(touches)
+    assert summary["counts"]["used"] == len(recorded.times)
+    assert summary["counts"]["lost"] == 0
+    assert 0 < summary["latency_ms"]["median"] <= summary["latency_ms"]["p99"]
+    right = 0
+    for event, label in enumerate(recorded.labels):
+        middle = recorded.times[recorded.events == event].mean()
+        there = [
+            touch["label"]
+            for touch in touches
+            if touch["start_s"] <= middle <= touch["start_s"] + touch["duration_s"]
+        ]
+        right += label in there
+    # 12 touches on the part it learnt on: 0.97 are right.
+    assert right >= 10
+
+
+def test_seconds_end_a_stream_and_what_lasts_is_told(made, prepared, tmp_path):
+    model, _ = made
+    pressures = np.zeros((500, 250), np.uint8)
+    pressures[20:, 30:33] = 90
+    path = tmp_path / "held.npz"
+    save_recordings(
+        [Recording("left_foot", np.arange(500) / 50, pressures, np.full(500, -1), ())], path
+    )
+    touch, summary = lines(model, path, "--seconds", "2")
+    assert summary["seconds"] == pytest.approx(2.0, abs=0.05)
+    assert touch["start_s"] == pytest.approx(0.4)
+    assert touch["duration_s"] == pytest.approx(1.6, abs=0.05)
+
+
+def test_people_get_lines_and_a_sentence(made):
+    model, recording = made
+    result = CliRunner().invoke(cli, ["classify", str(model), str(recording), "--seconds", "99"])
+    *touches, last = result.stdout.splitlines()
+    assert all(re.match(r" +[\d.]+ s  left_foot +\w+ +[01]\.\d\d", line) for line in touches)
+    assert re.fullmatch(r"\d+ touches in \d+ samples, 0 lost; [\d.]+ ms from .*", last)
+
+
+def test_one_process_publishes_and_another_names(made):
+    model, _ = made
+    script = "import sys; from skinmap.cli.main import main; sys.argv[0] = 'skinmap'; main()"
+    port = free_port()
+    words = ["simulate", "icub", *FOOT, "--publish", f"zmq:{port}", "--seconds", "60"]
+    with subprocess.Popen(
+        [sys.executable, "-c", script, *words], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL
+    ) as publisher:
+        try:
+            assert publisher.stderr is not None
+            publisher.stderr.readline()
+            *touches, summary = lines(model, f"zmq:127.0.0.1:{port}", "--seconds", "2")
+        finally:
+            publisher.kill()
+    assert summary["counts"]["used"] >= 50
+    assert summary["counts"]["lost"] == summary["counts"]["refused"] == 0
+    assert all(touch["part"] == "left_foot" for touch in touches)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("nowhere",), "no source 'nowhere'; there is: sim, lsl, zmq"),
+        (("gone.mcap",), "no file 'gone.mcap'"),
+        (("sim:rough",), "'sim' or 'sim:raw'"),
+        (("sim", "--part", "head"), "no part 'head'"),
+        (("sim", *FOOT, "--response", "head=r.npz"), "no part to calibrate 'head'"),
+        (("sim", *FOOT, "--response", "gone.npz"), "no file 'gone.npz'"),
+        (("sim", *FOOT, "--publish", "smoke:1"), "smoke"),
+        (("sim", "--robot", "baxter"), "baxter"),
+    ],
+)
+def test_bad_input_is_one_line(made, words, message):
+    with pytest.raises(SkinError, match=re.escape(message)) as told:
+        lines(made[0], *words)
+    assert "\n" not in str(told.value)
+
+
+def test_a_port_in_use_is_one_line(made):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(SkinError, match=str(port)):
+            lines(made[0], "sim", *FOOT, "--publish", f"zmq:{port}")

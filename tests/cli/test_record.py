@@ -1,0 +1,187 @@
+"""Commands that record, play, describe and export."""
+
+from __future__ import annotations
+
+import json
+import socket
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+from skinmap.io.mcap_track import read_track
+from skinmap.io.recordings import load_recordings
+from skinmap.touch.recording import load_recordings as load_archive
+
+
+def run(*words: object) -> dict:
+    result = CliRunner().invoke(cli, [*map(str, words), "--json"], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def refuse(*words: object) -> str:
+    """The one line that a command says where it cannot go on."""
+    result = CliRunner().invoke(cli, [*map(str, words)])
+    assert isinstance(result.exception, SkinError | SystemExit)
+    text = result.output if isinstance(result.exception, SystemExit) else str(result.exception)
+    return " ".join(text.split())
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Six seconds of simulated touches on two parts, marked with one name."""
+    path = tmp_path_factory.mktemp("record") / "t.mcap"
+    told = run("record", "sim", "-o", path, "--part", "left_hand", "--part", "left_foot",
+               "--seconds", 6, "--speed", "inf", "--label", "poke")  # fmt: skip
+    assert told["samples"] == 300
+    assert told["dropped"] == 0
+    assert told["files"] == [str(path)]
+    assert told["bytes"] == path.stat().st_size
+    return path
+
+
+def test_info_prints_exactly_the_promised_keys(recording, icub):
+    told = run("info", recording)
+    keys = [
+        "samples",
+        "seconds",
+        "channels",
+        "rate_hz",
+        "gaps",
+        "recovered",
+        "lost_seconds",
+        "skin",
+    ]
+    assert list(told) == keys
+    taxels = len(icub.skin("left_hand")) + len(icub.skin("left_foot"))
+    assert (told["samples"], told["seconds"], told["rate_hz"], told["gaps"]) == (300, 6.0, 50.0, 0)
+    assert told["channels"] == told["skin"]["taxels"] == taxels
+    assert (told["recovered"], told["lost_seconds"]) == (False, 0.0)
+    assert told["skin"]["parts"] == ["left_hand", "left_foot"]
+    assert told["skin"]["robot"] == "iCub"
+    assert all(len(one) == 64 for one in told["skin"]["fingerprints"].values())
+
+
+def test_info_recovers_a_cut_file_without_being_asked(recording, tmp_path):
+    (tmp_path / "cut.mcap").write_bytes(recording.read_bytes()[:-20_000])
+    told = run("info", tmp_path / "cut.mcap")
+    assert 0 < told["samples"] < 300
+    assert told["recovered"]
+    assert told["lost_seconds"] > 0
+    result = CliRunner().invoke(cli, ["info", str(tmp_path / "cut.mcap")])
+    assert "recovered;" in result.output
+
+
+def test_touches_are_marked_where_the_skin_was_touched(recording):
+    track = read_track(recording)
+    assert len(track.touches) >= 3
+    assert {one.label for one in track.touches} == {"poke"}
+    values = track.values[:]
+    for one in track.touches:
+        touched = values[one.first : one.last + 1, track.columns(one.part)]
+        assert (touched > 12).any(axis=1).mean() > 0.5
+    assert sum(len(one.labels) for one in load_recordings(recording)) >= 3
+
+
+def test_record_of_raw_values_with_a_label_has_pressures_too(tmp_path):
+    path = tmp_path / "t.mcap"
+    run("record", "sim:raw", "-o", path, "--part", "left_hand", "--seconds", 5, "--speed", "inf",
+        "--label", "rub")  # fmt: skip
+    raw, pressure = read_track(path, kind="raw"), read_track(path)
+    assert (raw.kind, pressure.kind) == ("raw", "pressure")
+    assert len(raw.times) == len(pressure.times) == 250
+    assert raw.values[:].mean() > 200  # 240 at rest, lower is harder
+    assert pressure.values[:].mean() < 20
+
+
+def test_record_rotates_its_files(tmp_path):
+    told = run("record", "sim", "-o", tmp_path / "t.mcap", "--part", "torso", "--seconds", 30,
+               "--speed", "inf", "--rotate-mb", 0.1)  # fmt: skip
+    assert len(told["files"]) >= 2
+    assert sum(len(read_track(tmp_path / file).times) for file in told["files"]) == 1500
+
+
+def test_replay_publishes_all_samples(recording):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    told = run("replay", recording, "--speed", "inf", "--publish", f"zmq:{port}")
+    assert told["samples"] == 300
+
+
+def test_replay_of_a_loop_ends_when_it_is_told_to(recording):
+    assert run("replay", recording, "--loop", "--speed", "inf", "--seconds", 0)["samples"] == 0
+
+
+@pytest.mark.parametrize("suffix", [".h5", ".npz"])
+def test_export_gives_arrays_for_machine_learning(recording, tmp_path, icub, suffix):
+    path = tmp_path / f"t{suffix}"
+    told = run("export", recording, "-o", path)
+    assert (told["kind"], told["samples"], told["format"]) == ("pressure", 300, suffix[1:])
+    track = read_track(recording)
+    arrays = h5py.File(path) if suffix == ".h5" else np.load(path)
+    np.testing.assert_array_equal(arrays["times"][:], track.times)
+    skin = icub.skin("left_foot")
+    np.testing.assert_array_equal(arrays["left_foot/positions"][:], skin.positions)
+    np.testing.assert_array_equal(
+        arrays["left_foot/values"][:], track.values[:][:, track.columns("left_foot")]
+    )
+    one = next(each for each in load_recordings(recording) if each.part == "left_foot")
+    np.testing.assert_array_equal(arrays["left_foot/events"][:], one.events)
+    labels = arrays["left_foot/labels"]
+    found = labels.asstr()[:].tolist() if suffix == ".h5" else labels.tolist()
+    assert tuple(found) == one.labels
+    arrays.close()
+
+
+def test_simulate_train_and_classify_read_and_write_mcap(tmp_path):
+    path, other = tmp_path / "t.mcap", tmp_path / "t.npz"
+    words = ["simulate", "icub", "--part", "left_foot", "--per-gesture", 12, "--seed", 3, "-o"]
+    run(*words, path)
+    run(*words, other)
+    (one,), (same,) = load_recordings(path), load_archive(other)
+    np.testing.assert_array_equal(one.pressures, same.pressures)
+    np.testing.assert_array_equal(one.events, same.events)
+    model = tmp_path / "m.skinmodel"
+    assert run("train", path, "-o", model)["touches"] > 10
+    assert run("classify", model, path)["events"] == len(one.labels)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("record", "sim", "-o", "t.npz"), "files ending in '.npz'; there is: .mcap"),
+        (("record", "sim", "-o", "gone/t.mcap"), "cannot write 'gone/t.mcap'"),
+        (("record", "nothing", "-o", "t.mcap"), "no source 'nothing'; there is"),
+        (("record", "gone.mcap", "-o", "t.mcap"), "no file 'gone.mcap'"),
+        (("record", "sim", "-o", "t.mcap", "--label", "a", "--model", "m"), "give one"),
+        (("record", "sim", "-o", "t.mcap", "--model", "gone"), "no file 'gone'"),
+        (("record", "sim", "-o", "t.mcap", "--part", "tail"), "no part 'tail'"),
+        (("info", "gone.mcap"), "no file 'gone.mcap'; expected a recording"),
+        (("info", "empty.mcap"), "empty.mcap: an empty file"),
+        (("info", "text.mcap"), "text.mcap: not an MCAP file"),
+        (("info", "text.wav"), "no reader of recordings for 'text.wav'"),
+        (("replay", "text.mcap"), "text.mcap: not an MCAP file"),
+        (("replay", "good.mcap", "--publish", "post:x"), "no way to publish 'post'"),
+        (("export", "good.mcap", "-o", "t.wav"), "files ending in '.wav'; there is: .h5, .hdf5"),
+        (("export", "good.mcap", "-o", "t.h5", "--part", "a"), "a recording is written whole"),
+        (("simulate", "icub", "-o", "t.wav"), "files ending in '.wav'; there is: .npz, .mcap"),
+        (("train", "text.mcap"), "text.mcap: not an MCAP file"),
+        (("info", "good.mcap", "--robot", "kaspar"), "48 channels for 'left_hand'; its 144"),
+    ],
+)
+def test_commands_say_what_is_wrong_and_leave_nothing(
+    tmp_path, monkeypatch, recording, words, message
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty.mcap").touch()
+    for name in ("text.mcap", "text.wav"):
+        (tmp_path / name).write_text("no recording")
+    (tmp_path / "good.mcap").write_bytes(recording.read_bytes())
+    before = sorted(tmp_path.iterdir())
+    assert message in refuse(*words)
+    assert sorted(tmp_path.iterdir()) == before
