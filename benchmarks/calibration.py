@@ -22,8 +22,10 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
+from mounts import drift_rows, mount_rows
 from patches import Case, far_apart, icub_cases, simulate_touches
 from threadpoolctl import threadpool_limits
+from units import unit_rows
 
 from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
 from calibration.target import make_target
@@ -118,7 +120,7 @@ def _table_row(runs: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _others(cases: list[Case], quick: bool) -> dict[str, Any]:
-    """Tables that need an optional package or another file."""
+    """Scans (an optional package), mounts and drift."""
     tables: dict[str, Any] = {}
     try:
         import open3d  # noqa: F401
@@ -128,13 +130,8 @@ def _others(cases: list[Case], quick: bool) -> dict[str, Any]:
         from scans import scan_rows
 
         tables["scan"] = scan_rows(cases, 4 if quick else 50)
-    try:
-        from mounts import drift_rows, mount_rows
-    except ImportError:
-        print("no table of mounts: benchmarks/mounts.py is not there", file=sys.stderr)
-    else:
-        tables["mount"] = mount_rows()
-        tables["drift"] = drift_rows()
+    tables["mount"] = mount_rows()
+    tables["drift"] = drift_rows()
     return tables
 
 
@@ -156,11 +153,12 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
         "truth": TRUTH,
         "wrap": wrap_rows(some, repeats),
         "touch": touch_rows(some, repeats),
+        "units": unit_rows(some),
         **_others(cases, options.quick),
     }
     options.out.parent.mkdir(exist_ok=True)
     options.out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    for name in ("wrap", "touch", "scan", "mount", "drift"):
+    for name in ("wrap", "touch", "units", "scan", "mount", "drift"):
         rows = result.get(name, [])
         for row in rows if isinstance(rows, list) else [rows]:
             print(name, json.dumps(row), flush=True)

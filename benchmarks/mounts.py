@@ -1,15 +1,11 @@
 """Mounts from pairs, self-touch and wrenches; drift under a held press.
 
-    python benchmarks/mounts.py [--nao FOLDER]
-
-writes benchmarks/results/mounts.json. Rows say what they were measured against: a planted mount
-(simulated), or touches that a fit never saw (recordings of a real robot, where they are at hand).
+Rows say what they were measured against: a planted mount (simulated), or touches that a fit never
+saw (recordings of a real robot, where they are at hand beside the checkout).
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
 import time
@@ -34,8 +30,8 @@ from calibration.wrench import fit_wrench
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_points
 
-OUT = Path(__file__).resolve().parent / "results" / "mounts.json"
-NAO = Path(__file__).resolve().parents[2] / "shared" / "data" / "nao"
+HERE = Path(__file__).resolve()
+NAO = Path(os.environ.get("SKINMAP_NAO", HERE.parents[2] / "shared" / "data" / "nao"))
 PAIRS, RUNS, MODULE = 700, 30, 25
 RATE, MINUTES, TAXELS, HELD, PRESS = 50.0, 10.0, 60, 6, 80.0
 
@@ -322,24 +318,3 @@ def _incumbent(
         baseline = baseline + 0.02 * gain * deviation / theta
         out[row] = np.where(touched, deviation, 0.0)
     return out
-
-
-def main() -> None:
-    """Write both tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--nao", type=Path, default=NAO, help="recordings of self-touch")
-    args = parser.parse_args()
-    result = {
-        "versions": {"numpy": np.__version__},
-        "threads": os.environ.get("OMP_NUM_THREADS", "unset"),
-        "mounts": mount_rows(args.nao),
-        "drift": drift_rows(),
-    }
-    OUT.parent.mkdir(exist_ok=True)
-    OUT.write_text(json.dumps(result, indent=1) + "\n")
-    for row in [*result["mounts"], *result["drift"]]:
-        print(json.dumps(row))
-
-
-if __name__ == "__main__":
-    main()

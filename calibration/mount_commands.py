@@ -20,6 +20,12 @@ loss_option = click.option(
 )  # fmt: skip
 
 
+format_option = click.option(
+    "--format", "formats", type=click.Choice(["csv", "icub"]), multiple=True,
+    help="Also write tables as the iCub's positions (.txt).",
+)  # fmt: skip
+
+
 @click.command("selftouch")
 @click.argument(
     "recordings", nargs=-1, required=True, type=click.Path(path_type=Path),
@@ -33,6 +39,7 @@ loss_option = click.option(
 @click.option("--drop-inconsistent", is_flag=True, help="Leave out what contradicts the rest.")
 @loss_option
 @click.option("-o", "--out", type=FOLDER, help="Folder for mounts, taxels and the report.")
+@format_option
 @accept_option
 @seed_option
 @json_option
@@ -43,6 +50,7 @@ def selftouch(
     drop_inconsistent: bool,
     loss: str,
     out: Path | None,
+    formats: tuple[str, ...],
     accept: bool,
     seed: int,
     as_json: bool,
@@ -67,6 +75,7 @@ def selftouch(
             drop_inconsistent=drop_inconsistent,
             loss=loss,
             seed=seed,
+            formats=formats,
         )
     _finish(job, out, accept, as_json, selftouch_lines)
 
@@ -86,7 +95,9 @@ def selftouch(
     help="Error of a moment [mN m].",
 )  # fmt: skip
 @loss_option
+@click.option("--taxels", type=FILE, help="Taxels of the patch: CSV `channel,x,y,z`.")
 @click.option("-o", "--out", type=FOLDER, help="Folder for the mount, taxels and the report.")
+@format_option
 @accept_option
 @seed_option
 @json_option
@@ -96,7 +107,9 @@ def wrench(
     point_mm: float,
     moment_mnm: float,
     loss: str,
+    taxels: Path | None,
     out: Path | None,
+    formats: tuple[str, ...],
     accept: bool,
     seed: int,
     as_json: bool,
@@ -105,7 +118,8 @@ def wrench(
 
     TOUCHES is an .npz file with `points (m, 3)` (middle of the active taxels, in the frame of the
     patch), `frames (m, 4, 4)` (link in the sensor's frame), `forces (m, 3)` [N], `moments (m, 3)`
-    [N m], and perhaps `taxels (n, 3)` of the patch. Without `taxels` no table is written.
+    [N m], and perhaps `taxels (n, 3)` of the patch; or a CSV `touch,x,y,z,fx,fy,fz,mx,my,mz`, with
+    `t11` to `t34` (rows of the frame) where the link moves. Without taxels no table is written.
 
     \b
     Example:  skinmap calibrate wrench touches.npz -o out
@@ -121,6 +135,8 @@ def wrench(
             moment_sigma=1e-3 * moment_mnm,
             loss=loss,
             seed=seed,
+            taxels=taxels,
+            formats=formats,
         )
     _finish(job, out, accept, as_json, wrench_lines)
 
@@ -150,7 +166,7 @@ def response(
 ) -> None:
     """Baseline, noise, threshold, gain and health of each channel.
 
-    REST holds five to ten seconds untouched: .npy (t, n), or .npz with `samples (t, n)` and
+    REST holds five to ten seconds untouched: .npy or .csv (t, n), or .npz with `samples (t, n)` and
     perhaps `modules (n,)` and `thermal (n,)` (channels that feel temperature only).
 
     \b

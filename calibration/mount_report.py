@@ -16,6 +16,7 @@ from skinmap.arrays import FloatArray
 from skinmap.cli.figures import picture_bytes, plain_figure
 
 MM = 1e3
+PLACED = "Calibrated taxels from two sides, coloured by their predicted error."
 COLOURS = {
     "ok": "#00795c", "never touched": "#9aa5b1", "dead": "#1d2733", "stuck": "#7a3fb0",
     "saturated": "#b04a00", "noisy": "#d4a000",
@@ -72,6 +73,25 @@ def distance_picture(before: FloatArray | None, after: FloatArray) -> bytes:
     axis.set_xlabel("distance of what touched [mm]")
     axis.set_ylabel("touches")
     axis.legend(frameon=False)
+    return picture_bytes(figure)
+
+
+def taxel_picture(positions: FloatArray, sd: FloatArray) -> bytes:
+    """PNG: taxels (n, 3) [m] in the frame of their link from two sides, coloured by sd (n,) [m]."""
+    middle = positions.mean(axis=0)
+    _, _, axes = np.linalg.svd(positions - middle, full_matrices=False)
+    across = MM * (positions - middle) @ axes.T
+    figure = plain_figure((9.4, 3.8))
+    both = figure.subplots(1, 2)
+    for axis, (right, up, depth) in zip(both, ((0, 1, 2), (0, 2, 1)), strict=True):
+        order = np.argsort(across[:, depth])
+        shown = axis.scatter(
+            across[order, right], across[order, up], c=MM * sd[order], s=14, cmap="viridis"
+        )
+        axis.set_aspect("equal")
+        axis.set_xlabel("along the patch [mm]")
+        axis.set_ylabel(("across the patch [mm]", "out of the patch [mm]")[up == 2])
+    figure.colorbar(shown, ax=list(both), shrink=0.8).set_label("predicted error [mm]")
     return picture_bytes(figure)
 
 

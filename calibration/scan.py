@@ -238,3 +238,19 @@ def _judged(scene: Scene, best: FloatArray, other: FloatArray | None) -> ScanReg
         other,
         ratio,
     )
+
+
+def carried(
+    found: ScanRegistration, scan: FloatArray, places: FloatArray, sigma: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Places (n, 3) of the scan in the frame of the mesh [m], and their covariances (n, 3, 3).
+
+    `scan` (m, 3) [m] is what was registered: the pose's covariance turns about its middle. `sigma`
+    (n,) [m] is the places' own error in each coordinate.
+    """
+    moved = transform_points(found.T_mesh_scan, places)
+    arm = moved - transform_points(found.T_mesh_scan, scan).mean(axis=0)
+    cross = np.cross(arm[:, None, :], np.eye(3)).transpose(0, 2, 1)  # [arm]x
+    jacobian = np.concatenate([-cross, np.tile(np.eye(3), (len(arm), 1, 1))], axis=2)
+    covariance = np.einsum("nij,jk,nlk->nil", jacobian, found.covariance, jacobian)
+    return moved, covariance + sigma[:, None, None] ** 2 * np.eye(3)

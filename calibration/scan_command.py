@@ -36,8 +36,16 @@ REFUSED = "refused.html"
     help="Unit of scan, mesh and anchors.",
 )  # fmt: skip
 @click.option(
+    "--taxels", "taxels_file", type=FILE,
+    help="Taxels seen in the scan, in its frame: CSV `channel,x,y,z[,sigma]`.",
+)  # fmt: skip
+@click.option(
     "-o", "--out", type=click.Path(path_type=Path, file_okay=False), required=True,
     help="Folder for pose.json and report.html.",
+)  # fmt: skip
+@click.option(
+    "--format", "formats", type=click.Choice(["csv", "icub"]), multiple=True,
+    help="With --taxels: also write the iCub's positions, as taxels.txt.",
 )  # fmt: skip
 @click.option("--accept", is_flag=True, help="Write the pose and exit 0 whatever the status.")
 @seed_option
@@ -48,7 +56,9 @@ def command(
     anchors_file: Path | None,
     initial_file: Path | None,
     units: str,
+    taxels_file: Path | None,
     out: Path,
+    formats: tuple[str, ...],
     accept: bool,
     seed: int,
     as_json: bool,
@@ -57,6 +67,7 @@ def command(
 
     The start is --initial, or --anchors; without either, the frames are taken as equal. Where
     the status is not ok, only refused.html is written and the exit code is 3, unless --accept.
+    With --taxels, taxels.csv holds them in the frame of the mesh.
 
     \b
     Example:  skinmap calibrate scan --scan scan.csv --mesh link.stl --anchors pairs.csv -o out
@@ -65,11 +76,12 @@ def command(
 
     import numpy as np
 
+    from calibration.mount_files import write_tables
     from calibration.patch import Status
-    from calibration.scan import register_scan
+    from calibration.scan import carried, register_scan
     from calibration.scan_report import write_scan_report
     from calibration.tables import UNITS as METRES
-    from calibration.tables import read_numbers, read_points
+    from calibration.tables import read_numbers, read_placed, read_points
     from skinmap.io.output import staged_folder
     from skinmap.io.urdf import read_mesh
 
@@ -80,6 +92,7 @@ def command(
         vertices = vertices * unit
         names = ("x", "y", "z", "mesh_x", "mesh_y", "mesh_z")
         pairs = None if anchors_file is None else read_numbers(anchors_file, names) * unit
+        taxels = None if taxels_file is None else read_placed(taxels_file, unit)
         initial = None if initial_file is None else read_numbers(initial_file, None)
         start = time.process_time()
         found = register_scan(
@@ -96,6 +109,12 @@ def command(
         if good:
             kept = {key: result[key] for key in ("status", "T_mesh_scan", "covariance")}
             (stage / "pose.json").write_text(json.dumps(plain(kept), indent=2) + "\n")
+            if taxels is not None:
+                channels, places, sigma = taxels
+                moved, covariance = carried(found, points, places, sigma)
+                write_tables(channels, moved, covariance, stage / "taxels.csv", formats=formats)
+                tables = sorted(path.name for path in stage.glob("taxels.*"))
+                result["files"] = [*result["files"], *tables]
     if as_json:
         emit(result)
     else:

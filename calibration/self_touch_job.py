@@ -9,17 +9,19 @@ from typing import Any, cast
 
 import numpy as np
 
-from calibration.chains import Chain
+from calibration.chains import Chain, TouchRecording
 from calibration.mount import Loss
 from calibration.mount_files import (
     write_mounts,
-    write_taxels,
+    write_tables,
 )
 from calibration.mount_jobs import Job, pitch_of, verdict
-from calibration.mount_report import distance_picture, write_report
+from calibration.mount_report import PLACED, distance_picture, taxel_picture, write_report
 from calibration.patch import Status
 from calibration.self_touch import SelfTouchFit, self_touch, taxel_covariance
 from calibration.self_touch_files import load_self_touch
+from calibration.status import NEXT, weak_direction
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_points
 
 MM = 1e3
@@ -34,6 +36,7 @@ def selftouch_job(
     drop_inconsistent: bool,
     loss: str,
     seed: int,
+    formats: Sequence[str] = (),
 ) -> Job:
     """Fit mounts to recordings of self-touch."""
     recordings, chains = load_self_touch(files)
@@ -78,7 +81,8 @@ def selftouch_job(
             stage / "mounts.json",
         )
         for name in calibrate:
-            _write_chain(chains[name], fit, stage / f"taxels_{name}.csv")
+            rows, placed, own = _placed(chains[name], fit)
+            write_tables(rows, placed, own, stage / f"taxels_{name}.csv", formats=formats)
 
     def report(path: Path) -> None:
         rows = [
@@ -89,10 +93,15 @@ def selftouch_job(
             *((f"median of {name}", f"{MM * value:.2f} mm") for name, value in fit.medians.items()),
             ("left out", ", ".join(fit.dropped) or "nothing"),
         ]
-        picture = distance_picture(fit.distances_before, fit.distances)
+        pictures = []
+        for name in calibrate:
+            rows += _chain_rows(chains[name], fit, recordings)
+            _, placed, own = _placed(chains[name], fit)
+            sd = np.sqrt(np.einsum("nii->n", own))
+            pictures.append((f"{name} on its link", taxel_picture(placed, sd), PLACED))
         words = "Distance between the middles of the active taxels of both sides."
-        title = f"Self-touch: {', '.join(calibrate)}"
-        write_report(title, result, rows, [("Touches", picture, words)], path)
+        pictures.append(("Touches", distance_picture(fit.distances_before, fit.distances), words))
+        write_report(f"Self-touch: {', '.join(calibrate)}", result, rows, pictures, path)
 
     return Job(result, write, report)
 
@@ -130,11 +139,39 @@ def _judge_self_touch(
     return judged
 
 
-def _write_chain(chain: Chain, fit: SelfTouchFit, path: Path) -> None:
+def _placed(chain: Chain, fit: SelfTouchFit) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Channels (n,), positions (n, 3) [m] and covariances (n, 3, 3) of a chain's taxels."""
     rows = np.flatnonzero(np.isfinite(chain.taxels).all(axis=1))
     mount = fit.mounts[chain.name]
     covariance = taxel_covariance(chain, mount, fit.covariances[chain.name])
-    write_taxels(rows, transform_points(mount, chain.taxels[rows]), covariance, path)
+    return rows, transform_points(mount, chain.taxels[rows]), covariance
+
+
+def _coverage(recordings: Sequence[TouchRecording], chain: Chain) -> FloatArray:
+    """(n,) how often each taxel of a chain was touched."""
+    count = np.zeros(len(chain.taxels))
+    for recording in recordings:
+        for name, touched in zip(recording.chains, recording.touched, strict=True):
+            for ids in touched if name == chain.name and touched is not None else ():
+                count[ids] += 1
+    return count
+
+
+def _chain_rows(
+    chain: Chain, fit: SelfTouchFit, recordings: Sequence[TouchRecording]
+) -> list[tuple[str, str]]:
+    """Coverage, weakest direction and what to touch next of one chain, in words."""
+    rows, placed, covariance = _placed(chain, fit)
+    touched = _coverage(recordings, chain)[rows] > 0
+    sd = np.sqrt(np.einsum("nii->n", covariance))
+    # The least known of those never touched, or of all: touching it tells most.
+    order = np.lexsort((-sd, touched))[:NEXT]
+    return [
+        (f"{chain.name}: taxels that were touched", f"{100 * touched.mean():.0f} %"),
+        (f"{chain.name}: predicted error, median", f"{MM * float(np.median(sd)):.2f} mm"),
+        (f"{chain.name}: weakest direction", f"the patch {weak_direction(placed, covariance)}"),
+        (f"{chain.name}: touch next", f"taxels {', '.join(map(str, rows[order]))}"),
+    ]
 
 
 def selftouch_lines(result: dict[str, Any]) -> list[str]:

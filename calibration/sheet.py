@@ -12,6 +12,7 @@ the wrapped link. The cost of a state adds up, each over its expected spread,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,7 @@ STAGES = (8.0, 3.0, 1.0)  # stiffness, annealed: stiff first, so that folds cann
 STEPS = 20  # a stage at most
 SETTLED = 2e-6  # a step that moves no taxel further than this ends the last stage [m]
 ROUGHLY = 0.1e-3  # and this the stages before [m]
+SAME = 0.3e-3  # states whose taxels are this close on average are one [m]
 STRIDE = 5e-3  # no taxel moves further in one step [m]
 CAUCHY = 3.0  # residuals over their spread, in space, from which on evidence is doubted
 DAMPING = 1e-4  # of the diagonal (Levenberg and Marquardt)
@@ -116,6 +118,10 @@ class Board:
         Length of each pair and its standard deviation [m].
     stiffness : (n, n) float
         Inverse covariance of the heights [1/m2].
+    lifted : (3n, 3n) float
+        The same, each entry three by three times.
+    slots, mirrored : (p, 9) int
+        Where the block of a pair and its mirror image stand in a flat matrix of 3n + 2 columns.
     """
 
     layout: FloatArray
@@ -123,6 +129,9 @@ class Board:
     lengths: FloatArray
     spread: FloatArray
     stiffness: FloatArray
+    lifted: FloatArray
+    slots: IntArray
+    mirrored: IntArray
 
     def __post_init__(self) -> None:
         freeze(
@@ -132,6 +141,9 @@ class Board:
             lengths=self.lengths,
             spread=self.spread,
             stiffness=self.stiffness,
+            lifted=self.lifted,
+            slots=self.slots,
+            mirrored=self.mirrored,
         )
 
 
@@ -156,7 +168,18 @@ def make_board(layout: FloatArray) -> Board:
     covariance += DRIFT**2 * np.exp(-distance / DRIFT_REACH)
     covariance[np.diag_indices(len(layout))] += WHITE**2
     stiffness = np.linalg.inv(covariance)
-    return Board(layout, pairs, lengths, STRAIN * lengths / np.sqrt(share), stiffness)
+    i, j = 3 * pairs.T[:, :, None, None]
+    a, b, columns = np.arange(3)[:, None], np.arange(3), 3 * len(layout) + 2
+    return Board(
+        layout,
+        pairs,
+        lengths,
+        STRAIN * lengths / np.sqrt(share),
+        stiffness,
+        np.repeat(np.repeat(stiffness, 3, axis=0), 3, axis=1),
+        ((i + a) * columns + j + b).reshape(-1, 9),
+        ((j + a) * columns + i + b).reshape(-1, 9),
+    )
 
 
 def _held_pairs(distance: FloatArray) -> IntArray:
@@ -179,10 +202,12 @@ def settle(
     *,
     stages: tuple[float, ...],
     settled: float = SETTLED,
+    known: Sequence[State] = (),
 ) -> State:
     """The minimum of the cost that a state leads to, through annealed stiffness.
 
-    A step that moves no taxel further than `settled` [m] ends a stage.
+    A step that moves no taxel further than `settled` [m] ends a stage. One that comes to a
+    `known` minimum ends there too, as it would lead to that one.
     """
     for stiff in stages:
         for _ in range(STEPS):
@@ -199,9 +224,14 @@ def settle(
                 state.log_scale + brake * step[-2],
                 state.height + brake * step[-1],
             )
-            if furthest < settled:
+            if furthest < settled or any(apart(state, other) < SAME for other in known):
                 break
     return state
+
+
+def apart(one: State, other: State) -> float:
+    """Mean distance between the taxels of two states [m]."""
+    return float(np.linalg.norm(one.positions - other.positions, axis=1).mean())
 
 
 def linearise(
@@ -226,14 +256,15 @@ def linearise(
     missed = evidence.missed(x, normals)
     loss, weight = evidence.loss(missed)
 
-    blocks = _length_blocks(board, along / spread[:, None])
     weighted = weight[:, None] * evidence.blend
+    across = normals.ravel()
+    surface = hessian[:-2, :-2]
+    np.multiply(board.lifted, across, out=surface)
+    surface *= across[:, None]
+    _add_lengths(board, along / spread[:, None], hessian)
     together = evidence.blend.T @ weighted
     for axis in range(3):
-        blocks[:, :, axis, axis] += together
-    tilt = board.stiffness[:, :, None] * normals[:, None, :]
-    blocks += tilt[:, :, :, None] * normals[None, :, None, :]
-    hessian[:-2, :-2] = blocks.transpose(0, 2, 1, 3).reshape(3 * n, 3 * n)
+        surface[axis::3, axis::3] += together
     hessian[:-2, -2] = hessian[-2, :-2] = _gather(board, (grown / spread)[:, None] * along)
     hessian[-2, -2] = grown @ grown + 1.0 / SCALE**2
     lift = -board.stiffness.sum(axis=1)[:, None] * normals
@@ -257,16 +288,22 @@ def linearise(
     return float(cost), gradient, hessian
 
 
-def _length_blocks(board: Board, pull: FloatArray) -> FloatArray:
-    """(n, n, 3, 3) of the pairs' weighted directions (p, 3): -dd' off the diagonal, sums on it."""
+def _add_lengths(board: Board, pull: FloatArray, hessian: FloatArray) -> None:
+    """Add the pairs' weighted directions d (p, 3): -dd' off the diagonal, their sums on it."""
     n = len(board.layout)
     i, j = board.pairs.T
-    blocks = np.zeros((n, n, 9))
     block = (pull[:, :, None] * pull[:, None, :]).reshape(-1, 9)
-    blocks[i, j] = -block
-    blocks[j, i] = -block
-    blocks[np.arange(n), np.arange(n)] = -blocks.sum(axis=1)
-    return blocks.reshape(n, n, 3, 3)
+    flat = hessian.reshape(-1)  # a view: it was made in one piece
+    flat[board.slots] -= block
+    flat[board.mirrored] -= block
+    both, twice = np.concatenate([i, j]), np.concatenate([block, block])
+    for a in range(3):
+        for b in range(a, 3):
+            total = np.bincount(both, twice[:, 3 * a + b], minlength=n)
+            at = 3 * np.arange(n)
+            hessian[at + a, at + b] += total
+            if a != b:
+                hessian[at + b, at + a] += total
 
 
 def _gather(board: Board, pull: FloatArray) -> FloatArray:

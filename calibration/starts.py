@@ -7,10 +7,9 @@ from scipy.spatial import cKDTree
 
 from calibration.target import Target
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.distances import edge_graph
 from skinmap.geometry.log_map import log_map
-from skinmap.geometry.topology import edges
 
+REACH = 1.25  # of a log map, in sizes of the board: paths along edges are a tenth longer
 NEAR = 12  # surface points whose coordinates place one taxel
 
 
@@ -24,16 +23,11 @@ def log_map_start(
     the surface. What lies beyond the map's reach is carried on in the plane of its nearest
     known points.
     """
-    reach = 1.5 * float(np.linalg.norm(np.ptp(layout, axis=0))) + 0.02
-    near = np.linalg.norm(target.vertices - source, axis=1) <= reach
-    keep = near[target.faces].all(axis=1)
-    used, compact = np.unique(target.faces[keep], return_inverse=True)
-    vertices, normals = target.vertices[used], target.normals[used]
-    graph = edge_graph(vertices, edges(compact.reshape(-1, 3)))
-    seed = int(np.argmin(np.linalg.norm(vertices - source, axis=1)))
-    uv, _ = log_map(vertices, normals, graph, seed, reach)
+    reach = REACH * float(np.linalg.norm(np.ptp(layout, axis=0))) + 0.02
+    seed = int(np.argmin(np.linalg.norm(target.vertices - source, axis=1)))
+    uv, _ = log_map(target.vertices, target.normals, target.graph, seed, reach)
     known = np.isfinite(uv[:, 0])
-    vertices, normals, uv = vertices[known], normals[known], uv[known]
+    vertices, uv = target.vertices[known], uv[known]
     _, nearest = cKDTree(vertices).query(points)
     turn, shift = rigid_2d(places, uv[nearest])
     wanted = layout @ turn.T + shift

@@ -58,8 +58,8 @@ def read_board(path: Path, unit: float = 1.0) -> BoardTable:
     DataFormatError
         A missing or unknown column, a word that is no number, a channel that comes twice.
     """
-    names, values, lines = _read(path, ("x", "y"), ("module", *IGNORED))
-    channels = _channels(names, values, lines, path)
+    names, values, lines = read_table(path, ("x", "y"), ("module", *IGNORED))
+    channels = check_channels(names, values, lines, path)
     modules = values[:, names.index("module")] if "module" in names else np.zeros(len(values))
     place = [names.index("x"), names.index("y")]
     return BoardTable(channels, modules.astype(np.int64), values[:, place] * unit)
@@ -76,13 +76,27 @@ def read_anchors(
         A missing or unknown column, a word that is no number, a taxel that the board lacks
         (says which line).
     """
-    names, values, lines = _read(path, ("x", "y", "z"), ("sigma",))
+    names, values, lines = read_table(path, ("x", "y", "z"), ("sigma",))
     channels = values[:, 0].astype(np.int64)
     _check_whole(values[:, 0], lines, path)
     rows = board.rows(channels, path, lines)
     place = [names.index(name) for name in "xyz"]
     sigma = values[:, names.index("sigma")] * unit if "sigma" in names else None
     return rows, values[:, place] * unit, sigma
+
+
+def read_placed(path: Path, unit: float = 1.0) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Taxels `channel,x,y,z[,sigma]`: channels (n,), places (n, 3), sigmas (n,) or 0 [m].
+
+    Raises
+    ------
+    DataFormatError
+        A missing or unknown column, a word that is no number, a channel that comes twice.
+    """
+    names, values, lines = read_table(path, ("x", "y", "z"), ("module", "nx", "ny", "nz", "sigma"))
+    channels = check_channels(names, values, lines, path)
+    sigma = values[:, names.index("sigma")] if "sigma" in names else np.zeros(len(values))
+    return channels, values[:, [names.index(name) for name in "xyz"]] * unit, sigma * unit
 
 
 def read_touches(
@@ -100,7 +114,7 @@ def read_touches(
         line).
     """
     needed = ("x", "y", "z", "channel", "value")
-    names, values, lines = _read(path, needed, ("sigma",), first=("touch",))
+    names, values, lines = read_table(path, needed, ("sigma",), first=("touch",))
     column = {name: values[:, place] for place, name in enumerate(names)}
     for name in ("touch", "channel"):
         _check_whole(column[name], lines, path)
@@ -120,10 +134,16 @@ def read_touches(
     return touches
 
 
-def _read(
+def read_table(
     path: Path, needed: Sequence[str], known: Sequence[str], first: Sequence[str] = CHANNEL
 ) -> tuple[list[str], FloatArray, list[int]]:
-    """Names of the columns, values (n, columns) and the line of each row."""
+    """Names of the columns, values (n, columns) and the line of each row.
+
+    Raises
+    ------
+    DataFormatError
+        A missing or unknown column, a row of another length, a word that is no number.
+    """
     reader = csv.reader(read_text(path).splitlines(keepends=True))
     rows, lines = [], []
     try:
@@ -153,9 +173,10 @@ def _read(
     return names, np.array(rows), lines
 
 
-def _channels(
+def check_channels(
     names: Sequence[str], values: FloatArray, lines: Sequence[int], path: Path
 ) -> IntArray:
+    """Channels (n,) of the first column, each once; says which line names one again."""
     for name in ("module", names[0]):
         if name in names:
             _check_whole(values[:, names.index(name)], lines, path)

@@ -20,9 +20,7 @@ from calibration.target import Target, make_target
 from calibration.wrap import find_minima
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.distances import edge_graph
 from skinmap.geometry.proximity import closest_on_mesh, median_spacing
-from skinmap.geometry.topology import edges
 
 FEWEST = 3
 FAR = 0.05  # a touch further than this from the link cannot have touched it [m]
@@ -202,7 +200,6 @@ def consistent(target: Target, board: Board, felt: Evidence) -> BoolArray:
 def surface_distances(target: Target, points: FloatArray) -> FloatArray:
     """(k, k) lengths of paths along the edges of the target between its vertices there [m]."""
     _, nearest = cKDTree(target.vertices).query(points)
-    graph = edge_graph(target.vertices, edges(target.faces))
     reach = 1.5 * float(pdist(points).max()) + 0.05
-    length = dijkstra(graph, directed=False, indices=nearest, limit=reach)
+    length = dijkstra(target.graph, directed=False, indices=nearest, limit=reach)
     return np.minimum(np.asarray(length[:, nearest]), reach)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from calibration.wrap_command import FILE, STEPS, UNITS, show, summary, write_results
+from calibration.wrap_command import FILE, STEPS, UNITS, show
 from skinmap.cli.common import json_option, progress, seed_option
 
 
@@ -67,6 +67,7 @@ def command(
     import numpy as np
 
     from calibration.held_out import held_out_touches
+    from calibration.patch_job import summary, write_results
     from calibration.report import EvidenceRows
     from calibration.tables import UNITS as METRES
     from calibration.tables import read_anchors, read_board, read_touches

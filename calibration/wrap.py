@@ -10,15 +10,26 @@ from numpy.typing import ArrayLike
 from calibration.evidence import check_anchors, check_layout, check_link
 from calibration.one_thread import one_thread
 from calibration.patch import PatchCalibration
-from calibration.sheet import ROUGHLY, STAGES, Board, Evidence, State, linearise, make_board, settle
+from calibration.sheet import (
+    ROUGHLY,
+    SAME,
+    STAGES,
+    Board,
+    Evidence,
+    State,
+    apart,
+    linearise,
+    make_board,
+    settle,
+)
 from calibration.starts import log_map_start
 from calibration.status import judge
 from calibration.target import Target, make_target
 from skinmap.arrays import BoolArray, FloatArray
 
 STARTS, MOST_STARTS = 3, 9
+HOPELESS = 100.0  # times the cost of a minimum: folded, no steps would unfold it
 GOOD = 8.0  # cost for each anchor or touch: three coordinates, and lengths and heights that fit
-SAME = 0.3e-3  # states whose taxels are this close on average are one [m]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -100,15 +111,17 @@ def find_minima(
         for source in some:
             start = State(log_map_start(target, board.layout, places, points, source), 0.0, above)
             state = settle(target, board, evidence, start, stages=STAGES[:-1], settled=ROUGHLY)
-            if all(_apart(state, other) > SAME for other in soft):
+            if all(apart(state, other) > SAME for other in soft):
                 soft.append(state)
-        for state in soft[tried:]:
-            final = settle(target, board, evidence, state, stages=STAGES[-1:])
-            cost, _, hessian = linearise(target, board, evidence, final)
-            found.append(Minimum(final, cost, hessian))
+        costs = [linearise(target, board, evidence, state)[0] for state in soft[tried:]]
+        for row in np.argsort(costs, kind="stable"):
+            state = soft[tried + row]
+            if found and costs[row] > HOPELESS * min(minimum.cost for minimum in found):
+                continue
+            known = [minimum.state for minimum in found]
+            final = settle(target, board, evidence, state, stages=STAGES[-1:], known=known)
+            if all(apart(final, other) > SAME for other in known):
+                cost, _, hessian = linearise(target, board, evidence, final)
+                found.append(Minimum(final, cost, hessian))
         found.sort(key=lambda minimum: minimum.cost)
     return found
-
-
-def _apart(one: State, other: State) -> float:
-    return float(np.linalg.norm(one.positions - other.positions, axis=1).mean())

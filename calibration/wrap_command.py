@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from skinmap.cli.common import emit, json_option, progress, seed_option
-
-if TYPE_CHECKING:
-    from calibration.patch import PatchCalibration
-    from calibration.report import EvidenceRows
-    from calibration.tables import BoardTable
-    from skinmap.arrays import FloatArray, IntArray
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 UNITS = ("m", "cm", "mm", "inch")
@@ -70,95 +63,18 @@ def command(
     \b
     Example:  skinmap calibrate wrap --layout board.csv --mesh link.stl --anchors anchors.csv -o out
     """
-    import numpy as np
-
-    from calibration.held_out import held_out_errors
-    from calibration.report import EvidenceRows
-    from calibration.tables import UNITS as METRES
-    from calibration.tables import read_anchors, read_board
-    from calibration.wrap import wrap_layout
+    from calibration.anchor_table import load_wrap
     from skinmap.io.output import staged_folder
-    from skinmap.io.urdf import read_mesh
 
     with staged_folder(out) as stage, progress(STEPS, "calibrate") as advance:
-        unit = METRES[units]
-        board = read_board(layout_file, unit)
-        anchors, points, sigma = read_anchors(anchors_file, board, unit)
-        vertices, faces = read_mesh(mesh_file)
-        link = (vertices * unit, faces)
-        spread = np.full(len(points), 1e-3 * sigma_mm) if sigma is None else sigma
+        task = load_wrap(layout_file, mesh_file, anchors_file, units=units, sigma_mm=sigma_mm)
         advance("wrap")
-        start = time.process_time()
-        found = wrap_layout(
-            board.layout, *link, anchors, points, anchor_sigma=spread,
-            rng=np.random.default_rng(seed),
-        )  # fmt: skip
-        seconds = time.process_time() - start
+        found, seconds = task.solve(seed)
         advance("cross-validation")
-        held_out = held_out_errors(found, board.layout, *link, anchors, points, anchor_sigma=spread)
+        held_out = task.held_out(found)
         advance("report")
-        rms = float(np.sqrt(np.mean(held_out**2))) if len(held_out) else None
-        missed = np.linalg.norm(found.positions[anchors] - points, axis=1)
-        rows = EvidenceRows("anchors", anchors, missed, held_out)
-        result = summary(found, board.channels, rms, seconds)
-        title = f"{layout_file.stem} on {mesh_file.stem}"
-        result |= write_results(stage, title, result, found, board, link, rows, formats, accept)
+        result = task.write(stage, found, held_out, seconds, formats=formats, accept=accept)
     show(result, out, as_json)
-
-
-def write_results(
-    stage: Path,
-    title: str,
-    result: dict[str, Any],
-    found: PatchCalibration,
-    board: BoardTable,
-    link: tuple[FloatArray, IntArray],
-    rows: EvidenceRows,
-    formats: tuple[str, ...],
-    accept: bool,
-) -> dict[str, list[str]]:
-    """Tables and report, or only the report of why not; their names."""
-    from calibration.patch import Status
-    from calibration.report import write_patch_report
-    from calibration.tables import write_calibrated, write_icub_table
-
-    good = accept or found.status is Status.OK
-    report = "report.html" if good else REFUSED
-    write_patch_report(title, result, found, board, link, rows, stage / report)
-    files = [report]
-    if good:
-        write_calibrated(board, found, stage / "taxels.csv")
-        files.insert(0, "taxels.csv")
-        if "icub" in formats:
-            write_icub_table(board, found, stage / "taxels.txt", title.split(" on ")[-1])
-            files.insert(1, "taxels.txt")
-    return {"files": files}
-
-
-def summary(
-    found: PatchCalibration, channels: IntArray, held_out: float | None, seconds: float
-) -> dict[str, Any]:
-    """What the command prints as JSON, but for its files."""
-    import numpy as np
-
-    sd = 1e3 * found.predicted_sd
-    return {
-        "status": str(found.status),
-        "reasons": list(found.reasons),
-        "taxels": len(found),
-        "predicted_sd_mm": {
-            "median": float(np.median(sd)),
-            "p95": float(np.percentile(sd, 95)),
-            "max": float(sd.max()),
-        },
-        "cross_validation_mm": None if held_out is None else 1e3 * held_out,
-        "coverage": found.coverage,
-        "scale": found.scale,
-        "height_mm": 1e3 * found.height,
-        "weakest": found.weakest,
-        "next": channels[found.next_taxels].tolist(),
-        "seconds": seconds,
-    }
 
 
 def show(result: dict[str, Any], out: Path, as_json: bool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,12 @@ from calibration.mount_files import (
     WrenchTouches,
     read_wrenches,
     write_mounts,
-    write_taxels,
+    write_tables,
 )
 from calibration.mount_jobs import Job, pitch_of, spread, verdict
-from calibration.mount_report import distance_picture, write_report
+from calibration.mount_report import PLACED, distance_picture, taxel_picture, write_report
 from calibration.patch import Status
+from calibration.status import weak_direction
 from calibration.tables import UNITS
 from calibration.wrench import fit_wrench
 from skinmap.arrays import FloatArray
@@ -28,10 +30,18 @@ FOLDS = 5
 
 
 def wrench_job(
-    file: Path, *, units: str, point_sigma: float, moment_sigma: float, loss: str, seed: int
+    file: Path,
+    *,
+    units: str,
+    point_sigma: float,
+    moment_sigma: float,
+    loss: str,
+    seed: int,
+    taxels: Path | None = None,
+    formats: Sequence[str] = (),
 ) -> Job:
     """Fit a mount to lines of force."""
-    touches = read_wrenches(file, UNITS[units])
+    touches = read_wrenches(file, UNITS[units], taxels)
     how: dict[str, Any] = {
         "loss": loss, "point_sigma": point_sigma, "moment_sigma": moment_sigma,
     }  # fmt: skip
@@ -61,6 +71,7 @@ def wrench_job(
         "rms_mm": MM * fit.rms,
         "cross_validation_mm": None if held_out is None else MM * held_out,
         "predicted_sd_mm": spread(MM * sd),
+        "weakest": weak_direction(transform_points(fit.mount, skin), covariance),
         "mount": fit.mount,
         "seed": seed,
         "seconds": seconds,
@@ -70,7 +81,8 @@ def wrench_job(
         write_mounts({"mounts": {file.stem: fit.mount}}, stage / "mounts.json")
         if touches.taxels is not None:
             placed = transform_points(fit.mount, touches.taxels)
-            write_taxels(np.arange(len(placed)), placed, covariance, stage / "taxels.csv")
+            table = stage / "taxels.csv"
+            write_tables(touches.channels, placed, covariance, table, formats=formats)
 
     def report(path: Path) -> None:
         rows = [
@@ -80,10 +92,16 @@ def wrench_job(
              "too few touches" if held_out is None else f"{MM * held_out:.2f} mm"),
             ("predicted error, median", f"{MM * float(np.median(sd)):.2f} mm"),
             ("predicted error, worst", f"{MM * float(sd.max()):.2f} mm"),
+            ("weakest direction", f"the patch {result['weakest']}"),
+            ("touch next", "from another side, best where the error below is largest"),
         ]  # fmt: skip
-        picture = distance_picture(None, fit.residuals)
+        placed = transform_points(fit.mount, skin)
         words = "Distance of each pressed point from the line of its force."
-        write_report(f"Wrenches: {file.stem}", result, rows, [("Touches", picture, words)], path)
+        pictures = [
+            ("On the link", taxel_picture(placed, sd), PLACED),
+            ("Touches", distance_picture(None, fit.residuals), words),
+        ]
+        write_report(f"Wrenches: {file.stem}", result, rows, pictures, path)
 
     return Job(result, write, report)
 

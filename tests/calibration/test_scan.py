@@ -135,6 +135,7 @@ def test_scan_command_writes_a_pose_and_a_report(tmp_path, bracket, rng):
     from click.testing import CliRunner
 
     from skinmap.cli.main import cli
+    from skinmap.io.readers import read_taxels
 
     points = 1e3 * moved(pose(10, 8e-3, rng), seen(bracket, rng, count=1500))
     rows = "\n".join(",".join(map(str, row)) for row in points.tolist())
@@ -149,6 +150,17 @@ def test_scan_command_writes_a_pose_and_a_report(tmp_path, bracket, rng):
     assert result["files"] == ["pose.json", "report.html"]
     kept = json.loads((tmp_path / "out" / "pose.json").read_text())
     assert kept["T_mesh_scan"] == result["T_mesh_scan"]
+    rows = [f"{k},{x!r},{y!r},{z!r},1" for k, (x, y, z) in enumerate(points[:9].tolist(), 1)]
+    (tmp_path / "taxels.csv").write_text("channel,x,y,z,sigma\n" + "\n".join(rows) + "\n")
+    seen_too = [*words, "--units", "mm", "--taxels", str(tmp_path / "taxels.csv")]
+    done = CliRunner().invoke(cli, [*seen_too, "--format", "icub"])
+    assert json.loads(done.stdout)["files"][2:] == ["taxels.csv", "taxels.txt"]
+    table, icub = (read_taxels(tmp_path / "out" / f"taxels.{kind}") for kind in ("csv", "txt"))
+    T = np.array(kept["T_mesh_scan"])
+    # The command prints six digits.
+    wanted = 1e-3 * points[:9] @ T[:3, :3].T + T[:3, 3]
+    np.testing.assert_allclose(table.positions, wanted, rtol=0, atol=3e-6)
+    np.testing.assert_array_equal(icub.positions, table.positions)
     tube = trimesh.creation.cylinder(radius=45, height=200, sections=64)
     tube.export(tmp_path / "link.stl")
     angle, height = rng.uniform(0, np.pi, 800), rng.uniform(-40, 40, 800)

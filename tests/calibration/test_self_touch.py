@@ -370,7 +370,18 @@ def test_selftouch_writes_mounts_and_taxels(touched, tmp_path):
     assert np.linalg.norm(table.positions - places, axis=1).max() < 2e-3
     mounts = json.loads((tmp_path / "out" / "mounts.json").read_text())
     np.testing.assert_allclose(mounts["mounts"]["arm"], result["mounts"]["arm"], atol=1e-6)
-    assert (tmp_path / "out" / "report.html").read_text().count("data:image/png;base64,") == 1
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 2
+    assert "arm: weakest direction" in page
+    assert "arm: touch next" in page
+
+
+def test_selftouch_writes_icub_tables_on_request(touched, tmp_path):
+    folder, _ = touched
+    words = ("--calibrate", "arm", "-o", tmp_path / "out", "--format", "icub")
+    assert "taxels_arm.txt" in run("selftouch", folder, *words)["files"]
+    icub, own = (read_taxels(tmp_path / "out" / f"taxels_arm.{kind}") for kind in ("txt", "csv"))
+    np.testing.assert_array_equal(icub.positions, own.positions)
 
 
 def test_selftouch_prints_without_writing(touched):

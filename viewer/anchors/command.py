@@ -1,0 +1,145 @@
+"""`skinmap anchors`: click taxels and their points, and see the wrapped patch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from skinmap.cli.common import emit, json_option, seed_option
+
+if TYPE_CHECKING:
+    from calibration.anchor_session import AnchorSession
+
+FILE = click.Path(path_type=Path, dir_okay=False)
+UNITS = ("m", "cm", "mm", "inch")
+
+
+@click.command("anchors", short_help="Click where taxels are, and see the patch wrapped.")
+@click.option(
+    "--layout", "layout_file", type=FILE, required=True, help="Board: CSV `channel,x,y[,module]`."
+)
+@click.option("--mesh", "mesh_file", type=FILE, required=True, help="Link: STL, OBJ, PLY ...")
+@click.option(
+    "--anchors", "anchors_file", type=FILE,
+    help="To go on from: CSV `channel,x,y,z[,sigma]`, as `w` saves it.",
+)  # fmt: skip
+@click.option(
+    "--units", type=click.Choice(UNITS), default="m", show_default=True, help="Unit of all files."
+)
+@click.option(
+    "--sigma-mm", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
+    help="Error of an anchor's coordinate, where the file does not say [mm].",
+)  # fmt: skip
+@click.option(
+    "-o", "--out", type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for taxels.csv, report.html and anchors.csv.",
+)  # fmt: skip
+@click.option(
+    "--format", "formats", type=click.Choice(["csv", "icub"]), multiple=True,
+    help="Also write the iCub's positions, as taxels.txt.",
+)  # fmt: skip
+@click.option("--screenshot", type=FILE, help="Solve, write a picture and end: needs no display.")
+@click.option("--accept", is_flag=True, help="With --screenshot: write whatever the status.")
+@seed_option
+@json_option
+def anchors(
+    layout_file: Path,
+    mesh_file: Path,
+    anchors_file: Path | None,
+    units: str,
+    sigma_mm: float,
+    out: Path | None,
+    formats: tuple[str, ...],
+    screenshot: Path | None,
+    accept: bool,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Calibrate a patch by hand: click a taxel of the board, then its point on the link.
+
+    From three anchors on the patch is wrapped and coloured by its predicted error; lines show how
+    far anchors are missed, rings which taxels to measure next. `w` saves what `skinmap calibrate
+    wrap` would write for the same anchors, and the anchors.
+
+    \b
+    Example:  skinmap anchors --layout board.csv --mesh link.stl -o out
+    """
+    from viewer.display import has_display, require_opengl
+
+    require_opengl()
+    if screenshot is None and not has_display():
+        raise click.UsageError("there is no display here: give --anchors and --screenshot")
+    from calibration.anchor_session import AnchorSession
+
+    session = AnchorSession.load(
+        layout_file, mesh_file, anchors_file, units=units, sigma_mm=sigma_mm, seed=seed
+    )
+    if screenshot is None:
+        result = _by_hand(session, out, formats)
+    else:
+        result = _picture(session, screenshot, out, formats, accept)
+    if as_json:
+        emit(result)
+    else:
+        for line in (result["status"] or "not solved", *result["reasons"], *result["files"]):
+            click.echo(line)
+    if result["refused"]:
+        raise SystemExit(3)
+
+
+def _by_hand(session: AnchorSession, out: Path | None, formats: tuple[str, ...]) -> dict[str, Any]:
+    from viewer.anchors.view import CalibrationView
+    from viewer.anchors.window import run
+
+    view = CalibrationView(session, off_screen=False, out=out, formats=formats)
+    run(view)
+    return _result(session, view.saved, out)
+
+
+def _picture(
+    session: AnchorSession,
+    screenshot: Path,
+    out: Path | None,
+    formats: tuple[str, ...],
+    accept: bool,
+) -> dict[str, Any]:
+    import imageio.v3 as iio
+
+    from skinmap.io.output import staged_file
+    from viewer.anchors.view import CalibrationView
+
+    with staged_file(screenshot) as path:
+        view = CalibrationView(session, out=out, formats=formats)
+        try:
+            if session.anchors:
+                view.solve_now()
+            saved = None
+            if out is not None:
+                view.save(accept=accept)
+                saved = view.saved
+                view.refresh()
+            iio.imwrite(path, view.frame())
+        finally:
+            view.shut()
+    result = _result(session, saved, out)
+    result["files"].append(str(screenshot))
+    return result
+
+
+def _result(
+    session: AnchorSession, saved: dict[str, Any] | None, out: Path | None
+) -> dict[str, Any]:
+    """Status, reasons, anchors and files; refused where results were wanted and not written."""
+    solution = session.solution
+    found = None if solution is None else solution.found
+    files = [str((out or Path()) / name) for name in (saved or {}).get("files", [])]
+    problem = "" if solution is None else solution.problem
+    return {
+        "status": None if found is None else str(found.status),
+        "reasons": list(found.reasons) if found is not None else [problem] if problem else [],
+        "anchors": len(session.anchors),
+        "refused": saved is not None and "taxels.csv" not in saved["files"],
+        "files": files,
+    }

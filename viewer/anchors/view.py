@@ -1,0 +1,214 @@
+"""The calibration view: a flat board beside its link, clicks that become anchors, the patch.
+
+All of it works without a screen; `calibration_window.py` adds mouse, keys and the loop.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.anchor_session import AnchorSession
+from calibration.patch_job import MM
+from skinmap.errors import SkinError
+from viewer.anchors.board import BoardPanel
+from viewer.anchors.link import LinkPicture
+from viewer.anchors.marks import NEXT, ErrorBar
+from viewer.colours import BACKGROUND, FAINT, INK, rgb
+from viewer.drawing.overlays import Line
+from viewer.drawing.plotter import BODY_SHARE, new_plotter
+
+SIZE = (1280, 800)  # of the window [px]
+GOOD, DOUBTFUL = "#00795c", "#b04a00"
+STATUS_WORDS = {
+    "ok": "may be used as it is",
+    "low_coverage": "the anchors cover too little of the patch",
+    "ambiguous": "the anchors do not settle where the patch is",
+    "unobservable": "the patch can still move",
+}
+LINES = 5  # of reasons
+LETTER = 0.56  # mean width of a letter, in heights
+
+
+class CalibrationView:
+    """What a session looks like, and what clicks and keys do to it.
+
+    Parameters
+    ----------
+    session : AnchorSession
+    window_size : (int, int)
+        [px].
+    off_screen : bool
+    out : Path, optional
+        Folder that `w` saves to.
+    formats : tuple of str
+        More formats to save in.
+    """
+
+    def __init__(
+        self,
+        session: AnchorSession,
+        *,
+        window_size: tuple[int, int] = SIZE,
+        off_screen: bool = True,
+        out: Path | None = None,
+        formats: tuple[str, ...] = (),
+    ) -> None:
+        self.session, self.out, self.formats = session, out, formats
+        self.closed = False
+        self.saved: dict[str, Any] | None = None
+        self.solve: Callable[[], None] = self.solve_now  # a window does it beside itself,
+        self.finish: Callable[[], object] = lambda: None  # and waits for that before it saves
+        self.mouse: object = None  # what turns events into clicks and keys, kept alive here
+        width, height = window_size
+        font = max(11, round(min(height / 50, width / 80)))
+        self.plotter = new_plotter(window_size, off_screen, panel=True)
+        self.link = LinkPicture(self.plotter, session, font)
+        body = self.link.renderer
+        self.bar = ErrorBar(body, font)
+        self.letters = int(BODY_SHARE * width * 0.94 / (LETTER * font))
+        step = 1.35 * font / height
+        Line(body, (0.02, 0.975), font, bold=True).write(session.title)
+        self.status = Line(body, (0.02, 0.975 - 1.2 * step), font, bold=True)
+        self.reasons = [
+            Line(body, (0.02, 0.975 - (2.2 + row) * step), font) for row in range(LINES)
+        ]
+        for line in (self.status, *self.reasons):  # they stand before the link
+            style = line.actor.GetTextProperty()
+            style.SetBackgroundColor(*rgb(BACKGROUND))
+            style.SetBackgroundOpacity(0.8)
+        self.message = Line(body, (0.02, 0.055), font, bold=True)
+        self.plotter.subplot(0, 1)
+        self.board = BoardPanel(self.plotter, session, font)
+        self.link.look()
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Draw what the session has now."""
+        limits = self.link.show()
+        self.board.show(limits)
+        self.bar.show(limits)
+        words, colour, why = self._verdict()
+        self.status.write(words, colour)
+        rows = [row for reason in why for row in textwrap.wrap(reason, self.letters)]
+        if len(rows) > LINES:
+            rows = [*rows[: LINES - 1], rows[LINES - 1][: self.letters - 4] + " ..."]
+        for line, text in zip(self.reasons, rows + [""] * LINES, strict=False):
+            line.write(text)
+        self.message.write(textwrap.shorten(self.session.message, self.letters, placeholder=" ..."))
+
+    def _verdict(self) -> tuple[str, str, list[str]]:
+        """Status in words, its colour, and the reasons."""
+        session, found = self.session, self.session.found
+        solution = session.solution
+        if solution is None:
+            return f"{len(session.anchors)} anchors, not solved yet", FAINT, []
+        old = "  (anchors have changed since)" if session.stale else ""
+        if found is None:
+            return f"not solved{old}", NEXT, [solution.problem]
+        status = str(found.status)
+        sd = MM * found.predicted_sd
+        words = f"{status}: {STATUS_WORDS[status]}{old}"
+        about = (
+            f"predicted error {np.median(sd):.2f} mm (median), {sd.max():.2f} mm (worst); "
+            f"{100 * found.coverage:.0f} % covered; {found.weakest}"
+        )
+        colour = GOOD if status == "ok" else DOUBTFUL
+        return words, INK if old else colour, [*found.reasons, about]
+
+    def click(self, x: float, y: float) -> None:
+        """A click on a pixel, counted from the lower left: a taxel of the board, or a point."""
+        if self.over_link(x):
+            hit = self.link.pick(x, y)
+            self.session.pick_point(None if hit is None else hit[0])
+        else:
+            self.session.pick_board(self.board.place(x, y))
+        self._changed()
+
+    def over_link(self, x: float) -> bool:
+        """Whether a pixel is on the link's side of the picture."""
+        return x < BODY_SHARE * self.size[0]
+
+    def press(self, key: str) -> None:
+        """What a key stands for; other keys do nothing."""
+        actions: dict[str, Callable[[], Any]] = {
+            "s": self.solve,
+            "u": self.session.undo,
+            "BackSpace": self.session.undo,
+            "x": self.session.remove,
+            "Delete": self.session.remove,
+            "w": self.save,
+            "W": lambda: self.save(accept=True),
+            "r": self.link.look,
+            "q": self.close,
+            "Escape": self.close,
+        }
+        if key in actions:
+            actions[key]()
+            self._changed(solve=key != "s")
+
+    def _changed(self, *, solve: bool = True) -> None:
+        """Solve as soon as there are anchors enough that were not solved yet, and draw."""
+        if solve and self.session.ready:
+            self.solve()
+        self.refresh()
+
+    def solve_now(self) -> None:
+        """Solve and turn to the patch when there was none before."""
+        first = self.session.found is None
+        self.session.solve()
+        self.show_solution(first)
+
+    def show_solution(self, first: bool) -> None:
+        """Draw what was solved; the first patch is looked at."""
+        if first and self.session.found is not None:
+            self.link.look()
+        self.refresh()
+
+    def save(self, *, accept: bool = False) -> None:
+        """Write the results; what goes wrong is said in the picture."""
+        if self.out is None:
+            self.session.message = "nowhere to save to: start with -o FOLDER"
+            return
+        self.finish()
+        try:
+            self.saved = self.session.save(self.out, formats=self.formats, accept=accept)
+        except SkinError as error:
+            self.session.message = str(error)
+
+    def close(self) -> None:
+        """End the loop of a window."""
+        self.closed = True
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height now [px]."""
+        width, height = self.window.GetSize()
+        return int(width), int(height)
+
+    @property
+    def window(self) -> Any:
+        """VTK's window."""
+        return self.plotter.render_window
+
+    def pixel(self, point: NDArray[Any], *, board: bool = False) -> tuple[int, int]:
+        """The pixel of a point (3,) on the link or the board [m], from the lower left."""
+        renderer = self.board.renderer if board else self.link.renderer
+        renderer.SetWorldPoint(*point, 1.0)
+        renderer.WorldToDisplay()
+        x, y, _ = renderer.GetDisplayPoint()
+        return round(x), round(y)
+
+    def frame(self) -> NDArray[np.uint8]:
+        """(height, width, 3) picture as it is now."""
+        self.window.Render()
+        return np.asarray(self.plotter.screenshot(return_img=True), np.uint8)
+
+    def shut(self) -> None:
+        """Give the window back."""
+        self.plotter.close()
