@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,9 @@ BACKGROUND = "#f7f8fa"
 PANEL = "#ffffff"
 INK = "#20262e"
 FAINT = "#6b7480"
+WARNING = "#b42318"
 BODY = "#a6b0bb"
+SHEET = "#dde1e6"  # the skin under discs
 RIM = "#6f7882"
 DOT = "#59616b"
 
@@ -28,6 +32,39 @@ PRESSURE_STOPS = (
     (0.82, "#a8182c"),
     (1.00, "#5c0a2e"),
 )
+# What is no pressure has another hue, so that no two layers are taken for each other. All are
+# even in lightness: they read in grey, and to every eye.
+RAW_STOPS = (
+    (0.00, "#440154"), (0.20, "#414487"), (0.40, "#2a788e"), (0.60, "#22a884"),
+    (0.80, "#7ad151"), (1.00, "#fde725"),
+)  # fmt: skip  # values of viridis (Smith and van der Walt, 2015, CC0): dark is low
+UNCERTAINTY_STOPS = (
+    (0.00, "#eef4f1"), (0.20, "#c3dfe0"), (0.40, "#83bfcf"), (0.60, "#4592b8"),
+    (0.80, "#1f5d9c"), (1.00, "#101a4d"),
+)  # fmt: skip
+DISTORTION_STOPS = (
+    (0.00, "#f5f2f5"), (0.20, "#e2cfe6"), (0.40, "#c39dd0"), (0.60, "#9a68b3"),
+    (0.80, "#6d3390"), (1.00, "#2b0a42"),
+)  # fmt: skip
+UNKNOWN = "#78818f"  # a taxel of which nothing is known
+TOUCHED, UNTOUCHED = "#c2410c", "#f4f2ec"
+# For things without an order. Told apart under both kinds of red-green blindness.
+CATEGORIES = (
+    "#56b4e9", "#e69f00", "#0b3d91", "#f4e9a0", "#592424", "#80734c", "#6130f2", "#f2f230",
+)  # fmt: skip
+# Lines on white: dark enough to be seen, and apart for every eye.
+TRACES = ("#0b3d91", "#d98200", "#2f9fe0", "#592424", "#6130f2", "#80734c")
+RARER, NONE = "#a6b0bb", "#ffffff"
+HEALTH = {
+    "ok": "#8fd0b0",
+    "never touched": "#e9eef6",
+    "dead": "#15181d",
+    "stuck": "#6a1fc2",
+    "saturated": "#d55e00",
+    "noisy": "#ffd60a",
+    "stale": "#7a6f66",
+}
+
 # Cool or dark, so that none is taken for a pressure, and each of another lightness.
 CLASS_COLOURS = (
     "#1f6fd0", "#00966f", "#6a1b7a", "#101418", "#4fb0e8", "#5d6b00",
@@ -35,15 +72,29 @@ CLASS_COLOURS = (
 )  # fmt: skip
 
 
+@lru_cache(maxsize=256)
 def rgb(colour: str) -> FloatArray:
-    """(3,) red, green and blue from 0 to 1 of a colour written `#rrggbb`."""
-    return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+    """(3,) red, green and blue from 0 to 1 of a colour written `#rrggbb`; not to be written to."""
+    channels = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+    channels.flags.writeable = False
+    return channels
 
 
 def pressure_colours(n: int = 256) -> NDArray[np.uint8]:
     """(n, 4) table of red, green, blue and opacity from rest to full scale, 0 to 255."""
-    places = np.array([place for place, _ in PRESSURE_STOPS])
-    stops = np.array([rgb(colour) for _, colour in PRESSURE_STOPS])
+    return ramp(PRESSURE_STOPS, n)
+
+
+def steps(colours: Iterable[str]) -> NDArray[np.uint8]:
+    """(k, 4) table of some colours, one for each category."""
+    table = [[*np.rint(rgb(colour) * 255), 255] for colour in colours]
+    return np.array(table).reshape(-1, 4).astype(np.uint8)
+
+
+def ramp(stops_: Sequence[tuple[float, str]], n: int = 256) -> NDArray[np.uint8]:
+    """(n, 4) table of red, green, blue and opacity through stops (place, colour)."""
+    places = np.array([place for place, _ in stops_])
+    stops = np.array([rgb(colour) for _, colour in stops_])
     wanted = np.linspace(0.0, 1.0, n)
     table = np.ones((n, 4))
     for column in range(3):
@@ -62,3 +113,12 @@ def luminance(colours: FloatArray) -> FloatArray:
     """(n,) relative luminance of colours (n, 3) from 0 to 1 (ITU-R BT.709, linear light)."""
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
     return np.asarray(linear @ np.array([0.2126, 0.7152, 0.0722]))
+
+
+def ink_on(colour: str) -> str:
+    """White letters where they can be read on a colour, else dark ones.
+
+    A contrast of 3 is enough for large bold letters (WCAG 2.1).
+    """
+    light = float(luminance(rgb(colour)[None])[0]) + 0.05
+    return "#ffffff" if 1.05 / light > 3.0 else INK

@@ -1,46 +1,46 @@
 """The scene: a robot's body with its skin, pressures, named touches, and a flat map beside it.
 
-scene = Scene(robot, meshes, flat_maps)
-scene.set_pressures("torso", pressures)
-scene.set_touches(touches)
-scene.show_flat_map("torso")
+scene = Scene.load("icub", ["torso", "left_arm"])
+scene.show_moment(moment)
+scene.set_layer("health")
+scene.select("torso", [3, 4])
 scene.screenshot("touches.png")
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 from numpy.typing import ArrayLike, NDArray
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
-from skinmap.arrays import FloatArray
+from skinmap.arrays import IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
-from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.io.output import staged_file
+from skinmap.live.moment import Moment
 from skinmap.live.touches import NamedTouch
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import SurfaceMesh
-from viewer.body import body_meshes, body_points
-from viewer.camera import Margins, Target, View, front_view, project
-from viewer.colours import BODY, class_colour
+from skinmap.touch.prepared import PreparedSkin
 from viewer.display import require_opengl
-from viewer.flat_panel import FlatPanel, caption
-from viewer.framing import Framing, Mode
-from viewer.labels import Label, LabelLayer
-from viewer.outlines import OutlineLayer, outline_touch
-from viewer.overlays import ColourBar, Line
-from viewer.plotter import new_plotter
-from viewer.polydata import join
-from viewer.skin_layer import LINE_LIFT, SkinLayer, add_layer, build_layer, pressure_table
+from viewer.drawing.body import Links
+from viewer.drawing.camera import View
+from viewer.drawing.canvas import TURN_STEP, Canvas, Content
+from viewer.drawing.content_checks import check_moment, check_part, check_taxels, check_touches
+from viewer.drawing.flat_panel import FlatPanel, LazyMaps, SomeMaps
+from viewer.drawing.framing import Framing, Mode
+from viewer.drawing.posing import posed
+from viewer.drawing.skin_layer import SkinLayer, build_layer
+from viewer.drawing.taxel_drawing import check_style
+from viewer.drawing.traces import History
+from viewer.layer import Layer
+from viewer.layers import Layers
 
-TURN_STEP = 5.0  # how far the camera turns from one frame to the next [deg]
 STILL_SAMPLES = 8  # per pixel, for stills only: too slow for live pictures
 
 
@@ -59,14 +59,20 @@ class Scene:
         Joint angles [rad]; the robot's natural pose by default.
     parts : iterable of str, optional
         Parts to show; all of `meshes` by default.
-    links : iterable of str, optional
-        Links to draw; all that have a mesh by default.
+    links : iterable of str, "all" or "skin", optional
+        Links to draw; all that have a mesh by default, "skin" for those under the parts shown.
     window_size : (int, int)
         Width and height [px].
     off_screen : bool
         Draw without a window.
     camera : {"auto", "still", "free"}
         Whether the camera turns by itself to show touches, keeps its view, or obeys the mouse.
+    data : Layers, optional
+        What the skin can show; made of meshes and flat maps by default.
+    layer : str
+        One of `viewer.layers.LAYERS`.
+    style : {"surface", "discs"}
+        A coloured surface with a dot for each taxel, or a coloured disc for each.
     """
 
     def __init__(
@@ -77,88 +83,86 @@ class Scene:
         *,
         angles: Mapping[str, float] | None = None,
         parts: Iterable[str] | None = None,
-        links: Iterable[str] | None = None,
+        links: Links = None,
         window_size: tuple[int, int] = (1400, 900),
         off_screen: bool = True,
         camera: Mode = "auto",
+        data: Layers | None = None,
+        layer: str = "pressure",
+        style: str = "surface",
     ) -> None:
         require_opengl(window=not off_screen)
         self.robot = robot
-        shown_parts = tuple(meshes) if parts is None else tuple(parts)
-        for part in shown_parts:
+        shown = tuple(meshes) if parts is None else tuple(parts)
+        for part in shown:
             if part not in meshes:
                 raise UnknownNameError("part with a surface mesh", part, meshes)
-        self.poses = robot.body.poses(robot.pose if angles is None else angles)
-        self.layers: dict[str, SkinLayer] = {p: build_layer(meshes[p]) for p in shown_parts}
-        self._maps = {part: flat_maps[part] for part in shown_parts if part in flat_maps}
-        self._touches: tuple[NamedTouch, ...] = ()
-        self._targets: list[Target] = []
-        self._aimed: tuple[tuple[str, str], ...] = ()
-        self._title: str | None = None
-        self._changed = True
-        self.font_px = max(11, round(window_size[1] / 52))
-        self.plotter = new_plotter(window_size, off_screen, panel=bool(self._maps))
-        self._table = pressure_table()
-        body, points = self._add_body(links)
-        for part, layer in self.layers.items():
-            for actor in add_layer(self.plotter, layer, self._table):
-                actor.user_matrix = self._pose(part)
-        self._outlines = OutlineLayer(self.plotter)
-        renderer = self.plotter.renderer
-        self._heading = Line(renderer, (0.02, 0.975), round(1.25 * self.font_px), bold=True)
-        self._bar = ColourBar(renderer, self.font_px)
-        self._labels = LabelLayer(renderer, round(1.1 * self.font_px))
-        self._body_renderer = renderer
-        self.panel = self._add_panel()
-        self.framing = self._new_framing(body, points, camera)
+        self._angles: Mapping[str, float] = {} if angles is None else dict(angles)
+        self.poses = posed(robot, self._angles)
+        self.layers: dict[str, SkinLayer] = {part: build_layer(meshes[part]) for part in shown}
+        if data is None:
+            data = Layers({p: PreparedSkin.of(meshes[p], flat_maps.get(p)) for p in shown})
+        self.data = data
+        sizes = {part: len(one.skin) for part, one in self.layers.items()}
+        at_rest = Moment(float("nan"), {part: np.zeros(n) for part, n in sizes.items()})
+        self.content = Content(robot.name, data, data.get(layer), check_style(style), at_rest)
+        self.history = History(sizes)
+        maps = SomeMaps(flat_maps, shown)
+        self.canvas = Canvas(
+            robot, self.layers, maps, self.poses, links, window_size, off_screen, camera
+        )
 
-    def _add_body(self, links: Iterable[str] | None) -> tuple[pv.PolyData, FloatArray]:
-        """Add the links; the placed body comes back, and points of body and skin [m]."""
-        meshes = body_meshes(self.robot, links)
-        placed = []
-        for link, mesh in meshes.items():
-            actor = pv.Actor(mapper=pv.DataSetMapper(mesh))
-            actor.user_matrix = self.poses[link]
-            actor.prop.color = BODY
-            actor.prop.ambient, actor.prop.diffuse = 0.25, 0.75
-            actor.prop.specular, actor.prop.specular_power = 0.08, 20
-            actor.mapper.SetScalarVisibility(False)
-            actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-            # Pushed back a little: what lies on the skin is never torn by the cover below it.
-            actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(1.0, 8.0)
-            self.plotter.add_actor(actor, reset_camera=False, render=False)
-            actor.prop.culling = "back"
-            placed.append(mesh.transform(self.poses[link], inplace=False))
-        skins = [transform_points(self._pose(p), layer.points) for p, layer in self.layers.items()]
-        points = np.concatenate([body_points(meshes, self.poses), *skins])
-        return join(placed), points
+    @classmethod
+    def load(
+        cls,
+        robot: Robot | str | Path = "icub",
+        parts: Iterable[str] | None = None,
+        *,
+        covariances: Mapping[str, ArrayLike] | None = None,
+        healths: Mapping[str, ArrayLike] | None = None,
+        **options: Any,
+    ) -> Scene:
+        """A scene of a robot by name, its skins prepared on the way; no window is needed.
 
-    def _new_framing(self, body: pv.PolyData, points: FloatArray, mode: Mode) -> Framing:
-        normals = [
-            transform_directions(self._pose(part), layer.skin.normals)
-            for part, layer in self.layers.items()
-        ]
-        front = front_view(np.concatenate([np.zeros((1, 3)), *normals]))
-        unit = float(self.font_px)
-        margins = Margins(left=9 * unit, right=7 * unit, top=3.2 * unit, bottom=1.6 * unit)
-        return Framing(self._body_renderer, body, points, front, margins, mode)
+        Parameters
+        ----------
+        robot : Robot, str or path
+            As `skinmap.load_robot` takes it.
+        parts : iterable of str, optional
+            All of the robot's parts by default.
+        covariances, healths : mapping, optional
+            As `viewer.layers.Layers` takes them.
+        options
+            As `Scene` takes them.
+        """
+        import skinmap
 
-    def _add_panel(self) -> FlatPanel | None:
-        if not self._maps:
-            return None
-        self.plotter.subplot(0, 1)
-        panel = FlatPanel(self.plotter, self.layers, self._maps, self._table, self.font_px)
-        self.plotter.subplot(0, 0)
-        panel.show(next(iter(self._maps)))
-        return panel
+        loaded = robot if isinstance(robot, Robot) else skinmap.load_robot(str(robot))
+        names = loaded.parts if parts is None else tuple(parts)
+        skins = {part: PreparedSkin(loaded.skin(part)) for part in names}
+        data = Layers(skins, covariances=covariances, healths=healths)
+        meshes = {part: skin.mesh for part, skin in skins.items()}
+        return cls(loaded, meshes, LazyMaps(skins), data=data, **options)
 
-    def _pose(self, part: str) -> FloatArray:
-        return self.poses[self.layers[part].skin.link]
+    @property
+    def plotter(self) -> pv.Plotter:
+        """The window or picture that is drawn in."""
+        return self.canvas.plotter
 
-    def _layer(self, part: str) -> SkinLayer:
-        if part not in self.layers:
-            raise UnknownNameError("part in this scene", part, self.layers)
-        return self.layers[part]
+    @property
+    def panel(self) -> FlatPanel | None:
+        """The panel beside the body, where there are flat maps."""
+        return self.canvas.panel
+
+    @property
+    def framing(self) -> Framing:
+        """The camera's behaviour."""
+        return self.canvas.framing
+
+    @property
+    def font_px(self) -> int:
+        """Height of the letters [px]."""
+        return self.canvas.font_px
 
     @property
     def front(self) -> View:
@@ -168,38 +172,130 @@ class Scene:
     @property
     def touches(self) -> tuple[NamedTouch, ...]:
         """The touches shown now."""
-        return self._touches
+        return self.content.touches
+
+    @property
+    def layer(self) -> Layer:
+        """What the skin shows."""
+        return self.content.layer
+
+    @property
+    def style(self) -> str:
+        """How the skin shows it: "surface" or "discs"."""
+        return self.content.style
+
+    @property
+    def moment(self) -> Moment:
+        """The moment shown now."""
+        return self.content.moment
+
+    @property
+    def selection(self) -> Mapping[str, IntArray]:
+        """Selected taxels (k,) by part; parts without any are left out."""
+        return dict(self.content.selection)
+
+    def show_moment(self, moment: Moment) -> None:
+        """Show a moment: its pressures, touches and joint angles; parts not shown are left out.
+
+        Raises
+        ------
+        SkinMismatchError
+            Values or touches of another skin; nothing of the moment is shown then.
+        UnknownNameError, InvalidArrayError
+            A joint that the body lacks, or an angle beyond its limits.
+        """
+        touches = check_moment(moment, self.layers)
+        if moment.angles and dict(moment.angles) != self._angles:
+            self.set_pose(moment.angles)
+        for part, pressures in moment.pressures.items():
+            if part in self.layers:
+                self.layers[part].set_pressures(pressures)
+        self.content.moment, self.content.touches = moment, touches
+        self.data.observe(moment)
+        self.history.add(moment.time, moment.pressures)
+        self.canvas.status.take(moment)
+        self.canvas.changed = True
 
     def set_pressures(self, part: str, pressures: ArrayLike) -> None:
-        """Colour a part by pressures (n,) of 0 to 255 counts.
+        """Take pressures (n,) of 0 to 255 counts for one part.
 
         Raises
         ------
         UnknownNameError, SkinMismatchError
             A part that is not in the scene, or another number of pressures than taxels.
         """
-        self._layer(part).set_pressures(pressures)
-        self._changed = True
+        layer = check_part(part, self.layers)
+        layer.set_pressures(pressures)
+        felt = {**self.moment.pressures, part: layer.pressures}
+        self.content.moment = replace(self.moment, pressures=felt)
+        self.canvas.changed = True
 
     def set_touches(self, touches: Iterable[NamedTouch]) -> None:
         """Outline and label these touches, and no others."""
-        self._touches = tuple(touches)
-        for touch in self._touches:
-            self._layer(touch.part)
-        self._changed = True
+        chosen = tuple(touches)
+        check_touches(chosen, self.layers)
+        self.content.touches = chosen
+        self.canvas.changed = True
+
+    def set_layer(self, name: str) -> None:
+        """Show another of `viewer.layers.LAYERS` on body and flat map.
+
+        Raises
+        ------
+        UnknownNameError
+            No such layer.
+        """
+        self.content.layer = self.data.get(name)
+        self.canvas.changed = True
+
+    def set_style(self, style: str) -> None:
+        """Draw the skin as "discs", one for each taxel, or as a coloured "surface".
+
+        Raises
+        ------
+        UnknownNameError
+            Another style.
+        """
+        self.content.style = check_style(style)
+        self.canvas.changed = True
+
+    def select(self, part: str, taxels: ArrayLike) -> None:
+        """Mark taxels (k,) of a part on body and flat map, instead of those marked before.
+
+        Raises
+        ------
+        UnknownNameError, InvalidArrayError
+            A part or taxels that are not there.
+        """
+        chosen = check_taxels(taxels, part, len(check_part(part, self.layers).skin))
+        others = {name: rows for name, rows in self.selection.items() if name != part}
+        self.content.selection = {**others, part: chosen} if chosen.size else others
+        self.canvas.changed = True
+
+    def set_pose(self, angles: Mapping[str, float]) -> None:
+        """Move the body to joint angles [rad]; joints not named take their natural angle.
+
+        Raises
+        ------
+        UnknownNameError, InvalidArrayError
+            A joint that the body lacks, or an angle beyond its limits (names joint and limits).
+        """
+        self.poses = posed(self.robot, angles)
+        self._angles = dict(angles)
+        self.canvas.move(self.poses)
 
     def show_flat_map(self, part: str) -> None:
         """Show the flat map of one part beside the body."""
-        self._layer(part)
-        if self.panel is None or part not in self._maps:
-            raise UnknownNameError("part with a flat map", part, self._maps)
+        check_part(part, self.layers)
+        if self.panel is None:
+            raise UnknownNameError("part with a flat map", part, ())
         self.panel.show(part)
-        self._changed = True
+        self.canvas.changed = True
 
     def set_title(self, text: str | None) -> None:
         """Replace the title; None brings back robot, taxels and touches."""
-        self._title = text
-        self._changed = True
+        self.content.title = text
+        self.canvas.changed = True
 
     def look(self, azimuth: float, elevation: float = 12.0) -> None:
         """Look from a direction [deg], azimuth about +z counted from +x; the camera stays there."""
@@ -209,94 +305,28 @@ class Scene:
         """Write a still of the scene, smoothed, turned to show its touches."""
         import imageio.v3 as iio
 
-        window: Any = self.plotter.render_window
-        window.SetMultiSamples(STILL_SAMPLES)
-        try:
-            picture = self._draw(step=360.0)
-        finally:
-            window.SetMultiSamples(0)
+        picture = self.canvas.draw(self.content, self.history, 360.0, samples=STILL_SAMPLES)
         with staged_file(Path(path)) as stage:
             iio.imwrite(stage, picture)
         return Path(path)
 
     def frame(self) -> NDArray[np.uint8]:
         """One picture (h, w, 3) of a movie: the camera turns a little towards the touches."""
-        return self._draw(step=TURN_STEP)
+        return self.canvas.draw(self.content, self.history, TURN_STEP)
+
+    def update(self, step: float = TURN_STEP) -> None:
+        """Bring all that is drawn up to date; `step` [deg] limits the camera's turn."""
+        self.canvas.update(self.content, self.history, step)
+
+    def refresh(self, step: float = TURN_STEP) -> bool:
+        """Bring the window up to date; False where nothing had to be drawn.
+
+        While camera or body move, the body is drawn coarser; it is refined once they rest.
+        """
+        self.update(step)
+        return self.canvas.cache.draw()
 
     def close(self) -> None:
         """Give the window and its memory back."""
+        self.canvas.cache.close()
         self.plotter.close()
-
-    def _draw(self, step: float) -> NDArray[np.uint8]:
-        self.update(step)
-        window: Any = self.plotter.render_window
-        window.Render()
-        width, height = window.GetSize()
-        pixels = vtkUnsignedCharArray()
-        window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
-        picture = vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
-        return np.ascontiguousarray(picture)
-
-    def update(self, step: float = TURN_STEP) -> None:
-        """Bring outlines, labels, panel and camera up to date; `step` [deg] limits its turn."""
-        if self._changed:
-            self._targets = [self._target(touch) for touch in self._touches]
-            names = tuple((touch.part, touch.label) for touch in self._touches)
-            if names != self._aimed:
-                self._aimed = names
-                self.framing.aim(self._targets)
-            self._show_outlines()
-        self.framing.turn(step)
-        self._show_labels()
-        self._changed = False
-
-    def _target(self, touch: NamedTouch) -> Target:
-        pose, skin = self._pose(touch.part), self.layers[touch.part].skin
-        points = skin.positions[touch.taxels]
-        middle = int(np.argmin(np.linalg.norm(points - touch.centre, axis=1)))
-        normals = transform_directions(pose, skin.normals[touch.taxels])
-        return Target(transform_points(pose, points), normals, middle)
-
-    def _show_outlines(self) -> None:
-        world, flat, colours = [], [], []
-        for touch in self._touches:
-            layer = self.layers[touch.part]
-            line = outline_touch(layer, touch, self._touches)
-            raised = layer.points + LINE_LIFT * layer.fine.normals
-            ends = line.points(raised).reshape(-1, 3)
-            world.append(transform_points(self._pose(touch.part), ends).reshape(-1, 2, 3))
-            colours.append(class_colour(touch.label))
-            if self.panel is not None and touch.part == self.panel.part:
-                uv = self.panel.coordinates()
-                flat.append((touch.label, line.points(uv)))
-        self._outlines.show(world, colours)
-        if self.panel is not None:
-            self.panel.refresh()
-            self.panel.show_touches(self._touches, flat)
-        self._heading.write(self._title if self._title is not None else self._summary())
-
-    def _show_labels(self) -> None:
-        renderer = self._body_renderer
-        centres = np.array([target.points[target.middle] for target in self._targets])
-        anchors = project(renderer, centres.reshape(-1, 3))
-        labels = [
-            Label(
-                f"{touch.part}/{number}",
-                caption(touch),
-                class_colour(touch.label),
-                (float(x), float(y)),
-                self.framing.hidden(target),
-            )
-            for number, (touch, target, (x, y)) in enumerate(
-                zip(self._touches, self._targets, anchors, strict=True)
-            )
-        ]
-        height = float(renderer.GetSize()[1])
-        heading = (0.0, 0.94 * height, self._heading.width() + 2.0 * self.font_px, height)
-        self._labels.show(labels, [self._bar.box, heading], self.framing.busy())
-
-    def _summary(self) -> str:
-        taxels = sum(len(layer.skin) for layer in self.layers.values())
-        count = len(self._touches)
-        touches = "1 touch" if count == 1 else f"{count} touches"
-        return f"{self.robot.name}   {taxels:,} taxels   {touches}"

@@ -2,7 +2,25 @@ import numpy as np
 import pytest
 
 from skinmap.touch.gestures import GESTURES
-from viewer.colours import BODY, CLASS_COLOURS, class_colour, luminance, pressure_colours, rgb
+from viewer.colours import (
+    BODY,
+    CATEGORIES,
+    CLASS_COLOURS,
+    DISTORTION_STOPS,
+    HEALTH,
+    RARER,
+    RAW_STOPS,
+    TOUCHED,
+    TRACES,
+    UNCERTAINTY_STOPS,
+    UNTOUCHED,
+    class_colour,
+    ink_on,
+    luminance,
+    pressure_colours,
+    ramp,
+    rgb,
+)
 
 # Viénot, Brettel and Mollon, "Digital video colourmaps for checking the legibility of displays
 # by dichromats", Color Res. Appl. 24(4), 1999: what protanopes and deuteranopes see, linear RGB.
@@ -42,3 +60,36 @@ def test_class_colour_is_fixed_and_distinct_for_each_gesture():
     assert len({class_colour(name) for name in GESTURES}) == len(GESTURES)
     assert class_colour("my own class") == class_colour("my own class")
     assert class_colour("my own class") in CLASS_COLOURS
+
+
+@pytest.mark.parametrize("stops", [RAW_STOPS, UNCERTAINTY_STOPS, DISTORTION_STOPS])
+def test_lightness_of_each_layer_goes_one_way(stops):
+    light = luminance(ramp(stops)[:, :3] / 255.0)
+    steps = np.diff(light) * np.sign(light[-1] - light[0])
+    # As for pressures: rounding to 8 bits may hold a step, never turn it back by more than one.
+    assert (steps > -2e-3).all()
+    assert abs(light[-1] - light[0]) > 0.6
+
+
+@pytest.mark.parametrize("kind", DICHROMATS)
+@pytest.mark.parametrize(
+    ("colours", "least"),
+    [
+        ([*CATEGORIES, RARER], 0.17),  # nine of them: the search found no set further apart
+        (list(HEALTH.values()), 0.3),
+        ([TOUCHED, UNTOUCHED], 0.3),
+        ([*TRACES], 0.17),
+        ([HEALTH["dead"], HEALTH["stuck"], HEALTH["noisy"], UNTOUCHED], 0.3),
+    ],
+)
+def test_categories_stay_apart_for_colour_blind_eyes(colours, least, kind):
+    views = seen(np.array([rgb(colour) for colour in colours]), kind) ** (1 / 2.2)
+    distance = np.linalg.norm(views[:, None] - views[None], axis=2)
+    assert distance[~np.eye(len(views), dtype=bool)].min() > least
+
+
+def test_letters_on_a_label_can_be_read():
+    for colour in CLASS_COLOURS:
+        light = luminance(np.array([rgb(colour), rgb(ink_on(colour))]))
+        # WCAG 2.1, large bold text: a contrast of at least 3.
+        assert (light.max() + 0.05) / (light.min() + 0.05) > 3.0

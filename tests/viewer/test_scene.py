@@ -7,7 +7,7 @@ from skinmap.geometry.rigid import transform_directions, transform_points
 
 def places(scene, part):
     """(n, 2) rows and columns of a part's taxels in the picture, (n,) cosine to the camera."""
-    from viewer.camera import project
+    from viewer.drawing.camera import project
 
     layer = scene.layers[part]
     pose = scene.poses[layer.skin.link]
@@ -81,7 +81,7 @@ def test_sheet_and_dots_are_lifted_but_do_not_float(at_rest, icub):
     sheet, _, _ = closest_on_mesh(layer.points, mesh.vertices, mesh.faces)
     # Taxels lie within a millimetre or so of the cover; the sheet its lift above that.
     assert np.quantile(sheet, 0.95) < np.quantile(taxels, 0.95) + 2.5e-3
-    dots = np.asarray(layer.dots.points).reshape(-1, 6, 3).mean(axis=1)
+    dots = layer.places.centres
     above = np.einsum("ij,ij->i", dots - layer.skin.positions, layer.skin.normals)
     assert (above > 2.0e-3).all()
     assert (above < 2.7e-3).all()
@@ -95,17 +95,17 @@ def test_each_touch_has_a_label_an_outline_and_a_row(at_rest, press):
     at_rest.set_pressures("left_arm", two)
     at_rest.set_touches([first, second])
     at_rest.update()
-    assert at_rest._labels.texts == ("poke 98 %", "full finger 98 %")
-    tints = np.unique(at_rest._outlines.lines.cell_data["colour"], axis=0)
+    assert at_rest.canvas.touch_view.labels.texts == ("poke 98 %", "full finger 98 %")
+    tints = np.unique(at_rest.canvas.touch_view.marks.outlines.lines.cell_data["colour"], axis=0)
     assert len(tints) == 2
-    assert "2 touches" in at_rest._heading.actor.GetInput()
+    assert "2 touches" in at_rest.canvas.heading.actor.GetInput()
     at_rest.set_touches([first])
     at_rest.update()
-    assert at_rest._labels.texts == ("poke 98 %",)
+    assert at_rest.canvas.touch_view.labels.texts == ("poke 98 %",)
     at_rest.set_touches([])
     at_rest.update()
-    assert at_rest._labels.texts == ()
-    assert at_rest._outlines.lines.n_cells == 0
+    assert at_rest.canvas.touch_view.labels.texts == ()
+    assert at_rest.canvas.touch_view.marks.outlines.lines.n_cells == 0
 
 
 def test_outline_surrounds_the_touch_on_body_and_flat_map(at_rest, press):
@@ -117,18 +117,20 @@ def test_outline_surrounds_the_touch_on_body_and_flat_map(at_rest, press):
     at_rest.update()
     pose = at_rest.poses["chest"]
     centre = transform_points(pose, touch.centre[None])[0]
-    away = np.linalg.norm(np.asarray(at_rest._outlines.lines.points) - centre, axis=1)
+    away = np.linalg.norm(
+        np.asarray(at_rest.canvas.touch_view.marks.outlines.lines.points) - centre, axis=1
+    )
     # A cap of 20 mm cut at a quarter of its peak has a radius of 20 sqrt(3/4) = 17 mm.
     assert away.min() > 0.012
     assert away.max() < 0.025
-    uv = at_rest._maps["torso"].uv[taxel]
-    flat = np.linalg.norm(np.asarray(at_rest.panel.outlines.lines.points)[:, :2] - uv, axis=1)
+    uv = at_rest.canvas.panel.flat_maps["torso"].uv[taxel]
+    flat = np.linalg.norm(np.asarray(at_rest.panel.outlines.points)[:, :2] - uv, axis=1)
     assert flat.min() > 0.012
     assert flat.max() < 0.025
 
 
 def test_outline_leaves_other_touches_on_the_part_out(at_rest, press):
-    from viewer.outlines import outline_touch
+    from viewer.drawing.outlines import outline_touch
 
     skin = at_rest.layers["torso"].skin
     ends = np.argmin(skin.positions[:, 2]), np.argmax(skin.positions[:, 2])
@@ -142,7 +144,7 @@ def test_outline_leaves_other_touches_on_the_part_out(at_rest, press):
 
 
 def test_labels_stay_in_the_picture_clear_of_each_other_and_of_the_bar(at_rest, press):
-    from viewer.label_places import overlaps
+    from viewer.drawing.label_places import overlaps
 
     touches = []
     for taxel in (5, 120, 240, 400):
@@ -151,9 +153,9 @@ def test_labels_stay_in_the_picture_clear_of_each_other_and_of_the_bar(at_rest, 
         touches.append(touch)
     at_rest.set_touches(touches)
     at_rest.update()
-    boxes = np.array(at_rest._labels.boxes)
+    boxes = np.array(at_rest.canvas.touch_view.labels.boxes)
     for i in range(len(boxes)):
-        others = np.vstack([np.delete(boxes, i, axis=0), at_rest._bar.box])
+        others = np.vstack([np.delete(boxes, i, axis=0), at_rest.canvas.legend.box])
         assert overlaps(boxes[i : i + 1], others)[0] == 0.0
     width, height = at_rest.plotter.renderers[0].GetSize()
     assert (boxes[:, :2] >= 0).all()
@@ -202,7 +204,7 @@ def test_same_state_gives_the_same_picture(at_rest, press):
 
 
 def test_camera_turns_step_by_step_to_a_touch_that_it_does_not_see(at_rest, press):
-    from viewer.camera import View
+    from viewer.drawing.camera import View
 
     pressures, touch = press("torso", middle_taxel(at_rest))
     at_rest.set_pressures("torso", pressures)
@@ -212,10 +214,10 @@ def test_camera_turns_step_by_step_to_a_touch_that_it_does_not_see(at_rest, pres
     at_rest.update(step=10.0)
     turned = at_rest.framing.view.direction @ behind.direction
     assert np.cos(np.radians(10.5)) < turned < 1.0
-    assert at_rest.framing.hidden(at_rest._targets[0])
+    assert at_rest.framing.hidden(at_rest.canvas.touch_view.targets[0])
     for _ in range(40):
         at_rest.update(step=10.0)
-    assert not at_rest.framing.hidden(at_rest._targets[0])
+    assert not at_rest.framing.hidden(at_rest.canvas.touch_view.targets[0])
 
 
 def test_screenshot_writes_a_whole_picture_and_nothing_else(at_rest, tmp_path):
@@ -229,10 +231,10 @@ def test_screenshot_writes_a_whole_picture_and_nothing_else(at_rest, tmp_path):
 def test_set_title_replaces_the_summary_and_none_brings_it_back(at_rest):
     at_rest.set_title("my robot")
     at_rest.update()
-    assert at_rest._heading.actor.GetInput() == "my robot"
+    assert at_rest.canvas.heading.actor.GetInput() == "my robot"
     at_rest.set_title(None)
     at_rest.update()
-    assert at_rest._heading.actor.GetInput().startswith("iCub   780 taxels")
+    assert at_rest.canvas.heading.actor.GetInput().startswith("iCub   780 taxels")
 
 
 def test_scene_refuses_what_it_does_not_know(at_rest, press, prepared, icub):

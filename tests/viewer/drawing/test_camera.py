@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from viewer.camera import Margins, Target, View, best_view, fit, front_view, make_locator, sees
+from viewer.drawing.camera import Margins, Target, View, best_view, fit, front_view, sees
+from viewer.drawing.occlusion import Surface
 
 SIZE = (900, 700)
 
@@ -11,7 +12,7 @@ SIZE = (900, 700)
 def ball(opengl):
     import pyvista as pv
 
-    return make_locator(pv.Sphere(radius=0.1))
+    return Surface(pv.Sphere(radius=0.1))
 
 
 def target(direction):
@@ -32,7 +33,7 @@ def test_sees_tells_front_from_back(ball):
 def test_sees_notices_what_stands_before(opengl):
     import pyvista as pv
 
-    wall = make_locator(pv.Plane(center=(0.5, 0, 0), direction=(1, 0, 0)))
+    wall = Surface(pv.Plane(center=(0.5, 0, 0), direction=(1, 0, 0)))
     assert not sees(wall, target([1, 0, 0]), np.array([1.0, 0.0, 0.0]))
     assert sees(wall, target([1, 0, 0]), np.array([0.6, 0.0, 0.8]))
 

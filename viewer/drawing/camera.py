@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
-from vtkmodules.vtkCommonCore import mutable
-from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkStaticCellLocator
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer
 
 from skinmap.arrays import FloatArray
+from viewer.drawing.occlusion import Blocks
 
 VIEW_ANGLE = 22.0  # vertical [deg]: long enough a lens that limbs keep their proportions
 AZIMUTHS = np.arange(-180.0, 180.0, 15.0)
@@ -69,24 +67,16 @@ def front_view(normals: FloatArray) -> View:
     return View(float(AZIMUTHS[int(np.argmax(scores))]) + 20.0, 12.0)
 
 
-def sees(locator: vtkStaticCellLocator, target: Target, direction: FloatArray) -> bool:
+def sees(body: Blocks, target: Target, direction: FloatArray) -> bool:
     """Whether the middle of a target faces a far camera in that direction and is not hidden."""
     point, normal = target.points[target.middle], target.normals[target.middle]
     if normal @ direction < FACING:
         return False
-    # Typed by VTK as plain numbers, which it could not write to.
-    distance: Any = mutable(0.0)
-    sub: Any = mutable(0)
-    cell: Any = mutable(0)
-    hit, local = [0.0] * 3, [0.0] * 3
     start = point + CLEAR * normal
-    end = start + 3.0 * direction
-    return not locator.IntersectWithLine(start, end, 1e-6, distance, hit, local, sub, cell)
+    return not body.blocks(start, start + 3.0 * direction)
 
 
-def best_view(
-    targets: Sequence[Target], locator: vtkStaticCellLocator, front: View, now: View
-) -> View:
+def best_view(targets: Sequence[Target], body: Blocks, front: View, now: View) -> View:
     """The view in which all targets face the camera and are not hidden, near the front if equal.
 
     The view of now is kept unless another is clearly better: a camera that moves at each touch
@@ -98,7 +88,7 @@ def best_view(
         seen = 0.0
         for target in targets:
             facing = np.clip(target.normals @ direction, 0.0, None).mean()
-            clear = sees(locator, target, direction)
+            clear = sees(body, target, direction)
             seen += np.sqrt(facing) * (1.0 if clear else HIDDEN)
         turn = abs((view.azimuth - front.azimuth + 180.0) % 360.0 - 180.0) / 180.0
         rise = abs(view.elevation - front.elevation) / 90.0
@@ -117,14 +107,6 @@ def silhouette(points: FloatArray) -> FloatArray:
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:  # fewer than four points, or all of them in one plane
         return points
-
-
-def make_locator(surface: vtkPolyData) -> vtkStaticCellLocator:
-    """Answers which rays meet a surface."""
-    locator = vtkStaticCellLocator()
-    locator.SetDataSet(surface)
-    locator.BuildLocator()
-    return locator
 
 
 def fit(

@@ -73,6 +73,12 @@ def split(faces: IntArray) -> tuple[IntArray, IntArray]:
     return ends, np.concatenate([np.stack(corner, axis=1) for corner in corners])
 
 
+def unsplit(faces: IntArray) -> IntArray:
+    """The faces (m / 4, 3) from which `split` made these, over the first of their vertices."""
+    m = len(faces) // 4
+    return np.stack([faces[k * m : (k + 1) * m, 0] for k in range(3)], axis=1)
+
+
 def boundary_edges(faces: IntArray) -> IntArray:
     """(b, 2) edges with a face on one side only, in the direction of that face."""
     directed = half_edges(faces)

@@ -12,8 +12,8 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer, vtkTextActor
 
 from skinmap.arrays import FloatArray
-from viewer.colours import luminance, rgb
-from viewer.label_places import Box, Coverage, place_boxes
+from viewer.colours import ink_on, rgb
+from viewer.drawing.label_places import Box, Coverage, place_boxes
 
 CORNER = np.radians(np.linspace(0, 90, 5))
 WHITE = np.full(3, 255.0)
@@ -58,6 +58,7 @@ class LabelLayer:
         self.boxes: list[Box] = []
         self._labels: tuple[Label, ...] = ()
         self._texts: list[vtkTextActor] = []
+        self._wanted: tuple[object, ...] = ()
         self._shapes = pv.PolyData()
         mapper = vtkPolyDataMapper2D()
         mapper.SetInputData(self._shapes)
@@ -73,6 +74,12 @@ class LabelLayer:
         """What is written now."""
         return tuple(text.GetInput() for text in self._texts if text.GetVisibility())
 
+    def set_font(self, font_px: int) -> None:
+        """Letters of another height [px]."""
+        self.font_px = font_px
+        for text in self._texts:
+            text.GetTextProperty().SetFontSize(font_px)
+
     def show(
         self,
         labels: Sequence[Label],
@@ -81,6 +88,10 @@ class LabelLayer:
     ) -> None:
         """Replace the labels; those whose text stayed keep their place where they can."""
         width, height = self.renderer.GetSize()
+        wanted = (tuple(labels), tuple(avoid), busy, (width, height), self.font_px)
+        if wanted == self._wanted:  # rebuilt, they would be drawn anew in each picture
+            return
+        self._wanted = wanted
         edge = 0.012 * height
         frame = (edge, edge, width - edge, height - edge)
         sizes = np.array([self._write(i, label) for i, label in enumerate(labels)]).reshape(-1, 2)
@@ -101,8 +112,7 @@ class LabelLayer:
             self._texts.append(self._new_text())
         text = self._texts[number]
         text.SetInput(label.text)
-        bright = float(luminance(rgb(label.colour)[None])[0]) > 0.4
-        text.GetTextProperty().SetColor(*(rgb("#10151b") if bright else rgb("#ffffff")))
+        text.GetTextProperty().SetColor(*rgb(ink_on(label.colour)))
         text.VisibilityOn()
         size = [0.0, 0.0]
         text.GetSize(self.renderer, size)

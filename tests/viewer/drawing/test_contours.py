@@ -1,8 +1,8 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from viewer.contours import outline
-from viewer.refinement import boundary_edges
+from viewer.drawing.contours import outline
+from viewer.drawing.refinement import boundary_edges
 
 
 def perimeter(ends):

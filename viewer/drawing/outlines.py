@@ -11,19 +11,19 @@ from skinmap.arrays import FloatArray
 from skinmap.live.touches import NamedTouch
 from skinmap.touch.contacts import ACTIVE
 from viewer.colours import rgb
-from viewer.contours import Outline, outline
-from viewer.skin_layer import SkinLayer
+from viewer.drawing.contours import Outline, outline
+from viewer.drawing.skin_layer import SkinLayer
 
 PEAK_SHARE = 0.25  # of a touch's largest pressure: where its outline runs, if above the noise
 WIDTH = 3.0  # [px]
 HALO = 6.0  # white under the line, so that it shows on any pressure [px]
 
 
-def outline_touch(
+def touch_field(
     layer: SkinLayer, touch: NamedTouch, others: Sequence[NamedTouch] = ()
-) -> Outline:
-    """Outline of one touch on its part, without the pressures of other touches on it."""
-    pressures = layer.pressures.copy()
+) -> tuple[FloatArray, float]:
+    """(v,) pressures that one touch is outlined by, without those of other touches; their level."""
+    pressures = np.nan_to_num(layer.pressures)
     for other in others:
         if other is not touch and other.part == touch.part:
             pressures[np.setdiff1d(other.taxels, touch.taxels)] = 0.0
@@ -31,7 +31,15 @@ def outline_touch(
     touched = np.zeros(len(pressures))
     touched[touch.taxels] = 1.0
     peak = float(values[layer.fine.linear @ touched > 0.0].max(initial=0.0))
-    return outline(layer.fine.faces, layer.border, values, max(ACTIVE, PEAK_SHARE * peak))
+    return values, max(ACTIVE, PEAK_SHARE * peak)
+
+
+def outline_touch(
+    layer: SkinLayer, touch: NamedTouch, others: Sequence[NamedTouch] = ()
+) -> Outline:
+    """Outline of one touch on its part, without the pressures of other touches on it."""
+    values, level = touch_field(layer, touch, others)
+    return outline(layer.fine.faces, layer.border, values, level)
 
 
 class OutlineLayer:
@@ -57,7 +65,8 @@ class OutlineLayer:
     def show(self, segments: Sequence[FloatArray], colours: Sequence[str]) -> None:
         """Draw segments (k, 2, 3) [m] of each touch in its colour; replaces what was there."""
         if not sum(len(part) for part in segments):
-            self.lines.Initialize()
+            if self.lines.n_cells:
+                self.lines.Initialize()
             return
         points = np.concatenate([part.reshape(-1, 3) for part in segments])
         tints = [

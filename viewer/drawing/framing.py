@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
-import pyvista as pv
 from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.arrays import FloatArray
-from viewer.camera import (
+from viewer.drawing.camera import (
     Margins,
     Target,
     View,
     best_view,
     fit,
-    make_locator,
     project,
     sees,
-    silhouette,
 )
-from viewer.label_places import Coverage
+from viewer.drawing.label_places import Coverage
+from viewer.drawing.occlusion import Blocks
 
 Mode = Literal["auto", "still", "free"]
 
@@ -33,10 +31,12 @@ class Framing:
     ----------
     renderer : vtkRenderer
         Shows the body.
-    body : pyvista.PolyData
-        All that can hide a touch, placed [m].
-    points : (n, 3) float
-        Points of all that must be in the picture [m].
+    body : Blocks
+        All that can hide a touch; it follows the pose by itself.
+    outline : callable
+        Returns points (k, 3) that must be in the picture, where they are now [m].
+    points : callable
+        Returns points (n, 3) all over what is in the picture, where they are now [m].
     front : View
         Where to look from when nothing is touched.
     margins : Margins
@@ -48,25 +48,33 @@ class Framing:
     def __init__(
         self,
         renderer: vtkRenderer,
-        body: pv.PolyData,
-        points: FloatArray,
+        body: Blocks,
+        outline: Callable[[], FloatArray],
+        points: Callable[[], FloatArray],
         front: View,
         margins: Margins,
         mode: Mode,
     ) -> None:
         self.renderer, self.margins, self.mode = renderer, margins, mode
         self.front = self.view = self.goal = front
-        self._points, self._hull = points, silhouette(points)
-        self._locator = make_locator(body)
+        self._body, self._outline, self._points = body, outline, points
         self._targets: Sequence[Target] = ()
         self._busy: Coverage | None = None
         self._fitted: tuple[View, tuple[int, int]] | None = None
+
+    def move(self) -> None:
+        """The body moved: the camera stays, unless its picture would cut the body."""
+        self._busy = None
+        places = project(self.renderer, self._outline())
+        size = self.renderer.GetSize()
+        if ((places < 0) | (places > size)).any():
+            self._fitted = None
 
     def aim(self, targets: Sequence[Target]) -> None:
         """Choose where to look from for these targets."""
         self._targets = targets
         if self.mode == "auto" and targets:
-            self.goal = best_view(targets, self._locator, self.front, self.goal)
+            self.goal = best_view(targets, self._body, self.front, self.goal)
 
     def look(self, view: View, mode: Mode) -> None:
         """Turn to a view, and go on in a mode."""
@@ -84,14 +92,14 @@ class Framing:
         if self._fitted == (self.view, size):
             return
         camera = self.renderer.GetActiveCamera()
-        fit(camera, self.view, self._hull, size, self.margins)
+        fit(camera, self.view, self._outline(), size, self.margins)
         self.renderer.ResetCameraClippingRange()
         self._fitted, self._busy = (self.view, size), None
 
     def busy(self) -> Coverage:
         """Where the body is in the picture."""
         if self._busy is None:
-            places = project(self.renderer, self._points)
+            places = project(self.renderer, self._points())
             self._busy = Coverage(places, self.renderer.GetSize())
         return self._busy
 
@@ -99,4 +107,4 @@ class Framing:
         """Whether the camera does not see the middle of a target."""
         place = np.array(self.renderer.GetActiveCamera().GetPosition())
         way = place - target.points[target.middle]
-        return not sees(self._locator, target, way / np.linalg.norm(way))
+        return not sees(self._body, target, way / np.linalg.norm(way))

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from skinmap.geometry.triangles import face_areas, signed_areas
+from skinmap.touch.prepared import PreparedSkin
+from viewer.drawing.places import body_places, flat_places, taxel_cells
+from viewer.drawing.refinement import refine
+
+
+@pytest.fixture(scope="module")
+def tube():
+    """A closed tube of 12 by 8 taxels, 20 mm wide: its flat map has a seam."""
+    from skinmap.skin.skin import skin_from_points
+
+    row, column = np.divmod(np.arange(96), 12)
+    angle = 2 * np.pi * (column + 0.5 * (row % 2)) / 12
+    out = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(96)])
+    points = 0.01 * out + np.column_stack([np.zeros((96, 2)), 4.5e-3 * row])
+    return PreparedSkin(skin_from_points(points, out))
+
+
+def test_cells_share_each_triangle_out_equally(square_grid):
+    vertices, faces = square_grid(5)
+    cells, ends, corners = taxel_cells(faces)
+    mids = vertices[ends].mean(axis=1)
+    points = np.vstack([vertices, mids])
+    points = np.vstack([points, points[corners].mean(axis=1)])
+    quads = np.concatenate([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
+    areas = face_areas(points, quads).reshape(2, -1).sum(axis=0)
+    expected = np.tile(face_areas(vertices, faces) / 3, 3)
+    # Lines from a triangle's middle to those of its edges cut it into thirds; rounding only.
+    np.testing.assert_allclose(areas, expected, rtol=1e-12)
+    np.testing.assert_array_equal(cells[:, 0], faces.T.ravel())
+
+
+def test_flat_map_has_all_triangles_though_a_seam_cuts_it(tube):
+    fine = refine(tube.mesh)
+    assert sum(chart.seam_length for chart in tube.flat.charts) > 0, "the tube is cut open"
+    places = flat_places(tube.flat, fine, 1e-3)
+    assert len(places.faces) == len(fine.faces)
+    np.testing.assert_array_equal(places.vertex[places.faces], fine.faces)
+    edges = np.linalg.norm(np.diff(places.points[places.faces][:, [0, 1, 2, 0]], axis=1), axis=2)
+    round_ = np.linalg.norm(np.diff(fine.positions[fine.faces][:, [0, 1, 2, 0]], axis=1), axis=2)
+    # None lies across the map: flat triangles are as large as on the skin, but for distortion.
+    assert (edges.max(axis=1) < 2 * round_.max(axis=1)).all()
+    assert (signed_areas(places.points[:, :2], places.faces) > 0).all()
+    assert len(places.taxels) > len(tube), "taxels on the seam stand on both of its sides"
+    np.testing.assert_array_equal(places.owner, tube.mesh.faces.T.ravel())
+
+
+def test_body_and_flat_map_show_the_same_value_at_the_same_taxel(tube):
+    fine = refine(tube.mesh)
+    flat = flat_places(tube.flat, fine, 1e-3)
+    body = body_places(tube.mesh, fine)
+    values = np.random.default_rng(0).uniform(0, 255, len(tube))
+    field = fine.smooth @ values
+    for places in (body, flat):
+        at = np.isin(places.vertex, np.arange(len(fine.taxels)))
+        shown = field[places.vertex[at]]
+        np.testing.assert_allclose(shown, values[fine.taxels[places.vertex[at]]], rtol=1e-12)
+
+
+def test_discs_of_neighbours_do_not_touch(tube):
+    from scipy.spatial import cKDTree
+
+    places = body_places(tube.mesh, refine(tube.mesh))
+    apart = cKDTree(places.centres).query(places.centres, k=2)[0][:, 1]
+    assert (2 * places.disc < apart).mean() > 0.95

@@ -1,0 +1,69 @@
+"""What is said of the stream: its rate, how late it is shown, and that it has fallen silent."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from vtkmodules.vtkRenderingCore import vtkRenderer
+
+from skinmap.live.moment import Moment
+from viewer.colours import FAINT, WARNING, rgb
+from viewer.drawing.overlays import Line
+from viewer.drawing.touch_list import known
+
+UP = 3.4  # of the line below the picture's upper end [font heights]
+
+
+class Status:
+    """A line below the heading, and a warning where nothing comes any more.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+    clock : callable
+        Seconds of this machine.
+    """
+
+    def __init__(
+        self, renderer: vtkRenderer, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.renderer, self.clock = renderer, clock
+        self._fresh = clock()
+        self.stale = False
+        self._line = Line(renderer, (0.0, 0.0), 12, colour=FAINT)
+        self._warning = Line(renderer, (0.0, 0.0), 12, bold=True)
+        style = self._warning.actor.GetTextProperty()
+        style.SetBackgroundColor(*rgb(WARNING))
+        style.SetBackgroundOpacity(1.0)
+        self._text = ""
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """What is written now."""
+        return tuple(line.text for line in (self._line, self._warning) if line.text)
+
+    def take(self, moment: Moment) -> None:
+        """Remember what a moment says of its stream."""
+        self.stale = moment.stale
+        if not moment.stale:
+            self._fresh = self.clock()
+        words = []
+        if known(moment.rate):
+            words.append(f"{moment.rate:.0f} samples/s")
+        if known(moment.latency):
+            words.append(f"shown after {1e3 * moment.latency:.0f} ms")
+        if moment.dropped:
+            words.append(f"{moment.dropped:,} left out")
+        self._text = ",  ".join(words)
+
+    def write(self, left: float, font_px: int) -> None:
+        """Bring both lines up to date."""
+        height = float(self.renderer.GetSize()[1])
+        small = round(0.85 * font_px)
+        for line, size in ((self._line, small), (self._warning, font_px)):
+            line.style(size, bold=line is self._warning)
+            line.move(left, height - UP * font_px)
+        self._line.write("" if self.stale else self._text)
+        silent = self.clock() - self._fresh
+        self._warning.write(f" no data for {silent:.1f} s " if self.stale else "", "#ffffff")
