@@ -22,6 +22,9 @@ LIBRARIES = {
     "libgomp.so.1": "libgomp1",  # scikit-learn, open3d
 }
 
+# For `make test` only: 100 MB that nobody needs who wants to see the demo.
+BROWSERS = ["chromium", "chromium-browser"]
+
 
 def library_loads(name: str) -> bool:
     """Whether the dynamic linker finds the library and all that it needs itself."""
@@ -86,6 +89,21 @@ def install(
     return run(command) or (run([*apt, "update"]) and run(command))
 
 
+def add_browser(
+    *, user: int, find: Callable[[str], str | None], run: Callable[[Sequence[str]], bool]
+) -> int:
+    """Install the browser that tests look at the viewer's page with; tests skip without it."""
+    if any(find(name) is not None for name in BROWSERS):
+        return 0
+    prefix = apt_prefix(user=user, find=find, run=run)
+    if prefix is not None:
+        print(f"Installing {BROWSERS[0]} for the tests of the page ...", file=sys.stderr)
+        if install(BROWSERS[:1], prefix, run=run):
+            return 0
+    print(f"No {BROWSERS[0]} here: tests of the page in a browser are skipped", file=sys.stderr)
+    return 0
+
+
 def line_to_type(packages: Sequence[str], *, user: int, has_apt: bool) -> str:
     """The line that tells a person how to go on."""
     names = " ".join(packages)
@@ -109,8 +127,12 @@ def main(
     """Check, install where allowed, check again."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--uv", action="store_true", help="uv makes the environment, not venv")
-    with_uv = parser.parse_args(arguments).uv
+    parser.add_argument("--browser", action="store_true", help="only the browser for tests")
+    options = parser.parse_args(arguments)
+    with_uv = options.uv
     user = os.geteuid() if user is None else user
+    if options.browser:
+        return add_browser(user=user, find=find, run=run)
 
     packages = missing(with_uv=with_uv)
     if not packages:

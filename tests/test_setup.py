@@ -167,6 +167,28 @@ def test_main_stops_where_an_installed_package_still_does_not_load() -> None:
     assert stubborn == 2
 
 
+def test_browser_is_installed_for_tests_where_allowed() -> None:
+    machine = Machine(programs=["apt-get"])
+    assert machine.check("--browser") == 0
+    assert machine.commands == [
+        [*QUIET, *APT, "install", "-y", "--no-install-recommends", "chromium"]
+    ]
+
+
+@pytest.mark.parametrize("name", ["chromium", "chromium-browser"])
+def test_browser_that_is_there_is_enough(name: str) -> None:
+    machine = Machine(programs=["apt-get", name])
+    assert machine.check("--browser") == 0
+    assert machine.commands == []
+
+
+def test_browser_that_cannot_be_had_is_told_and_no_fault(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert Machine(programs=[]).check("--browser") == 0
+    assert "tests of the page in a browser are skipped" in capsys.readouterr().err
+
+
 def test_package_list_is_what_the_folders_hold() -> None:
     """A folder forgotten in the list would be missing from the wheel only."""
     tops = ("skinmap", "calibration", "viewer")

@@ -1,0 +1,217 @@
+"""The page in a real Chromium without a screen: what people see, and what leaves the machine."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from collections.abc import Iterator
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from viewer.web.server import WebServer
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--disable-background-networking",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+]
+DRAWN = "body[data-drawn]:not([data-drawn='0'])"
+SMALL = {"width": 640, "height": 480}  # software draws it in a third of the time of 1024x768
+
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no chromium here: apt-get install chromium to run these tests"
+)
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+class Tab:
+    """One open page and what happened in it."""
+
+    def __init__(self, chromium, url: str, **options) -> None:
+        self.context = chromium.new_context(viewport=SMALL, **options)
+        self.page = self.context.new_page()
+        self.requests: list[str] = []
+        self.faults: list[str] = []
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("websocket", lambda socket: self.requests.append(socket.url))
+        self.page.on("pageerror", lambda error: self.faults.append(str(error)))
+        self.page.on(
+            "console",
+            lambda message: self.faults.append(message.text) if message.type == "error" else None,
+        )
+        self.answer = self.page.goto(url)
+
+    def wait(self, selector: str = DRAWN, state: str = "visible") -> None:
+        self.page.wait_for_selector(selector, state=state, timeout=20_000)
+
+    def pixels(self) -> np.ndarray:
+        """(h, w, 3) of the robot's picture alone."""
+        shot = self.page.locator("#picture").screenshot(type="png")
+        return iio.imread(io.BytesIO(shot))[..., :3].astype(int)
+
+    def step(self) -> None:
+        self.page.locator("#on").click()
+
+
+@pytest.fixture
+def tab(chromium, start) -> Iterator[Tab]:
+    made = Tab(chromium, start().url)
+    made.wait()
+    yield made
+    assert made.faults == []
+    made.context.close()
+
+
+def test_the_robot_is_seen(tab):
+    picture = tab.pixels()
+    height, width, _ = picture.shape
+    robot = picture[height // 4 : 3 * height // 4, width // 3 : 2 * width // 3]
+    background = np.array([0xF7, 0xF8, 0xFA])
+    differs = np.abs(robot - background).max(axis=-1) > 24
+    assert differs.mean() > 0.3
+    sheet = np.abs(robot - [0xF4, 0xF2, 0xEC]).max(axis=-1) < 24  # pressure 0, a little shaded
+    assert sheet.mean() > 0.02
+
+
+def test_a_played_touch_is_named_coloured_and_listed(tab):
+    before = tab.pixels()
+    assert tab.page.locator(".label").count() == 0
+    tab.step()
+    tab.wait(".label")
+    assert tab.page.locator(".label").inner_text() == "caress 90 %"
+    assert "caress 90 %" in tab.page.locator("#touch-list").inner_text()
+    assert "torso" in tab.page.locator("#map-about").inner_text()
+
+    def warm(picture: np.ndarray) -> int:
+        """Pixels as red as pressures are from a half upwards; the colour bar stands at the left."""
+        r, g, b = picture[:, picture.shape[1] // 3 :].transpose(2, 0, 1)
+        return int(((r > 1.6 * g) & (r > 1.6 * b)).sum())
+
+    assert warm(before) == 0
+    assert warm(tab.pixels()) > 20
+
+
+def test_a_click_on_the_flat_map_shows_the_channel(tab, icub):
+    flat = tab.page.locator("#flat")
+    box = flat.bounding_box()
+    # The map fills its place, but the chest has a hole in its middle: some of these are taxels.
+    places = [(share * box["width"], 0.5 * box["height"]) for share in (0.2, 0.3, 0.4)]
+    numbers = tab.page.evaluate("(all) => all.map(([x, y]) => skinmap.flat.taxelAt(x, y))", places)
+    number, (x, y) = next((n, place) for n, place in zip(numbers, places, strict=True) if n >= 0)
+    flat.click(position={"x": x, "y": y})
+    channel = int(icub.skin("torso").channels[number])
+    tab.wait(f"#pick-about dt:text-is('channel') + dd:text-is('{channel}')")
+    assert "module" in tab.page.locator("#pick-about").inner_text()
+
+
+def test_a_click_on_the_body_picks_the_taxel_under_it(tab, icub):
+    """Each taxel that the page finds at its own place is the one that stands there."""
+    hits = tab.page.evaluate(
+        """() => {
+          const { picture, camera, arrays, header } = skinmap, points = arrays["taxel.points"];
+          const found = [];
+          for (let k = 0; k < header.parts[0].taxels[1]; k += 7) {
+            const m = picture.model(header.parts[0].link), p = [0, 1, 2].map((r) => m[12 + r]
+              + m[r] * points[3 * k] + m[4 + r] * points[3 * k + 1] + m[8 + r] * points[3 * k + 2]);
+            const [x, y] = camera.project(p), { width, height } = picture.canvas;
+            found.push([k, picture.taxelAt(x * width, y * height, camera)]);
+          }
+          return found;
+        }"""
+    )
+    seen = [(asked, got) for asked, got in hits if got >= 0]
+    right = sum(asked == got for asked, got in seen)
+    # Taxels on the far side are covered by others; none of those in view is taken for another.
+    assert right > 20
+    assert right >= 0.9 * len(seen)
+
+
+def test_layers_and_styles_change_the_picture(tab):
+    surface = tab.pixels()
+    tab.page.select_option("#style", "discs")
+    tab.page.select_option("#layer", "patches")
+    tab.wait("#bar-names li:has-text('patch 1')")
+    patches = tab.pixels()
+    assert (np.abs(patches - surface).max(axis=-1) > 40).mean() > 0.01
+
+
+def test_no_request_leaves_the_machine(tab, start):
+    tab.step()
+    tab.wait(".label")
+    tab.page.keyboard.press("h")
+    tab.wait("#help")
+    assert len(tab.requests) > 5
+    for url in tab.requests:
+        assert url.startswith(("http://127.0.0.1:", "ws://127.0.0.1:", "data:")), url
+    # The page's own policy holds it back even where a script would ask.
+    blocked = tab.page.evaluate(
+        """() => fetch("http://127.0.0.1:1/").then(() => "sent", () => "refused")"""
+    )
+    assert blocked == "refused"
+    tab.faults.clear()  # the refusal above is told on the console
+
+
+def test_a_wrong_token_shows_a_line_and_no_robot(chromium, server):
+    tab = Tab(chromium, f"http://127.0.0.1:{server.port}/wrong/")
+    assert tab.answer.status == 403
+    assert "token" in tab.page.locator("body").inner_text()
+    tab.context.close()
+
+
+def test_another_page_of_the_browser_cannot_read_or_connect(chromium, server, start):
+    """Even with the token: a page of another port of this machine."""
+    other = start()
+    tab = Tab(chromium, other.url, bypass_csp=True)
+    tab.wait()
+    outcome = tab.page.evaluate(
+        """async (url) => {
+          const read = await fetch(url + "scene.bin").then((a) => a.text(), () => "refused");
+          const socket = new WebSocket(url.replace("http", "ws") + "live");
+          const opened = await new Promise((done) => {
+            socket.onopen = () => done("open");
+            socket.onclose = () => done("refused");
+          });
+          return [read, opened];
+        }""",
+        server.url,
+    )
+    assert outcome == ["refused", "refused"]
+    tab.context.close()
+
+
+def test_two_tabs_show_the_same_and_closing_one_in_mid_update_leaves_the_other(chromium, start):
+    server: WebServer = start()
+    one, two = Tab(chromium, server.url), Tab(chromium, server.url)
+    one.wait()
+    two.wait()
+    one.step()
+    one.context.close()  # without waiting for what the step brings
+    two.wait(".label")
+    assert two.page.locator(".label").inner_text() == "caress 90 %"
+    assert two.faults == []
+    two.context.close()
+
+
+def test_a_server_that_stops_is_told_in_the_page(chromium, start):
+    server = start()
+    tab = Tab(chromium, server.url)
+    tab.wait()
+    server.stop()
+    tab.wait("#status.warn")
+    assert "not connected" in tab.page.locator("#status").inner_text()
+    tab.context.close()

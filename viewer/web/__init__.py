@@ -1,0 +1,1 @@
+"""The scene in a browser: one small page, served to this machine only."""

@@ -1,0 +1,243 @@
+"""What pages are told and what they may ask for: each gets the newest sample when it is ready."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from skinmap.errors import SkinError
+from skinmap.live.moment import Moment
+from viewer.layer import check_values
+from viewer.layers import LAYERS, Layers
+from viewer.playing.player import Player
+from viewer.web.packing import finite
+from viewer.web.picking import describe
+from viewer.web.sample import SampleWriter, layer_message
+from viewer.web.scene_data import WebScene
+
+if TYPE_CHECKING:
+    from websockets.asyncio.server import ServerConnection
+
+AHEAD = 2  # samples on their way to a page that it has not drawn yet
+WAIT = 0.1  # how long the player is waited for before it is asked for its state [s]
+
+
+@dataclass(eq=False, slots=True)
+class Client:
+    """One page.
+
+    Attributes
+    ----------
+    layer : str
+        What it shows.
+    sent, drawn : int
+        Samples sent to it, and drawn by it.
+    told : int
+        Number of the newest sample it was sent.
+    wake : asyncio.Event
+        There is something to send.
+    letters : list of str
+        Messages that are not samples.
+    """
+
+    layer: str
+    sent: int = 0
+    drawn: int = 0
+    told: int = -1
+    wake: asyncio.Event = field(default_factory=asyncio.Event)
+    letters: list[str] = field(default_factory=list)
+
+    def tell(self, message: dict[str, Any]) -> None:
+        """Send a message soon."""
+        self.letters.append(json.dumps(message, separators=(",", ":")))
+        self.wake.set()
+
+
+class Hub:
+    """Between a player and the pages.
+
+    Parameters
+    ----------
+    scene : WebScene
+    player : Player
+    layers : Layers
+    """
+
+    def __init__(self, scene: WebScene, player: Player, layers: Layers) -> None:
+        self.scene, self.player, self.layers = scene, player, layers
+        self.first = {"layer": "pressure", "style": "surface"}
+        self.clients: set[Client] = set()
+        self.samples_sent = 0
+        self.samples_written = 0  # one is written for all pages that show the same layer
+        self.seconds = 0.0  # CPU time spent writing them
+        self._writer = SampleWriter(scene)
+        self._moment: Moment | None = None
+        self._number = 0
+        self._state: dict[str, Any] = {}
+        self._structures = False  # they have been found
+        self._written: dict[str, bytes] = {}  # samples of now, by layer
+        self._wishes: dict[str, Callable[[Client, dict[str, Any]], None]] = {
+            "drawn": self._drawn,
+            "play": lambda _, wish: self.player.play(),
+            "pause": lambda _, wish: self.player.pause(),
+            "step": lambda _, wish: self._step(wish),
+            "seek": lambda _, wish: self._seek(wish),
+            "speed": lambda _, wish: self._speed(wish),
+            "loop": lambda _, wish: setattr(self.player, "loop", bool(wish.get("to"))),
+        }
+
+    async def watch(self) -> None:
+        """Take each new moment from the player and wake the pages, until cancelled."""
+        number = -1
+        while True:
+            changed = await asyncio.to_thread(self.player.wait, number, WAIT)
+            number = self.player.number
+            moment = self.player.take()
+            if moment is not None:
+                self._see(moment)
+            if changed or moment is not None:
+                self._number += 1
+                self._written.clear()
+            self._tell_state()
+            if changed:
+                for client in self.clients:
+                    client.wake.set()
+
+    def _see(self, moment: Moment) -> None:
+        """Take a moment; one of another skin is told of, and what was shown before stays."""
+        try:
+            for part, skin in self.scene.skins.items():
+                if part in moment.pressures:
+                    check_values(moment.pressures[part], len(skin), part)
+            self.layers.observe(moment)
+        except SkinError as error:
+            for client in self.clients:
+                client.tell({"kind": "problem", "text": str(error)})
+        else:
+            self._moment = moment
+
+    async def talk(self, connection: ServerConnection) -> None:
+        """Serve one page until it goes."""
+        client = Client(self.first["layer"])
+        client.tell({"kind": "hello", "layers": list(LAYERS), **self.first})
+        client.tell(layer_message(self.layers.get(client.layer)))
+        client.tell({"kind": "state", **self.state()})
+        self.clients.add(client)
+        tasks = [
+            asyncio.create_task(self._send(connection, client)),
+            asyncio.create_task(self._listen(connection, client)),
+        ]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            self.clients.discard(client)
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _listen(self, connection: ServerConnection, client: Client) -> None:
+        async for text in connection:
+            await self._obey(client, text)
+
+    async def _send(self, connection: ServerConnection, client: Client) -> None:
+        while True:
+            await client.wake.wait()
+            client.wake.clear()
+            while client.letters:
+                await connection.send(client.letters.pop(0))
+            # A slow page gets fewer samples, never old ones: what waits is written when it is sent.
+            if client.told != self._number and client.sent - client.drawn < AHEAD:
+                client.told = self._number
+                client.sent += 1
+                message = self._sample(client.layer)
+                self.samples_sent += 1
+                await connection.send(message)
+
+    def _sample(self, layer: str) -> bytes:
+        if layer not in self._written:
+            started = time.thread_time()
+            about = {"number": self._number, **self.state()}
+            made = self._writer.write(self._moment, self.layers.get(layer), about)
+            self._written[layer] = made
+            self.samples_written += 1
+            self.seconds += time.thread_time() - started
+        return self._written[layer]
+
+    def state(self) -> dict[str, Any]:
+        """Where the player stands."""
+        player = self.player
+        return {
+            "paused": player.paused,
+            "seekable": player.seekable,
+            "position": finite(player.position),
+            "duration": finite(player.duration),
+            "speed": player.speed,
+            "loop": bool(player.loop),
+            "ended": player.ended,
+            "error": None if player.error is None else str(player.error),
+        }
+
+    def _tell_state(self) -> None:
+        """Tell all pages when the player stands differently than they know, not at each sample."""
+        state = self.state()
+        if {**state, "position": None} != {**self._state, "position": None}:
+            self._state = state
+            for client in self.clients:
+                client.tell({"kind": "state", **state})
+
+    async def _obey(self, client: Client, text: str | bytes) -> None:
+        """Do what a page asks for; what makes no sense is answered with a line and forgotten."""
+        try:
+            wish = json.loads(text)
+            name = wish["do"]
+            if name == "layer":
+                await self._turn_to(client, str(wish["to"]))
+            elif name == "pick":
+                await self._pick(client, str(wish["part"]), int(wish["taxel"]))
+            else:
+                self._wishes[name](client, wish)
+        except (ValueError, TypeError, KeyError, RecursionError):
+            client.tell({"kind": "problem", "text": "the page asked for something unknown"})
+        except SkinError as error:
+            client.tell({"kind": "problem", "text": str(error)})
+
+    async def _turn_to(self, client: Client, layer: str) -> None:
+        made = await asyncio.to_thread(self.layers.get, layer)  # structures take a second
+        client.layer = layer
+        client.tell(layer_message(made))
+        client.told = -1
+
+    def _drawn(self, client: Client, wish: dict[str, Any]) -> None:
+        client.drawn = min(client.sent, max(client.drawn, int(wish["samples"])))
+        client.wake.set()
+
+    async def _pick(self, client: Client, part: str, taxel: int) -> None:
+        about = (self.scene, self.layers, part, taxel, self._moment)
+        if not self._structures:
+            client.tell(describe(*about, structure=False))
+        # In a thread, as structures take a second the first time: samples go on meanwhile.
+        client.tell(await asyncio.to_thread(describe, *about))
+        self._structures = True
+
+    def _step(self, wish: dict[str, Any]) -> None:
+        self.player.step(max(-100, min(100, int(wish["by"]))))
+
+    def _seek(self, wish: dict[str, Any]) -> None:
+        self.player.seek(_number(wish["to"]))
+
+    def _speed(self, wish: dict[str, Any]) -> None:
+        self.player.speed = _number(wish["to"])
+
+
+def _number(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError("not a number")
+    return number

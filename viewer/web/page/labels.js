@@ -1,0 +1,83 @@
+// Boxed names of touches beside the robot, each with a line to its centre.
+
+import { colour } from "./packing.js";
+
+const GAP = 6; // between two boxes [px]
+const SVG = "http://www.w3.org/2000/svg";
+
+// The colour of a class for letters on white; ink where it is too light to be read.
+export function readable(hex) {
+  const [r, g, b] = colour(hex);
+  return 0.21 * r + 0.72 * g + 0.07 * b > 0.62 ? "#20262e" : hex;
+}
+
+export class Labels {
+  constructor(holder, leaders) {
+    this.holder = holder;
+    this.leaders = leaders;
+    this.made = new Map();
+  }
+
+  // touches: [{key, text, colour, at: [x, y] px, hidden}], room: {width, height, taken: lowest left y}
+  show(touches, room) {
+    for (const [key, { box, line }] of this.made) {
+      if (touches.some((touch) => touch.key === key)) continue;
+      box.remove();
+      line.remove();
+      this.made.delete(key);
+    }
+    const middle = touches.reduce((sum, touch) => sum + touch.at[0], 0) / (touches.length || 1);
+    const sides = { left: [], right: [] };
+    for (const touch of touches) {
+      const one = this.made.get(touch.key) || this.make(touch.key);
+      one.box.textContent = touch.text;
+      one.box.style.borderColor = touch.colour;
+      one.box.style.color = readable(touch.colour);
+      one.box.classList.toggle("hidden", touch.hidden);
+      one.line.setAttribute("stroke", touch.colour);
+      one.line.setAttribute("stroke-dasharray", touch.hidden ? "3 3" : "none");
+      // A side once chosen is kept while the touch lasts, unless the touch wanders far across.
+      const across = touch.at[0] - room.width / 2;
+      if (!one.side || Math.abs(across) > 0.12 * room.width) {
+        one.side = (touches.length > 1 ? touch.at[0] - (middle + room.width / 2) / 2 : across) < 0 ? "left" : "right";
+      }
+      sides[one.side].push({ ...touch, ...one, height: one.box.offsetHeight, width: one.box.offsetWidth });
+    }
+    for (const side of ["left", "right"]) this.stack(sides[side], side, room);
+  }
+
+  make(key) {
+    const box = document.createElement("div");
+    box.className = "label";
+    this.holder.append(box);
+    const line = document.createElementNS(SVG, "path");
+    this.leaders.append(line);
+    const one = { box, line, side: "" };
+    this.made.set(key, one);
+    return one;
+  }
+
+  stack(column, side, room) {
+    column.sort((a, b) => a.at[1] - b.at[1]);
+    const top = 64, bottom = side === "left" ? room.taken : room.height - 12;
+    let y = top;
+    for (const one of column) {
+      one.y = Math.max(y, one.at[1] - one.height / 2 - 30);
+      y = one.y + one.height + GAP;
+    }
+    let limit = bottom;
+    for (const one of [...column].reverse()) {
+      one.y = Math.max(top, Math.min(one.y, limit - one.height));
+      limit = one.y - GAP;
+    }
+    const inset = Math.max(12, 0.08 * room.width);
+    for (const { box, line, at, y: upper, width, height } of column) {
+      const x = side === "left" ? inset : room.width - inset - width;
+      box.style.left = `${x.toFixed(1)}px`;
+      box.style.top = `${upper.toFixed(1)}px`;
+      const start = side === "left" ? x + width : x;
+      const mid = upper + height / 2, [ax, ay] = at.map((v) => v.toFixed(1));
+      line.setAttribute("d", `M${start.toFixed(1)} ${mid.toFixed(1)}L${ax} ${ay}m-3 0a3 3 0 1 0 6 0a3 3 0 1 0 -6 0`);
+    }
+  }
+}

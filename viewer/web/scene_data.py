@@ -1,0 +1,246 @@
+"""What the page draws, packed once: body, sheets, taxels and flat maps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from scipy.sparse import block_diag, csr_array
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.proximity import median_spacing
+from skinmap.geometry.rigid import transform_directions, transform_points
+from skinmap.geometry.triangles import edge_lengths
+from skinmap.skin.robot import Robot
+from skinmap.touch.prepared import PreparedSkin
+from viewer.colours import BACKGROUND, BODY, DOT, RIM, UNKNOWN
+from viewer.drawing.body import Links, body_meshes, check_links
+from viewer.drawing.camera import VIEW_ANGLE, front_view
+from viewer.drawing.places import DISC_LIFT, DOT_SHARE, LIFT
+from viewer.drawing.posing import posed
+from viewer.drawing.skin_layer import SkinLayer, build_layer
+from viewer.web.packing import pack
+
+SEAM_STRETCH = 3.0  # longer against the skin than any flat triangle becomes
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WebScene:
+    """A robot made ready for pages.
+
+    Attributes
+    ----------
+    robot : Robot
+    skins : mapping of str to PreparedSkin
+        Parts shown, in the order of their taxels in a sample.
+    layers : mapping of str to SkinLayer
+    angles : mapping of str to float
+        Joint angles [rad] where a moment has none.
+    links : tuple of str
+        Links in the order of their poses.
+    first_taxel, first_vertex : mapping of str to int
+        Where each part begins among all taxels and all vertices of sheets.
+    packed : bytes
+        The page's scene.
+    """
+
+    robot: Robot
+    skins: Mapping[str, PreparedSkin]
+    layers: Mapping[str, SkinLayer]
+    angles: Mapping[str, float]
+    links: tuple[str, ...]
+    first_taxel: Mapping[str, int]
+    first_vertex: Mapping[str, int]
+    packed: bytes
+
+
+def make_scene(
+    robot: Robot,
+    skins: Mapping[str, PreparedSkin],
+    *,
+    angles: Mapping[str, float] | None = None,
+    links: Links = None,
+) -> WebScene:
+    """Decimate the body, build the sheets and pack both.
+
+    Raises
+    ------
+    UnknownNameError, InvalidArrayError
+        A joint or link that the body lacks, or an angle beyond its joint's limits.
+    """
+    layers = {part: build_layer(skin.mesh) for part, skin in skins.items()}
+    meshes = body_meshes(robot, check_links(robot, links, skins))
+    names = tuple(dict.fromkeys([*meshes, *(skin.skin.link for skin in skins.values())]))
+    poses = posed(robot, angles or {})
+    taxels = first_rows([len(skin) for skin in skins.values()])
+    vertices = first_rows([len(layer.points) for layer in layers.values()])
+    header: dict[str, Any] = {"kind": "scene", "robot": robot.name, "view_angle": VIEW_ANGLE}
+    header["colours"] = {
+        "background": BACKGROUND, "body": BODY, "dot": DOT, "rim": RIM, "unknown": UNKNOWN,
+    }  # fmt: skip
+    header.update(_whereabouts(skins, meshes, poses))
+    arrays: dict[str, NDArray[Any]] = {"poses": pack_poses(poses, names)}
+    header["links"] = _add_body(arrays, meshes, names)
+    header["parts"] = _add_skins(arrays, skins, layers, names, taxels, vertices)
+    return WebScene(
+        robot,
+        dict(skins),
+        layers,
+        dict(angles or {}),
+        names,
+        dict(zip(skins, taxels, strict=False)),
+        dict(zip(skins, vertices, strict=False)),
+        pack(header, arrays),
+    )
+
+
+def first_rows(sizes: Iterable[int]) -> list[int]:
+    """Where each of several arrays begins when they follow each other, and where all end."""
+    return [0, *np.cumsum(list(sizes)).tolist()]
+
+
+def pack_poses(poses: Mapping[str, FloatArray], links: Iterable[str]) -> NDArray[np.float32]:
+    """(k, 4, 4) T_root_link of some links, column by column as WebGL wants it."""
+    return np.stack([poses[link].T for link in links]).astype(np.float32)
+
+
+def _whereabouts(
+    skins: Mapping[str, PreparedSkin],
+    meshes: Mapping[str, pv.PolyData],
+    poses: Mapping[str, FloatArray],
+) -> dict[str, Any]:
+    """Middle and radius [m] of all that is shown, and from where most of the skin is seen."""
+    placed = [transform_points(poses[link], np.asarray(m.points)) for link, m in meshes.items()]
+    normals = [np.zeros((1, 3))]
+    for skin in skins.values():
+        placed.append(transform_points(poses[skin.skin.link], skin.skin.positions))
+        normals.append(transform_directions(poses[skin.skin.link], skin.skin.normals))
+    points = np.concatenate([p for p in placed if len(p)] or [np.zeros((1, 3))])
+    low, high = points.min(axis=0), points.max(axis=0)
+    front = front_view(np.concatenate(normals))
+    return {
+        "middle": ((low + high) / 2).tolist(),
+        "size": (high - low).tolist(),
+        "front": [front.azimuth, front.elevation],
+    }
+
+
+def _add_body(
+    arrays: dict[str, NDArray[Any]], meshes: Mapping[str, pv.PolyData], names: tuple[str, ...]
+) -> list[dict[str, Any]]:
+    """Add all link meshes one behind the other; where each of them is comes back."""
+    links, points, normals, faces, start, first = [], [], [], [], 0, 0
+    for link in names:
+        mesh = meshes.get(link)
+        if mesh is None or mesh.n_cells == 0:
+            links.append({"name": link, "first": first, "count": 0})
+            continue
+        triangles = triangles_of(mesh)
+        points.append(np.asarray(mesh.points, np.float32))
+        normals.append(as_bytes(np.asarray(mesh.point_normals)))
+        faces.append(triangles + start)
+        links.append({"name": link, "first": first, "count": triangles.size})
+        start += len(points[-1])
+        first += triangles.size
+    arrays["body.points"] = _joined(points, 3, np.float32)
+    arrays["body.normals"] = _joined(normals, 4, np.int8)
+    arrays["body.faces"] = _joined(faces, 3, np.uint32)
+    return links
+
+
+def _add_skins(
+    arrays: dict[str, NDArray[Any]],
+    skins: Mapping[str, PreparedSkin],
+    layers: Mapping[str, SkinLayer],
+    names: tuple[str, ...],
+    taxels: list[int],
+    vertices: list[int],
+) -> list[dict[str, Any]]:
+    """Add sheets, shells, taxels and flat maps of all parts; where each of them is comes back."""
+    parts: list[dict[str, Any]] = []
+    kept: dict[str, list[NDArray[Any]]] = {key: [] for key in KEYS}
+    shell_start = 0
+    for number, (part, skin) in enumerate(skins.items()):
+        layer, start = layers[part], vertices[number]
+        uv = layer.fine.linear @ np.nan_to_num(skin.flat.uv)
+        own = {
+            "sheet.points": layer.points.astype(np.float32),
+            "sheet.normals": as_bytes(layer.fine.normals),
+            "sheet.faces": (layer.fine.faces + start).astype(np.uint32),
+            "sheet.uv": uv.astype(np.float32),
+            "flat.faces": (off_seams(uv, layer.fine.positions, layer.fine.faces) + start).astype(
+                np.uint32
+            ),
+            "flat.border": (layer.border + start).astype(np.uint32),
+            "shell.points": np.asarray(layer.shell.points, np.float32),
+            "shell.faces": (triangles_of(layer.shell) + shell_start).astype(np.uint32),
+            "taxel.points": (skin.skin.positions + (LIFT + DISC_LIFT) * skin.skin.normals).astype(
+                np.float32
+            ),
+            "taxel.normals": as_bytes(skin.skin.normals),
+            "taxel.uv": np.nan_to_num(skin.flat.uv).astype(np.float32),
+        }
+        spacing = median_spacing(skin.skin.positions)
+        one: dict[str, Any] = {
+            "name": part,
+            "link": names.index(skin.skin.link),
+            "taxels": [taxels[number], len(skin)],
+            "vertices": [start, len(layer.points)],
+            "spacing": spacing,
+            "dot": DOT_SHARE * spacing,
+            "patches": len(skin.flat.charts),
+        }
+        for key in ("sheet.faces", "flat.faces", "shell.faces", "flat.border"):
+            first = sum(array.size for array in kept[key])
+            one[key.replace(".", "_")] = [first, own[key].size]
+        for key, array in own.items():
+            kept[key].append(array)
+        shell_start += len(layer.shell.points)
+        parts.append(one)
+    for key, (width, kind) in KEYS.items():
+        arrays[key] = _joined(kept[key], width, kind)
+    smooth = csr_array(block_diag([layer.fine.smooth for layer in layers.values()], format="csr"))
+    arrays["smooth.starts"] = smooth.indptr.astype(np.uint32)
+    arrays["smooth.taxels"] = smooth.indices.astype(np.uint32)
+    arrays["smooth.weights"] = smooth.data.astype(np.float32)
+    return parts
+
+
+KEYS: dict[str, tuple[int, type]] = {
+    "sheet.points": (3, np.float32),
+    "sheet.normals": (4, np.int8),
+    "sheet.faces": (3, np.uint32),
+    "sheet.uv": (2, np.float32),
+    "flat.faces": (3, np.uint32),
+    "flat.border": (2, np.uint32),
+    "shell.points": (3, np.float32),
+    "shell.faces": (3, np.uint32),
+    "taxel.points": (3, np.float32),
+    "taxel.normals": (4, np.int8),
+    "taxel.uv": (2, np.float32),
+}
+
+
+def off_seams(uv: FloatArray, points: FloatArray, faces: IntArray) -> IntArray:
+    """Faces that the flat map keeps whole: those on a seam would lie right across it."""
+    flat, bent = edge_lengths(uv, faces).max(axis=1), edge_lengths(points, faces).max(axis=1)
+    return np.asarray(faces[flat <= SEAM_STRETCH * bent])
+
+
+def triangles_of(mesh: pv.PolyData) -> IntArray:
+    """(m, 3) corners of a triangle mesh."""
+    return np.asarray(mesh.regular_faces, np.int64)
+
+
+def as_bytes(normals: FloatArray) -> NDArray[np.int8]:
+    """(n, 4) unit vectors (n, 3) in steps of 1/127, and a zero: WebGL likes multiples of 4."""
+    return np.pad(np.rint(127 * np.asarray(normals)), ((0, 0), (0, 1))).astype(np.int8)
+
+
+def _joined(arrays: list[NDArray[Any]], width: int, kind: type) -> NDArray[Any]:
+    filled = [array for array in arrays if len(array)]
+    return np.concatenate(filled).astype(kind) if filled else np.zeros((0, width), kind)

@@ -1,0 +1,294 @@
+"""Serves the scene to browsers on this machine.
+
+with serve(robot, skins, player) as server:
+    print(server.url)
+    server.wait()
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import logging
+import socket
+import threading
+import warnings
+from collections.abc import Mapping
+from functools import cache
+from http import HTTPStatus
+from importlib import resources
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from skinmap.errors import SkinWarning, UnreachableError
+from skinmap.skin.robot import Robot
+from skinmap.touch.prepared import PreparedSkin
+from viewer.drawing.body import Links
+from viewer.layers import Layers
+from viewer.playing.player import Player
+from viewer.web.guard import LIVE, LOOPBACK, Guard, Refusal, is_loopback, new_token, page_headers
+from viewer.web.hub import Hub
+from viewer.web.scene_data import make_scene
+
+if TYPE_CHECKING:
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
+
+PORT = 8080
+LARGEST = 4096  # bytes of a message from a page: it sends wishes of some words
+CLIENTS = 8  # pages at once
+PATIENCE = 5.0  # for threads to end [s]
+TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
+SCENE = "scene.bin"
+
+logger = logging.getLogger(__name__)
+
+
+def serve(
+    robot: Robot,
+    skins: Mapping[str, PreparedSkin],
+    player: Player,
+    *,
+    host: str = LOOPBACK,
+    port: int = PORT,
+    token: str | None = None,
+    layers: Layers | None = None,
+    layer: str = "pressure",
+    style: str = "surface",
+    angles: Mapping[str, float] | None = None,
+    links: Links = None,
+    clients: int = CLIENTS,
+) -> WebServer:
+    """Start to serve a robot; the player is started and stays the caller's to close.
+
+    Parameters
+    ----------
+    robot : Robot
+    skins : mapping of str to PreparedSkin
+        Parts to show.
+    player : Player
+        What is played.
+    host : str
+        Address to listen at; anything but this machine's own is warned of on stderr.
+    port : int
+        0 for any that is free.
+    token : str, optional
+        First part of the address; random by default.
+    layers : Layers, optional
+        With covariances and healths where there are any.
+    layer, style : str
+        What a page shows first.
+    angles : mapping of str to float, optional
+        Joint angles [rad]; the robot's natural pose by default.
+    links : iterable of str, optional
+        Links to draw; all that have a mesh by default.
+    clients : int
+        Pages at once.
+
+    Raises
+    ------
+    UnreachableError
+        The port is taken, or the address is not this machine's.
+    UnknownNameError
+        A layer or link that does not exist.
+    """
+    layers = Layers(skins) if layers is None else layers
+    layers.get(layer)
+    listening = bind(host, port)
+    try:
+        hub = Hub(make_scene(robot, skins, angles=angles, links=links), player, layers)
+    except BaseException:
+        listening.close()
+        raise
+    hub.first = {"layer": layer, "style": style}
+    guard = Guard(host, listening.getsockname()[1], new_token() if token is None else token)
+    if not is_loopback(host):
+        warnings.warn(
+            f"{host} can be reached from other machines, and nothing is encrypted: whoever reads "
+            "the address on its way can watch and play",
+            SkinWarning,
+            stacklevel=2,
+        )
+    player.start()
+    return WebServer(listening, guard, hub, clients)
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """A socket that listens.
+
+    Raises
+    ------
+    UnreachableError
+        The port is taken, or the address is not this machine's.
+    """
+    if not 0 <= port <= 65535:
+        raise UnreachableError(f"port {port} does not exist: ports are 0 to 65535")
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        return socket.create_server((host.strip("[]"), port), family=family)
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            reason = "is in use; give another with --port, or --port 0 for any that is free"
+        else:
+            reason = f"cannot be listened at: {error.strerror or error}"
+        raise UnreachableError(f"port {port} of {host} {reason}") from error
+
+
+@cache
+def page_files() -> dict[str, tuple[str, bytes]]:
+    """Type and content of each of the page's files by name: nothing else is ever served."""
+    folder = resources.files("viewer.web") / "page"
+    files = {entry.name: entry for entry in folder.iterdir() if entry.is_file()}
+    found = {
+        name: (f"{TYPES[suffix]}; charset=utf-8", entry.read_bytes())
+        for name, entry in sorted(files.items())
+        if (suffix := name.rpartition(".")[2]) in TYPES
+    }
+    found[""] = found.pop("index.html")
+    return found
+
+
+class WebServer:
+    """A page on a socket, with a thread of its own.
+
+    Parameters
+    ----------
+    listening : socket
+    guard : Guard
+    hub : Hub
+        What pages are told.
+    clients : int
+        Pages at once.
+    """
+
+    def __init__(self, listening: socket.socket, guard: Guard, hub: Hub, clients: int) -> None:
+        self._socket, self.guard, self.hub, self._most = listening, guard, hub, clients
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stop: asyncio.Event | None = None
+        self._error: BaseException | None = None
+        self._ready = threading.Event()
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="web", daemon=True)
+        self._thread.start()
+        self._ready.wait(PATIENCE)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return self.guard.port
+
+    @property
+    def url(self) -> str:
+        """Address to open, with the token: keep it to yourself."""
+        host = self.guard.host
+        if host in ("0.0.0.0", "::"):
+            host = socket.gethostname()
+        if ":" in host and not host.startswith("["):
+            host = f"[{host}]"
+        return f"http://{host}:{self.port}/{self.guard.token}/"
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Stay until `stop` is called from elsewhere; False after `timeout` [s]."""
+        return self._done.wait(timeout)
+
+    def stop(self) -> None:
+        """Close all pages' connections and the socket; may be called twice."""
+        if self._loop is not None and self._stop is not None:
+            with contextlib.suppress(RuntimeError):  # the loop has ended by itself
+                self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(PATIENCE)
+        self._socket.close()
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._main())
+        except BaseException:
+            logger.exception("the web server failed")
+        finally:
+            self._ready.set()
+            self._done.set()
+
+    async def _main(self) -> None:
+        from websockets.asyncio.server import serve as listen
+
+        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        quiet = logging.getLogger(f"{__name__}.connections")
+        quiet.setLevel(logging.CRITICAL)  # refused and broken connections are nobody's fault here
+        async with listen(
+            self._handle,
+            sock=self._socket,
+            process_request=self._answer,
+            max_size=LARGEST,
+            max_queue=8,
+            compression=None,
+            close_timeout=1,
+            server_header=None,
+            logger=quiet,
+        ):
+            news = asyncio.create_task(self.hub.watch())
+            self._ready.set()
+            await self._stop.wait()
+            news.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await news
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Refuse, send a file, or let a WebSocket through (None)."""
+        asked = self.guard.check(
+            request.path,
+            {name: request.headers.get_all(name) for name in ("Host", "Origin", "Upgrade")},
+        )
+        if isinstance(asked, Refusal):
+            return _respond(connection, asked.status, f"{asked.reason}\n".encode())
+        if asked == LIVE:
+            if len(self.hub.clients) >= self._most:
+                full = f"{self._most} pages are open already\n".encode()
+                return _respond(connection, HTTPStatus.SERVICE_UNAVAILABLE, full)
+            return None
+        if asked == SCENE:
+            kind, content = "application/octet-stream", self.hub.scene.packed
+        elif asked in page_files():
+            kind, content = page_files()[asked]
+        else:
+            return _respond(connection, HTTPStatus.NOT_FOUND, b"nothing here\n")
+        return _respond(connection, HTTPStatus.OK, content, kind, request.headers["Host"])
+
+    async def _handle(self, connection: ServerConnection) -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        try:
+            await self.hub.talk(connection)
+        except ConnectionClosed:
+            pass  # a tab was closed
+        except Exception:
+            logger.exception("a page could not be served")
+            raise
+
+
+def _respond(
+    connection: ServerConnection,
+    status: HTTPStatus,
+    content: bytes,
+    kind: str = "text/plain; charset=utf-8",
+    host: str = "",
+) -> Response:
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
+
+    headers = Headers(page_headers(host) if host else {"X-Content-Type-Options": "nosniff"})
+    headers["Content-Type"] = kind
+    headers["Content-Length"] = str(len(content))
+    headers["Connection"] = "close"
+    return Response(status.value, status.phrase, headers, content)
