@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -17,6 +18,18 @@ from skinmap.cli.common import (
 )
 
 VIEWS = ("auto", "window", "none")
+# As `viewer.layers` has them, which takes a second to import; a test compares.
+LAYERS = (
+    "pressure", "raw", "binary", "structures", "uncertainty", "distortion", "health", "patches",
+)  # fmt: skip
+PATH = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)
+# As `viewer.layers` has them, which takes a second to import; a test compares.
+LAYERS = (
+    "pressure", "raw", "binary", "structures", "uncertainty", "distortion", "health", "patches",
+)  # fmt: skip
+PATH = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 @click.command("demo", short_help="The whole thread on the real iCub: start here.")
@@ -89,57 +102,68 @@ def summary(result: dict[str, object], out: Path) -> str:
     )
 
 
-@click.command("view", short_help="Touches on the body, in a window or as a picture.")
+@click.command("view", short_help="Touches on the body: window, browser, picture or movie.")
 @robot_argument
 @part_option
 @click.option(
     "--source",
-    type=click.Path(path_type=Path),
-    help="Recording to play; simulated touches by default.",
+    default="sim",
+    show_default=True,
+    help="What is shown: sim, a recording's file, lsl:NAME, zmq:HOST:PORT or a plug-in's name.",
 )
-@click.option("--model", type=click.Path(path_type=Path), help="Model that names the touches.")
+@click.option("--model", type=PATH, help="Names the touches; without, a small one is trained.")
+@click.option("--layer", help=f"What the skin shows: {', '.join(LAYERS)}.")
+@click.option("--style", help="How: surface (interpolated) or discs (one a taxel).")
 @click.option(
-    "--screenshot", type=click.Path(path_type=Path, dir_okay=False), help="Write a picture."
+    "--calibration",
+    "calibrations",
+    multiple=True,
+    metavar="[PART=]FILE",
+    help="Calibrated taxels, for the layer uncertainty; may be repeated.",
 )
-@click.option("--movie", type=click.Path(path_type=Path, dir_okay=False), help="Write a movie.")
+@click.option(
+    "--response",
+    "responses",
+    multiple=True,
+    metavar="[PART=]FILE",
+    help="Response calibration of a part that sends raw values; may be repeated.",
+)
+@click.option("--pose", metavar="JOINT=DEG,...", help="Joint angles; the natural pose without.")
+@click.option(
+    "--links",
+    type=click.Choice(("all", "skin", "none")),
+    default="all",
+    show_default=True,
+    help="What is drawn of the body: all, links with the parts' skin, nothing.",
+)
+@click.option("--view-file", type=FILE, help="Saved view to begin with; the window saves there.")
+@click.option("--screenshot", type=FILE, help="Write a picture; needs no screen.")
+@click.option("--movie", type=FILE, help="Write a movie (.mp4 or .gif); needs no screen.")
+@click.option("--gltf", type=FILE, help="Write the scene for 3D programs (.glb).")
+@click.option("--html", type=FILE, help="Write the scene as a page that needs nothing else.")
+@click.option("--at", type=float, help="Time of the picture [s]; by default what shows most.")
+@click.option("--seconds", type=float, help="How long to watch, at most.")
+@click.option("--speed", type=float, default=1.0, show_default=True, help="Of a recording.")
+@click.option("--loop", is_flag=True, help="Play a recording over and over.")
+@click.option("--web", is_flag=True, help="Serve the scene to a browser.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address for --web.")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port; 0: a free one.")
 @seed_option
 @json_option
-def view(
-    robot: str,
-    parts: tuple[str, ...],
-    source: Path | None,
-    model: Path | None,
-    screenshot: Path | None,
-    movie: Path | None,
-    seed: int,
-    as_json: bool,
-) -> None:
+def view(**options: Any) -> None:
     """Show touches on the robot's body, with the flat map of the touched part beside it.
 
-    Without --model a classifier is trained on simulated touches first.
+    Opens a window; press h in it for all keys. Pictures, movies and files need no screen.
 
     \b
-    Example:  skinmap view icub --part torso --part left_arm --screenshot touches.png
+    Example:  skinmap view icub --part torso --part left_arm --source sim
+              skinmap view icub --source touches.npz --screenshot touches.png
     """
-    from viewer.display import has_display, require_opengl
+    from viewer.view_job import run_view
 
-    require_opengl()
-    if screenshot is None and movie is None and not has_display():
-        raise click.UsageError("there is no display here: give --screenshot or --movie")
-    from viewer.show import show
-
-    loaded, names = open_robot(robot, parts)
-    result = show(
-        loaded,
-        names,
-        source=source,
-        model=model,
-        screenshot=screenshot,
-        movie=movie,
-        seed=seed,
-    )
-    if as_json:
+    result = run_view(options)
+    if options["as_json"]:
         emit(result)
     else:
-        for file in result["files"]:
+        for file in result.get("files", ()):
             click.echo(str(file))

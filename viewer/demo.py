@@ -18,8 +18,9 @@ from skinmap.cli.common import plain
 from skinmap.cli.figures import flat_map_figure
 from skinmap.cli.structure_figures import structures_figure
 from skinmap.io.output import staged_folder
+from skinmap.live.contacts import centre_of_pressure
 from skinmap.live.moment import Moment
-from skinmap.live.replay import centre_of_pressure, replay
+from skinmap.live.replay import replay
 from skinmap.live.touches import NamedTouch
 from skinmap.skin.robot import Robot
 from skinmap.touch.contacts import ACTIVE, pool_event
@@ -27,7 +28,7 @@ from skinmap.touch.gestures import GESTURES
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.simulator import RATE, simulate
 from viewer.analysis import Analysis, analyse, summarise
-from viewer.movie import write_movie
+from viewer.export.movie import write_movie
 from viewer.report import write_report
 from viewer.scene import Scene
 
@@ -107,13 +108,10 @@ def show_window(stage: Stage) -> None:
     play(scene, _moments(stage))
 
 
-def _moments(
-    stage: Stage,
-) -> Iterator[tuple[Mapping[str, NDArray[np.uint8]], list[NamedTouch], str | None]]:
+def _moments(stage: Stage) -> Iterator[Moment]:
     """What the window shows, without end."""
     while True:
-        for moment in replay(stage.skins, stage.tracks, stage.classifier, rate=RATE):
-            yield moment.pressures, list(moment.touches), newest(moment)
+        yield from replay(stage.robot, stage.tracks, stage.classifier, rate=RATE, skins=stage.skins)
         if not any(len(track) for track in stage.tracks.values()):
             return
 
@@ -230,7 +228,7 @@ def track(touches: Sequence[Touch], start: int) -> NDArray[np.uint8]:
 
 def movie_frames(scene: Scene, stage: Stage) -> Iterator[NDArray[np.uint8]]:
     """Pictures (h, w, 3) of the replay."""
-    moments = replay(stage.skins, stage.tracks, stage.classifier, rate=RATE)
+    moments = replay(stage.robot, stage.tracks, stage.classifier, rate=RATE, skins=stage.skins)
     for number, moment in enumerate(moments):
         if number % EVERY:
             continue

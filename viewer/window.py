@@ -1,185 +1,155 @@
-"""The live window: samples come, the picture follows, keys work, closing it ends the loop."""
+"""The live window: samples come, the picture follows, keys and mouse work, closing it ends it."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
-from numpy.typing import ArrayLike
-
-from skinmap.live.touches import NamedTouch
-from viewer.colours import INK, PANEL, rgb
-from viewer.overlays import Line
+from skinmap.live.moment import Moment
+from viewer.interaction.controls import MOVIE_FPS, Controls
+from viewer.interaction.events import Events
+from viewer.interaction.mouse import Pace
+from viewer.playing.player import Player
 from viewer.scene import Scene
 
-Moment = tuple[Mapping[str, ArrayLike], list[NamedTouch], str | None]
-PERIOD = 1.0 / 50.0  # of the samples [s]
-IDLE = 0.02  # between two looks at mouse and keys while nothing moves [s]
-HELP = (
-    "",
-    "space   pause, go on",
-    "a       camera turns to the touches by itself",
-    "r       look from the front",
-    "h       this help",
-    "q       close",
-    "",
-    "drag    turn (left), move (middle)",
-    "wheel   zoom",
-    "",
-)
+IDLE = 0.02  # longest wait for a sample before keys and mouse are looked at again [s]
+REFRESH = 0.2  # between two pictures while nothing moves: the age of the sample is told [s]
 
 
-class Controls:
-    """What keys and mouse have asked for.
+class Window:
+    """One scene with its player and controls, turn by turn.
 
-    Attributes
+    Parameters
     ----------
-    paused, closed : bool
+    scene : Scene
+        With a window or without: all but opening it is the same.
+    player : Player
+    folder, view_file : Path, optional
+        As for `Controls`.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self.paused, self.closed = False, False
-        self._help = Line(scene.plotter.renderers[0], (0.14, 0.86), scene.font_px)
-        style = self._help.actor.GetTextProperty()
-        style.SetColor(*rgb(PANEL))
-        style.SetBackgroundColor(*rgb(INK))
-        style.SetBackgroundOpacity(0.93)
-        style.SetFontFamilyToCourier()
-        style.BoldOn()
-        self._help.write("")
+    def __init__(
+        self,
+        scene: Scene,
+        player: Player,
+        *,
+        folder: Path | None = None,
+        view_file: Path | None = None,
+    ) -> None:
+        self.scene, self.player = scene, player
+        self.drawn = 0
+        plotter: Any = scene.plotter
+        self.interactor = plotter.iren.interactor
+        # The robot stays upright; shift is for choosing modules, not for moving the camera.
+        plotter.enable_terrain_style(mouse_wheel_zooms=True, shift_pans=False)
+        # The camera's style asks for pictures whenever the mouse moves: ours come once a turn.
+        self.interactor.EnableRenderOff()
+        self.controls = Controls(scene, player, folder=folder, view_file=view_file)
+        self.events = Events(self.interactor, self.controls)
+        self._movie = Pace(1.0 / MOVIE_FPS, time.perf_counter)
+        self._calm = Pace(REFRESH, time.perf_counter)
+        self._number = -1
+        self._failed = False
+
+    def open(self) -> None:
+        """Show the window."""
+        plotter: Any = self.scene.plotter
+        self.scene.update(step=360.0)
+        plotter.show(interactive_update=True, auto_close=False, title="Skinmap")
+
+    def turn(self) -> bool:
+        """Let keys and mouse act, show the newest moment, draw if anything changed.
+
+        Returns
+        -------
+        bool
+            Whether a picture was drawn.
+        """
+        controls, scene = self.controls, self.scene
+        self.interactor.ProcessEvents()
+        if self.interactor.GetDone():
+            controls.close()
+        if controls.closed:
+            return False
+        moment = self.player.take()
+        if moment is not None:
+            self._show(moment)
+        if self.player.error is not None and not self._failed:
+            self._failed = True
+            controls.say(" ".join(str(self.player.error).split()))
+            controls.notice.stay()
+        wanted = controls.tick() or moment is not None or self._turning or self._calm.due()
+        if wanted:
+            scene.update()
+            self.drawn += scene.canvas.cache.draw()
+        if controls.recording is not None and self._movie.due():
+            controls.recording.add(scene.frame())
+        return bool(wanted)
 
     @property
-    def help_shown(self) -> bool:
-        """Whether the list of keys is in the picture."""
-        return bool(self._help.actor.GetVisibility())
+    def _turning(self) -> bool:
+        framing = self.scene.framing
+        return framing.mode != "free" and framing.view != framing.goal
 
-    def pause(self) -> None:
-        """Stop or go on."""
-        self.paused = not self.paused
+    def _show(self, moment: Moment) -> None:
+        scene = self.scene
+        scene.show_moment(moment)
+        if self.controls.following and moment.touches and scene.panel is not None:
+            part = moment.touches[-1].part
+            if part in scene.panel.flat_maps:
+                scene.show_flat_map(part)
 
-    def toggle_help(self) -> None:
-        """Show or hide the list of keys."""
-        self._help.write("" if self.help_shown else "\n".join(f" {line} " for line in HELP))
-        self._help.to_front()
-
-    def follow(self) -> None:
-        """Let the camera turn to the touches by itself."""
-        self.scene.framing.look(self.scene.framing.view, "auto")
-
-    def front(self) -> None:
-        """Look from the front, and stay there."""
-        self.scene.framing.look(self.scene.front, "still")
-
-    def lead(self) -> None:
-        """The mouse takes the camera: it obeys nothing else until a key gives it back."""
-        self.scene.framing.mode = "free"
+    def wait(self) -> None:
+        """Sleep until something new is to be shown, not for long."""
+        self.player.wait(self._number, IDLE)
+        self._number = self.player.number
 
     def close(self) -> None:
-        """End the loop."""
-        self.closed = True
-
-    def press(self, key: str) -> None:
-        """Do what a key stands for; other keys do nothing."""
-        actions: dict[str, Callable[[], None]] = {
-            "space": self.pause,
-            "h": self.toggle_help,
-            "a": self.follow,
-            "r": self.front,
-            "q": self.close,
-            "Escape": self.close,
-        }
-        actions.get(key, lambda: None)()
+        """Finish a movie, let go of the events, close the window and the player."""
+        self.controls.end_movie()
+        self.events.close()
+        self.controls.remove()
+        self.player.close()
+        self.scene.close()
 
 
-def play(scene: Scene, moments: Iterable[Moment], *, period: float = PERIOD) -> int:
-    """Show moments at their pace, until the window is closed.
+def run(window: Window, *, seconds: float = math.inf) -> int:
+    """Play until the window is closed, or for so many seconds; pictures drawn.
 
-    Keeps to the clock: where drawing is slower than the samples come, pictures are left out,
-    samples never. The last moment stays until the user closes the window.
+    The last moment of a source that ended or failed stays until the user closes the window.
+
+    Raises
+    ------
+    SkinError
+        What the source failed with, after the window was closed.
+    """
+    end = time.monotonic() + seconds
+    try:
+        window.player.start()
+        while not window.controls.closed and time.monotonic() < end:
+            window.turn()
+            window.wait()
+    finally:
+        window.close()
+    if window.player.error is not None:
+        raise window.player.error
+    return window.drawn
+
+
+def play(scene: Scene, moments: Iterable[Moment], *, seconds: float = math.inf) -> int:
+    """Show moments in a scene's window until it is closed; pictures drawn.
 
     Parameters
     ----------
     scene : Scene
         Made with `off_screen=False`.
-    moments : iterable
-        (pressures (n,) by part, touches, part whose flat map is shown or None) of each sample.
-    period : float
-        Time between two samples [s].
-
-    Returns
-    -------
-    int
-        Pictures drawn.
+    moments : TouchLoop or iterable of Moment
+    seconds : float
+        Close it by itself after so long.
     """
-    controls = Controls(scene)
-    plotter: Any = scene.plotter
-    scene.update(step=360.0)
-    plotter.enable_terrain_style(mouse_wheel_zooms=True)  # the robot stays upright
-    plotter.show(interactive_update=True, auto_close=False, title="Skinmap")
-    watch(scene, controls)
-    drawn, due = 0, time.perf_counter()
-    for pressures, touches, part in moments:
-        for name, values in pressures.items():
-            scene.set_pressures(name, values)
-        scene.set_touches(touches)
-        if part is not None:
-            scene.show_flat_map(part)
-        due += period
-        if time.perf_counter() < due or drawn == 0:
-            drawn += _draw(scene, controls)
-        else:
-            _listen(scene, controls)
-        while controls.paused and not controls.closed:
-            due = time.perf_counter()
-            drawn += _rest(scene, controls)
-        if controls.closed:
-            break
-        time.sleep(max(0.0, due - time.perf_counter()))
-        due = max(due, time.perf_counter() - 5 * period)  # after a halt, no rush to catch up
-    while not controls.closed:
-        drawn += _rest(scene, controls)
-    scene.close()
-    return drawn
-
-
-def watch(scene: Scene, controls: Controls) -> None:
-    """Tie keys, mouse and the window's own close button to the controls."""
-    interactor = _interactor(scene)
-    # Other keys of VTK's would end the program (e) or draw a wireframe (w) behind our back.
-    interactor.RemoveObservers("CharEvent")
-    interactor.RemoveObservers("KeyPressEvent")
-    interactor.AddObserver("KeyPressEvent", lambda *_: controls.press(interactor.GetKeySym()))
-    style = interactor.GetInteractorStyle()
-    style.AddObserver("StartInteractionEvent", lambda *_: controls.lead())
-    interactor.AddObserver("ExitEvent", lambda *_: controls.close())
-
-
-def _interactor(scene: Scene) -> Any:
-    plotter: Any = scene.plotter
-    return plotter.iren.interactor
-
-
-def _listen(scene: Scene, controls: Controls) -> None:
-    """Let keys, mouse and the close button take effect."""
-    interactor = _interactor(scene)
-    interactor.ProcessEvents()
-    if interactor.GetDone():
-        controls.close()
-
-
-def _draw(scene: Scene, controls: Controls) -> int:
-    _listen(scene, controls)
-    if controls.closed:
-        return 0
-    scene.update()
-    window: Any = scene.plotter.render_window
-    window.Render()
-    return 1
-
-
-def _rest(scene: Scene, controls: Controls) -> int:
-    """One turn of the loop while nothing comes: the mouse still moves the camera."""
-    time.sleep(IDLE)
-    return _draw(scene, controls)
+    window = Window(scene, Player(moments))
+    window.open()
+    return run(window, seconds=seconds)

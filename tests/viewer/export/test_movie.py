@@ -4,9 +4,9 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-import viewer.movie
+import viewer.export.movie
 from skinmap.errors import InvalidArrayError, OutputError
-from viewer.movie import write_movie
+from viewer.export.movie import write_movie
 
 
 def pictures(count, size=(64, 80)):
@@ -41,7 +41,7 @@ def test_write_movie_cuts_odd_sizes_to_even(tmp_path):
 
 
 def test_write_movie_without_ffmpeg_is_a_gif(tmp_path, monkeypatch):
-    monkeypatch.setattr(viewer.movie, "has_ffmpeg", lambda: False)
+    monkeypatch.setattr(viewer.export.movie, "has_ffmpeg", lambda: False)
     path = write_movie(tmp_path / "film.mp4", pictures(3), 25)
     assert path == tmp_path / "film.gif"
     assert [file.name for file in tmp_path.iterdir()] == ["film.gif"]

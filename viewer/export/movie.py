@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from contextlib import closing
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,48 @@ def write_movie(path: str | Path, frames: Iterable[Picture], fps: float) -> Path
     return path
 
 
+class MovieWriter:
+    """A movie that grows picture by picture, for windows that do not know how long it will be.
+
+    Parameters
+    ----------
+    path : path-like
+        Ends in .mp4 or .gif; without ffmpeg an .mp4 becomes a .gif.
+    fps : float
+        Pictures a second.
+    """
+
+    def __init__(self, path: str | Path, fps: float) -> None:
+        path = Path(path)
+        self.path = path if has_ffmpeg() else path.with_suffix(".gif")
+        self.fps = fps
+        self.count = 0
+        self._stack = ExitStack()
+        self._stage = self._stack.enter_context(staged_file(self.path))
+        self._writer = self._stack.enter_context(closing(_open(self._stage, fps)))
+        self._size: tuple[int, int] | None = None
+
+    def add(self, picture: Picture) -> None:
+        """Append a picture (h, w, 3); one of another size than the first is left out."""
+        height, width = picture.shape[:2]
+        size = (height - height % 2, width - width % 2)
+        if self._size is None:
+            self._size = size
+        if size != self._size:
+            return
+        self._writer.append_data(picture[: size[0], : size[1]])
+        self.count += 1
+
+    def close(self) -> Path | None:
+        """Finish the file; None, and no file, where no picture came."""
+        if self.count == 0:
+            with suppress(InvalidArrayError), self._stack:
+                raise InvalidArrayError("a movie needs at least one picture")
+            return None
+        self._stack.close()
+        return self.path
+
+
 def has_ffmpeg() -> bool:
     """Whether imageio finds an ffmpeg: its own wheel brings one on common machines."""
     try:
@@ -61,6 +103,18 @@ def has_ffmpeg() -> bool:
 
 
 def _write(path: Path, frames: Iterable[Picture], fps: float) -> int:
+    count = 0
+    # `closing`, as imageio's own with statement leaves ffmpeg running after an exception.
+    with closing(_open(path, fps)) as writer:
+        for picture in frames:
+            height, width = picture.shape[:2]
+            writer.append_data(picture[: height - height % 2, : width - width % 2])
+            count += 1
+    return count
+
+
+def _open(path: Path, fps: float) -> Any:
+    """The writer of imageio for a path."""
     import imageio
 
     options: dict[str, Any] = {"duration": 1000.0 / fps, "loop": 0}
@@ -74,11 +128,4 @@ def _write(path: Path, frames: Iterable[Picture], fps: float) -> int:
             "ffmpeg_log_level": "error",
         }
     open_writer: Any = imageio.get_writer
-    count = 0
-    # `closing`, as imageio's own with statement leaves ffmpeg running after an exception.
-    with closing(open_writer(str(path), **options)) as writer:
-        for picture in frames:
-            height, width = picture.shape[:2]
-            writer.append_data(picture[: height - height % 2, : width - width % 2])
-            count += 1
-    return count
+    return open_writer(str(path), **options)

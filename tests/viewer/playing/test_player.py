@@ -1,0 +1,334 @@
+"""The player by itself: no picture, no VTK, no clock in any assertion."""
+
+from __future__ import annotations
+
+import queue
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.live.moment import Moment
+from skinmap.live.source import SourceEnded, StreamInfo
+from viewer.playing.history import LENGTH, History, size
+from viewer.playing.player import Player
+
+DEADLINE = 10.0  # far beyond what any machine needs: a test that waits so long has failed
+RATE = 50.0
+
+
+def moment(number: int, *, start: float = 100.0, stale: bool = False) -> Moment:
+    pressures = {"arm": np.full(6, number % 256, np.uint8)}
+    return Moment(start + number / RATE, pressures, stale=stale)
+
+
+def number(shown: Moment | None) -> int:
+    assert shown is not None
+    return round((shown.time - 100.0) * RATE)
+
+
+def until(player: Player, condition) -> None:
+    """Wait until a condition holds, told of each change."""
+    end = time.monotonic() + DEADLINE
+    while not condition():
+        assert time.monotonic() < end, "nothing happened"
+        player.wait(player.number, 0.05)
+
+
+class FakeSource:
+    info = StreamInfo("fake", ("arm",), (6,), RATE)
+
+
+class LiveLoop:
+    """A touch loop on a live source that sends what a test puts in."""
+
+    def __init__(self) -> None:
+        self.source = FakeSource()
+        self.sent: queue.Queue = queue.Queue()
+        self.closed = 0
+
+    def step(self, timeout: float) -> Moment | None:
+        try:
+            item = self.sent.get(timeout=timeout)
+        except queue.Empty:
+            return None
+        if isinstance(item, BaseException | type):
+            raise item
+        return item
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+class Recording(FakeSource):
+    """A recording of `count` samples that gives the next one whenever it is asked."""
+
+    def __init__(self, count: int) -> None:
+        self.count, self.row = count, 0
+        self.speed, self.loop = 1.0, False
+        self.sought: list[float] = []
+
+    @property
+    def duration(self) -> float:
+        return self.count / RATE
+
+    @property
+    def position(self) -> float:
+        return self.row / RATE
+
+    def read(self, timeout: float):
+        raise NotImplementedError
+
+    def close(self) -> None:
+        pass
+
+    def seek(self, seconds: float) -> None:
+        self.sought.append(seconds)
+        self.row = round(seconds * RATE)
+
+
+class RecordedLoop:
+    def __init__(self, count: int = 200) -> None:
+        self.source = Recording(count)
+        self.closed = 0
+
+    def step(self, timeout: float) -> Moment | None:
+        source = self.source
+        if source.row >= source.count:
+            if not source.loop:
+                raise SourceEnded
+            source.row = 0
+        if source.speed == 0:
+            return None
+        source.row += 1
+        return moment(source.row - 1)
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+def test_player_shows_the_newest_moment_and_leaves_out_the_rest():
+    loop = LiveLoop()
+    for k in range(5):
+        loop.sent.put(moment(k))
+    with Player(loop) as player:
+        until(player, lambda: player.moment is not None and number(player.moment) == 4)
+        assert number(player.take()) == 4
+        assert player.take() is None, "nothing new"
+        assert not player.seekable
+        assert not player.seek(1.0)
+        assert 0 <= player.oldest < DEADLINE
+        assert np.isnan(player.duration)
+    assert loop.closed == 1
+
+
+def test_paused_live_source_keeps_its_picture_while_samples_go_on():
+    loop = LiveLoop()
+    with Player(loop) as player:
+        for k in range(4):
+            loop.sent.put(moment(k))
+        until(player, lambda: player.moment is not None and number(player.moment) == 3)
+        player.pause()
+        for k in range(4, 8):
+            loop.sent.put(moment(k))
+        until(player, lambda: loop.sent.empty())
+        assert number(player.moment) == 3
+        assert player.step(-2)
+        assert number(player.take()) == 1
+        assert not player.step(-9), "not so far back"
+        assert player.step(+2)
+        assert number(player.moment) == 3
+        assert not player.step(+1), "what came since the pause is not stepped through"
+        player.play()
+        until(player, lambda: number(player.moment) == 7)
+
+
+def test_recording_halts_steps_and_seeks():
+    loop = RecordedLoop()
+    with Player(loop, paused=True) as player:
+        until(player, lambda: player.moment is not None)
+        assert number(player.moment) == 0
+        assert player.step(+1)
+        until(player, lambda: number(player.moment) == 1)
+        assert player.step(+3)
+        until(player, lambda: number(player.moment) == 4)
+        assert player.step(-1)
+        assert number(player.moment) == 3
+        assert player.seek(2.0)
+        until(player, lambda: number(player.moment) == 100)
+        assert loop.source.sought[-1] < 2.0, "touches are named from their past"
+        assert player.position == pytest.approx(2.0)
+        assert player.step(-1)
+        assert number(player.moment) == 99
+        assert player.paused
+        assert player.seek(1e9)
+        until(player, lambda: number(player.moment) == 199)
+        assert player.seek(-5.0)
+        until(player, lambda: number(player.moment) == 0)
+        assert not player.step(-1) or number(player.moment) == 0
+
+
+def test_steps_back_go_beyond_what_is_remembered():
+    loop = RecordedLoop()
+    with Player(loop, paused=True) as player:
+        until(player, lambda: player.moment is not None)
+        player.seek(3.0)
+        until(player, lambda: number(player.moment) == 150)
+        for k in range(149, 100, -1):
+            assert player.step(-1)
+            until(player, lambda k=k: number(player.moment) == k)
+
+
+def test_recording_ends_with_its_last_moment_and_plays_again():
+    loop = RecordedLoop(30)
+    with Player(loop) as player:
+        until(player, lambda: player.ended)
+        assert number(player.moment) == 29
+        assert not player.step(+1)
+        loop.source.sought.clear()
+        player.play()
+        until(player, lambda: loop.source.sought == [0.0] and player.ended)
+
+
+def test_looping_recording_never_ends():
+    loop = RecordedLoop(10)
+    with Player(loop) as player:
+        player.loop = True
+        first = player.number
+        until(player, lambda: player.number > first + 50)
+        assert not player.ended
+        assert player.loop
+
+
+def test_speed_is_the_recordings_and_bounded():
+    loop = RecordedLoop()
+    with Player(loop, paused=True) as player:
+        player.speed = 4.0
+        assert player.speed == 4.0
+        player.speed = 1e9
+        assert player.speed == 16.0
+        for speed in (0.0, -1.0, float("nan"), float("inf")):
+            with pytest.raises(InvalidArrayError, match="speed must be above 0"):
+                player.speed = speed
+        with pytest.raises(InvalidArrayError, match="must be a number"):
+            player.seek(float("nan"))
+    live = Player(LiveLoop())
+    live.speed = 3.0
+    assert live.speed == 1.0
+
+
+def test_failing_source_is_told_and_its_last_moment_stays():
+    loop = LiveLoop()
+    with Player(loop) as player:
+        loop.sent.put(moment(0))
+        loop.sent.put(SkinMismatchError("another skin"))
+        until(player, lambda: player.error is not None)
+        assert isinstance(player.error, SkinMismatchError)
+        assert player.ended
+        assert number(player.moment) == 0
+    player.close()
+
+
+def test_plain_moments_are_played_in_order_and_sequences_are_seekable():
+    shown = []
+    with Player([moment(k) for k in range(12)]) as player:
+        player.speed = 16.0
+        while not player.ended:
+            before = player.number
+            if (taken := player.take()) is not None:
+                shown.append(number(taken))
+            player.wait(before, 0.2)
+        assert shown == sorted(shown)
+        assert number(player.moment) == 11
+        player.pause()
+        assert player.seek(0.1)
+        until(player, lambda: number(player.moment) == 5)
+        assert player.duration == pytest.approx(11 / RATE)
+
+
+def test_iterator_of_moments_goes_on_only():
+    with Player((moment(k) for k in range(5)), paused=True) as player:
+        until(player, lambda: player.moment is not None)
+        assert player.step(+1)
+        until(player, lambda: number(player.moment) == 1)
+        assert not player.seek(0.0)
+        assert player.step(-1)
+        assert number(player.moment) == 0
+        assert not player.step(-1)
+
+
+def test_history_keeps_within_its_bounds():
+    history = History()
+    for k in range(3 * LENGTH):
+        history.add(moment(k))
+    assert len(history) == LENGTH
+    assert number(history.newest) == 3 * LENGTH - 1
+    big = Moment(0.0, {"arm": np.zeros(1_000_000)})
+    for _ in range(5):
+        history.add(big)
+    assert sum(size(one) for one in history.moments()) <= 16_000_000
+    history.clear()
+    assert history.newest is None
+
+
+def test_player_needs_no_vtk():
+    heavy = "{'vtkmodules', 'pyvista'}"
+    code = f"import sys, viewer.playing.player; sys.exit(bool({heavy} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0])
+def test_real_recording_is_led_to_the_sample(icub, rate):
+    """Through playback and touch loop: what is sought and stepped to is that very sample."""
+    from skinmap.live.loop import TouchLoop
+    from skinmap.live.playback import Playback
+    from viewer.playing.stepwise import Stepwise
+
+    n = len(icub.skin("left_hand"))
+    count = 400
+    times = 7.0 + np.arange(count) / rate
+    values = np.zeros((count, n), np.uint8)
+    values[:, 3] = np.arange(count) % 200
+    info = StreamInfo("rising", ("left_hand",), (n,), rate)
+    loop = TouchLoop(icub, Stepwise(Playback(info, times, values)))
+    with Player(loop, paused=True) as player:
+
+        def row() -> int:
+            return round((player.moment.time - 7.0) * rate)
+
+        until(player, lambda: player.moment is not None)
+        assert row() == 0
+        for wanted in (300, 17, 399, 150):
+            assert player.seek(wanted / rate)
+            until(player, lambda wanted=wanted: row() == wanted)
+            assert player.moment.pressures["left_hand"][3] == wanted % 200
+            assert player.position == pytest.approx(wanted / rate)
+        player.step(+1)
+        until(player, lambda: row() == 151)
+        player.step(+5)
+        until(player, lambda: row() == 156)
+        player.step(-3)
+        assert row() == 153
+        player.speed = 16.0
+        player.play()
+        until(player, lambda: player.ended)
+        assert row() == 399
+
+
+def test_one_by_one_passes_no_sample_over():
+    from skinmap.live.playback import Playback
+    from viewer.playing.stepwise import OneByOne
+
+    values = np.arange(300, dtype=np.float32)[:, None]
+    info = StreamInfo("numbers", ("arm",), (1,), RATE)
+    source = OneByOne(Playback(info, np.arange(300) / RATE, values, speed=np.inf))
+    seen = []
+    with pytest.raises(SourceEnded):
+        while True:
+            block = source.read(0.1)
+            assert len(block) == 1
+            seen.append(float(block.values[0, 0]))
+    assert seen == list(range(300))

@@ -1,0 +1,334 @@
+"""`skinmap view`: pictures and files without a screen, and one clear line for bad input."""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from skinmap.cli.main import cli
+from skinmap.errors import (
+    DataFormatError,
+    InvalidArrayError,
+    MissingFileError,
+    OutputError,
+    SkinError,
+    SkinMismatchError,
+    UnknownNameError,
+    UnreachableError,
+)
+
+FOOT = ("--part", "left_foot", "--links", "skin")
+
+
+def view(*words: str, **options) -> dict:
+    result = CliRunner().invoke(cli, ["view", "icub", *words, "--json"], **options)
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Some simulated touches on the left sole."""
+    path = tmp_path_factory.mktemp("view") / "touches.npz"
+    words = ["simulate", "icub", "--part", "left_foot", "--per-gesture", "1", "-o", str(path)]
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    return path
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """A model that takes no time to train."""
+    folder = tmp_path_factory.mktemp("model")
+    touches, path = folder / "t.npz", folder / "m.skinmodel"
+    words = ["simulate", "icub", "--part", "left_foot", "--per-gesture", "10", "-o", str(touches)]
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    assert CliRunner().invoke(cli, ["train", str(touches), "-o", str(path)]).exit_code == 0
+    return path
+
+
+def test_help_needs_nothing_heavy_and_lists_the_layers():
+    from viewer.layers import LAYERS
+
+    code = (
+        "import sys; from skinmap.cli.main import main; sys.argv = ['skinmap', 'view', '--help']\n"
+        "try: main()\nexcept SystemExit: pass\n"
+        "heavy = {'numpy', 'pyvista', 'vtkmodules', 'scipy', 'sklearn', 'viser', 'trimesh'}\n"
+        "sys.exit(bool(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    text = " ".join(done.stdout.split())
+    assert ", ".join(LAYERS) in text
+    assert "Example:" in text
+
+
+def test_picture_of_the_simulator_names_its_touches(opengl, tmp_path, model):
+    path = tmp_path / "out.png"
+    shown = view(*FOOT, "--source", "sim", "--model", str(model), "--screenshot", str(path))
+    assert shown["files"] == [str(path)]
+    assert shown["touches"]
+    assert {touch["part"] for touch in shown["touches"]} == {"left_foot"}
+    assert all(0 <= touch["confidence"] <= 1 for touch in shown["touches"])
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_recording_gives_picture_movie_page_and_gltf(opengl, tmp_path, recording, model):
+    import imageio_ffmpeg
+
+    names = {suffix: tmp_path / f"out.{suffix}" for suffix in ("png", "mp4", "html", "glb")}
+    shown = view(
+        *FOOT, "--source", str(recording), "--model", str(model), "--seconds", "2",
+        "--layer", "binary", "--style", "discs", "--screenshot", str(names["png"]),
+        "--movie", str(names["mp4"]), "--html", str(names["html"]), "--gltf", str(names["glb"]),
+    )  # fmt: skip
+    assert sorted(shown["files"]) == sorted(str(path) for path in names.values())
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(names["mp4"]))
+    # 2 s at 25 frames a second, both ends shown.
+    assert 50 <= frames <= 52
+    assert seconds == pytest.approx(frames / 25, abs=0.1)
+    assert all(path.stat().st_size > 5000 for path in names.values())
+
+
+def test_picture_at_a_time_shows_that_time(opengl, tmp_path, recording, model):
+    path = tmp_path / "out.png"
+    words = (*FOOT, "--source", str(recording), "--model", str(model), "--screenshot", str(path))
+    shown = view(*words, "--at", "1.5")
+    with np.load(recording) as arrays:
+        step = 0.02
+        assert len(arrays.files) > 0
+    assert shown["time"] == pytest.approx(1.5, abs=step)
+
+
+def test_pose_and_saved_view_are_taken(opengl, tmp_path, recording, model):
+    from viewer.interaction.view_file import SavedView, save_view
+
+    saved = save_view(
+        SavedView("iCub", (1.0, 0.0, 0.0), (0.0, 0.0, -0.5), (0.0, 0.0, 1.0), 20.0,
+                  layer="patches", style="discs", part="left_foot"),
+        tmp_path / "view.json",
+    )  # fmt: skip
+    words = (*FOOT, "--source", str(recording), "--model", str(model), "--at", "1")
+    one, other = tmp_path / "a.png", tmp_path / "b.png"
+    view(*words, "--screenshot", str(one), "--view-file", str(saved))
+    view(
+        *words, "--screenshot", str(other), "--view-file", str(saved), "--pose", "l_ankle_pitch=20"
+    )
+    assert one.read_bytes() != other.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "match"),
+    [
+        (["--layer", "heat"], UnknownNameError, "no layer 'heat'; there is: pressure, raw"),
+        (["--style", "balls"], UnknownNameError, "'balls'"),
+        (["--part", "wing"], UnknownNameError, "no part 'wing'"),
+        (["--source", "radio"], UnknownNameError, "no source 'radio'"),
+        (["--source", "none.npz"], MissingFileError, "no file 'none.npz'"),
+        (["--model", "none.skinmodel"], MissingFileError, "none.skinmodel"),
+        (["--pose", "l_elbow=500"], InvalidArrayError, "l_elbow = 500 degrees is out of its range"),
+        (["--pose", "l_elbow=nan"], InvalidArrayError, "out of its range"),
+        (["--pose", "l_elbow"], InvalidArrayError, "expected joint=degrees"),
+        (["--pose", "wing=3"], UnknownNameError, "no joint 'wing'"),
+        (["--at", "-1"], InvalidArrayError, "--at must be seconds from 0"),
+        (["--seconds", "nan"], InvalidArrayError, "--seconds must be"),
+        (["--speed", "0"], InvalidArrayError, "--speed must be above 0"),
+        (["--calibration", "left_foot=none.csv"], SkinError, "none.csv"),
+        (["--response", "wing=x.npz"], UnknownNameError, "no part 'wing'"),
+        (["--response", "x.npz"], MissingFileError, "a response calibration"),
+    ],
+)
+def test_bad_input_is_one_clear_line(opengl, tmp_path, words, kind, match):
+    part = [] if "--part" in words else list(FOOT)
+    with pytest.raises(kind, match=match) as error:
+        view(*part, *words, "--screenshot", str(tmp_path / "a.png"))
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_folders_that_are_not_there_are_told_before_any_work(tmp_path):
+    with pytest.raises(OutputError, match="no folder"):
+        view("--screenshot", str(tmp_path / "no" / "a.png"))
+
+
+@pytest.mark.parametrize(
+    ("words", "match"),
+    [
+        (["--movie", "a.avi"], "--movie ends in .mp4 or .gif"),
+        (["--web", "--screenshot", "a.png"], "one of them"),
+    ],
+)
+def test_options_that_do_not_go_together_are_told(words, match):
+    result = CliRunner().invoke(cli, ["view", *words])
+    assert (result.exit_code, match in result.output) == (2, True)
+
+
+def test_missing_display_is_one_line(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    result = CliRunner().invoke(cli, ["view"])
+    assert result.exit_code == 2
+    assert "no display here: give --screenshot, --movie, --gltf, --html or --web" in result.output
+
+
+@pytest.mark.parametrize("text", ["{}", "no json", '{"format": "skinmap-view", "version": 9}'])
+def test_damaged_view_file_is_told(opengl, tmp_path, text):
+    path = tmp_path / "view.json"
+    path.write_text(text)
+    with pytest.raises(DataFormatError, match="view"):
+        view(*FOOT, "--view-file", str(path), "--screenshot", str(tmp_path / "a.png"))
+
+
+def test_recording_of_another_skin_is_refused(opengl, tmp_path, recording):
+    with pytest.raises(SkinError, match="left_foot"):
+        view("--part", "torso", "--source", str(recording), "--screenshot", str(tmp_path / "a.png"))
+    with np.load(recording) as arrays:
+        broken = dict(arrays)
+    for name, values in broken.items():
+        if values.ndim == 2:
+            broken[name] = values[:, :-1]
+    path = tmp_path / "short.npz"
+    np.savez(path, **broken)
+    with pytest.raises(SkinError):
+        view(*FOOT, "--source", str(path), "--screenshot", str(tmp_path / "a.png"))
+
+
+def test_port_in_use_is_told(opengl):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        with pytest.raises(UnreachableError, match=f"port {port} of 127.0.0.1 is in use"):
+            view(*FOOT, "--web", "--port", port, "--seconds", "1")
+
+
+class Dying:
+    """A live source that sends some samples and then does what a test wants."""
+
+    def __init__(self, robot, then) -> None:
+        from skinmap.live.source import StreamInfo
+
+        self.n, self.then, self.sent = len(robot.skin("left_foot")), then, 0
+        self.info = StreamInfo("dying", ("left_foot",), (self.n,), 50.0, clock="local")
+
+    def read(self, timeout):
+        from skinmap.live.source import Block
+
+        self.sent += 1
+        if self.sent > 5:
+            return self.then(self)
+        return Block([self.sent / 50.0], np.zeros((1, self.n), np.float32), time.perf_counter())
+
+    def close(self) -> None:
+        pass
+
+
+def silent(source):
+    return None
+
+
+def shorter(source):
+    from skinmap.live.source import check_block
+
+    return check_block(source.info, [1.0], np.zeros((1, source.n - 1)), time.perf_counter())
+
+
+@pytest.fixture
+def window_on(opengl, icub, prepared):
+    """A window, off screen, on a source that a test makes; closed by the test's end."""
+    from skinmap.live.loop import TouchLoop
+    from viewer.playing.player import Player
+    from viewer.scene import Scene
+    from viewer.window import Window
+
+    made = []
+
+    def make(source):
+        foot = prepared("left_foot")
+        scene = Scene(
+            icub, {"left_foot": foot.mesh}, {"left_foot": foot.flat}, links=("l_foot",),
+            window_size=(400, 300),
+        )  # fmt: skip
+        window = Window(scene, Player(TouchLoop(icub, source, skins={"left_foot": foot})))
+        made.append(window)
+        return window
+
+    yield make
+    for window in made:
+        window.close()
+
+
+def turn_until(window, condition) -> None:
+    end = time.monotonic() + 20.0
+    window.player.start()
+    while not condition():
+        assert time.monotonic() < end, "nothing happened"
+        window.turn()
+        window.wait()
+
+
+def test_source_that_falls_silent_is_shown_as_stale(window_on, icub):
+    window = window_on(Dying(icub, silent))
+    turn_until(window, lambda: window.scene.moment.stale)
+    assert window.player.error is None
+    assert any("no data for" in text for text in window.scene.canvas.status.texts)
+
+
+def test_source_that_changes_its_length_is_told_in_the_picture_and_at_the_end(window_on, icub):
+    from viewer.window import run
+
+    window = window_on(Dying(icub, shorter))
+    turn_until(window, lambda: "values in a sample" in window.controls.notice.text)
+    assert window.player.moment is not None, "the last picture stays"
+    window.controls.close()
+    with pytest.raises(SkinMismatchError, match="249 values in a sample, its skin has 250"):
+        run(window)
+
+
+def test_window_closed_in_mid_update_ends_quietly(window_on, icub):
+    from skinmap.live.opening import open_source
+    from viewer.window import run
+
+    window = window_on(open_source("sim", robot=icub, parts=["left_foot"]))
+    turn_until(window, lambda: window.drawn > 2)
+    window.interactor.InvokeEvent("ExitEvent")
+    assert run(window) == window.drawn
+    assert not window.player._thread.is_alive()
+    assert math.isfinite(window.player.oldest)
+
+
+def test_calibrated_table_gives_the_uncertainty_of_each_taxel(tmp_path, icub):
+    from skinmap.io.table import COLUMNS, COVARIANCE
+    from viewer.inputs import read_covariances
+
+    skin = icub.skin("left_foot")
+    lines = [",".join((*COLUMNS, *COVARIANCE))]
+    for row in range(len(skin))[::-1]:  # in any order
+        place = ",".join(map(repr, [*skin.positions[row].tolist(), 0.0, 0.0, 1.0]))
+        sd = 1e-3 * (1 + row)
+        lines.append(f"{skin.channels[row]},0,{place},{sd**2},{sd**2 / 4},{sd**2 / 9},0,0,0")
+    path = tmp_path / "taxels.csv"
+    path.write_text("\n".join(lines) + "\n")
+    for name in (str(path), f"left_foot={path}"):
+        found = read_covariances([name], icub, ["left_foot"])["left_foot"]
+        np.testing.assert_allclose(
+            np.sqrt(found[:, 0, 0]), 1e-3 * (1 + np.arange(len(skin))), rtol=1e-9
+        )
+    plain = tmp_path / "plain.csv"
+    plain.write_text("\n".join(",".join(line.split(",")[:8]) for line in lines) + "\n")
+    with pytest.raises(DataFormatError, match="no covariances"):
+        read_covariances([str(plain)], icub, ["left_foot"])
+    with pytest.raises(SkinMismatchError, match="name it: PART=FILE"):
+        read_covariances([str(path)], icub, ["torso"])
+    with pytest.raises(SkinMismatchError, match="no covariance for"):
+        read_covariances([f"torso={path}"], icub, ["torso"])
+    lines[3] = lines[3].replace(lines[3].split(",")[8], "-1")
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(DataFormatError, match="a covariance that is none"):
+        read_covariances([str(path)], icub, ["left_foot"])

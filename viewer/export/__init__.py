@@ -1,0 +1,1 @@
+"""Movies, glTF and pages of a scene."""

@@ -1,0 +1,169 @@
+"""What a user names on the command line, read and checked: pose, calibrations, responses, model."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibration.response_file import load_response
+from skinmap.arrays import FloatArray
+from skinmap.classify.classifier import DEFAULT, TouchClassifier, classifiers
+from skinmap.classify.descriptors import Touch
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.io.readers import read_taxels
+from skinmap.io.table import COLUMNS, COVARIANCE
+from skinmap.io.text import read_text
+from skinmap.live.skins import fingerprint
+from skinmap.skin.robot import Robot
+from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.simulator import simulate
+
+TEACHERS = 2  # parts that the default classifier learns from: touches are alike on all
+TRAINING = 12  # simulated touches of each gesture on each of them
+# Place of each covariance column in the matrix.
+ENTRIES = dict(zip(COVARIANCE, ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), strict=True))
+
+
+def parse_pose(text: str | None, robot: Robot) -> dict[str, float]:
+    """Joint angles [rad] from "joint=deg,joint=deg"; checked against the body's joints.
+
+    Raises
+    ------
+    InvalidArrayError, UnknownNameError
+        No number, a joint that the body lacks, or an angle beyond its limits.
+    """
+    angles: dict[str, float] = {}
+    for item in (text or "").split(","):
+        if not item.strip():
+            continue
+        joint, _, number = (word.strip() for word in item.partition("="))
+        try:
+            degrees = float(number)
+        except ValueError:
+            raise InvalidArrayError(f"pose: expected joint=degrees, got {item.strip()!r}") from None
+        limits = robot.body.joints
+        if joint not in limits:
+            raise UnknownNameError("joint", joint, limits)
+        low, high = (math.degrees(limit) for limit in limits[joint])
+        if not low <= degrees <= high:  # false for NaN
+            raise InvalidArrayError(
+                f"pose: {joint} = {degrees:g} degrees is out of its range {low:.0f} to {high:.0f}"
+            )
+        angles[joint] = math.radians(degrees)
+    return angles
+
+
+def read_covariances(
+    names: Sequence[str], robot: Robot, parts: Sequence[str]
+) -> dict[str, FloatArray]:
+    """Covariances (n, 3, 3) [m2] by part from calibrated tables, each "FILE" or "PART=FILE".
+
+    Raises
+    ------
+    DataFormatError, SkinMismatchError
+        A table without covariances, or of other taxels than the part's.
+    """
+    found = {}
+    for name in names:
+        part, path = _named(name, robot)
+        channels, covariances = _covariances(path)
+        part = part or _owner(channels, robot, parts, path)
+        rows = {int(channel): row for row, channel in enumerate(channels)}
+        missing = [int(c) for c in robot.skin(part).channels if int(c) not in rows]
+        if missing:
+            raise SkinMismatchError(
+                f"{path}: no covariance for {len(missing)} of the {len(robot.skin(part))} taxels "
+                f"of {part!r}, channel {missing[0]} for one"
+            )
+        found[part] = covariances[[rows[int(c)] for c in robot.skin(part).channels]]
+    return found
+
+
+def read_responses(names: Sequence[str], robot: Robot, parts: Sequence[str]) -> dict[str, Any]:
+    """Response calibrations by part from files, each "FILE" or "PART=FILE".
+
+    Raises
+    ------
+    DataFormatError, SkinMismatchError
+        Not a response calibration, or one of another skin.
+    """
+    found = {}
+    for name in names:
+        part, path = _named(name, robot)
+        response = load_response(path)
+        if not part:
+            part = next(
+                (one for one in robot.parts if fingerprint(robot, one) == response.fingerprint), ""
+            )
+        if not part and not response.fingerprint and len(parts) == 1:
+            part = parts[0]
+        if not part:
+            raise SkinMismatchError(
+                f"{path}: calibrated was no part of {robot.name!r} that could be recognised; "
+                "name it: PART=FILE"
+            )
+        load_response(path, fingerprint=fingerprint(robot, part) if response.fingerprint else "")
+        if len(response.health) != len(robot.skin(part)):
+            raise SkinMismatchError(
+                f"{path}: {len(response.health)} taxels, {part!r} has {len(robot.skin(part))}"
+            )
+        found[part] = response
+    return found
+
+
+def default_classifier(
+    skins: Mapping[str, PreparedSkin], rng: np.random.Generator
+) -> TouchClassifier:
+    """A small classifier, trained on touches simulated on a few of the parts: about a second."""
+    largest = sorted(skins, key=lambda part: -len(skins[part]))
+    teachers = largest[len(largest) // 2 :][:TEACHERS]  # of middle size: many gestures fit on them
+    touches = [
+        Touch(skins[part], samples, label)
+        for part in teachers
+        for _, label, samples in simulate(skins[part].skin, rng=rng, per_gesture=TRAINING).touches()
+    ]
+    return classifiers.get(DEFAULT)().fit(touches, rng=rng)
+
+
+def _named(name: str, robot: Robot) -> tuple[str, Path]:
+    """Part and path of "PART=FILE"; no part in "FILE"."""
+    part, equals, path = name.partition("=")
+    if not equals or Path(name).is_file():
+        return "", Path(name)
+    robot.part(part)
+    return part, Path(path)
+
+
+def _covariances(path: Path) -> tuple[np.ndarray, FloatArray]:
+    """Channels (n,) and covariances (n, 3, 3) [m2] of a calibrated table."""
+    read_taxels(path, "csv")  # checks header and numbers
+    rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
+    names = tuple(cell.strip() for cell in rows[0])
+    if names != (*COLUMNS, *COVARIANCE):
+        raise DataFormatError(
+            f"no covariances: a calibrated table has the columns {','.join(COVARIANCE)} too",
+            path,
+            1,
+        )
+    numbers = np.array([[float(cell) for cell in row] for row in rows[1:]])
+    matrices = np.zeros((len(numbers), 3, 3))
+    for column, (i, j) in zip(numbers[:, len(COLUMNS) :].T, ENTRIES.values(), strict=True):
+        matrices[:, i, j] = matrices[:, j, i] = column
+    if not np.isfinite(matrices).all() or (np.linalg.eigvalsh(matrices)[:, 0] < -1e-12).any():
+        raise DataFormatError("a covariance that is none: not finite, or negative", path)
+    return numbers[:, 0].astype(np.int64), matrices
+
+
+def _owner(channels: np.ndarray, robot: Robot, parts: Sequence[str], path: Path) -> str:
+    """The only part whose taxels are these."""
+    mine = set(channels.tolist())
+    fitting = [part for part in parts if mine == set(robot.skin(part).channels.tolist())]
+    if len(fitting) == 1:
+        return fitting[0]
+    why = f"fits {', '.join(fitting)}" if fitting else "fits no part that is shown"
+    raise SkinMismatchError(f"{path}: a table of {len(mine)} taxels {why}; name it: PART=FILE")

@@ -1,0 +1,1 @@
+"""What the user does: keys, mouse, selection, the time slider, saved views."""

@@ -1,0 +1,325 @@
+"""What keys and mouse ask of a scene and its player; no window and no VTK event in here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from skinmap.errors import SkinError
+from viewer.drawing.canvas import FOOT
+from viewer.export.gltf import write_gltf
+from viewer.export.html_page import write_html
+from viewer.export.movie import MovieWriter
+from viewer.interaction.boxes import Notice, TextBox
+from viewer.interaction.keys import help_lines, key_for
+from viewer.interaction.lasso import Lasso
+from viewer.interaction.mouse import Mouse
+from viewer.interaction.picking import within
+from viewer.interaction.pointing import Pointing
+from viewer.interaction.presets import focus, preset
+from viewer.interaction.saving import apply_view, free_name, view_of
+from viewer.interaction.selection import Reach
+from viewer.interaction.slider import ROOM, Slider
+from viewer.interaction.view_file import load_view, save_view
+from viewer.playing.player import Player
+from viewer.scene import Scene
+
+MOVIE_FPS = 25.0
+
+
+class Controls:
+    """What can be done with a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    player : Player
+    folder : Path
+        Where screenshots, movies and exports go.
+    view_file : Path
+        Where the view is saved and loaded.
+
+    Attributes
+    ----------
+    closed : bool
+        Whether the user wants to leave.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        player: Player,
+        *,
+        folder: Path | None = None,
+        view_file: Path | None = None,
+    ) -> None:
+        self.scene, self.player = scene, player
+        self.folder = Path() if folder is None else folder
+        self.view_file = self.folder / "skinmap-view.json" if view_file is None else view_file
+        self.closed = False
+        self.changed = True  # since the last picture
+        self.following = True  # whether the flat map goes with the touches
+        self.pointing = Pointing(scene)
+        self.mouse = Mouse(self)
+        body = scene.plotter.renderers[0]
+        self.slider = Slider(body, scene.font_px)
+        self.notice = Notice(body, scene.font_px)
+        self._help = TextBox(body, round(0.85 * scene.font_px), mono=True)
+        self._movie: MovieWriter | None = None
+        scene.canvas.reserve(ROOM)
+
+    # Keys.
+
+    def press(self, name: str) -> bool:
+        """Do what a key stands for; False for keys that stand for nothing."""
+        key = key_for(name)
+        if key is None:
+            return False
+        action: Callable[..., Any] = getattr(self, key.action)
+        try:
+            if key.argument is None:
+                action()
+            else:
+                action(key.argument)
+        except SkinError as error:  # a folder that cannot be written to ends no session
+            self.say(str(error))
+        self.changed = True
+        return True
+
+    @property
+    def help_shown(self) -> bool:
+        """Whether the list of keys is in the picture."""
+        return self._help.shown
+
+    def toggle_help(self) -> None:
+        """Show or hide the list of keys."""
+        if self._help.shown:
+            self._help.hide()
+        else:
+            self._help.tell(help_lines())
+
+    def say(self, text: str) -> None:
+        """Show a short line for some seconds."""
+        self.notice.say(text)
+        self.changed = True
+
+    def close(self) -> None:
+        """End the session."""
+        self.closed = True
+
+    # Time.
+
+    def toggle_pause(self) -> None:
+        """Stop or go on."""
+        self.player.toggle()
+
+    def step(self, count: float) -> None:
+        """Show another sample."""
+        if not self.player.step(int(count)):
+            self.say("no further sample that way")
+
+    def jump(self, seconds: float) -> None:
+        """Go so many seconds on."""
+        if not self.player.seek(max(0.0, self.player.position + seconds)):
+            self.say("a live source cannot be led through time")
+
+    def change_speed(self, factor: float) -> None:
+        """Play quicker or slower."""
+        before = self.player.speed
+        self.player.speed = before * factor
+        told = f"speed {self.player.speed:g}" if self.player.speed != before else "no other speed"
+        self.say(told)
+
+    def toggle_loop(self) -> None:
+        """Let a recording start again at its end, or not."""
+        self.player.loop = not self.player.loop
+        self.say("plays over and over" if self.player.loop else "plays once")
+
+    # What is shown.
+
+    def choose_layer(self, name: str) -> None:
+        """Show another layer on body and map."""
+        self.scene.set_layer(name)
+
+    def toggle_style(self) -> None:
+        """Discs or an interpolated surface."""
+        self.scene.set_style("surface" if self.scene.style == "discs" else "discs")
+
+    def next_map(self) -> None:
+        """The flat map of the next part, and it stays."""
+        if self.scene.panel is None:
+            return
+        parts = list(self.scene.panel.flat_maps)
+        part = parts[(parts.index(self.scene.panel.part) + 1) % len(parts)]
+        self.scene.show_flat_map(part)
+        self.following = False
+
+    # The camera.
+
+    def look(self, name: str) -> None:
+        """Look from a side, and stay there."""
+        self.scene.framing.look(preset(name, self.scene.front), "still")
+
+    def whole(self) -> None:
+        """The whole robot from where most of its skin is seen."""
+        self.scene.framing.look(self.scene.front, "still")
+
+    def focus(self) -> None:
+        """Bring what is touched close."""
+        if not focus(self.scene.framing, self.scene.canvas.touch_view.targets):
+            self.say("nothing is touched")
+
+    def follow(self) -> None:
+        """Let camera and flat map turn to the touches by themselves."""
+        self.scene.framing.look(self.scene.framing.view, "auto")
+        self.following = True
+
+    def lead(self) -> None:
+        """The mouse takes the camera: it obeys nothing else until a key gives it back."""
+        self.scene.framing.mode = "free"
+        self.changed = True
+
+    # Choosing.
+
+    def choose_module(self) -> None:
+        """The module of the taxel under the mouse."""
+        self._choose("module")
+
+    def choose_patch(self) -> None:
+        """The patch of the taxel under the mouse."""
+        self._choose("patch")
+
+    def _choose(self, reach: Reach) -> None:
+        if self.pointing.pointed is None:
+            self.say("point at a taxel first")
+        else:
+            self.pointing.choose(self.pointing.pointed, reach)
+
+    def clear(self) -> None:
+        """Choose nothing."""
+        self.pointing.clear()
+
+    # Files.
+
+    def save_view(self) -> None:
+        """Write what is shown and from where."""
+        save_view(view_of(self.scene, self.pointing.selection), self.view_file)
+        self.say(f"view saved in {self.view_file.name}")
+
+    def load_view(self) -> None:
+        """Go back to a saved view."""
+        apply_view(self.scene, load_view(self.view_file), self.pointing.selection)
+        self.pointing.refresh()
+        self.following = self.scene.framing.mode == "auto"
+        self.say(f"view of {self.view_file.name}")
+
+    def screenshot(self) -> None:
+        """Write the picture."""
+        path = self.scene.screenshot(free_name(self.folder, "skinmap", ".png"))
+        self.say(f"wrote {path.name}")
+
+    def toggle_movie(self) -> None:
+        """Begin a movie of what is shown, or end it."""
+        if self._movie is None:
+            self._movie = MovieWriter(free_name(self.folder, "skinmap", ".mp4"), MOVIE_FPS)
+            self.say("movie begins; o ends it")
+        else:
+            self.end_movie()
+
+    def end_movie(self) -> None:
+        """Finish the movie's file, if one is being made."""
+        if self._movie is not None:
+            movie, self._movie = self._movie, None
+            path = movie.close()
+            self.say(f"wrote {path.name}" if path is not None else "no picture: no movie")
+
+    @property
+    def recording(self) -> MovieWriter | None:
+        """The movie that is being made."""
+        return self._movie
+
+    def export_gltf(self) -> None:
+        """Write the scene as it stands for other 3D programs."""
+        path = write_gltf(self.scene, free_name(self.folder, "skinmap", ".glb"))
+        self.say(f"wrote {path.name}")
+
+    def export_html(self) -> None:
+        """Write the scene as it stands as a page that needs nothing else."""
+        path = write_html(self.scene, free_name(self.folder, "skinmap", ".html"))
+        self.say(f"wrote {path.name}")
+
+    # The mouse: `viewer.interaction.mouse.Listener`.
+
+    def over_slider(self, x: float, y: float) -> bool:
+        """Whether a press there takes the time slider."""
+        return self.slider.holds(x, y)
+
+    def over_map(self, x: float, y: float) -> bool:
+        """Whether the flat map's panel is there."""
+        panel = self.scene.panel
+        return panel is not None and within(panel.renderer, x, y)
+
+    def slide(self, x: float) -> None:
+        """Lead the recording to where the slider was dragged."""
+        self.player.seek(self.slider.seconds(x))
+        self.changed = True
+
+    def trace(self, lasso: Lasso | None) -> None:
+        """Draw the lasso, or take it away."""
+        self.pointing.trace(lasso)
+        self.changed = True
+
+    def enclose(self, lasso: Lasso, *, add: bool) -> None:
+        """Choose what lies within the lasso."""
+        self.pointing.enclose(lasso, add=add)
+        self.changed = True
+
+    def click(self, x: float, y: float, reach: Reach, *, add: bool) -> None:
+        """Choose what is at a pixel."""
+        self.pointing.click(x, y, reach, add=add)
+        self.changed = True
+
+    def point(self, x: float, y: float) -> None:
+        """The mouse is somewhere."""
+        self.pointing.point(x, y)
+
+    def remove(self) -> None:
+        """Take everything out of the scene that was put there."""
+        self.pointing.remove()
+        for thing in (self.slider, self.notice, self._help):
+            thing.remove()
+        self.scene.canvas.reserve(FOOT)
+
+    # Each turn of the loop.
+
+    def tick(self) -> bool:
+        """Bring boxes, slider and notices up to date; whether a picture is to be drawn."""
+        self.changed |= self.pointing.tick(self.player.moment)
+        self.changed |= self.notice.over()
+        self.slider.show(self.player.position, self.player.duration, self.state())
+        changed, self.changed = self.changed, False
+        return changed
+
+    def state(self) -> str:
+        """How it is played, in a few words."""
+        player = self.player
+        if player.error is not None:
+            return "the source failed"
+        words = []
+        if player.paused:
+            words.append("paused")
+        elif player.ended:
+            words.append("ended")
+        if player.speed != 1.0:
+            words.append(f"x{player.speed:g}")
+        if player.loop:
+            words.append("loop")
+        if self._movie is not None:
+            words.append("movie")
+        if (count := self.pointing.selection.count) > 0:
+            words.append(f"{count} taxels chosen" if count > 1 else "1 taxel chosen")
+        if not math.isfinite(player.duration) and not player.seekable and not words:
+            words.append("h: help")
+        return ", ".join(words)

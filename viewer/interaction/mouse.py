@@ -1,0 +1,130 @@
+"""What the mouse does: it drags the time slider, draws lassos, points and chooses.
+
+Pixels are those of the window, y upwards, as VTK counts them. Nothing here knows VTK's events.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal, Protocol
+
+from viewer.interaction.lasso import Lasso
+from viewer.interaction.selection import Reach
+
+CLICK = 4.0  # a press that moves less is a click [px]
+
+Doing = Literal["nothing", "turning", "sliding", "lasso"]
+
+
+class Listener(Protocol):
+    """What the mouse tells, in pixels of the window."""
+
+    def over_slider(self, x: float, y: float) -> bool:
+        """Whether a press there takes the time slider."""
+
+    def over_map(self, x: float, y: float) -> bool:
+        """Whether the flat map is there."""
+
+    def slide(self, x: float) -> None:
+        """Lead the recording to where the slider was dragged."""
+
+    def trace(self, lasso: Lasso | None) -> None:
+        """Show the lasso as far as it is drawn, or take it away."""
+
+    def enclose(self, lasso: Lasso, *, add: bool) -> None:
+        """Choose what lies within a lasso."""
+
+    def click(self, x: float, y: float, reach: Reach, *, add: bool) -> None:
+        """Choose what is there."""
+
+    def point(self, x: float, y: float) -> None:
+        """The mouse rests or moves there without a button."""
+
+
+class Mouse:
+    """Follows one mouse with its left button.
+
+    Parameters
+    ----------
+    listener : Listener
+    """
+
+    def __init__(self, listener: Listener) -> None:
+        self.listener = listener
+        self.doing: Doing = "nothing"
+        self._from = (0.0, 0.0)
+        self._lasso: Lasso | None = None
+
+    def press(self, x: float, y: float) -> bool:
+        """The button goes down; True where the camera must not hear of it."""
+        self._from = (x, y)
+        if self.listener.over_slider(x, y):
+            self.doing = "sliding"
+            self.listener.slide(x)
+        elif self.listener.over_map(x, y):
+            self.doing = "lasso"
+            self._lasso = Lasso(x, y)
+        else:
+            self.doing = "turning"
+        return self.doing != "turning"
+
+    def move(self, x: float, y: float) -> bool:
+        """The mouse moves; True where the camera must not hear of it."""
+        if self.doing == "sliding":
+            self.listener.slide(x)
+        elif self._lasso is not None:
+            if self._lasso.to(x, y):
+                self.listener.trace(self._lasso)
+        elif self.doing == "nothing":
+            self.listener.point(x, y)
+        return self.doing in ("sliding", "lasso")
+
+    def release(self, x: float, y: float, *, shift: bool = False, control: bool = False) -> bool:
+        """The button comes up: a click chooses a taxel, with shift its module, control its patch.
+
+        Both together add to what is chosen already; so does shift for a lasso.
+        """
+        doing, self.doing = self.doing, "nothing"
+        lasso, self._lasso = self._lasso, None
+        self.listener.trace(None)
+        still = math.dist(self._from, (x, y)) < CLICK
+        if lasso is not None and lasso.drawn and not still:
+            self.listener.enclose(lasso, add=shift)
+        elif doing in ("turning", "lasso") and still:
+            reach: Reach = "module" if shift else "patch" if control else "taxel"
+            self.listener.click(x, y, reach, add=shift and control)
+        return doing in ("sliding", "lasso")
+
+    def cancel(self) -> None:
+        """Let go of whatever is being done."""
+        self.doing, self._lasso = "nothing", None
+        self.listener.trace(None)
+
+
+class Pace:
+    """Lets something happen at most every so often, with the last of what came in between.
+
+    Parameters
+    ----------
+    period : float
+        [s].
+    clock : callable
+        Seconds that only rise.
+    """
+
+    def __init__(self, period: float, clock: Callable[[], float]) -> None:
+        self.period, self.clock = period, clock
+        self._next = -math.inf
+
+    def reset(self) -> None:
+        """Let it happen at once."""
+        self._next = -math.inf
+
+    def due(self) -> bool:
+        """Whether it may happen now; if so, the next time is a period later."""
+        now = self.clock()
+        if now < self._next:
+            return False
+        self._next = now + self.period
+        return True

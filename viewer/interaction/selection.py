@@ -1,0 +1,89 @@
+"""Chosen taxels: one by one, by module, by patch, or all within a lasso."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinmap.arrays import IntArray
+from skinmap.skin.skin import Skin
+from skinmap.surface.surface_mesh import SurfaceMesh
+
+Reach = Literal["taxel", "module", "patch"]
+NONE = np.zeros(0, np.int64)
+
+
+class Selection(Mapping[str, IntArray]):
+    """Chosen taxels (k,) of each part, dense rows in rising order; parts without any are absent."""
+
+    def __init__(self) -> None:
+        self._chosen: dict[str, IntArray] = {}
+
+    def __getitem__(self, part: str) -> IntArray:
+        return self._chosen[part]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._chosen)
+
+    def __len__(self) -> int:
+        return len(self._chosen)
+
+    @property
+    def count(self) -> int:
+        """Taxels chosen on all parts."""
+        return sum(len(taxels) for taxels in self._chosen.values())
+
+    def taxels(self, part: str) -> IntArray:
+        """(k,) chosen taxels of a part."""
+        return self._chosen.get(part, NONE)
+
+    def set(self, part: str, taxels: ArrayLike) -> None:
+        """Choose these taxels of a part and no others of it."""
+        rows = np.unique(np.asarray(taxels, np.int64))
+        if len(rows):
+            self._chosen[part] = rows
+        else:
+            self._chosen.pop(part, None)
+
+    def replace(self, part: str, taxels: ArrayLike) -> None:
+        """Choose these taxels of a part and nothing else at all."""
+        self._chosen.clear()
+        self.set(part, taxels)
+
+    def toggle(self, part: str, taxels: ArrayLike) -> None:
+        """Add taxels; where all of them are chosen already, let them go."""
+        rows = np.asarray(taxels, np.int64)
+        old = self.taxels(part)
+        if np.isin(rows, old).all():
+            self.set(part, np.setdiff1d(old, rows))
+        else:
+            self.set(part, np.concatenate([old, rows]))
+
+    def clear(self) -> None:
+        """Choose nothing."""
+        self._chosen.clear()
+
+
+def module_taxels(skin: Skin, taxel: int) -> IntArray:
+    """(k,) taxels on the same module."""
+    return np.flatnonzero(skin.modules == skin.modules[taxel])
+
+
+def patch_taxels(mesh: SurfaceMesh, taxel: int) -> IntArray:
+    """(k,) taxels of the same patch; a taxel that no face uses is alone."""
+    patches = mesh.taxel_patches
+    if patches[taxel] < 0:
+        return np.array([taxel])
+    return np.flatnonzero(patches == patches[taxel])
+
+
+def reached(mesh: SurfaceMesh, taxel: int, reach: Reach) -> IntArray:
+    """(k,) what one click chooses: the taxel, its module or its patch."""
+    if reach == "module":
+        return module_taxels(mesh.skin, taxel)
+    if reach == "patch":
+        return patch_taxels(mesh, taxel)
+    return np.array([taxel])

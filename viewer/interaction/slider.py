@@ -1,0 +1,133 @@
+"""The time slider: a bar at the foot of the picture with what has been played and where it is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pyvista as pv
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer
+
+from viewer.colours import FAINT, INK, RIM, rgb
+from viewer.drawing.overlays import Line
+from viewer.drawing.polydata import make_mesh
+
+LEFT, RIGHT = 0.24, 0.97  # ends of the bar, in widths of the picture
+RISE = 0.9  # of the bar above the lower edge, in letters
+THICK = 0.32  # of the bar, in letters
+HANDLE = 0.5  # radius, in letters
+GRIP = 1.0  # how far beside the bar a press still counts, in letters
+ROOM = 3.2  # what the slider needs at the foot of the picture, in letters
+CORNERS = 20
+
+
+class Slider:
+    """A bar from 0 to a duration, drawn in front of a renderer's picture.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+    font_px : int
+        Height of the letters [px].
+    """
+
+    def __init__(self, renderer: vtkRenderer, font_px: int) -> None:
+        self.renderer, self.font_px = renderer, font_px
+        self.position, self.duration = 0.0, math.nan
+        self._drawn: tuple[object, ...] = ()
+        self._mapper = vtkPolyDataMapper2D()
+        self._mapper.SetScalarModeToUseCellData()
+        self.actor = vtkActor2D()
+        self.actor.SetMapper(self._mapper)
+        self.actor.SetVisibility(False)
+        renderer.AddViewProp(self.actor)
+        self._text = Line(renderer, (LEFT, 0.0), round(0.85 * font_px), colour=INK)
+        self._text.write("")
+
+    def remove(self) -> None:
+        """Take it out of the renderer."""
+        self.renderer.RemoveViewProp(self.actor)
+        self.renderer.RemoveViewProp(self._text.actor)
+
+    @property
+    def shown(self) -> bool:
+        """Whether there is anything to slide through."""
+        return math.isfinite(self.duration) and self.duration > 0
+
+    @property
+    def bar(self) -> tuple[float, float, float]:
+        """Left end, right end and height of the bar's middle in the window [px]."""
+        x, y = self.renderer.GetOrigin()
+        width = self.renderer.GetSize()[0]
+        return x + LEFT * width, x + RIGHT * width, y + RISE * self.font_px
+
+    def holds(self, x: float, y: float) -> bool:
+        """Whether a press at a pixel of the window takes the handle."""
+        left, right, middle = self.bar
+        grip = GRIP * self.font_px
+        return self.shown and left - grip <= x <= right + grip and abs(y - middle) <= grip
+
+    def seconds(self, x: float) -> float:
+        """The time that a pixel of the window stands for [s], within the recording."""
+        left, right, _ = self.bar
+        share = min(max((x - left) / (right - left), 0.0), 1.0)
+        return share * self.duration if self.shown else 0.0
+
+    def place(self, seconds: float) -> tuple[float, float]:
+        """Pixel of the window where the handle stands at a time [s]."""
+        left, right, middle = self.bar
+        share = min(max(seconds / self.duration, 0.0), 1.0) if self.shown else 0.0
+        return left + share * (right - left), middle
+
+    def show(self, position: float, duration: float, note: str) -> None:
+        """Draw the bar with its handle at a position [s], and a note above; none without end."""
+        self.position, self.duration = position, duration
+        state = (round(position, 3), duration, note, self.renderer.GetSize())
+        if state == self._drawn:
+            return
+        self._drawn = state
+        self.actor.SetVisibility(self.shown)
+        rise = (2.6 if self.shown else 1.6) * self.font_px
+        self._text.actor.SetPosition(LEFT, rise / self.renderer.GetSize()[1])
+        clock = f"{position:.2f} / {duration:.2f} s" if self.shown else ""
+        self._text.write("   ".join(text for text in (clock, note) if text))
+        if self.shown:
+            self._mapper.SetInputData(self._picture())
+
+    def _picture(self) -> pv.PolyData:
+        x0, y0 = self.renderer.GetOrigin()
+        left, right, middle = self.bar
+        left, right, middle = left - x0, right - x0, middle - y0
+        x = self.place(self.position)[0] - x0
+        half = THICK * self.font_px / 2
+        shapes = [
+            _rectangle(left, right, middle, half),
+            _rectangle(left, x, middle, half),
+            _disc(x, middle, HANDLE * self.font_px),
+        ]
+        colours = [RIM, FAINT, INK]
+        points = np.concatenate(shapes)
+        faces = np.arange(len(points)).reshape(-1, CORNERS)
+        mesh = make_mesh(np.column_stack([points, np.zeros(len(points))]), faces)
+        rows = (255 * np.array([rgb(colour) for colour in colours])).astype(np.uint8)
+        mesh.GetCellData().SetScalars(numpy_to_vtk(rows, deep=True))
+        return mesh
+
+
+def _rectangle(left: float, right: float, middle: float, half: float) -> np.ndarray:
+    """Corners, some twice: all shapes have as many, so that one call makes the mesh."""
+    corners = np.array(
+        [
+            [left, middle - half],
+            [right, middle - half],
+            [right, middle + half],
+            [left, middle + half],
+        ]
+    )
+    return np.repeat(corners, CORNERS // 4, axis=0)
+
+
+def _disc(x: float, y: float, radius: float) -> np.ndarray:
+    angle = np.arange(CORNERS) * 2 * np.pi / CORNERS
+    return np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)])

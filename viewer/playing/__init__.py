@@ -1,0 +1,1 @@
+"""From a source to the moment that is shown: play, pause, step, seek."""

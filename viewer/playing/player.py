@@ -1,0 +1,352 @@
+"""The player: the newest moment of a source for whoever draws, with pause, steps, seek and speed.
+
+player = Player(loop)
+with player:
+    moment = player.take()      # None until something new is to be shown
+
+A thread of its own takes moments in, so that a slow picture never holds up the samples; whoever
+draws asks for the newest when it is ready. Nothing here knows what draws it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from collections.abc import Iterable
+from types import TracebackType
+from typing import Self
+
+from skinmap.errors import InvalidArrayError
+from skinmap.live.moment import Moment
+from skinmap.live.source import SourceEnded
+from viewer.playing.history import History
+from viewer.playing.moments import Feed, feed_of
+
+WAIT = 0.1  # longest wait of the thread before it looks for wishes again [s]
+PATIENCE = 3.0  # for the thread to end when the player closes [s]
+SPEEDS = (1 / 16, 16.0)  # slowest and quickest
+LEAD = 0.6  # a seek starts so much earlier, unseen: touches are named from their past [s]
+
+
+class Player:
+    """Moments of a recording or a live source, one at a time.
+
+    Live sources can be paused: the picture stays, samples go on, and what was seen last can be
+    stepped through. Recordings halt, and can be led anywhere.
+
+    Parameters
+    ----------
+    moments : TouchLoop or iterable of Moment
+        What is played. An iterable is paced by the times of its moments.
+    paused : bool
+        Halt at the first moment.
+    """
+
+    def __init__(self, moments: Feed | Iterable[Moment], *, paused: bool = False) -> None:
+        self._feed = feed_of(moments)
+        self._news = threading.Condition()  # guards all below; told of each new moment
+        self._history = History()
+        self._past: tuple[Moment, ...] = ()  # what can be stepped through while paused
+        self._cursor = 0  # which of it is shown
+        self._shown: Moment | None = None
+        self._arrived = math.nan  # when what is shown came, in perf_counter's seconds
+        self._number = 0
+        self._taken = 0
+        self._origin = math.nan  # time of the recording's beginning, in the moments' clock [s]
+        self._paused = paused
+        self._speed = 1.0
+        self._asked: float | None = None  # where to go, in the moments' clock [s]
+        self._until: float | None = None  # what comes before is not shown [s]
+        self._more = 1 if paused else 0  # moments still to be shown while paused
+        self._ended = False
+        self._error: Exception | None = None
+        self._oldest = 0.0
+        self._stop = threading.Event()
+        self._wake = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def start(self) -> None:
+        """Begin to take moments in; more than once does no harm."""
+        if self._thread is None and not self._stop.is_set():
+            self._thread = threading.Thread(target=self._run, name="player", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and close what is played; may be called twice."""
+        self._stop.set()
+        self._wake.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(PATIENCE)
+        self._feed.close()
+        with self._news:
+            self._news.notify_all()
+
+    # What is shown.
+
+    @property
+    def moment(self) -> Moment | None:
+        """What is to be shown now; None before the first sample."""
+        return self._shown
+
+    @property
+    def number(self) -> int:
+        """Changes with each new moment to be shown."""
+        return self._number
+
+    def take(self) -> Moment | None:
+        """What is to be shown now, None where nothing has changed since the last call."""
+        with self._news:
+            if self._number == self._taken:
+                return None
+            self._taken = self._number
+            if not self._paused and self._shown is not None and not self._shown.stale:
+                self._oldest = max(self._oldest, self.age)
+            return self._shown
+
+    def wait(self, number: int, timeout: float) -> bool:
+        """Wait until something else than `number` is to be shown; False after `timeout` [s]."""
+        with self._news:
+            return self._news.wait_for(
+                lambda: self._number != number or self._stop.is_set(), timeout
+            )
+
+    @property
+    def age(self) -> float:
+        """How long ago the sample arrived that is shown [s]; NaN before the first."""
+        return time.perf_counter() - self._arrived
+
+    @property
+    def oldest(self) -> float:
+        """Largest age of a moment when it was taken to be drawn [s]."""
+        return self._oldest
+
+    # Where it stands.
+
+    @property
+    def seekable(self) -> bool:
+        """Whether it can be led through time: a recording."""
+        return self._feed.seekable
+
+    @property
+    def duration(self) -> float:
+        """Of the recording [s]; NaN where there is none."""
+        return self._feed.duration
+
+    @property
+    def position(self) -> float:
+        """Of what is shown, from the recording's beginning [s]; 0 before the first moment."""
+        if self._asked is not None:
+            return max(0.0, self._asked - self._start)
+        if self._shown is None:
+            return 0.0
+        return max(0.0, self._shown.time - self._start)
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more will come unless somebody seeks."""
+        return self._ended
+
+    @property
+    def error(self) -> Exception | None:
+        """Why the source failed, if it did; the last moment stays."""
+        return self._error
+
+    @property
+    def paused(self) -> bool:
+        """Whether the picture is halted."""
+        return self._paused
+
+    # What can be asked for; False where the source cannot do it.
+
+    def pause(self) -> None:
+        """Halt the picture. A recording halts too, a live source goes on unseen."""
+        with self._news:
+            if not self._paused:
+                self._paused = True
+                self._past = self._history.moments()
+                self._cursor = len(self._past) - 1
+        self._wake.set()
+
+    def play(self) -> None:
+        """Go on: a live source with its newest sample, a recording from where it stands."""
+        with self._news:
+            if not self._paused:
+                return
+            self._paused = False
+            if self.seekable and self._shown is not None:
+                if self._cursor < len(self._past) - 1:
+                    self._asked = self._shown.time
+            elif (newest := self._history.newest) is not None:
+                self._show(newest)
+            self._past = ()
+        if self._ended and self.seekable:
+            self.seek(0.0)
+        self._wake.set()
+
+    def toggle(self) -> None:
+        """Pause or go on."""
+        if self._paused:
+            self.play()
+        else:
+            self.pause()
+
+    def step(self, count: int) -> bool:
+        """Halt, and show `count` samples later (negative: earlier)."""
+        self.pause()
+        with self._news:
+            goal = self._cursor + count
+            if 0 <= goal < len(self._past):
+                self._cursor = goal
+                self._show(self._past[goal])
+                return True
+            if self._shown is None or not self._feed.halts or (self._ended and count > 0):
+                return False
+            if count < 0:
+                return self._ask(self._shown.time + count * self._feed.period)
+            self._more += count
+        self._wake.set()
+        return True
+
+    def seek(self, seconds: float) -> bool:
+        """Go to so many seconds from the recording's beginning, playing or halted."""
+        if not math.isfinite(seconds):
+            raise InvalidArrayError(f"seconds to go to must be a number, got {seconds}")
+        with self._news:
+            inside = min(max(seconds, 0.0), self.duration)
+            return self._ask(self._start + inside)
+
+    @property
+    def speed(self) -> float:
+        """How many times quicker than recorded; 1 for live sources."""
+        return self._speed
+
+    @speed.setter
+    def speed(self, speed: float) -> None:
+        if not math.isfinite(speed) or speed <= 0:
+            raise InvalidArrayError(f"speed must be above 0, got {speed}")
+        if self._feed.halts:
+            self._speed = min(max(speed, SPEEDS[0]), SPEEDS[1])
+            self._wake.set()
+
+    @property
+    def loop(self) -> bool:
+        """Whether a recording starts again at its end."""
+        return self._feed.loop
+
+    @loop.setter
+    def loop(self, loop: bool) -> None:
+        self._feed.loop = loop
+        if loop and self._ended and not self._paused:
+            self.seek(0.0)
+
+    @property
+    def _start(self) -> float:
+        return 0.0 if math.isnan(self._origin) else self._origin
+
+    def _ask(self, goal: float) -> bool:
+        """Let the thread go to a time of the moments' clock."""
+        if not self.seekable:
+            return False
+        self._asked = max(goal, self._start)
+        self._wake.set()
+        return True
+
+    def _show(self, moment: Moment) -> None:
+        self._shown = moment
+        self._number += 1
+        self._news.notify_all()
+
+    # The thread.
+
+    def _run(self) -> None:
+        try:
+            while not self._stop.is_set():
+                self._turn()
+        except Exception as error:  # noqa: BLE001 - told by `error` to whoever draws
+            with self._news:
+                self._error = error
+                self._ended = True
+                self._number += 1
+                self._news.notify_all()
+
+    def _turn(self) -> None:
+        """One look at what is wished for and at what comes."""
+        self._wake.clear()
+        with self._news:
+            self._obey()
+            halted = self._halted()
+        if halted or self._ended:
+            self._wake.wait(WAIT)
+            return
+        moment = None
+        with contextlib.suppress(SourceEnded):
+            moment = self._feed.step(WAIT, self._wake)
+            if moment is not None:
+                self._take_in(moment)
+            return
+        with self._news:
+            self._ended = self._asked is None
+            if self._until is not None and self._history.newest is not None:
+                self._until = None
+                self._land(self._history.newest)
+            self._number += 1
+            self._news.notify_all()
+
+    def _halted(self) -> bool:
+        waiting = self._more == 0 and self._until is None
+        return self._paused and self._feed.halts and waiting
+
+    def _obey(self) -> None:
+        """Seek where that was asked for, and set the pace."""
+        if self._asked is not None:
+            first = max(self._start, self._asked - LEAD)
+            self._feed.seek(first - self._start)
+            self._until, self._asked = self._asked, None
+            self._history.clear()
+            self._past, self._cursor = (), -1
+            self._more, self._ended = 0, False
+        single = self._until is not None or (self._paused and self._more > 0)
+        self._feed.pace(self._speed, halted=self._halted(), hurried=single)
+
+    def _take_in(self, moment: Moment) -> None:
+        with self._news:
+            if math.isnan(self._origin):
+                self._origin = moment.time
+            if self._asked is not None:
+                return  # from before the jump that is asked for
+            if self._until is not None:
+                if moment.time < self._until - self._feed.period / 2:
+                    self._history.add(moment)
+                    return
+                self._until = None
+            elif self._paused and self._feed.halts:
+                if self._more == 0:
+                    return
+                self._more -= 1
+            self._history.add(moment)
+            if self._paused and not self._feed.halts and self._shown is not None:
+                return
+            self._land(moment)
+
+    def _land(self, moment: Moment) -> None:
+        """Show the newest moment of the history."""
+        late = moment.latency if math.isfinite(moment.latency) else 0.0
+        self._arrived = time.perf_counter() - late
+        if self._paused:
+            self._past = self._history.moments()
+            self._cursor = len(self._past) - 1
+        self._show(moment)
