@@ -14,7 +14,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench-loading bench-geometry bench-classify bench-calibration wheel lock clean
+.PHONY: help demo test fuzz lint bench-loading bench-geometry bench-classify bench-calibration bench-live bench-viewer soak gallery wheel lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -23,7 +23,11 @@ demo: $(READY)  ## touches named on the iCub's body, written to build/demo (or O
 	$(BIN)/skinmap demo --out "$(OUT)" $(ARGS)
 
 test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
+	@$(BIN)/python scripts/system_packages.py --browser
 	$(BIN)/python -m pytest $(ARGS)
+
+fuzz: $(READY)  ## damaged recordings of all formats, fifty times as many as in the suite
+	HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest tests/io tests/live -k "damaged or flipped" $(ARGS)
 
 lint: $(READY)  ## style, formatting, types, import order
 	$(BIN)/ruff check .
@@ -40,8 +44,22 @@ bench-geometry: $(READY)  ## meshes, flat maps and contact images beside their p
 bench-classify: $(READY)  ## speed of histograms, SVM and labels, to benchmarks/results
 	$(BIN)/python benchmarks/classify.py $(ARGS)
 
+gallery: $(READY)  ## the pictures of docs/viewer.md
+	$(BIN)/python -m viewer.gallery $(ARGS)
+
 bench-calibration: $(READY)  ## accuracy of calibrations by anchors, touches, scans, to benchmarks/results
 	$(BIN)/python benchmarks/calibration.py $(ARGS)
+
+bench-live: $(READY)  ## latency, losses, identities and memory of the live loop (15 min), to benchmarks/results
+	$(BIN)/python benchmarks/live.py $(ARGS)
+
+soak: $(READY)  ## 50 recorders killed, a full disk, a press of ten minutes, 200,000 samples
+	$(BIN)/python benchmarks/recordings.py --kills 50
+	$(BIN)/python benchmarks/live.py --only press $(ARGS)
+	$(BIN)/python benchmarks/live.py --only soak $(ARGS)
+
+bench-viewer: $(READY)  ## frames, start-up and memory of the viewer, to benchmarks/results (ARGS=--quick)
+	$(BIN)/python benchmarks/viewer_speed.py $(ARGS)
 
 wheel: $(READY)  ## the distribution, written to dist (or DIST=folder)
 	rm -rf build/lib build/bdist.*  # a module deleted since would still be packed from here

@@ -1,0 +1,132 @@
+"""What the viewer's benchmark draws: the iCub, large skins, and the plain PyVista way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from skinmap.geometry.mesh import TriangleMesh
+from skinmap.skin.robot import Part, Robot
+from skinmap.skin.skin import Skin
+
+SIZE = (1024, 768)
+PITCH = 5.5e-3  # between taxels [m]
+PARTS = 8  # that a large skin is cut into, as real ones are
+
+
+class OneLink:
+    """A body of one link."""
+
+    links = visible_links = ("base",)
+    joints: Mapping[str, tuple[float, float]] = {}
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self._mesh = mesh
+
+    def poses(self, angles: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """The link stands where it is."""
+        return {"base": np.eye(4)}
+
+    def mesh(self, link: str) -> TriangleMesh:
+        """Its mesh."""
+        return self._mesh
+
+
+def large_scene(n: int) -> Any:
+    """A scene of n taxels around a barrel, in eight parts, on a body of 100,000 triangles."""
+    from skinmap.surface.surface_mesh import SurfaceMesh
+    from viewer.scene import Scene
+
+    columns = PARTS * round(np.sqrt(n) / PARTS)
+    rows = round(n / columns)
+    strip = columns // PARTS
+    meshes = {}
+    for number in range(PARTS):
+        positions, normals = _barrel(np.arange(strip) + number * strip, rows, columns, PITCH)
+        skin = Skin(
+            f"part {number}",
+            "base",
+            np.arange(len(positions)),
+            np.zeros(len(positions), np.int64),
+            positions,
+            normals,
+        )
+        faces = _grid(strip, rows)
+        taxel = np.arange(len(positions))
+        patches = np.zeros(len(faces), np.int64)
+        meshes[skin.part] = SurfaceMesh(skin, faces, taxel, patches)
+    around = 320
+    scale = PITCH * columns / around
+    points, normals = _barrel(np.arange(around + 1), 160, around, scale)
+    height = PITCH * rows / (scale * 160)
+    points = (points - 2e-3 * normals) * [1.0, 1.0, height]
+    robot = Robot(
+        "barrel",
+        OneLink(TriangleMesh(points, _grid(around + 1, 160))),
+        {name: Part(name, "base", lambda: None, None) for name in meshes},  # type: ignore[arg-type,return-value]
+    )
+    return Scene(robot, meshes, {}, window_size=SIZE, camera="still")
+
+
+def _barrel(
+    columns: np.ndarray, rows: int, around: int, pitch: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lattice points and normals on a cylinder."""
+    column, row = (part.ravel() for part in np.meshgrid(columns, np.arange(rows), indexing="ij"))
+    angle = 2 * np.pi * column / around
+    radius = pitch * around / (2 * np.pi)
+    normals = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))], axis=1)
+    points = radius * normals
+    points[:, 2] = pitch * (row - rows / 2)
+    return points, normals
+
+
+def _grid(columns: int, rows: int) -> np.ndarray:
+    """Triangles of a lattice, outward."""
+    at = np.arange(columns * rows).reshape(columns, rows)
+    a, b, c, d = (x.ravel() for x in (at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]))
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def plain_pyvista(robot: Robot, skins: Mapping[str, Skin]) -> Callable[[int], None]:
+    """The robot as a newcomer to PyVista draws it: defaults, a sphere for each taxel."""
+    import pyvista as pv
+
+    from skinmap.geometry.rigid import transform_points
+
+    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
+    plotter.enable_anti_aliasing("msaa", multi_samples=8)
+    poses = robot.body.poses(robot.pose)
+    for link in robot.body.visible_links:
+        mesh = robot.mesh(link)
+        if len(mesh.faces):
+            surface = pv.PolyData.from_regular_faces(mesh.vertices, mesh.faces)
+            plotter.add_mesh(surface.transform(poses[link], inplace=False), color="lightgray")
+    points = np.concatenate([transform_points(poses[s.link], s.positions) for s in skins.values()])
+    cloud = pv.PolyData(points)
+    cloud["pressure"] = np.zeros(len(points))
+    ball = pv.Sphere(radius=0.002, theta_resolution=8, phi_resolution=8)
+    glyphs = cloud.glyph(geom=ball, scale=False, orient=False)
+    plotter.add_mesh(glyphs, scalars="pressure", clim=(0, 255))
+    plotter.camera_position = "yz"
+    plotter.show(auto_close=False)
+    rng = np.random.default_rng(0)
+    values = [np.repeat(255 * rng.random(len(points)), ball.n_points) for _ in range(4)]
+
+    def draw(number: int) -> None:
+        glyphs["pressure"][:] = values[number % 4]
+        plotter.render()
+
+    return draw
+
+
+def empty_window() -> Callable[[int], None]:
+    """A window with nothing in it: what no drawing can be cheaper than."""
+    import pyvista as pv
+
+    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
+    plotter.disable_anti_aliasing()
+    plotter.show(auto_close=False)
+    return lambda _: plotter.render()
