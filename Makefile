@@ -26,8 +26,8 @@ test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
 	@$(BIN)/python scripts/system_packages.py --browser
 	$(BIN)/python -m pytest $(ARGS)
 
-fuzz: $(READY)  ## damaged recordings of all formats, fifty times as many as in the suite
-	HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest tests/io tests/live -k "damaged or flipped" $(ARGS)
+fuzz: $(READY)  ## damaged files and messages of all kinds, fifty times as many as in the suite
+	HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest tests -m fuzz $(ARGS)
 
 lint: $(READY)  ## style, formatting, types, import order
 	$(BIN)/ruff check .
@@ -50,7 +50,7 @@ gallery: $(READY)  ## the pictures of docs/viewer.md
 bench-calibration: $(READY)  ## accuracy of calibrations by anchors, touches, scans, to benchmarks/results
 	$(BIN)/python benchmarks/calibration.py $(ARGS)
 
-bench-live: $(READY)  ## latency, losses, identities and memory of the live loop (15 min), to benchmarks/results
+bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 min), to benchmarks/results (ARGS=--quick)
 	$(BIN)/python benchmarks/live.py $(ARGS)
 
 soak: $(READY)  ## 50 recorders killed, a full disk, a press of ten minutes, 200,000 samples

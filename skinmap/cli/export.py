@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 FORMATS = ("csv", "icub", "urdf", "ply", "vtp")
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
+MCAP = ".mcap"
 
 
 @click.command("export")
@@ -47,12 +48,14 @@ def command(
     are.
 
     A recording (.mcap, .npz, .xdf, data.log) in place of the robot is written as arrays for
-    machine learning: HDF5 or NPZ, by the suffix of the output.
+    machine learning: HDF5 or NPZ, by the suffix of the output. A cut or damaged .mcap is written
+    whole again, for all MCAP readers, with -o *.mcap.
 
     \b
     Example:  skinmap export icub --part torso --format icub -o torso.txt
     Example:  skinmap export torso.txt --format csv -o torso.csv
     Example:  skinmap export touch.mcap -o touch.h5
+    Example:  skinmap export cut.mcap -o whole.mcap
     """
     from skinmap.io.output import staged_file
 
@@ -81,11 +84,18 @@ def _export_recording(path: Path, output: Path, as_json: bool) -> None:
     from skinmap.live.recorded import open_track
 
     suffix = output.suffix.lower()
-    if suffix not in WRITERS:
-        raise UnknownNameError("format of a recording for files ending in", suffix, WRITERS)
-    track = open_track(path)
-    with staged_file(output) as stage:
-        getattr(learning, WRITERS[suffix])(track, stage)
+    formats = [*WRITERS, *([MCAP] if path.suffix.lower() == MCAP else [])]
+    if suffix not in formats:
+        raise UnknownNameError("format of a recording for files ending in", suffix, formats)
+    if suffix == MCAP:
+        from skinmap.io.mcap_repair import write_repaired
+
+        with staged_file(output) as stage:
+            track = write_repaired(path, stage)
+    else:
+        track = open_track(path)
+        with staged_file(output) as stage:
+            getattr(learning, WRITERS[suffix])(track, stage)
     parts = [
         {"name": part, "channels": width}
         for part, width in zip(track.parts, track.widths, strict=True)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import glob
+import signal
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +30,7 @@ LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk befo
     required=True,
     help="MCAP file to write.",
 )
+@click.option("--force", is_flag=True, help="Replace files that are there.")
 @robot_option
 @part_option
 @click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="Stop after these.")
@@ -50,6 +55,7 @@ LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk befo
 def command(
     source: str,
     output: Path,
+    force: bool,
     robot: str,
     parts: tuple[str, ...],
     seconds: float | None,
@@ -75,13 +81,15 @@ def command(
     from skinmap.errors import UnknownNameError
     from skinmap.live.loop import TouchLoop
     from skinmap.live.opening import open_source
-    from skinmap.live.recorder import Recorded, Recorder
+    from skinmap.live.recorder import Recorder
+    from skinmap.live.recording_source import Recorded
     from skinmap.live.source import Seekable, blocks
 
     if label is not None and model is not None:
         raise click.UsageError("--label and --model both name the touches; give one")
     if output.suffix.lower() != ".mcap":
         raise UnknownNameError("format to record in for files ending in", output.suffix, [".mcap"])
+    _check_output(output, source, force=force)
     loaded, _ = open_robot(robot, parts)
     classifier = None if model is None else load_classifier(model)
     origin = open_source(source, robot=loaded, parts=parts or None, seed=seed, speed=speed)
@@ -97,18 +105,29 @@ def command(
         )
         patience = FILE_PATIENCE if isinstance(origin, Seekable) else LIVE_PATIENCE
         recorded = Recorded(origin, recorder, patience=patience, seconds=seconds, one_by_one=named)
-        try:
-            with _until_stopped():
-                if named:
-                    _follow(TouchLoop(loaded, recorded, classifier=classifier), recorder, label)
-                else:
-                    for _ in blocks(recorded):
-                        pass
-        finally:
-            recorder.close()
+        with _stopped_politely(), closing(recorder), suppress(KeyboardInterrupt):
+            if named:
+                _follow(TouchLoop(loaded, recorded, classifier=classifier), recorder, label)
+            else:
+                for _ in blocks(recorded):
+                    pass
     finally:
         origin.close()
     _say(recorder, as_json)
+
+
+def _check_output(output: Path, source: str, *, force: bool) -> None:
+    """Refuse to replace a recording, or to write into the one that is played."""
+    from skinmap.errors import OutputError
+
+    if output.exists() and Path(source).exists() and output.samefile(source):
+        raise OutputError(f"cannot write {str(output)!r}: it is what is played")
+    if force:
+        return
+    turned = f"{glob.escape(output.stem)}_[0-9][0-9][0-9][0-9]{glob.escape(output.suffix)}"
+    for path in (output, *sorted(output.parent.glob(turned))):
+        if path.exists():
+            raise OutputError(f"{str(path)!r} is there already; --force replaces it")
 
 
 def _say(recorder: Recorder, as_json: bool) -> None:
@@ -129,24 +148,22 @@ def _say(recorder: Recorder, as_json: bool) -> None:
         click.echo(str(file))
 
 
-def _until_stopped() -> Any:
-    """Ctrl-C and a polite kill end the recording as if the source had ended."""
-    import contextlib
-    import signal
+@contextmanager
+def _stopped_politely() -> Iterator[None]:
+    """Ctrl-C and a polite kill end the recording once; more of them do not disturb its end."""
+    kinds = (signal.SIGINT, signal.SIGTERM)
 
-    @contextlib.contextmanager
-    def stopped() -> Any:
-        def stop(*_: object) -> None:
-            raise KeyboardInterrupt
+    def stop(*_: object) -> None:
+        for kind in kinds:
+            signal.signal(kind, signal.SIG_IGN)
+        raise KeyboardInterrupt
 
-        before = signal.signal(signal.SIGTERM, stop)
-        try:
-            with contextlib.suppress(KeyboardInterrupt):
-                yield
-        finally:
-            signal.signal(signal.SIGTERM, before)
-
-    return stopped()
+    before = [signal.signal(kind, stop) for kind in kinds]
+    try:
+        yield
+    finally:
+        for kind, handler in zip(kinds, before, strict=True):
+            signal.signal(kind, handler)
 
 
 def _follow(loop: TouchLoop, recorder: Recorder, label: str | None) -> None:
@@ -162,21 +179,27 @@ def _follow(loop: TouchLoop, recorder: Recorder, label: str | None) -> None:
             if loop.info.kind == "raw":
                 recorder.put(_pressure_block(moment, loop.info.parts), "pressure")
             for touch in moment.touches:
-                if touch.identity not in seen:
+                # What a model says is only final at the end; a given name is from the beginning.
+                if label is not None and touch.identity not in seen:
                     seen.add(touch.identity)
-                    name = label or touch.label
-                    recorder.mark(touch.part, touch.identity, name, began=touch.began)
+                    recorder.mark(touch.part, touch.identity, label, began=touch.began)
             _mark_ended(loop, recorder, label, seen)
-    except SourceEnded:
+    except (SourceEnded, KeyboardInterrupt):
+        loop.finish()
         _mark_ended(loop, recorder, label, seen)
 
 
 def _mark_ended(loop: TouchLoop, recorder: Recorder, label: str | None, seen: set[int]) -> None:
+    from skinmap.classify.classifier import NO_CONTACT
+    from skinmap.classify.rejection import UNKNOWN
+    from skinmap.live.touches import UNNAMED
+
     for event in loop.finished():
         seen.discard(event.identity)
-        recorder.mark(
-            event.part, event.identity, label or event.label, began=event.began, ended=event.ended
-        )
+        name = label or event.label
+        # Too short to be named, or named with no confidence: nothing to train on.
+        if name not in (UNNAMED, UNKNOWN, NO_CONTACT) or label is not None:
+            recorder.mark(event.part, event.identity, name, began=event.began, ended=event.ended)
 
 
 def _pressure_block(moment: Any, parts: tuple[str, ...]) -> Any:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError, OutputError
-from skinmap.io.recordings import part_events, taxel_columns
+from skinmap.io.marked_events import part_events, taxel_columns
 from skinmap.io.track import Track
 from skinmap.touch.recording import Recording
 

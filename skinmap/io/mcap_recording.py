@@ -26,6 +26,7 @@ from skinmap.skin.taxels import TaxelTable
 
 FORMAT = "skinmap-mcap-1"
 METADATA = "skinmap"
+REPAIRED = "repaired_lost_seconds"  # in the head of a file that was made from a damaged one
 TOUCHES, JOINTS = "/skin/touches", "/joints"
 TOPICS: dict[tuple[Kind, Number], str] = {
     ("raw", "UInt8"): "/skin/raw",

@@ -52,6 +52,11 @@ class MeshBody:
         """No joints."""
         return {}
 
+    @property
+    def sliding_joints(self) -> frozenset[str]:
+        """None: there are no joints."""
+        return frozenset()
+
     def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
         """The identity (4, 4) for the one link.
 

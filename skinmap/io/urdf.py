@@ -87,6 +87,12 @@ class UrdfBody:
             limits[name] = bounds
         return limits
 
+    @property
+    def sliding_joints(self) -> frozenset[str]:
+        """Joints that slide instead of turning: theirs are lengths [m]."""
+        kinds = {name: self._urdf.joint_map[name].type for name in self._urdf.actuated_joint_names}
+        return frozenset(name for name, kind in kinds.items() if kind == "prismatic")
+
     def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
         """T_root_link (4, 4) of every link for joint angles [rad]; joints not named are at zero.
 

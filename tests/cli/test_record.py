@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import socket
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from mcap.reader import make_reader
 
 from skinmap.cli.main import cli
+from skinmap.cli.record import _mark_ended
 from skinmap.errors import SkinError
 from skinmap.io.mcap_track import read_track
 from skinmap.io.recordings import load_recordings
@@ -96,6 +99,58 @@ def test_record_of_raw_values_with_a_label_has_pressures_too(tmp_path):
     assert len(raw.times) == len(pressure.times) == 250
     assert raw.values[:].mean() > 200  # 240 at rest, lower is harder
     assert pressure.values[:].mean() < 20
+
+
+@pytest.mark.parametrize("there", ["t.mcap", "t_0002.mcap"])
+def test_record_replaces_files_only_with_force(tmp_path, there):
+    (tmp_path / there).write_bytes(b"precious")
+    words = ("record", "sim", "-o", tmp_path / "t.mcap", "--part", "torso", "--seconds", 1,
+             "--speed", "inf")  # fmt: skip
+    assert "is there already; --force replaces it" in refuse(*words)
+    assert [one.name for one in tmp_path.iterdir()] == [there]
+    assert (tmp_path / there).read_bytes() == b"precious"
+    assert run(*words, "--force")["samples"] == 50
+
+
+def test_record_never_writes_into_what_it_plays(recording):
+    before = recording.read_bytes()
+    assert "it is what is played" in refuse("record", recording, "-o", recording, "--force")
+    assert recording.read_bytes() == before
+
+
+def test_touches_that_nobody_could_name_are_not_marked():
+    heard = []
+    recorder = SimpleNamespace(mark=lambda *words, **_: heard.append(words))
+    names = ["poke", "touch", "unknown", "no_contact"]
+    over = [
+        SimpleNamespace(part="a", identity=row, label=name, began=0.0, ended=1.0)
+        for row, name in enumerate(names)
+    ]
+    loop = SimpleNamespace(finished=lambda: over)
+    _mark_ended(loop, recorder, None, set())
+    assert heard == [("a", 0, "poke")]
+    _mark_ended(loop, recorder, "rub", set())
+    assert heard[1:] == [("a", row, "rub") for row in range(4)]
+
+
+def test_export_makes_a_cut_file_whole_for_every_reader(recording, tmp_path):
+    cut, whole = tmp_path / "cut.mcap", tmp_path / "whole.mcap"
+    cut.write_bytes(recording.read_bytes()[:-20_000])
+    told = run("export", cut, "-o", whole)
+    before, after = run("info", cut), run("info", whole)
+    assert told["samples"] == before["samples"] > 0
+    assert after == before  # also that something was lost, and how much
+    np.testing.assert_array_equal(read_track(whole).values[:], read_track(cut).values[:])
+    assert read_track(whole).touches == read_track(cut).touches
+    with whole.open("rb") as file:
+        reader = make_reader(file)
+        counts = reader.get_summary().statistics.channel_message_counts.values()
+        assert sum(1 for _ in reader.iter_messages()) == sum(counts)
+
+
+def test_export_of_a_whole_recording_changes_nothing(recording, tmp_path):
+    run("export", recording, "-o", tmp_path / "copy.mcap")
+    assert run("info", tmp_path / "copy.mcap") == run("info", recording)
 
 
 def test_record_rotates_its_files(tmp_path):

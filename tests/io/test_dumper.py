@@ -128,6 +128,7 @@ def test_logs_that_are_none_are_refused(tmp_path, values):
         read_dump(store(tmp_path / "a", b"1 2\n1 2\n"))
 
 
+@pytest.mark.fuzz
 @settings(
     deadline=None,
     database=None,

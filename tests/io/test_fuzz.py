@@ -39,9 +39,9 @@ accidents = st.lists(ACCIDENT, min_size=1, max_size=4)
 
 # The same examples each time: a gate that fails by chance teaches nobody.
 fuzz = settings(
-    max_examples=300,
+    max_examples=max(300, settings.default.max_examples),
     deadline=None,
-    derandomize=True,
+    derandomize=settings.default.derandomize,
     database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
@@ -133,6 +133,7 @@ def test_originals_are_whole(tmp_path, originals, format, tables):
     assert len(READERS[format](tmp_path / "t")) == len(tables) == 48
 
 
+@pytest.mark.fuzz
 @fuzz
 @given(steps=accidents)
 @pytest.mark.parametrize("format", READERS)
@@ -142,6 +143,7 @@ def test_damaged_tables_are_read_or_refused(tmp_path, originals, format, steps):
     assert table is None or isinstance(table, TaxelTable)
 
 
+@pytest.mark.fuzz
 @fuzz
 @given(steps=accidents)
 @pytest.mark.parametrize("name", ["left_forearm_V2.txt", "right_leg_upper.txt", "torso.txt"])
@@ -152,6 +154,7 @@ def test_damaged_files_of_the_icub_are_read_or_refused(tmp_path, icub_main, name
     assert table is None or isinstance(table, TaxelTable)
 
 
+@pytest.mark.fuzz
 @fuzz
 @given(steps=accidents)
 @pytest.mark.parametrize("name", ["left_hand_V2_1.ini", "right_arm_V2_7.ini", "torso_left_top.ini"])
@@ -237,6 +240,7 @@ def test_the_robot_is_whole(robot_folder):
     assert walk_robot(robot_folder / "one.toml") == 3 + 48
 
 
+@pytest.mark.fuzz
 @fuzz
 @given(steps=accidents)
 def test_damaged_urdfs_are_read_or_refused(robot_folder, steps):
@@ -244,6 +248,7 @@ def test_damaged_urdfs_are_read_or_refused(robot_folder, steps):
     outcome(walk_body, robot_folder / "damaged.urdf")
 
 
+@pytest.mark.fuzz
 @fuzz
 @given(steps=accidents)
 def test_damaged_manifests_are_read_or_refused(robot_folder, steps):
@@ -251,6 +256,7 @@ def test_damaged_manifests_are_read_or_refused(robot_folder, steps):
     outcome(walk_robot, robot_folder / "damaged.toml")
 
 
+@pytest.mark.fuzz
 @fuzz
 @given(steps=accidents)
 def test_damaged_meshes_are_read_or_refused(robot_folder, steps):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import struct
 import tracemalloc
 import zlib
@@ -156,6 +157,18 @@ def test_head_survives_in_the_channels(tmp_path, whole, values):
     np.testing.assert_array_equal(read(tmp_path, bytes(data)).values[:], values)
 
 
+def test_flipped_bit_in_what_the_file_says_of_itself_is_outvoted(tmp_path, whole):
+    # Five copies: the metadata, and two channels at the beginning and at the end.
+    for place in (one.start() for one in re.finditer(rb"widths|fingerprints|\[\"a\"\]", whole)):
+        data = bytearray(whole)
+        data[place + 2] ^= 4
+        track = read(tmp_path, bytes(data))
+        assert (track.parts, track.widths, len(track.times)) == (("a",), (N,), COUNT)
+        assert track.loss.recovered
+        assert any("differ" in one for one in track.loss.damage)
+        assert track.loss.seconds == 0
+
+
 def standard_file(values: np.ndarray, compression: CompressionType, **how) -> bytes:
     """Our channels, written by the standard library in one large chunk."""
     out = io.BytesIO()
@@ -233,6 +246,7 @@ def test_record_larger_than_any_of_ours_is_not_read(tmp_path, whole):
     assert peak < 16 * 2**20
 
 
+@pytest.mark.fuzz
 @fuzz
 @given(
     flips=st.lists(

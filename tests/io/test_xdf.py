@@ -156,6 +156,7 @@ def test_entities_are_not_unfolded(tmp_path, values):
     assert "XML with declarations" in track.loss.damage[0]
 
 
+@pytest.mark.fuzz
 @settings(
     deadline=None,
     database=None,
