@@ -1,4 +1,4 @@
-"""The live loop: from arrival to label, contacts of a sample, identities, memory over hours.
+"""All of live: transport, arrival to label, contacts, identities, memory, recordings.
 
 A publisher in another process sends simulated touches on the whole iCub over ZeroMQ on loopback.
 Writes benchmarks/results/live.json; `--quick` looks whether it runs.
@@ -13,11 +13,15 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import recordings
+import transport
+from live_memory import soak
 from live_planted import finger, kept_share, pairs, read
 
 import skinmap
@@ -27,16 +31,14 @@ from skinmap.live.identity import ContactTracker
 from skinmap.live.joined import JoinedSkin
 from skinmap.live.loop import TouchLoop
 from skinmap.live.opening import open_source
-from skinmap.live.playback import Playback
-from skinmap.live.simulator import SimulatedSource
-from skinmap.live.source import SourceEnded, StreamInfo
+from skinmap.live.source import SourceEnded
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.simulator import simulate
 
 RESULT = Path(__file__).parent / "results" / "live.json"
+PACKAGES = ("numpy", "scipy", "scikit-learn", "pyzmq", "pylsl", "mcap", "zstandard")
 WARM = 2.0  # seconds of a stream that are left out: who joins works off what waited
-PAGE = 4096
 
 
 def main() -> None:
@@ -52,11 +54,15 @@ def main() -> None:
     minutes, seconds, samples = options.minutes, options.seconds, options.soak
     if options.quick:
         minutes, seconds, samples = 0.1, 5.0, 2000
+    kills, each = (1, 2.0) if options.quick else (10, 10.0)
     robot = skinmap.load_robot("icub")
     skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
     model = train(skins)
     joined = JoinedSkin(skins)
-    parts = {
+    parts: dict[str, Callable[[], Any]] = {
+        "transport": lambda: [
+            transport.measure(way, rate, each) for way in ("zmq", "lsl") for rate in (50.0, 1000.0)
+        ],
         "contacts": lambda: contacts(joined, 50 if options.quick else 2000),
         "identities": lambda: identities(joined, 1 if options.quick else 10),
         "press": lambda: press(joined, minutes=minutes),
@@ -64,6 +70,7 @@ def main() -> None:
         "live_1_khz": lambda: live(robot, skins, model, 1000.0, seconds),
         "live_1_khz_raw": lambda: live(robot, skins, model, 1000.0, seconds, raw=True),
         "soak": lambda: soak(robot, skins, model, samples),
+        "recordings": lambda: recordings.measure(kills=kills, minutes=minutes),
     }
     if options.only:
         print(json.dumps(parts[options.only](), indent=2))
@@ -71,12 +78,14 @@ def main() -> None:
     result: dict[str, Any] = {
         "commit": commit(),
         "python": platform.python_version(),
-        "versions": {name: version(name) for name in ("numpy", "scipy", "pyzmq", "scikit-learn")},
+        "versions": {name: version(name) for name in PACKAGES},
         "channels": len(joined),
     }
     for name, run in parts.items():
+        started = time.perf_counter()
         result[name] = run()
-        print(name, json.dumps(result[name]), flush=True)
+        took = time.perf_counter() - started
+        print(f"{name}, {took:.0f} s: {json.dumps(result[name])}", file=sys.stderr, flush=True)
     options.out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
 
 
@@ -259,68 +268,6 @@ def spread(values: np.ndarray) -> dict[str, float]:
     """Median, 99th percentile and largest."""
     median, p99 = np.percentile(values, (50, 99))
     return {"median": float(median), "p99": float(p99), "max": float(values.max())}
-
-
-def soak(
-    robot: Robot, skins: dict[str, PreparedSkin], model: TouchClassifier, samples: int
-) -> dict[str, Any]:
-    """Resident memory over many samples through the whole loop."""
-    made = SimulatedSource(robot, seed=5, speed=float("inf"), seconds=60.0)
-    blocks = []
-    try:
-        while True:
-            block = made.read(5.0)
-            if block is not None:
-                blocks.append(block.values)
-    except SourceEnded:
-        made.close()
-    values = np.concatenate(blocks)
-    source = Playback(
-        StreamInfo("soak", made.info.parts, made.info.widths, 50.0),
-        np.arange(samples) / 50.0,
-        Repeated(values, samples),
-        speed=float("inf"),
-    )
-    # Ten labels a second: it is memory that is looked at, and 200,000 samples are 67 minutes.
-    loop = TouchLoop(robot, source, classifier=model, skins=skins, pace=10.0)
-    early = float("nan")
-    steady = min(10_000, samples // 4)
-    start = time.process_time()
-    moments = ended = 0
-    most = 0.0
-    for _ in loop:
-        moments += 1
-        ended += len(loop.finished())
-        if moments == steady:
-            early = resident_mb()
-        if moments >= steady and moments % 1000 == 0:
-            most = max(most, resident_mb() - early)
-    return {
-        "samples": moments,
-        "touches": ended,
-        "cpu_ms_a_sample": (time.process_time() - start) / moments * 1e3,
-        "resident_mb": early,
-        "grown_mb": resident_mb() - early,
-        "most_grown_mb": most,
-    }
-
-
-class Repeated:
-    """Samples over and over: `Samples` of a playback."""
-
-    def __init__(self, values: np.ndarray, count: int) -> None:
-        self._values, self._count = values, count
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __getitem__(self, rows: slice) -> np.ndarray:
-        return self._values[np.arange(*rows.indices(self._count)) % len(self._values)]
-
-
-def resident_mb() -> float:
-    """Resident memory of this process [MB]."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 1e6
 
 
 def commit() -> str:

@@ -213,7 +213,10 @@ def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
 
 
 def _note_differences(classifier: TouchClassifier, loop: TouchLoop) -> None:
-    for skin in loop.skins.values():
-        message = classifier.difference(skin.skin).message
-        if message:
-            click.echo(f"note: {message}", err=True)
+    """Say in one line on which parts the model has not learnt."""
+    found = {part: classifier.difference(one.skin).message for part, one in loop.skins.items()}
+    strange = [part for part, message in found.items() if message]
+    if len(strange) == 1:
+        click.echo(f"note: {found[strange[0]]}", err=True)
+    elif strange:
+        click.echo(f"note: the model did not learn on {', '.join(strange)}", err=True)

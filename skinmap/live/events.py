@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
 from skinmap.arrays import FloatArray, freeze
 
+Event = TypeVar("Event")
 Happening = Literal["birth", "motion", "merge", "split", "end"]
 
 
@@ -81,3 +83,8 @@ class TouchEvent:
     def duration(self) -> float:
         """From the first to the last sample [s]."""
         return self.ended - self.began
+
+
+def taken(queue: deque[Event]) -> list[Event]:
+    """All that waits in a queue, which is empty then; others may add to it meanwhile."""
+    return [queue.popleft() for _ in range(len(queue))]

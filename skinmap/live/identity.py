@@ -7,72 +7,22 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.surface_path import SurfaceWalker
-from skinmap.live.contacts import RELEASE, Components, Measured, basins, measure
+from skinmap.live.contacts import RELEASE, Components, measure
+from skinmap.live.cutting import Cutter, claim
 from skinmap.live.events import ContactEvent, Happening
 from skinmap.live.joined import JoinedSkin
-from skinmap.live.strokes import Stroke
+from skinmap.live.track import SETTLED, Track
 from skinmap.touch.contacts import ACTIVE
 
 BRIDGE = 0.1  # a contact that is not felt for so long is over [s]
-SETTLED = 0.1  # contacts that join or part do so in earnest after this time [s]
-VALLEY = 0.7  # of the lower summit: contacts with less pressure than this between them are two
-DRAWING = 0.25  # of its largest load: a contact that leaves draws no way
 REACH = 0.025  # a contact that comes back without a taxel in common lies within this [m]
 MEASURES = 3.9e-3  # seconds between two measures of a contact: none of it changes quicker
 EVENTS = 1000  # that wait to be taken at most
-
-
-@dataclass(eq=False, slots=True)
-class Track:
-    """A contact that is followed.
-
-    Attributes
-    ----------
-    identity, part : int
-        Its number, and its part's row.
-    began, seen : float
-        First sample, and the last one in which it was felt [s].
-    taxels : (k,) int
-        In the numbering of `JoinedSkin`.
-    centre, normal : (3,) float
-    area, load, peak, mean, force : float
-        As measured last; force is NaN where nobody knows.
-    stroke : Stroke
-    largest, highest, heaviest : float
-        Area, peak and load at their largest.
-    touch : int
-        Number of the touch that it is part of.
-    apart : float
-        Since when a piece of it lies apart [s]; NaN where none does.
-    into : int
-        That took its place without a valley between, -1 else.
-    """
-
-    identity: int
-    part: int
-    began: float
-    seen: float
-    taxels: IntArray
-    centre: FloatArray
-    normal: FloatArray
-    area: float = 0.0
-    load: float = 0.0
-    peak: float = 0.0
-    mean: float = 0.0
-    force: float = float("nan")
-    stroke: Stroke | None = None
-    largest: float = 0.0
-    highest: float = 0.0
-    heaviest: float = 0.0
-    touch: int = -1
-    apart: float = float("nan")
-    into: int = -1
 
 
 class ContactTracker:
@@ -96,6 +46,7 @@ class ContactTracker:
     def __init__(self, skin: JoinedSkin) -> None:
         self.skin = skin
         self._components = Components(skin)
+        self._cutter = Cutter(skin, self._components)
         self._walker = SurfaceWalker(skin.positions, skin.faces)
         self.tracks: list[Track] = []
         self.events: deque[ContactEvent] = deque(maxlen=EVENTS)
@@ -105,7 +56,6 @@ class ContactTracker:
         self._row: IntArray = np.zeros(0, np.int64)
         self.swallowed: dict[int, int] = {}
         self._calm = False
-        self._meeting: dict[tuple[int, int], float] = {}
         self._next = 0
         self._measured = float("nan")
 
@@ -147,7 +97,7 @@ class ContactTracker:
         self.tracks = []
         self._owner.fill(-1)
         self._was.fill(False)
-        self._meeting = {}
+        self._cutter.forget()
         self._index = self._row = np.zeros(0, np.int64)
         self._calm = False
 
@@ -157,14 +107,19 @@ class ContactTracker:
         self._calm = True
         if len(index):
             component = self._components.label(index)
-            claims, splinters, orphans = self._claims(index, component, pressures)
+            claims, splinters, orphans = claim(
+                component, self._owner[index], pressures, len(self.tracks)
+            )
             for piece, claimants in claims.items():
                 inside = np.flatnonzero(component == piece)
                 if len(claimants) == 1:
                     row[inside] = claimants[0]
                 else:
                     self._calm = False
-                    row[inside] = self._cut(time, index[inside], pressures[inside], claimants)
+                    own = index[inside]
+                    row[inside] = self._cutter.cut(
+                        time, own, pressures[inside], self.tracks, claimants, self._owner[own]
+                    )
             self._adopt(time, orphans, component, index, pressures, row)
             self._part(time, splinters, component, index, row)
             held = row.copy()
@@ -174,91 +129,6 @@ class ContactTracker:
         for number, track in enumerate(self.tracks):
             track.taxels = index[row == number]
         return row
-
-    def _claims(
-        self, index: IntArray, component: IntArray, pressures: FloatArray
-    ) -> tuple[dict[int, list[int]], dict[int, int], list[int]]:
-        """Which tracks each component goes on for, pieces off a track, and new components.
-
-        A track goes on in the component that bears most load on taxels that were its own.
-        """
-        count, tracks = int(component.max()) + 1, len(self.tracks)
-        if tracks == 0:
-            return {}, {}, list(range(count))
-        owner = self._owner[index]
-        key = component * (tracks + 1) + owner + 1
-        shared = np.bincount(key, pressures, minlength=count * (tracks + 1))
-        shared = shared.reshape(count, tracks + 1)[:, 1:]
-        main = np.where(shared.max(axis=0) > 0, shared.argmax(axis=0), -1).tolist()
-        claims: dict[int, list[int]] = {}
-        for track, piece in enumerate(main):
-            if piece >= 0:
-                claims.setdefault(piece, []).append(track)
-        splinters, orphans = {}, []
-        heaviest = shared.max(axis=1).tolist()
-        for piece in range(count):
-            if piece not in claims:
-                if heaviest[piece] > 0:
-                    splinters[piece] = int(shared[piece].argmax())
-                else:
-                    orphans.append(piece)
-        return claims, splinters, orphans
-
-    def _cut(
-        self, time: float, index: IntArray, pressures: FloatArray, claimants: list[int]
-    ) -> IntArray:
-        """(k,) track of each taxel of a component that several tracks claim.
-
-        Every summit goes to the track that had it, or to the nearest. Two tracks without a valley
-        between them become one: the older goes on.
-        """
-        beside = self._components.local(index)
-        summit = basins(beside, pressures)
-        tops = np.unique(summit)
-        centres = np.stack([self.tracks[row].centre for row in claimants])
-        away = self.skin.positions[index[tops], None] - centres
-        nearest = np.einsum("tcj,tcj->tc", away, away).argmin(axis=1)
-        owned = self._owner[index[tops]]
-        goes = np.array(claimants)[nearest]
-        goes = np.where(np.isin(owned, claimants), owned, goes)
-        row = goes[np.searchsorted(tops, summit)]
-        for younger, older in self._joined(time, beside, pressures, row, claimants):
-            row[row == younger] = older
-            self.tracks[younger].into = self.tracks[older].identity
-        return row
-
-    def _joined(
-        self,
-        time: float,
-        beside: IntArray,
-        pressures: FloatArray,
-        row: IntArray,
-        claimants: list[int],
-    ) -> list[tuple[int, int]]:
-        """Pairs (younger, older) of tracks in one component that are one contact from now on."""
-        other = row[beside]
-        border = other != row[:, None]
-        pass_height = np.minimum(pressures[:, None], pressures[beside])
-        joined = []
-        by_age = sorted(claimants, key=lambda one: self.tracks[one].identity)
-        for place, older in enumerate(by_age):
-            for younger in by_age[place + 1 :]:
-                pair = (self.tracks[older].identity, self.tracks[younger].identity)
-                if not (row == younger).any() or not (row == older).any():
-                    joined.append((younger, older))  # no summit is left of one of them
-                    continue
-                between = border & (row[:, None] == older) & (other == younger)
-                if not between.any():
-                    continue
-                lower = min(pressures[row == older].max(), pressures[row == younger].max())
-                if pass_height[between].max() <= VALLEY * lower:
-                    self._meeting.pop(pair, None)
-                    continue
-                since = self._meeting.setdefault(pair, time)
-                fresh = time - self.tracks[younger].began < SETTLED
-                if fresh or time - since >= SETTLED:
-                    joined.append((younger, older))
-        return joined
 
     def _adopt(
         self,
@@ -373,25 +243,8 @@ class ContactTracker:
             None if forces is None else forces[index],
         )
         for place, number in enumerate(rows):
-            self._note(self.tracks[number], found, place, time)
-
-    def _note(self, track: Track, found: Measured, place: int, time: float) -> None:
-        """Keep what was measured of one contact."""
-        track.seen, track.into = time, -1
-        track.centre, track.normal = found.centre[place], found.normal[place]
-        track.area, track.load = float(found.area[place]), float(found.load[place])
-        track.peak, track.mean = float(found.peak[place]), float(found.mean[place])
-        if found.force is not None:
-            track.force = float(found.force[place])
-        track.largest = max(track.largest, track.area)
-        track.highest = max(track.highest, track.peak)
-        face = int(found.face[place])
-        if track.stroke is None or time - track.began < SETTLED:
-            # While it lands the centre goes with what lands next, not with the hand.
-            track.stroke = Stroke(self._walker, track.centre, face)
-        elif track.load >= DRAWING * track.heaviest and track.stroke.add(track.centre, face):
-            self._tell("motion", track, time)
-        track.heaviest = max(track.heaviest, track.load)
+            if self.tracks[number].note(found, place, time, self._walker):
+                self._tell("motion", self.tracks[number], time)
 
     def _expire(self, time: float) -> None:
         """End what has not been felt for too long, or what another contact took in."""
@@ -416,9 +269,7 @@ class ContactTracker:
             else:
                 self._tell("end", track, track.seen)
         ended = {self.tracks[number].identity for number in gone}
-        self._meeting = {
-            pair: since for pair, since in self._meeting.items() if not ended & set(pair)
-        }
+        self._cutter.forget(ended)
         self.tracks = [self.tracks[number] for number in kept]
 
     def _tell(self, kind: Happening, track: Track, time: float, other: int = -1) -> None:

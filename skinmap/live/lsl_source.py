@@ -14,9 +14,10 @@ import numpy as np
 
 from skinmap.errors import MessageError, SkinMismatchError, UnknownNameError, UnreachableError
 from skinmap.live.choosing import choose_parts
+from skinmap.live.counts import Counts
 from skinmap.live.lsl_description import read_description
 from skinmap.live.lsl_settings import load_lsl, split_scope
-from skinmap.live.receiver import SILENT, Counts, Receiver
+from skinmap.live.receiver import SILENT, Receiver
 from skinmap.live.skins import check_skin
 from skinmap.live.source import Block, Source, StreamInfo
 from skinmap.skin.robot import Robot
@@ -177,7 +178,7 @@ class LslSource:
                 f"{info.kind} channels of {', '.join(info.parts)}"
             )
         self._inlet = inlet
-        self.counts.reconnected += 1
+        self.counts.reconnects += 1
         return True
 
     def _correct(self, now: float) -> None:

@@ -10,15 +10,15 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.classifier import Prediction, TouchClassifier
 from skinmap.classify.naming import Named, name_touches
-from skinmap.live.identity import Track
 from skinmap.live.joined import JoinedSkin
+from skinmap.live.track import Track
 from skinmap.touch.grouping import RULE, GroupingRule
 from skinmap.touch.prepared import PreparedSkin
 
 RATE = 50.0  # samples a second that touches are named from at most: that classifiers learnt from
 MEMORY = 200  # of these (4 s at 50 Hz); what lasts longer forgets its beginning
 QUIET = 0.1  # a place without an active taxel for so long starts anew [s]
-BUDGET = 4e-3  # naming stops for this step after so long; the other parts come next [s]
+SHARE = 0.4  # of the time that naming may take: samples must not wait for names
 
 
 class Namer:
@@ -62,6 +62,7 @@ class Namer:
         self._done: FloatArray = np.full(len(skin.parts), -np.inf)
         self._count = 0  # samples kept so far; the newest stands at (count - 1) % MEMORY
         self._slot = -np.inf
+        self._rests = -np.inf  # until when naming has had its share, by `perf_counter`
 
     def _warm_up(self, skin: PreparedSkin) -> None:
         """Name one touch: distances along a skin are found once, not while somebody waits."""
@@ -95,18 +96,24 @@ class Namer:
         self._slot = -np.inf
         self.labels.clear()
 
-    def name(self, time: float, tracks: Sequence[Track]) -> None:
-        """Name the touches on the parts whose turn it is; `labels` and `Track.touch` change."""
+    def name(self, time: float, tracks: Sequence[Track], *, hurry: bool = True) -> None:
+        """Name the touches on the parts whose turn it is; `labels` and `Track.touch` change.
+
+        In a `hurry`, samples come as they like: naming takes no more than its share of the clock's
+        time, one part after the other. Else each sample has its names, however long it takes.
+        """
         present = [track for track in tracks if len(track.taxels)]
         parts = sorted({track.part for track in present}, key=lambda one: float(self._done[one]))
-        started = clock.perf_counter()
         for part in parts:
             if time - self._done[part] < self._pause:
                 continue
-            if clock.perf_counter() - started > BUDGET:
+            started = clock.perf_counter()
+            if hurry and started < self._rests:
                 break
             self._done[part] = time
             self._name_part(time, part, [track for track in present if track.part == part])
+            ended = clock.perf_counter()
+            self._rests = ended + (ended - started) * (1.0 / SHARE - 1.0)
 
     def drop(self, touch: int) -> None:
         """Forget the label of a touch that is over."""

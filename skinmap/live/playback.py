@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skinmap.arrays import check_finite
+from skinmap.arrays import FloatArray, check_finite
 from skinmap.errors import InvalidArrayError
 from skinmap.live.source import Block, SourceEnded, StreamInfo
 
@@ -37,6 +38,10 @@ class Playback:
         How many times faster than recorded; `inf` gives all at once, 0 halts.
     loop : bool
         Whether it starts again at its end.
+    joints : sequence of str
+        Names of the joints.
+    angles : (t, j) float, optional
+        Angles of the joints in each sample [rad], NaN where unknown.
 
     Notes
     -----
@@ -52,8 +57,12 @@ class Playback:
         *,
         speed: float = 1.0,
         loop: bool = False,
+        joints: Sequence[str] = (),
+        angles: FloatArray | None = None,
     ) -> None:
         self._info, self._values = info, values
+        self._joints = tuple(joints)
+        self._angles = np.zeros((0, 0)) if angles is None else np.asarray(angles, np.float64)
         self._times = check_finite(times, "times", (None,))
         if len(self._times) != len(values):
             raise InvalidArrayError(f"{len(self._times)} times for {len(values)} samples")
@@ -104,6 +113,14 @@ class Playback:
         """Seconds from the beginning to the sample that comes next."""
         with self._changed:
             return self._time_of(self._row) - self._start
+
+    def angles_at(self, time: float) -> dict[str, float]:
+        """Joint angles [rad] of the last sample up to a time in the recording's clock [s]."""
+        row = int(np.searchsorted(self._times, time + 1e-10)) - 1
+        if not 0 <= row < len(self._angles):
+            return {}
+        found = zip(self._joints, self._angles[row].tolist(), strict=True)
+        return {joint: angle for joint, angle in found if angle == angle}
 
     def seek(self, seconds: float) -> None:
         """Go on from there; before the beginning or after the end is the beginning or the end."""

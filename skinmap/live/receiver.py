@@ -5,59 +5,18 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skinmap.errors import SkinError
+from skinmap.live.counts import Counts
 from skinmap.live.source import Block, Source, SourceEnded, StreamInfo
 
 MOST_BYTES = 64_000_000  # kept for who reads late: 3.7 s of a whole iCub at 1 kHz in float32
 POLL = 0.1  # the thread looks so often whether it is to stop [s]
 SILENT = 0.8  # without a sign of life, a source counts as dead: well within a second [s]
-FULL_SCALE = 255.0  # largest pressure [counts]
 LATE = 2.0  # periods after the one before, from which a block counts as late
-
-
-@dataclass(slots=True)
-class Counts:
-    """What happened to the samples of a source.
-
-    Attributes
-    ----------
-    received : int
-        Samples that came.
-    given : int
-        Samples handed on.
-    dropped : int
-        Left out because nobody took them in time.
-    lost : int
-        Never came: gaps in the transport's own numbering, where it has one.
-    late : int
-        Blocks that came more than two periods after the one before.
-    backwards, repeated : int
-        Samples whose time lies before that of the one before, or is the same.
-    not_finite, out_of_range : int
-        Samples with NaN or infinity; pressures outside of 0 to 255 counts.
-    refused : int
-        Messages that do not follow their layout.
-    reconnected : int
-        How often a source was lost and had again.
-    """
-
-    received: int = 0
-    given: int = 0
-    dropped: int = 0
-    lost: int = 0
-    late: int = 0
-    backwards: int = 0
-    repeated: int = 0
-    not_finite: int = 0
-    out_of_range: int = 0
-    refused: int = 0
-    reconnected: int = 0
 
 
 class Receiver:
@@ -73,6 +32,7 @@ class Receiver:
 
     Notes
     -----
+    Samples are handed on as they came: who uses them looks at them (`SampleChecks`).
     `read` gives all that was kept, `newest` the last sample alone. What a source raises is raised
     again by whoever reads.
     """
@@ -82,7 +42,7 @@ class Receiver:
         self._kept: deque[Block] = deque()
         self._bytes = 0
         self._counts = Counts()
-        self._counter = Counter(source.info, self._counts)
+        self._arrived = float("nan")
         self._raised: Exception | None = None
         self._last_seen = time.perf_counter()
         self._changed = threading.Condition()
@@ -104,7 +64,7 @@ class Receiver:
         if isinstance(theirs, Counts):
             counts.lost += theirs.lost
             counts.refused += theirs.refused
-            counts.reconnected += theirs.reconnected
+            counts.reconnects += theirs.reconnects
         return counts
 
     @property
@@ -192,7 +152,6 @@ class Receiver:
                 continue
             with self._changed:
                 self._last_seen = time.perf_counter()
-                self._counter.look(block)
                 self._keep(block)
                 self._changed.notify_all()
 
@@ -202,6 +161,11 @@ class Receiver:
             self._changed.notify_all()
 
     def _keep(self, block: Block) -> None:
+        self._counts.received += len(block)
+        rate = self.info.rate
+        if rate > 0 and block.arrived - self._arrived > LATE / rate:
+            self._counts.delayed += 1
+        self._arrived = block.arrived
         self._kept.append(block)
         self._bytes += block.values.nbytes
         # One block always stays: it may alone be larger than what is to be kept.
@@ -209,46 +173,3 @@ class Receiver:
             gone = self._kept.popleft()
             self._bytes -= gone.values.nbytes
             self._counts.dropped += len(gone)
-
-
-class Counter:
-    """Counts what is odd about samples; they are handed on as they came.
-
-    Parameters
-    ----------
-    info : StreamInfo
-    counts : Counts
-        That it adds to.
-    """
-
-    def __init__(self, info: StreamInfo, counts: Counts) -> None:
-        self._info, self._counts = info, counts
-        self._time = float("nan")
-        self._arrived = float("nan")
-
-    def look(self, block: Block) -> None:
-        """Count a block of samples."""
-        counts, rate = self._counts, self._info.rate
-        counts.received += len(block)
-        if rate > 0 and block.arrived - self._arrived > LATE / rate:
-            counts.late += 1
-        self._arrived = block.arrived
-        steps = np.diff(block.times, prepend=self._time)  # NaN for the very first: neither
-        self._time = float(block.times[-1])
-        if not (steps > 0).all():
-            counts.repeated += int(np.count_nonzero(steps == 0))
-            counts.backwards += int(np.count_nonzero(steps < 0))
-        if block.values.dtype.kind == "f":
-            self._look_at_values(block.values)
-
-    def _look_at_values(self, values: NDArray[Any]) -> None:
-        # Smallest and largest tell of both: NaN fails every comparison, infinity is out of range.
-        low, high = float(values.min()), float(values.max())
-        if low >= 0.0 and high <= FULL_SCALE:
-            return
-        if not (np.isfinite(low) and np.isfinite(high)):
-            finite = np.isfinite(values).all(axis=1)
-            self._counts.not_finite += int(np.count_nonzero(~finite))
-        if self._info.kind == "pressure":
-            outside = ((values < 0.0) | (values > FULL_SCALE)).any(axis=1)
-            self._counts.out_of_range += int(np.count_nonzero(outside))

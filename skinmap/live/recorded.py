@@ -67,7 +67,15 @@ def open_recording(
         values = _Columns(track.values, columns)
     if robot is not None:
         check_skin(info, robot)
-    return Playback(info, track.times, values, speed=speed, loop=loop)
+    return Playback(
+        info,
+        track.times,
+        values,
+        speed=speed,
+        loop=loop,
+        joints=track.joints,
+        angles=track.angles,
+    )
 
 
 def open_track(path: Path, *, robot: Robot | None = None, kind: Kind | None = None) -> Track:

@@ -102,51 +102,96 @@ class RestBaseline:
         """(n,) which channels speak."""
         return np.asarray(np.isfinite(self.threshold))
 
-    def apply(self, samples: NDArray[Any]) -> FloatArray:
+    def apply(self, samples: NDArray[Any]) -> NDArray[np.float32]:
         """Pressures (t, n) [counts] for the next samples (t, n); 0 below the threshold."""
-        out = np.empty(samples.shape)
-        for row, sample in enumerate(samples):
-            out[row] = self._step(np.asarray(sample, np.float32))
+        block = np.asarray(samples, np.float32)
+        out = np.zeros(block.shape, np.float32)
+        start = 0
+        while start < len(block):
+            stop = self._listen(block, start)
+            self._follow(block[start:stop], out[start:stop])
+            start = stop
         return out
 
-    def _step(self, sample: NDArray[np.float32]) -> NDArray[np.float32]:
-        if self._seen >= 0:
-            self._listen(sample)
-        deviation = self.sign * (sample - self.baseline)
-        touched = deviation > self.threshold
-        pressed = self._height > 0
-        if touched.any() or pressed.any():
-            pressed = self._hold(sample, deviation, touched | pressed)
-            touched = deviation > self.threshold
-        move = (sample - self.baseline) * np.float32(1.0 / (FREE * self._rate))
-        move[pressed] = 0.0
-        self.baseline += move
-        return np.where(touched, np.minimum(deviation, 255.0), np.float32(0.0))
+    def _follow(self, block: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+        """Free channels all samples at once, those that are or may be touched one by one."""
+        count, rate = len(block), 1.0 / (FREE * self._rate)
+        stay = (1.0 - rate) ** count
+        low, high = (block[0], block[0]) if count == 1 else (block.min(axis=0), block.max(axis=0))
+        falls = self.sign < 0
+        most = np.where(falls, self.baseline - low, high - self.baseline)
+        least = np.where(falls, self.baseline - high, low - self.baseline)
+        # As far as the baseline can sink under the readings, so much higher they may stand.
+        most += np.float32(1.0 - stay) * np.maximum(-least, 0.0)
+        rows = np.flatnonzero((most > self.threshold) | (self._height > 0))
+        touched = None
+        if len(rows):
+            touched = self._step_through(block[:, rows], rows, out)
+        weights = (rate * (1.0 - rate) ** np.arange(count - 1, -1, -1)).astype(np.float32)
+        self.baseline *= np.float32(stay)
+        self.baseline += weights @ block
+        if touched is not None:
+            self.baseline[rows] = touched
 
-    def _hold(
-        self, sample: NDArray[np.float32], deviation: NDArray[np.float32], pressed: BoolArray
-    ) -> BoolArray:
-        """Keep the baselines of touched channels and end the touches whose reading fell."""
-        rows = np.flatnonzero(pressed)
-        self._height[rows] = np.maximum(self._height[rows], deviation[rows])
-        self._held[rows] += np.float32(1.0 / self._rate)
-        own = WALK * self._held[rows]
-        over = deviation[rows] < RELEASED * self._height[rows]
-        over &= deviation[rows] < self.threshold[rows] + own
-        gone, own = rows[over], own[over]
-        self.baseline[gone] += np.clip(sample[gone] - self.baseline[gone], -own, own)
-        deviation[gone] = self.sign[gone] * (sample[gone] - self.baseline[gone])
-        self._height[gone] = self._held[gone] = 0.0
-        pressed = pressed.copy()
-        pressed[gone] = False
-        return pressed
+    def _step_through(
+        self, block: NDArray[np.float32], rows: NDArray[np.int64], out: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Work through samples (t, k) of some channels; their baselines (k,) afterwards."""
+        baseline, sign, threshold = self.baseline[rows], self.sign[rows], self.threshold[rows]
+        height, held = self._height[rows], self._held[rows]
+        period, rate = np.float32(1.0 / self._rate), np.float32(1.0 / (FREE * self._rate))
+        found = np.zeros(block.shape, np.float32)
+        for row, sample in enumerate(block):
+            deviation = sign * (sample - baseline)
+            pressed = (deviation > threshold) | (height > 0)
+            height = np.where(pressed, np.maximum(height, deviation), height)
+            held += period * pressed
+            own = np.float32(WALK) * held
+            over = pressed & (deviation < RELEASED * height) & (deviation < threshold + own)
+            if over.any():  # a touch is over: what remains and can have drifted is taken over
+                baseline += np.where(over, np.clip(sample - baseline, -own, own), 0.0)
+                deviation = sign * (sample - baseline)
+                height[over] = held[over] = 0.0
+                pressed &= ~over
+            found[row] = np.where(deviation > threshold, np.minimum(deviation, 255.0), 0.0)
+            baseline += np.where(pressed, 0.0, rate * (sample - baseline))
+        out[:, rows] = found
+        self._height[rows], self._held[rows] = height, held
+        return np.asarray(baseline)
 
-    def _listen(self, sample: NDArray[np.float32]) -> None:
-        """Learn the rest of the channels that do not speak yet; done when all do."""
-        if self._seen % self._keep == 0:
-            self._window[(self._seen // self._keep) % WINDOW] = sample
-        self._seen += 1
-        if self._seen < WINDOW * self._keep or self._seen % (self._keep * WINDOW // 4):
+    def _listen(self, block: NDArray[np.float32], start: int) -> int:
+        """Hear the rest of channels that do not speak yet; the row up to which nothing changes.
+
+        Whether a channel was calm is asked four times in a window, before the sample is used.
+        """
+        if self._seen < 0:
+            return len(block)
+        every = self._keep * WINDOW // 4
+        left = every - 1 - self._seen % every  # samples before the next question
+        stop = min(len(block), start + left) if left else min(len(block), start + every)
+        numbers = np.arange(self._seen, self._seen + stop - start)
+        kept = np.flatnonzero(numbers % self._keep == 0)
+        if left == 0:
+            self._hear(block[start], self._seen)
+            self._seen += 1
+            self._ask()
+            if self._seen < 0:
+                return len(block)
+            kept = kept[kept > 0]
+            self._seen += stop - start - 1
+        else:
+            self._seen += stop - start
+        for row in kept.tolist():
+            self._hear(block[start + row], int(numbers[row]))
+        return stop
+
+    def _hear(self, sample: NDArray[np.float32], number: int) -> None:
+        if number % self._keep == 0:
+            self._window[(number // self._keep) % WINDOW] = sample
+
+    def _ask(self) -> None:
+        """Let those speak that were calm through the whole window; done when all do."""
+        if self._seen < WINDOW * self._keep:
             return
         waiting = np.flatnonzero(~self.ready)
         low, middle, high = np.percentile(self._window[:, waiting], [5, 50, 95], axis=0)
@@ -200,13 +245,15 @@ class Responses:
         if self._raw and len(self._rest):
             self._baseline = RestBaseline(skin.part_of[self._rest], info.rate)
 
-    def apply(self, samples: NDArray[Any]) -> tuple[FloatArray, FloatArray | None]:
+    def apply(self, samples: NDArray[Any]) -> tuple[NDArray[Any], FloatArray | None]:
         """Pressures (t, N) [counts] and forces (t, N) [N] for samples (t, N) in dense rows.
 
         Forces are None where no part is calibrated by loads, NaN for parts that are not.
         """
         if not self._raw:
             return np.asarray(samples, np.float64), None
+        if self._baseline is not None and not self._own:
+            return self._baseline.apply(samples), None
         pressures = np.zeros(samples.shape)
         forces: FloatArray | None = None
         if self._baseline is not None:

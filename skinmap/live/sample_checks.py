@@ -3,64 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
+from skinmap.live.counts import Counts
 from skinmap.live.source import Block, StreamInfo
 
 RANGE = (0.0, 255.0)  # counts
 LATE = 1.0  # a clock that goes back by more was set anew [s]
 LATER = 0.75  # periods that a sample may come late before one is missed
 FORGIVE = 0.9  # a clock that is off by a few percent must not add up to missed samples
-
-
-@dataclass(slots=True)
-class Counts:
-    """What has happened to a stream's samples so far.
-
-    Attributes
-    ----------
-    received : int
-        That came, whatever became of them.
-    used : int
-        That went into contacts.
-    lost : int
-        That the times say are missing.
-    late, repeated : int
-        Older than one that came before; of the same time: left out.
-    short, long : int
-        With too few or too many values: left out.
-    nan, out_of_range : int
-        With such values: those of the last sample stand in, or the end of the range.
-    restarts : int
-        Times that the clock began anew.
-    stale, reconnects : int
-        Times that nothing came for a while, and that a dead source was opened again.
-    failed : int
-        Calls of subscribers that failed.
-    """
-
-    received: int = 0
-    used: int = 0
-    lost: int = 0
-    late: int = 0
-    repeated: int = 0
-    short: int = 0
-    long: int = 0
-    nan: int = 0
-    out_of_range: int = 0
-    restarts: int = 0
-    stale: int = 0
-    reconnects: int = 0
-    failed: int = 0
-
-    def as_dict(self) -> dict[str, int]:
-        """By name."""
-        return asdict(self)
 
 
 class SampleChecks:

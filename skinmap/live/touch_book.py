@@ -11,9 +11,9 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.classify.classifier import Prediction
 from skinmap.live.events import TouchEvent
-from skinmap.live.identity import Track
 from skinmap.live.joined import JoinedSkin
 from skinmap.live.touches import UNNAMED, NamedTouch
+from skinmap.live.track import Track
 from skinmap.touch.contacts import POOL_SHARE
 
 EVENTS = 1000  # touches that are over and wait to be taken at most

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from skinmap.errors import MessageError, SkinMismatchError, UnreachableError
 from skinmap.live.addresses import Address, parse_address, warn_if_open
 from skinmap.live.choosing import choose_parts
+from skinmap.live.counts import Counts
 from skinmap.live.messages import Header, unpack_header, unpack_info, unpack_values
-from skinmap.live.receiver import SILENT, Counts, Receiver
+from skinmap.live.receiver import SILENT, Receiver
 from skinmap.live.skins import check_skin
 from skinmap.live.source import Block, Source, StreamInfo
 from skinmap.skin.robot import Robot
@@ -168,7 +169,7 @@ class ZmqSource:
         """Count gaps in the numbers of samples."""
         if header.session != self._session:
             if self._session is not None:
-                self.counts.reconnected += 1
+                self.counts.reconnects += 1
         elif header.sequence > self._sequence + 1:
             self.counts.lost += header.sequence - self._sequence - 1
         self._session, self._sequence = header.session, header.sequence

@@ -35,6 +35,10 @@ class Body(Protocol):
     def joints(self) -> dict[str, tuple[float, float]]:
         """Limits [rad or m] of each joint."""
 
+    @property
+    def sliding_joints(self) -> frozenset[str]:
+        """Joints that slide instead of turning: theirs are lengths [m]."""
+
     def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
         """T_root_link (4, 4) of every link for joint angles [rad]."""
 

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skinmap.live.identity import BRIDGE, SETTLED, ContactTracker
+from skinmap.live.identity import BRIDGE, ContactTracker
 from skinmap.live.joined import JoinedSkin
+from skinmap.live.track import SETTLED
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.prepared import PreparedSkin
 
@@ -176,7 +177,7 @@ def test_taxels_of_one_that_is_over_belong_to_nobody(sheet):
     run(tracker, [here] * 3 + [here + there] * 3 + [there] * 20 + [nothing] * 10)
     assert tracker.tracks == []
     assert (tracker._owner == -1).all()
-    assert tracker._meeting == {}
+    assert tracker._cutter._meeting == {}
 
 
 def test_two_touches_30_mm_apart_keep_their_numbers(prepared):
@@ -195,3 +196,17 @@ def test_two_touches_30_mm_apart_keep_their_numbers(prepared):
             shares.append(planted.kept_share(skin, part, pair, samples=150, rng=rng))
     assert len(shares) == 8
     assert np.mean(shares) >= 0.99
+
+
+def test_a_finger_whose_summit_weak_taxels_hide_keeps_its_number(sheet):
+    """Two come to 20 mm; then the taxels fall from the one to the other for 0.2 s."""
+    tracker = ContactTracker(sheet)
+    gaps = np.linspace(0.05, 0.02, 16)
+    samples = [press(sheet, [(0.05, 0.05), (0.05 + gap, 0.05)]) for gap in gaps]
+    both = samples[-1]
+    beyond = sheet.positions[:, 0] - 0.05
+    fall = np.clip(110.0 - 2.2e3 * beyond, 13.0, None)
+    hidden = np.where((beyond > 0) & (both > 12), fall, both)
+    seen = run(tracker, [*samples, *[hidden] * 10, *[both] * 10])
+    assert seen == [[0, 1]] * 36
+    assert told(tracker, *BOTH) == [("birth", 0, -1), ("birth", 1, -1)]

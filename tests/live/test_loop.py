@@ -214,7 +214,8 @@ def test_a_dead_source_is_shown_within_a_second_and_again_when_it_lives(icub, pr
 def test_a_paused_recording_is_not_dead(icub, prepared, monkeypatch):
     source = Playback(INFO, [0.0, 0.02], np.zeros((2, N), np.uint8), speed=0.0)
     loop = TouchLoop(icub, source, skins={PART: prepared(PART)})
-    loop._arrived -= 60.0
+    loop.step(0.0)
+    loop.feed._heard -= 60.0
     assert loop.step(0.0) is None
     assert loop.counts.stale == 0
 
@@ -355,3 +356,45 @@ def test_memory_stays_flat(icub, prepared, model):
     assert len(held) == 3
     # One round of touches after the other: 5 MB in 190,000 samples are 26 bytes a sample.
     assert held[2] - held[1] < 26 * rows + 20_000
+
+
+def test_what_a_source_and_the_loop_count_is_counted_once(icub, prepared):
+    from skinmap.live.receiver import Receiver
+
+    values = np.zeros((3, N), np.float32)
+    values[1, 3] = np.nan
+    loop = TouchLoop(
+        icub,
+        Receiver(Planted([block([0.0, 0.02, 0.04], values), block([0.04])])),
+        skins={PART: prepared(PART)},
+    )
+    assert list(loop)
+    counts = loop.totals()
+    assert (counts["received"], counts["used"], counts["nan"], counts["repeated"]) == (4, 3, 1, 1)
+    loop.close()
+
+
+def test_joint_angles_of_a_recording_reach_the_moment(icub, prepared):
+    angles = np.array([[0.1, np.nan], [0.2, 1.0]])
+    source = Playback(
+        INFO,
+        [0.0, 0.02],
+        np.zeros((2, N), np.uint8),
+        speed=float("inf"),
+        joints=("elbow", "wrist"),
+        angles=angles,
+    )
+    loop = TouchLoop(icub, source, skins={PART: prepared(PART)})
+    assert [moment.angles for moment in loop] == [{"elbow": 0.1}, {"elbow": 0.2, "wrist": 1.0}]
+
+
+def test_a_source_that_has_not_begun_is_stale_but_not_interrupted(icub, prepared):
+    source = Planted([], ends=False)
+    loop = TouchLoop(icub, source, skins={PART: prepared(PART)})
+    assert loop.step(0.0) is None
+    loop.feed._heard -= 60.0
+    moment = loop.step(0.0)
+    assert moment is not None
+    assert moment.stale
+    assert loop.counts.stale == 0
+    loop.close()

@@ -113,6 +113,7 @@ def test_json_refuses_what_is_no_object():
             read_json(bad)
 
 
+@pytest.mark.fuzz
 @given(st.binary(max_size=HEADER.size + 8))
 def test_any_bytes_as_a_header_are_read_or_refused(frame):
     try:
@@ -122,6 +123,7 @@ def test_any_bytes_as_a_header_are_read_or_refused(frame):
     assert header.pack() == frame[:6] + b"\0\0" + frame[8:]
 
 
+@pytest.mark.fuzz
 @given(st.integers(0, HEADER.size - 1), st.integers(0, 255), st.binary(max_size=40))
 def test_a_header_with_one_wrong_byte_is_read_or_refused(place, value, frame):
     packed = bytearray(HEAD.pack())
@@ -142,6 +144,7 @@ nested = st.recursive(
 keys = st.sampled_from(["skinmap", "name", "kind", "parts", "rate_hz", "robot", "clock"])
 
 
+@pytest.mark.fuzz
 @given(st.dictionaries(keys, nested), st.booleans())
 def test_any_description_is_read_or_refused(changes, whole):
     found = json.loads(pack_info(INFO, session=3, heartbeat=0.2)) if whole else {}

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from skinmap.errors import UnreachableError
-from skinmap.live.receiver import Counts, Receiver
+from skinmap.live.counts import Counts
+from skinmap.live.receiver import Receiver
 from skinmap.live.source import Block, SourceEnded, StreamInfo
 
 WIDTH = 4
@@ -95,25 +96,18 @@ def test_receiver_keeps_one_block_however_large():
 @pytest.mark.parametrize(
     ("blocks", "how", "count"),
     [
-        ([block(1.0), block(1.0, 2.0)], {}, {"repeated": 1}),
-        ([block(1.0, 3.0), block(2.0, 4.0)], {}, {"backwards": 1}),
-        ([block(1.0, values=[[1.0, np.nan, 3.0, np.inf]])], {}, {"not_finite": 1}),
-        ([block(1.0, values=[[1.0, np.nan, 3.0, 4.0]])], {"kind": "raw"}, {"not_finite": 1}),
-        ([block(1.0, 2.0, values=[[0.0] * 4, [0, 1, 2, -1.0]])], {}, {"out_of_range": 1}),
-        ([block(1.0, values=[[0, 1, 2, 256.0]])], {}, {"out_of_range": 1}),
-        ([block(1.0, values=[[0, 1, 2, 4095.0]])], {"kind": "raw"}, {}),
+        ([block(1.0), block(1.0, 2.0)], {}, {}),
+        ([block(1.0, values=[[1.0, np.nan, 3.0, np.inf]])], {}, {}),
         ([block(1.0, arrived=1.0), block(2.0, arrived=1.019)], {"rate": 100.0}, {}),
-        ([block(1.0, arrived=1.0), block(2.0, arrived=1.021)], {"rate": 100.0}, {"late": 1}),
+        ([block(1.0, arrived=1.0), block(2.0, arrived=1.021)], {"rate": 100.0}, {"delayed": 1}),
     ],
 )
-def test_receiver_counts_what_is_odd_and_hands_it_on(blocks, how, count):
+def test_receiver_counts_delays_and_hands_on_what_came(blocks, how, count):
     receiver, _ = received(blocks, **how)
     got = receiver.read(5.0)
     samples = sum(map(len, blocks))
     assert len(got) == samples
-    counts = receiver.counts
-    counts.out_of_range *= "out_of_range" in count  # infinity is out of range as well
-    assert counts == Counts(received=samples, given=samples, **count)
+    assert receiver.counts == Counts(received=samples, given=samples, **count)
     receiver.close()
 
 

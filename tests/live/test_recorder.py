@@ -19,7 +19,8 @@ from skinmap.io.mcap_track import read_track
 from skinmap.io.mcap_writer import McapWriter
 from skinmap.live import recorder as module
 from skinmap.live.playback import Playback
-from skinmap.live.recorder import Recorded, Recorder
+from skinmap.live.recorder import Recorder
+from skinmap.live.recording_source import Recorded
 from skinmap.live.source import Block, SourceEnded, StreamInfo, blocks
 
 ROOT = Path(__file__).parents[2]
