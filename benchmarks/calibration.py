@@ -13,6 +13,7 @@ import platform
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
 from calibration.target import make_target
 
 RESULT = Path(__file__).parent / "results" / "calibration.json"
+TABLES = ("wrap", "touch", "units", "scan", "mount", "drift")
 TRUTH = "taxels of the built-in iCub; evidence simulated"
 WRAPS = (  # anchors, scale and jitter of the layout [m], goals for median and p95 [mm]
     (3, 1.0, 0.0, None),
@@ -119,20 +121,16 @@ def _table_row(runs: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _others(cases: list[Case], quick: bool) -> dict[str, Any]:
-    """Scans (an optional package), mounts and drift."""
-    tables: dict[str, Any] = {}
+def scan_table(cases: list[Case], runs: int) -> Any:
+    """Rows of scans, none without their optional package."""
     try:
         import open3d  # noqa: F401
     except ImportError:
         print("no table of scans: open3d is not installed", file=sys.stderr)
-    else:
-        from scans import scan_rows
+        return []
+    from scans import scan_rows
 
-        tables["scan"] = scan_rows(cases, 4 if quick else 50)
-    tables["mount"] = mount_rows()
-    tables["drift"] = drift_rows()
-    return tables
+    return scan_rows(cases, runs)
 
 
 def main(arguments: list[str] | None = None) -> dict[str, Any]:
@@ -140,26 +138,41 @@ def main(arguments: list[str] | None = None) -> dict[str, Any]:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="few patches, few runs")
     parser.add_argument("--out", type=Path, default=RESULT)
+    parser.add_argument(
+        "--only", nargs="+", choices=TABLES, default=TABLES,
+        help="measure these tables; the others stay as they are in the file",
+    )  # fmt: skip
     options = parser.parse_args(arguments)
     cases = list(icub_cases())
     some = cases[7:8] if options.quick else cases
     repeats = 1 if options.quick else 2
     done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
+    commit = done.stdout.strip() or "unknown"
+    tables: dict[str, Callable[[], Any]] = {
+        "wrap": lambda: wrap_rows(some, repeats),
+        "touch": lambda: touch_rows(some, repeats),
+        "units": lambda: unit_rows(some),
+        "scan": lambda: scan_table(cases, 4 if options.quick else 50),
+        "mount": mount_rows,
+        "drift": drift_rows,
+    }
+    kept = {} if set(options.only) == set(TABLES) else json.loads(options.out.read_text())
+    measured = {name: tables[name]() for name in TABLES if name in options.only}
     result: dict[str, Any] = {
-        "commit": done.stdout.strip() or "unknown",
+        "commit": commit,
         "python": platform.python_version(),
         "versions": {name: version(name) for name in ("numpy", "scipy", "pymeshlab")},
         "quick": options.quick,
         "truth": TRUTH,
-        "wrap": wrap_rows(some, repeats),
-        "touch": touch_rows(some, repeats),
-        "units": unit_rows(some),
-        **_others(cases, options.quick),
+        "measured_at": dict.fromkeys(kept.keys() & set(TABLES), kept.get("commit"))
+        | kept.get("measured_at", {})
+        | dict.fromkeys(measured, commit),
+        **{name: kept[name] for name in TABLES if name in kept},
+        **measured,
     }
     options.out.parent.mkdir(exist_ok=True)
     options.out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    for name in ("wrap", "touch", "units", "scan", "mount", "drift"):
-        rows = result.get(name, [])
+    for name, rows in measured.items():
         for row in rows if isinstance(rows, list) else [rows]:
             print(name, json.dumps(row), flush=True)
     return result

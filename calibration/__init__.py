@@ -18,6 +18,7 @@ _PUBLIC = {
     "SelfTouchFit": "calibration.self_touch",
     "Status": "calibration.patch",
     "Touch": "calibration.touch",
+    "TouchSession": "calibration.touch_session",
     "fit_mount": "calibration.mount",
     "fit_wrench": "calibration.wrench",
     "locate_by_touch": "calibration.touch",

@@ -83,7 +83,7 @@ def check_anchors(
         )
     if not (np.isfinite(spread) & (spread > 0)).all():
         raise InvalidArrayError(f"anchor_sigma must be above 0 m, got {spread.min():g}")
-    _check_row(layout[taxels])
+    _check_row(layout[taxels], taxels)
     check_spread(layout[taxels], where, "anchors")
     _check_near(link, where)
     return at_taxels(len(layout), taxels, where, np.broadcast_to(spread, len(where)))
@@ -96,11 +96,12 @@ def _check_twice(points: FloatArray) -> None:
         raise InvalidArrayError(f"anchors {rows.tolist()} are at the same point")
 
 
-def _check_row(places: FloatArray) -> None:
+def _check_row(places: FloatArray, taxels: IntArray) -> None:
     spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
     if spread[1] < IN_A_ROW * spread[0]:
         raise InvalidArrayError(
-            f"the {len(places)} anchors lie in a row on the board: the patch could turn about it"
+            f"the {len(places)} anchors lie in a row on the board: the patch could turn about it "
+            f"(taxels {', '.join(map(str, taxels[:8]))})"
         )
 
 

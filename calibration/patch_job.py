@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from calibration.held_out import held_out_errors
+from calibration.mesh_notes import mesh_notes
 from calibration.patch import PatchCalibration, Status
 from calibration.report import EvidenceRows, write_patch_report
 from calibration.tables import BoardTable, write_calibrated, write_icub_table
@@ -96,7 +97,7 @@ def write_results(
     formats: Sequence[str],
     accept: bool,
 ) -> dict[str, list[str]]:
-    """Tables and report, or only the report of why not; their names."""
+    """Tables and report, or only the report of why not; their names, and what ails the mesh."""
     good = accept or found.status is Status.OK
     report = "report.html" if good else REFUSED
     write_patch_report(title, result, found, board, link, rows, stage / report)
@@ -107,7 +108,7 @@ def write_results(
         if "icub" in formats:
             write_icub_table(board, found, stage / "taxels.txt", title.split(" on ")[-1])
             files.insert(1, "taxels.txt")
-    return {"files": files}
+    return {"files": files, "mesh_notes": list(mesh_notes(*link))}
 
 
 def summary(

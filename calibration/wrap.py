@@ -30,6 +30,7 @@ from skinmap.arrays import BoolArray, FloatArray
 STARTS, MOST_STARTS = 3, 9
 HOPELESS = 100.0  # times the cost of a minimum: folded, no steps would unfold it
 GOOD = 8.0  # cost for each anchor or touch: three coordinates, and lengths and heights that fit
+AGREED = 2.0 * GOOD  # the same where all starts that did not fold led to one place
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -102,26 +103,45 @@ def find_minima(
     close, normals = target.project(points)
     above = float(np.median(np.einsum("kd,kd->k", points - close, normals)))
     found: list[Minimum] = []
-    soft: list[State] = []
-    # Most patches need three starts; those that fit badly so far get the others.
+    passed: list[list[State]] = [[] for _ in STAGES[:-1]]
+    alone = True  # whether all starts that did not fold led to one minimum
+    # Most patches need three starts; those that fit badly, and differ, get the others.
     for some in (sources[:STARTS], sources[STARTS:]):
-        if found and found[0].cost < GOOD * len(evidence):
+        fair = AGREED if alone else GOOD
+        if found and found[0].cost < fair * len(evidence):
             break
-        tried = len(soft)
+        soft: list[State] = []
         for source in some:
             start = State(log_map_start(target, board.layout, places, points, source), 0.0, above)
-            state = settle(target, board, evidence, start, stages=STAGES[:-1], settled=ROUGHLY)
-            if all(apart(state, other) > SAME for other in soft):
+            state = _softly(target, board, evidence, start, passed)
+            if state is not None:
                 soft.append(state)
-        costs = [linearise(target, board, evidence, state)[0] for state in soft[tried:]]
+        costs = [linearise(target, board, evidence, state)[0] for state in soft]
         for row in np.argsort(costs, kind="stable"):
-            state = soft[tried + row]
             if found and costs[row] > HOPELESS * min(minimum.cost for minimum in found):
                 continue
             known = [minimum.state for minimum in found]
-            final = settle(target, board, evidence, state, stages=STAGES[-1:], known=known)
+            final = settle(target, board, evidence, soft[row], stages=STAGES[-1:], known=known)
             if all(apart(final, other) > SAME for other in known):
                 cost, _, hessian = linearise(target, board, evidence, final)
                 found.append(Minimum(final, cost, hessian))
         found.sort(key=lambda minimum: minimum.cost)
+        alone = alone and len(found) == 1
     return found
+
+
+def _softly(
+    target: Target, board: Board, evidence: Evidence, state: State, passed: list[list[State]]
+) -> State | None:
+    """Carry a start through all stages but the last; None once it is where another one passed.
+
+    `passed` holds the states after each of these stages and grows with those that are new.
+    """
+    for stiff, others in zip(STAGES[:-1], passed, strict=True):
+        state = settle(
+            target, board, evidence, state, stages=(stiff,), settled=ROUGHLY, known=others
+        )
+        if any(apart(state, other) < SAME for other in others):
+            return None
+        others.append(state)
+    return state

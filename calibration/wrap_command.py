@@ -92,6 +92,8 @@ def _tell(result: dict[str, Any], out: Path) -> None:
     click.echo(f"{result['status']}: {result['taxels']} taxels")
     for reason in result["reasons"]:
         click.echo(f"  {reason}")
+    for note in result["mesh_notes"]:
+        click.echo(f"  {note}")
     click.echo(f"predicted error: median {sd['median']:.2f} mm, worst {sd['max']:.2f} mm")
     if result["cross_validation_mm"] is not None:
         click.echo(f"what is left out is missed by {result['cross_validation_mm']:.2f} mm")

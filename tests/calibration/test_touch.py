@@ -52,6 +52,17 @@ def test_touches_alone_place_the_patch(bent, rng):
     assert miss(found, bent.places) < 1.5e-3
 
 
+def test_far_from_touches_that_cover_little_the_stated_error_grows_with_the_distance(bent, rng):
+    inside = np.linalg.norm(bent.layout - bent.layout[0], axis=1) < 15e-3
+    found = locate(bent, touched(bent, 16, rng, inside=inside))
+    assert found.status is not Status.OK
+    away = np.linalg.norm(bent.layout - bent.layout[inside].mean(axis=0), axis=1)
+    far = np.argmax(away)
+    # 3 % of the way from the hull, which reaches at most 22 mm (a half diagonal) from its middle.
+    floor = 0.03 * (away[far] - 22e-3)
+    assert np.sqrt(np.linalg.eigvalsh(found.covariance[far])[0]) > floor > 0.5e-3
+
+
 def test_wrong_touches_and_dead_taxels_do_little_harm(bent, rng):
     touches = touched(bent, 64, rng, noise=2e-3, wrong=0.3, dead=0.2)
     found = locate(bent, touches)

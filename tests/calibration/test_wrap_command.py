@@ -15,7 +15,7 @@ from skinmap.io.readers import read_taxels
 
 KEYS = {
     "status", "reasons", "taxels", "predicted_sd_mm", "cross_validation_mm", "seconds", "coverage",
-    "scale", "height_mm", "weakest", "next", "files",
+    "scale", "height_mm", "weakest", "next", "files", "mesh_notes",
 }  # fmt: skip
 
 

@@ -33,6 +33,8 @@ class Mouse:
         view.mouse = self
         self.style.AddObserver("LeftButtonPressEvent", lambda *_: self.press())
         self.style.AddObserver("LeftButtonReleaseEvent", lambda *_: self.release())
+        # So that the style leaves letters alone: its w would draw a wireframe.
+        self.style.AddObserver("CharEvent", lambda *_: None)
         interactor.AddObserver("ExitEvent", lambda *_: view.close())
 
     def press(self) -> None:

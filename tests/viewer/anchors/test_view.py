@@ -86,6 +86,7 @@ def hand(view):
         def key(self, name):
             interactor.SetEventInformation(1, 1, 0, 0, name[0], 0, name)
             interactor.InvokeEvent("KeyPressEvent")
+            interactor.InvokeEvent("CharEvent")
 
     yield Hand()
     interactor.SetRenderWindow(None)
@@ -147,6 +148,8 @@ def test_keys_undo_remove_save_and_close(view, hand, places, tmp_path):
     assert session.taxel is None
     assert [anchor.taxel for anchor in session.anchors] == list(CORNERS[:3])
     hand.key("w")
+    drawn = view.link.patch.actor.GetProperty()
+    assert drawn.GetRepresentationAsString() == "Surface"  # VTK's own w draws a wireframe
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "anchors.csv", "report.html", "taxels.csv",
     ]  # fmt: skip
