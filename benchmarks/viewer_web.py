@@ -8,6 +8,7 @@ CPU times of Chromium are those of all its processes. Without Chromium there is 
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import shutil
@@ -18,6 +19,7 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+from viewer_web_peer import Viser
 
 import skinmap
 from skinmap.live.moment import Moment
@@ -34,6 +36,7 @@ ARGUMENTS = (
 SIZE = {"width": 1024, "height": 768}
 DRAWN = "body[data-drawn]:not([data-drawn='0'])"
 RATE = 50.0  # samples a second
+WAYS = ("meshes", "instances")  # of viser
 OPENINGS = 3
 SECONDS = 5.0  # of counting
 TICKS = os.sysconf("SC_CLK_TCK")
@@ -108,6 +111,82 @@ def watch(browser: Any, url: str) -> dict[str, float]:
     }
 
 
+HEARD = """
+window.peer = { bytes: 0, waiting: 0, drawn: 0 };
+const Old = window.WebSocket;
+const hear = (socket) => socket.addEventListener("message", ({ data }) => {
+  peer.bytes += data.byteLength ?? data.size ?? data.length;
+});
+window.WebSocket = class extends Old { constructor(...all) { super(...all); hear(this); } };
+const OldWorker = window.Worker;
+window.Worker = class extends OldWorker {
+  constructor(...all) {
+    super(...all);
+    this.addEventListener("message", () => (peer.waiting += 1));
+  }
+};
+for (const name of ["drawElements", "drawElementsInstanced", "drawArrays"]) {
+  const draw = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function (...all) {
+    if (peer.waiting) { peer.waiting = 0; peer.drawn += 1; }
+    peer.calls = (peer.calls || 0) + 1;
+    return draw.apply(this, all);
+  };
+}
+"""
+
+
+def watch_peer(browser: Any, peer: Any) -> dict[str, float]:
+    """Figures of viser's page: a picture counts as an update if messages came since the last."""
+    page = browser.new_page(viewport=SIZE)
+    page.add_init_script(HEARD)
+    started = time.perf_counter()
+    page.goto(peer.url)
+    # The body's links and ten parts are drawn, each by a call of its own.
+    page.wait_for_function("peer.calls > 40", timeout=60_000)
+    complete = time.perf_counter() - started
+    page.wait_for_timeout(1000)
+    now = "[performance.now(), peer.drawn]"
+    cpu, before = browser_seconds(os.getpid()), page.evaluate(now)
+    page.wait_for_timeout(1000 * SECONDS)
+    after, spent = page.evaluate(now), browser_seconds(os.getpid()) - cpu
+    ms, drawn = (b - a for a, b in zip(before, after, strict=True))
+    page.close()
+    return {
+        "complete_s": complete,
+        "drawn_per_s": 1e3 * drawn / ms,
+        "chromium_cpu_ms_per_update": 1e3 * spent / max(drawn, 1),
+    }
+
+
+def has_viser() -> bool:
+    """Whether the peer is installed."""
+    return importlib.util.find_spec("viser") is not None
+
+
+def ours(
+    browser: Any, robot: Any, skins: dict[str, PreparedSkin], moments: Any
+) -> dict[str, float]:
+    """Our page, opened once."""
+    with Player(moments(skins)) as player, serve(robot, skins, player, port=0) as server:
+        row = watch(browser, server.url)
+        hub = server.hub
+        row["server_cpu_ms_per_sample"] = 1e3 * hub.seconds / max(hub.samples_written, 1)
+        row["scene_mb"] = len(hub.scene.packed) / 1e6
+    return row
+
+
+def theirs(
+    browser: Any, robot: Any, skins: dict[str, PreparedSkin], moments: Any, way: str
+) -> dict[str, float]:
+    """Viser's page, opened once."""
+    with Viser(robot, skins, moments(skins), RATE, way) as peer:
+        row = watch_peer(browser, peer)
+        row["server_cpu_ms_per_sample"] = 1e3 * peer.seconds / max(peer.samples, 1)
+        row["bytes_per_sample"] = peer.size / max(peer.samples, 1)
+    return row
+
+
 def measure() -> dict[str, Any]:
     """All figures; `chromium` is None where there is none."""
     if CHROMIUM is None:
@@ -121,14 +200,16 @@ def measure() -> dict[str, Any]:
         browser = play.chromium.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
         result["chromium"] = browser.version
         for name, moments in (("three touches", touched), ("all taxels change", noisy)):
-            player = Player(moments(skins))
-            with player, serve(robot, skins, player, port=0) as server:
-                rows = [watch(browser, server.url) for _ in range(OPENINGS)]
-                hub = server.hub
-                row = {key: median(one[key] for one in rows) for key in rows[0]}
-                row["server_cpu_ms_per_sample"] = 1e3 * hub.seconds / max(hub.samples_written, 1)
-                row["scene_mb"] = len(hub.scene.packed) / 1e6
-                result[name] = row
+            rows: dict[str, list[dict[str, float]]] = {}
+            for _ in range(OPENINGS):  # each in turn, as the machine is not the same all the time
+                rows.setdefault("ours", []).append(ours(browser, robot, skins, moments))
+                for way in WAYS if has_viser() else ():
+                    row = theirs(browser, robot, skins, moments, way)
+                    rows.setdefault(f"viser {way}", []).append(row)
+            result[name] = {
+                who: {key: median(one[key] for one in all_of) for key in all_of[0]}
+                for who, all_of in rows.items()
+            }
         browser.close()
     result["load_average"] = os.getloadavg()[0]
     return result

@@ -1,9 +1,12 @@
-"""A small scene drawn for real, off screen: the iCub's chest and left upper arm."""
+"""A small scene drawn for real, off screen: the iCub's chest and left upper arm; a browser."""
 
 from __future__ import annotations
 
+import io
+import shutil
 from collections.abc import Callable, Iterator
 
+import imageio.v3 as iio
 import numpy as np
 import pytest
 
@@ -12,6 +15,17 @@ from skinmap.live.touches import NamedTouch
 from viewer.display import require_opengl
 
 PARTS = ("torso", "left_arm")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--disable-background-networking",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+]
+DRAWN = "body[data-drawn]:not([data-drawn='0'])"
+SMALL = {"width": 640, "height": 480}  # software draws it in a third of the time of 1024x768
 
 
 @pytest.fixture(scope="session")
@@ -63,3 +77,51 @@ def press(icub) -> Callable[..., tuple[np.ndarray, NamedTouch]]:
         return pressures, NamedTouch(part, active, skin.positions[taxel], label, 0.98)
 
     return make
+
+
+class Tab:
+    """One open page and what happened in it."""
+
+    def __init__(self, chromium, url: str, **options) -> None:
+        self.context = chromium.new_context(viewport=SMALL, **options)
+        self.page = self.context.new_page()
+        self.requests: list[str] = []
+        self.faults: list[str] = []
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("websocket", lambda socket: self.requests.append(socket.url))
+        self.page.on("pageerror", lambda error: self.faults.append(str(error)))
+        self.page.on(
+            "console",
+            lambda message: self.faults.append(message.text) if message.type == "error" else None,
+        )
+        self.answer = self.page.goto(url)
+
+    def wait(self, selector: str = DRAWN, state: str = "visible") -> None:
+        self.page.wait_for_selector(selector, state=state, timeout=20_000)
+
+    def pixels(self) -> np.ndarray:
+        """(h, w, 3) of the robot's picture alone."""
+        shot = self.page.locator("#picture").screenshot(type="png")
+        return iio.imread(io.BytesIO(shot))[..., :3].astype(int)
+
+    def step(self) -> None:
+        self.page.locator("#on").click()
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator:
+    """A real browser without a screen."""
+    if CHROMIUM is None:
+        pytest.skip("no chromium here: apt-get install chromium to run these tests")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def open_tab(chromium) -> Callable[..., Tab]:
+    """Opens an address in a page of its own."""
+    return lambda url, **options: Tab(chromium, url, **options)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import ExitStack, closing, suppress
+import os
+import shutil
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import InvalidArrayError
+from skinmap.errors import InvalidArrayError, OutputError
 from skinmap.io.output import staged_file
 
 Picture = NDArray[np.uint8]
+MOVIE_FPS = 25.0  # of movies of a scene: every other sample at 50 Hz
 QUALITY = "26"  # x264's constant rate factor: labels stay sharp, 6 s take about 1 MB
 
 
@@ -44,10 +48,33 @@ def write_movie(path: str | Path, frames: Iterable[Picture], fps: float) -> Path
     path = Path(path)
     if path.suffix == ".mp4" and not has_ffmpeg():
         path = path.with_suffix(".gif")
-    with staged_file(path) as stage:
+    with moved_file(path) as stage:
         if _write(stage, frames, fps) == 0:
             raise InvalidArrayError("a movie needs at least one picture")
     return path
+
+
+@contextmanager
+def moved_file(path: Path) -> Iterator[Path]:
+    """A temporary path far from `path`, which is filled from there when all went well.
+
+    A movie takes long to make: whoever kills it finds nothing half made in the folder.
+
+    Raises
+    ------
+    OutputError
+        The folder of `path` does not exist or cannot be written to; told before any work.
+    """
+    if path.is_dir():
+        raise OutputError(f"cannot write {str(path)!r}: it is a folder")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        why = "no permission" if path.parent.is_dir() else "no such folder"
+        raise OutputError(f"cannot write {str(path)!r}: {why}")
+    with TemporaryDirectory(prefix="skinmap-", ignore_cleanup_errors=True) as folder:
+        stage = Path(folder) / f"movie{path.suffix}"
+        yield stage
+        with staged_file(path) as copy:
+            shutil.copyfile(stage, copy)
 
 
 class MovieWriter:
@@ -67,7 +94,7 @@ class MovieWriter:
         self.fps = fps
         self.count = 0
         self._stack = ExitStack()
-        self._stage = self._stack.enter_context(staged_file(self.path))
+        self._stage = self._stack.enter_context(moved_file(self.path))
         self._writer = self._stack.enter_context(closing(_open(self._stage, fps)))
         self._size: tuple[int, int] | None = None
 

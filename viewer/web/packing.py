@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-TYPES = ("u1", "i1", "u2", "u4", "f4")  # what a page has typed arrays for
+TYPES = ("u1", "i1", "u2", "u4", "i4", "f4")  # what a page has typed arrays for
 
 
 def pack(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:

@@ -89,7 +89,7 @@ class SampleWriter:
         header: dict[str, Any] = {"kind": "sample", "layer": layer.name, **about}
         if moment is not None:
             header.update(
-                time=moment.time,
+                time=finite(moment.time),
                 stale=moment.stale,
                 rate=finite(moment.rate),
                 latency=finite(moment.latency),

@@ -25,6 +25,7 @@ from viewer.drawing.posing import posed
 from viewer.drawing.skin_layer import SkinLayer, build_layer
 from viewer.web.packing import pack
 
+CELL = 6e-3  # of the body's meshes [m]: four pixels of a whole robot in a picture of 768
 SEAM_STRETCH = 3.0  # longer against the skin than any flat triangle becomes
 
 
@@ -64,8 +65,21 @@ def make_scene(
     *,
     angles: Mapping[str, float] | None = None,
     links: Links = None,
+    cell: float = CELL,
 ) -> WebScene:
     """Decimate the body, build the sheets and pack both.
+
+    Parameters
+    ----------
+    robot : Robot
+    skins : mapping of str to PreparedSkin
+        Parts to show.
+    angles : mapping of str to float, optional
+        Joint angles [rad]; the robot's natural pose by default.
+    links : iterable of str, optional
+        Links to draw; all that have a mesh by default.
+    cell : float
+        Vertices of the body within so much become one [m].
 
     Raises
     ------
@@ -73,7 +87,7 @@ def make_scene(
         A joint or link that the body lacks, or an angle beyond its joint's limits.
     """
     layers = {part: build_layer(skin.mesh) for part, skin in skins.items()}
-    meshes = body_meshes(robot, check_links(robot, links, skins))
+    meshes = body_meshes(robot, check_links(robot, links, skins), cell=cell)
     names = tuple(dict.fromkeys([*meshes, *(skin.skin.link for skin in skins.values())]))
     poses = posed(robot, angles or {})
     taxels = first_rows([len(skin) for skin in skins.values()])
@@ -183,6 +197,9 @@ def _add_skins(
             ),
             "taxel.normals": as_bytes(skin.skin.normals),
             "taxel.uv": np.nan_to_num(skin.flat.uv).astype(np.float32),
+            "taxel.channels": skin.skin.channels.astype(np.int32),
+            "taxel.modules": skin.skin.modules.astype(np.int32),
+            "taxel.patches": skin.patches.astype(np.int32),
         }
         spacing = median_spacing(skin.skin.positions)
         one: dict[str, Any] = {
@@ -222,6 +239,9 @@ KEYS: dict[str, tuple[int, type]] = {
     "taxel.points": (3, np.float32),
     "taxel.normals": (4, np.int8),
     "taxel.uv": (2, np.float32),
+    "taxel.channels": (1, np.int32),
+    "taxel.modules": (1, np.int32),
+    "taxel.patches": (1, np.int32),
 }
 
 

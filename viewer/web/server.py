@@ -15,9 +15,7 @@ import socket
 import threading
 import warnings
 from collections.abc import Mapping
-from functools import cache
 from http import HTTPStatus
-from importlib import resources
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -27,6 +25,7 @@ from skinmap.touch.prepared import PreparedSkin
 from viewer.drawing.body import Links
 from viewer.layers import Layers
 from viewer.playing.player import Player
+from viewer.web.files import page_files
 from viewer.web.guard import LIVE, LOOPBACK, Guard, Refusal, is_loopback, new_token, page_headers
 from viewer.web.hub import Hub
 from viewer.web.scene_data import make_scene
@@ -39,7 +38,6 @@ PORT = 8080
 LARGEST = 4096  # bytes of a message from a page: it sends wishes of some words
 CLIENTS = 8  # pages at once
 PATIENCE = 5.0  # for threads to end [s]
-TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 SCENE = "scene.bin"
 
 logger = logging.getLogger(__name__)
@@ -133,20 +131,6 @@ def bind(host: str, port: int) -> socket.socket:
         else:
             reason = f"cannot be listened at: {error.strerror or error}"
         raise UnreachableError(f"port {port} of {host} {reason}") from error
-
-
-@cache
-def page_files() -> dict[str, tuple[str, bytes]]:
-    """Type and content of each of the page's files by name: nothing else is ever served."""
-    folder = resources.files("viewer.web") / "page"
-    files = {entry.name: entry for entry in folder.iterdir() if entry.is_file()}
-    found = {
-        name: (f"{TYPES[suffix]}; charset=utf-8", entry.read_bytes())
-        for name, entry in sorted(files.items())
-        if (suffix := name.rpartition(".")[2]) in TYPES
-    }
-    found[""] = found.pop("index.html")
-    return found
 
 
 class WebServer:

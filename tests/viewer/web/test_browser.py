@@ -2,75 +2,17 @@
 
 from __future__ import annotations
 
-import io
-import shutil
 from collections.abc import Iterator
 
-import imageio.v3 as iio
 import numpy as np
 import pytest
 
 from viewer.web.server import WebServer
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
-ARGUMENTS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--enable-unsafe-swiftshader",
-    "--disable-quic",
-    "--disable-background-networking",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-]
-DRAWN = "body[data-drawn]:not([data-drawn='0'])"
-SMALL = {"width": 640, "height": 480}  # software draws it in a third of the time of 1024x768
-
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no chromium here: apt-get install chromium to run these tests"
-)
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator:
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield browser
-        browser.close()
-
-
-class Tab:
-    """One open page and what happened in it."""
-
-    def __init__(self, chromium, url: str, **options) -> None:
-        self.context = chromium.new_context(viewport=SMALL, **options)
-        self.page = self.context.new_page()
-        self.requests: list[str] = []
-        self.faults: list[str] = []
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("websocket", lambda socket: self.requests.append(socket.url))
-        self.page.on("pageerror", lambda error: self.faults.append(str(error)))
-        self.page.on(
-            "console",
-            lambda message: self.faults.append(message.text) if message.type == "error" else None,
-        )
-        self.answer = self.page.goto(url)
-
-    def wait(self, selector: str = DRAWN, state: str = "visible") -> None:
-        self.page.wait_for_selector(selector, state=state, timeout=20_000)
-
-    def pixels(self) -> np.ndarray:
-        """(h, w, 3) of the robot's picture alone."""
-        shot = self.page.locator("#picture").screenshot(type="png")
-        return iio.imread(io.BytesIO(shot))[..., :3].astype(int)
-
-    def step(self) -> None:
-        self.page.locator("#on").click()
-
 
 @pytest.fixture
-def tab(chromium, start) -> Iterator[Tab]:
-    made = Tab(chromium, start().url)
+def tab(open_tab, start) -> Iterator:
+    made = open_tab(start().url)
     made.wait()
     yield made
     assert made.faults == []
@@ -166,17 +108,17 @@ def test_no_request_leaves_the_machine(tab, start):
     tab.faults.clear()  # the refusal above is told on the console
 
 
-def test_a_wrong_token_shows_a_line_and_no_robot(chromium, server):
-    tab = Tab(chromium, f"http://127.0.0.1:{server.port}/wrong/")
+def test_a_wrong_token_shows_a_line_and_no_robot(open_tab, server):
+    tab = open_tab(f"http://127.0.0.1:{server.port}/wrong/")
     assert tab.answer.status == 403
     assert "token" in tab.page.locator("body").inner_text()
     tab.context.close()
 
 
-def test_another_page_of_the_browser_cannot_read_or_connect(chromium, server, start):
+def test_another_page_of_the_browser_cannot_read_or_connect(open_tab, server, start):
     """Even with the token: a page of another port of this machine."""
     other = start()
-    tab = Tab(chromium, other.url, bypass_csp=True)
+    tab = open_tab(other.url, bypass_csp=True)
     tab.wait()
     outcome = tab.page.evaluate(
         """async (url) => {
@@ -194,9 +136,9 @@ def test_another_page_of_the_browser_cannot_read_or_connect(chromium, server, st
     tab.context.close()
 
 
-def test_two_tabs_show_the_same_and_closing_one_in_mid_update_leaves_the_other(chromium, start):
+def test_two_tabs_show_the_same_and_closing_one_in_mid_update_leaves_the_other(open_tab, start):
     server: WebServer = start()
-    one, two = Tab(chromium, server.url), Tab(chromium, server.url)
+    one, two = open_tab(server.url), open_tab(server.url)
     one.wait()
     two.wait()
     one.step()
@@ -207,9 +149,9 @@ def test_two_tabs_show_the_same_and_closing_one_in_mid_update_leaves_the_other(c
     two.context.close()
 
 
-def test_a_server_that_stops_is_told_in_the_page(chromium, start):
+def test_a_server_that_stops_is_told_in_the_page(open_tab, start):
     server = start()
-    tab = Tab(chromium, server.url)
+    tab = open_tab(server.url)
     tab.wait()
     server.stop()
     tab.wait("#status.warn")

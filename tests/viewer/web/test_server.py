@@ -11,9 +11,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skinmap.errors import InvalidArrayError, SkinWarning, UnknownNameError, UnreachableError
 from skinmap.live.moment import Moment
+from viewer.web.files import page_files
 from viewer.web.guard import LIVE
 from viewer.web.packing import unpack
-from viewer.web.server import LARGEST, bind, page_files
+from viewer.web.server import LARGEST, bind
 
 
 def next_of(connection, kind: str) -> dict:
@@ -195,7 +196,7 @@ def test_serve_warns_of_an_address_that_others_reach(start):
 
 def test_serve_refuses_angles_out_of_range(start, icub):
     joint = next(iter(icub.body.joints))
-    with pytest.raises(InvalidArrayError, match=f"joint '{joint}' cannot be at 99"):
+    with pytest.raises(InvalidArrayError, match=f"joint '{joint}' cannot be at 5672.3 degrees"):
         start(angles={joint: 99.0})
 
 

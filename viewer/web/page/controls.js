@@ -212,7 +212,7 @@ export class Controls {
   stateChanged(state) {
     this.state = { ...this.state, ...state };
     const { paused, seekable, position, duration, speed, loop } = this.state;
-    $("player").hidden = false;
+    $("player").hidden = Boolean(this.state.single);
     $("play-sign").setAttribute("d", paused ? "M4 3v10l9-5z" : "M4 3h3v10H4zM9 3h3v10H9z");
     $("play").setAttribute("aria-label", paused ? "play" : "pause");
     for (const id of ["time", "speed", "loop"]) $(id).disabled = !seekable;

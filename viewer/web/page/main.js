@@ -2,6 +2,7 @@
 
 import { Camera } from "./camera.js";
 import { Controls } from "./controls.js";
+import { Film, stored } from "./film.js";
 import { Flat } from "./flat.js";
 import { Labels } from "./labels.js";
 import { Link } from "./link.js";
@@ -17,7 +18,7 @@ const INK = "#20262e";
 const ARROW = 0.05; // length of a normal [m]
 
 class Page {
-  constructor(scene, root) {
+  constructor(scene, connect) {
     this.header = scene.header;
     this.arrays = scene.arrays;
     this.stage = document.getElementById("stage");
@@ -30,13 +31,13 @@ class Page {
     this.picked = -1; // number of the taxel asked about
     this.fresh = false; // a sample that is not drawn yet
     this.received = 0;
-    this.moved = performance.now(); // the first picture is drawn quickly too
+    this.moved = 0; // when the camera or the robot last did [ms]
     this.wanted = false; // a picture is asked for
     this.writing = null; // words are about to be written
     this.still = 0;
     this.stats = { drawn: 0, bytes: 0, samples: 0, complete: 0, times: [] };
     this.controls = new Controls(this);
-    this.link = new Link(root, this);
+    this.link = connect(this);
     new ResizeObserver(() => this.resize()).observe(this.stage);
     new ResizeObserver(() => this.resize()).observe(this.flat.canvas);
     this.resize();
@@ -56,6 +57,7 @@ class Page {
 
   take(message) {
     const { header, arrays } = message;
+    if (!this.sample) this.moved = performance.now(); // the first picture is drawn quickly
     this.sample = message;
     this.received += 1;
     this.fresh = true;
@@ -174,7 +176,8 @@ class Page {
   redraw(anew = false) {
     clearTimeout(this.still);
     if (anew) this.flat.stale = true;
-    if (this.wanted) return;
+    // Nothing is drawn before the first sample: a body drawn twice would only hold that up.
+    if (this.wanted || !this.sample) return;
     this.wanted = true;
     requestAnimationFrame(() => this.draw(false));
   }
@@ -219,14 +222,20 @@ class Page {
 }
 
 async function start() {
+  if (document.getElementById("reel")) {
+    const reel = await stored("reel");
+    return new Page(await stored("scene"), (page) => new Film(reel, page));
+  }
   const answer = await fetch("scene.bin");
   if (!answer.ok) throw new Error(await answer.text());
-  const page = new Page(unpack(await answer.arrayBuffer()), new URL("live", location.href));
-  window.skinmap = page; // for tests and for the curious
+  const root = new URL("live", location.href);
+  return new Page(unpack(await answer.arrayBuffer()), (page) => new Link(root, page));
 }
 
-start().catch((error) => {
+function failed(error) {
   const status = document.getElementById("status");
   status.className = "warn";
   status.textContent = `cannot show the robot: ${error.message}`;
-});
+}
+
+start().then((page) => (window.skinmap = page), failed); // for tests and for the curious

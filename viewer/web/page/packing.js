@@ -1,6 +1,6 @@
 // Reads what viewer/web/packing.py wrote: a header and typed arrays, in place.
 
-const KINDS = { u1: Uint8Array, i1: Int8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array };
+const KINDS = { u1: Uint8Array, i1: Int8Array, u2: Uint16Array, u4: Uint32Array, i4: Int32Array, f4: Float32Array };
 
 export function unpack(buffer) {
   const length = new DataView(buffer).getUint32(0, true);

@@ -1,0 +1,144 @@
+// Moments that stand in the page itself: what a file plays, where `Link` has a server.
+
+import { unpack } from "./packing.js";
+
+const LEAST = 20; // shortest time that a moment is shown [ms]
+const round = (x, digits) => Number(x.toFixed(digits));
+
+// A message as `viewer/export/html_page.py` writes it: deflated, in base64.
+export async function stored(id) {
+  const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), (c) => c.charCodeAt(0));
+  const plain = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return unpack(await new Response(plain).arrayBuffer());
+}
+
+export class Film {
+  constructor({ header, arrays }, page) {
+    this.page = page;
+    this.arrays = arrays;
+    this.moments = header.moments;
+    this.layers = Object.fromEntries(header.layers.map((layer) => [layer.name, layer]));
+    this.layer = header.layer;
+    this.now = header.now;
+    this.paused = this.moments.length > 1;
+    this.speed = 1;
+    this.loop = false;
+    this.timer = 0;
+    this.acts = {
+      layer: ({ to }) => this.setLayer(to),
+      pick: (wish) => this.tell({ kind: "pick", ...this.describe(wish) }),
+      play: () => this.play(),
+      pause: () => this.pause(),
+      step: ({ by }) => this.step(by),
+      seek: ({ to }) => this.show(this.at(to)),
+      speed: ({ to }) => (this.speed = to),
+      loop: ({ to }) => (this.loop = to),
+    };
+    setTimeout(() => this.begin(header)); // when the page is all there
+  }
+
+  begin({ style }) {
+    this.page.controls.connected(true);
+    this.tell({ kind: "hello", layers: Object.keys(this.layers), style });
+    this.setLayer(this.layer);
+  }
+
+  tell(message) {
+    this.page.controls.letter(message);
+  }
+
+  ask(wish) {
+    this.acts[wish.do]?.(wish);
+    this.tell({ kind: "state", ...this.state() });
+  }
+
+  drawn() {}
+
+  state() {
+    const { moments, now, paused, speed, loop } = this, single = moments.length < 2;
+    return {
+      single, paused, speed, loop, seekable: !single, error: null, ended: false,
+      position: this.time(now), duration: single ? null : this.time(moments.length - 1),
+    };
+  }
+
+  // Of a moment, from the first one on [s].
+  time(number) {
+    return (this.moments[number].time ?? 0) - (this.moments[0].time ?? 0);
+  }
+
+  at(seconds) {
+    let number = 0;
+    while (number + 1 < this.moments.length && this.time(number + 1) <= seconds + 1e-6) number += 1;
+    return number;
+  }
+
+  setLayer(name) {
+    this.layer = name;
+    this.tell({ kind: "layer", ...this.layers[name] });
+    this.show(this.now);
+  }
+
+  show(number) {
+    this.now = number;
+    const moment = this.moments[number], arrays = { values: this.arrays[moment.values[this.layer]] };
+    if (moment.poses) arrays.poses = this.arrays[moment.poses];
+    for (const { outline } of moment.touches) {
+      arrays[outline] = this.arrays[outline];
+      arrays[`${outline}.share`] = this.arrays[`${outline}.share`];
+    }
+    this.page.take({ header: { ...moment, ...this.state() }, arrays });
+  }
+
+  step(by) {
+    this.pause();
+    this.show(Math.max(0, Math.min(this.moments.length - 1, this.now + by)));
+  }
+
+  pause() {
+    this.paused = true;
+    clearTimeout(this.timer);
+  }
+
+  play() {
+    if (this.moments.length < 2) return;
+    this.paused = false;
+    if (this.now === this.moments.length - 1) this.show(0);
+    this.wait();
+  }
+
+  wait() {
+    clearTimeout(this.timer);
+    const last = this.now === this.moments.length - 1;
+    if (last && !this.loop) {
+      this.pause();
+      this.tell({ kind: "state", ...this.state() });
+      return;
+    }
+    const gap = last ? 0 : this.time(this.now + 1) - this.time(this.now);
+    this.timer = setTimeout(() => {
+      this.show(last ? 0 : this.now + 1);
+      this.wait();
+    }, Math.max(LEAST, (1e3 * gap) / this.speed));
+  }
+
+  // As `viewer/web/picking.py` tells it.
+  describe({ part, taxel }) {
+    const { page, arrays } = this, { header } = page, scene = page.arrays, moment = this.moments[this.now];
+    const one = header.parts.find(({ name }) => name === part), k = one.taxels[0] + taxel;
+    const three = (array, factor, digits) => [0, 1, 2].map((i) => round(factor * array[3 * k + i], digits));
+    const felt = (name) => {
+      const value = moment.felt[name] ? arrays[moment.felt[name]][k] : NaN;
+      return Number.isFinite(value) ? value : null;
+    };
+    const name = (layer) => this.layers[layer]?.categories[arrays[moment.values[layer]][k]] ?? null;
+    const beside = arrays.beside.subarray(arrays["beside.starts"][k], arrays["beside.starts"][k + 1]);
+    return {
+      part, taxel, channel: scene["taxel.channels"][k], module: scene["taxel.modules"][k],
+      patch: scene["taxel.patches"][k] + 1, link: header.links[one.link].name,
+      position_mm: three(arrays.positions, 1e3, 1), normal: three(arrays.normals, 1, 3),
+      neighbours: [...beside].map((other) => scene["taxel.channels"][other]),
+      pressure: felt("pressure"), raw: felt("raw"), structure: name("structures"), health: name("health"),
+    };
+  }
+}

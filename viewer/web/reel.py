@@ -1,0 +1,113 @@
+"""Some moments of all layers in one message: what the page plays where there is no server."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.geometry.topology import edges
+from skinmap.live.moment import Moment
+from viewer.layer import Layer
+from viewer.layers import Layers
+from viewer.web.packing import pack, unpack
+from viewer.web.sample import SampleWriter, layer_message, taxel_bytes
+from viewer.web.scene_data import WebScene
+
+FELT = ("pressure", "raw")  # told in numbers where a taxel is asked about
+
+
+def pack_reel(
+    scene: WebScene,
+    layers: Layers,
+    moments: Sequence[Moment],
+    *,
+    now: int = 0,
+    layer: str = "pressure",
+    style: str = "surface",
+) -> bytes:
+    """A message of kind "reel".
+
+    Parameters
+    ----------
+    scene : WebScene
+    layers : Layers
+    moments : sequence of Moment
+        In the order of their times; one or more.
+    now : int
+        Which of them is shown first.
+    layer, style : str
+        What is shown first.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    shown = [layers.get(name) for name in layers.names]
+    writer = SampleWriter(scene)
+    headers = []
+    for number, moment in enumerate(moments):
+        header, own = unpack(writer.write(moment, shown[0], {}))
+        del own["values"]
+        for touch in header["touches"]:
+            touch["outline"] = f"{number}.{touch['outline']}"
+        arrays.update({f"{number}.{name}": array for name, array in own.items()})
+        header["poses"] = f"{number}.poses" if "poses" in own else None
+        header["values"] = {
+            one.name: _add_codes(arrays, scene, one, number, moment) for one in shown
+        }
+        header["felt"] = {
+            name: _add_felt(arrays, scene, layers, name, number, moment) for name in FELT
+        }
+        headers.append(header)
+    _add_about(arrays, scene)
+    return pack(
+        {
+            "kind": "reel",
+            "layers": [layer_message(one) for one in shown],
+            "moments": headers,
+            "now": now,
+            "layer": layer,
+            "style": style,
+        },
+        arrays,
+    )
+
+
+def _add_codes(
+    arrays: dict[str, NDArray[Any]], scene: WebScene, layer: Layer, number: int, moment: Moment
+) -> str:
+    """Add a layer's bytes, once where it is the same at all times; their name comes back."""
+    name = f"{number}.{layer.name}" if layer.live else layer.name
+    if name not in arrays:
+        arrays[name] = np.concatenate([taxel_bytes(layer, part, moment) for part in scene.skins])
+    return name
+
+
+def _add_felt(
+    arrays: dict[str, NDArray[Any]],
+    scene: WebScene,
+    layers: Layers,
+    layer: str,
+    number: int,
+    moment: Moment,
+) -> str | None:
+    """Add values as numbers; None where nothing is known of any."""
+    values = np.concatenate([layers.get(layer).values(part, moment) for part in scene.skins])
+    if not np.isfinite(values).any():
+        return None
+    name = f"{number}.felt.{layer}"
+    arrays[name] = values.astype(np.float32)
+    return name
+
+
+def _add_about(arrays: dict[str, NDArray[Any]], scene: WebScene) -> None:
+    """Add what is told of a taxel beside what the scene has: place, normal, neighbours."""
+    skins = scene.skins.values()
+    arrays["positions"] = np.concatenate([skin.skin.positions for skin in skins]).astype(np.float32)
+    arrays["normals"] = np.concatenate([skin.skin.normals for skin in skins]).astype(np.float32)
+    pairs = [edges(skin.mesh.faces) + scene.first_taxel[part] for part, skin in scene.skins.items()]
+    both = np.concatenate([pair[:, order] for pair in pairs for order in ([0, 1], [1, 0])])
+    both = both[np.lexsort(both.T[::-1])]
+    arrays["beside"] = both[:, 1].astype(np.uint32)
+    starts = np.searchsorted(both[:, 0], np.arange(len(arrays["positions"]) + 1))
+    arrays["beside.starts"] = starts.astype(np.uint32)
