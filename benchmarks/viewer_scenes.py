@@ -34,8 +34,11 @@ class OneLink:
         return self._mesh
 
 
-def large_scene(n: int) -> Any:
-    """A scene of n taxels around a barrel, in eight parts, on a body of 100,000 triangles."""
+def large_scene(n: int, *, panel: bool = False) -> Any:
+    """A scene of n taxels around a barrel, in eight parts, on a body of 100,000 triangles.
+
+    With a panel the flat map of the first part is beside it.
+    """
     from skinmap.surface.surface_mesh import SurfaceMesh
     from viewer.scene import Scene
 
@@ -67,7 +70,21 @@ def large_scene(n: int) -> Any:
         OneLink(TriangleMesh(points, _grid(around + 1, 160))),
         {name: Part(name, "base", lambda: None, None) for name in meshes},  # type: ignore[arg-type,return-value]
     )
-    return Scene(robot, meshes, {}, window_size=SIZE, camera="still")
+    first = next(iter(meshes))
+    maps = {first: _unrolled(meshes[first], rows)} if panel else {}
+    return Scene(robot, meshes, maps, window_size=SIZE, camera="still")
+
+
+def _unrolled(mesh: Any, rows: int) -> Any:
+    """The flat map of a strip of the barrel: its lattice."""
+    from skinmap.flat.distortion import measure_distortion
+    from skinmap.flat.flat_map import Chart, FlatMap
+
+    taxels = np.arange(len(mesh.skin))
+    uv = PITCH * np.stack([taxels // rows, taxels % rows], axis=1).astype(np.float64)
+    distortion = measure_distortion(mesh.vertices, mesh.faces, uv)
+    chart = Chart(0, taxels, mesh.faces, uv, distortion, "unrolled", False, 0, 0.0, 0.0)
+    return FlatMap(mesh, (chart,), uv)
 
 
 def _barrel(

@@ -65,8 +65,11 @@ def soak(
     }
 
 
-def ages(scene: Any, seconds: float = 6.0) -> dict[str, float]:
-    """Age of what is shown when a source sends at 50 Hz: newest sample drawn, others left out."""
+def ages(scene: Any, seconds: float = 6.0, turn: float = 0.0) -> dict[str, float]:
+    """Age of what is shown when a source sends at 50 Hz: newest sample drawn, others left out.
+
+    The camera turns by `turn` [deg] with each picture.
+    """
     skins = {part: layer.skin for part, layer in scene.layers.items()}
     source = moments(skins, seed=1)
     scene.show_moment(next(source))
@@ -80,6 +83,8 @@ def ages(scene: Any, seconds: float = 6.0) -> dict[str, float]:
             continue
         sent = due
         scene.show_moment(next(source))
+        if turn:
+            scene.look(20.0 + turn * len(shown))
         scene.refresh()
         shown.append(time.perf_counter() - start - due * PERIOD)
     return {

@@ -24,12 +24,6 @@ LAYERS = (
 )  # fmt: skip
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
-# As `viewer.layers` has them, which takes a second to import; a test compares.
-LAYERS = (
-    "pressure", "raw", "binary", "structures", "uncertainty", "distortion", "health", "patches",
-)  # fmt: skip
-PATH = click.Path(path_type=Path)
-FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 @click.command("demo", short_help="The whole thread on the real iCub: start here.")
@@ -145,6 +139,7 @@ def summary(result: dict[str, object], out: Path) -> str:
 @click.option("--seconds", type=float, help="How long to watch, at most.")
 @click.option("--speed", type=float, default=1.0, show_default=True, help="Of a recording.")
 @click.option("--loop", is_flag=True, help="Play a recording over and over.")
+@click.option("--follow", is_flag=True, help="Let a movie's camera turn to the touches.")
 @click.option("--web", is_flag=True, help="Serve the scene to a browser.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address for --web.")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port; 0: a free one.")

@@ -28,12 +28,12 @@ from skinmap.touch.gestures import GESTURES
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.simulator import RATE, simulate
 from viewer.analysis import Analysis, analyse, summarise
-from viewer.export.movie import write_movie
+from viewer.export.movie import MOVIE_FPS, write_movie
+from viewer.filming import movie_frames
 from viewer.report import write_report
 from viewer.scene import Scene
 
 STEPS = 12  # progress steps beside those per part
-EVERY = 2  # samples a movie frame: 25 frames a second of a 50 Hz recording
 STAGGER = 0.45  # between the starts of two touches of the replay [s]
 ROUNDS = 2  # touches on each part of the replay
 SHOWN = 6  # parts of the replay at most: more labels than that cannot be read
@@ -111,7 +111,7 @@ def show_window(stage: Stage) -> None:
 def _moments(stage: Stage) -> Iterator[Moment]:
     """What the window shows, without end."""
     while True:
-        yield from replay(stage.robot, stage.tracks, stage.classifier, rate=RATE, skins=stage.skins)
+        yield from replayed(stage)
         if not any(len(track) for track in stage.tracks.values()):
             return
 
@@ -155,7 +155,7 @@ def _show(
     stage = Stage(analysis.robot, analysis.skins, tracks, classifier)
     advance("movie")
     scene = make_scene(analysis.robot, analysis.skins, window_size=MOVIE_SIZE)
-    movie = write_movie(folder / "replay.mp4", movie_frames(scene, stage), RATE / EVERY)
+    movie = write_movie(folder / "replay.mp4", movie_frames(scene, replayed(stage)), MOVIE_FPS)
     scene.close()
     return stage, movie
 
@@ -226,20 +226,6 @@ def track(touches: Sequence[Touch], start: int) -> NDArray[np.uint8]:
     return np.concatenate(blocks) if blocks else quiet
 
 
-def movie_frames(scene: Scene, stage: Stage) -> Iterator[NDArray[np.uint8]]:
-    """Pictures (h, w, 3) of the replay."""
-    moments = replay(stage.robot, stage.tracks, stage.classifier, rate=RATE, skins=stage.skins)
-    for number, moment in enumerate(moments):
-        if number % EVERY:
-            continue
-        for part, pressures in moment.pressures.items():
-            scene.set_pressures(part, pressures)
-        if (touched := newest(moment)) is not None:
-            scene.show_flat_map(touched)
-        scene.set_touches(list(moment.touches))
-        yield scene.frame()
-
-
-def newest(moment: Moment) -> str | None:
-    """The part of the touch that began last, None where nothing is touched."""
-    return moment.touches[-1].part if moment.touches else None
+def replayed(stage: Stage) -> Iterator[Moment]:
+    """The replay, once."""
+    return replay(stage.robot, stage.tracks, stage.classifier, rate=RATE, skins=stage.skins)

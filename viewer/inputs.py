@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from calibration.response_file import load_response
-from skinmap.arrays import FloatArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.classifier import DEFAULT, TouchClassifier, classifiers
 from skinmap.classify.descriptors import Touch
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
@@ -63,6 +63,8 @@ def read_covariances(
 ) -> dict[str, FloatArray]:
     """Covariances (n, 3, 3) [m2] by part from calibrated tables, each "FILE" or "PART=FILE".
 
+    Taxels that a table leaves out, or leaves without a covariance, have NaN.
+
     Raises
     ------
     DataFormatError, SkinMismatchError
@@ -73,14 +75,7 @@ def read_covariances(
         part, path = _named(name, robot)
         channels, covariances = _covariances(path)
         part = part or _owner(channels, robot, parts, path)
-        rows = {int(channel): row for row, channel in enumerate(channels)}
-        missing = [int(c) for c in robot.skin(part).channels if int(c) not in rows]
-        if missing:
-            raise SkinMismatchError(
-                f"{path}: no covariance for {len(missing)} of the {len(robot.skin(part))} taxels "
-                f"of {part!r}, channel {missing[0]} for one"
-            )
-        found[part] = covariances[[rows[int(c)] for c in robot.skin(part).channels]]
+        found[part] = _in_order(channels, covariances, robot.skin(part).channels, path, part)
     return found
 
 
@@ -154,15 +149,35 @@ def _covariances(path: Path) -> tuple[np.ndarray, FloatArray]:
     matrices = np.zeros((len(numbers), 3, 3))
     for column, (i, j) in zip(numbers[:, len(COLUMNS) :].T, ENTRIES.values(), strict=True):
         matrices[:, i, j] = matrices[:, j, i] = column
-    if not np.isfinite(matrices).all() or (np.linalg.eigvalsh(matrices)[:, 0] < -1e-12).any():
+    known = np.isfinite(matrices).all(axis=(1, 2))
+    unknown = np.isnan(matrices).all(axis=(1, 2))
+    if not (known | unknown).all() or (np.linalg.eigvalsh(matrices[known])[:, 0] < -1e-12).any():
         raise DataFormatError("a covariance that is none: not finite, or negative", path)
     return numbers[:, 0].astype(np.int64), matrices
 
 
+def _in_order(
+    channels: IntArray, covariances: FloatArray, wanted: IntArray, path: Path, part: str
+) -> FloatArray:
+    """Covariances in the order of a part's channels."""
+    rows = {int(channel): row for row, channel in enumerate(channels)}
+    strange = sorted(set(rows) - set(map(int, wanted)))
+    if strange:
+        raise SkinMismatchError(
+            f"{path}: channel {strange[0]} is none of the {len(wanted)} taxels of {part!r}"
+        )
+    ordered = np.full((len(wanted), 3, 3), np.nan)
+    known = [row for row, channel in enumerate(wanted) if int(channel) in rows]
+    ordered[known] = covariances[[rows[int(wanted[row])] for row in known]]
+    return ordered
+
+
 def _owner(channels: np.ndarray, robot: Robot, parts: Sequence[str], path: Path) -> str:
-    """The only part whose taxels are these."""
+    """The only part whose taxels are these; where none has just these, the only one with them."""
     mine = set(channels.tolist())
-    fitting = [part for part in parts if mine == set(robot.skin(part).channels.tolist())]
+    owned = {part: set(robot.skin(part).channels.tolist()) for part in parts}
+    fitting = [part for part in parts if mine == owned[part]]
+    fitting = fitting or [part for part in parts if mine <= owned[part]]
     if len(fitting) == 1:
         return fitting[0]
     why = f"fits {', '.join(fitting)}" if fitting else "fits no part that is shown"

@@ -120,13 +120,19 @@ class Layers:
     def _worst_sd(self, part: str, covariance: ArrayLike) -> FloatArray:
         """(n,) predicted standard deviation of each position in its worst direction [mm]."""
         self._check(part)
-        matrices = check_finite(covariance, f"covariance of {part!r}", (None, 3, 3))
+        matrices = np.asarray(covariance, np.float64)
+        # A table may know some rows only: those of NaN throughout are unknown, but not all of them.
+        known = ~np.isnan(matrices).all(axis=(1, 2)) if matrices.ndim == 3 else np.array(False)
+        checked = matrices[known] if known.any() else matrices
+        check_finite(checked, f"covariance of {part!r}", (None, 3, 3))
         if len(matrices) != len(self.skins[part]):
             raise SkinMismatchError(
                 f"covariances of {len(matrices)} taxels for the {len(self.skins[part])} of {part!r}"
             )
-        largest = np.linalg.eigvalsh(matrices)[:, -1]
-        return np.asarray(1e3 * np.sqrt(np.maximum(largest, 0.0)))
+        sd = np.full(len(matrices), np.nan)
+        largest = np.linalg.eigvalsh(matrices[known])[:, -1]
+        sd[known] = 1e3 * np.sqrt(np.maximum(largest, 0.0))
+        return sd
 
     def _sent(self, kind: str, part: str, moment: Moment | None) -> FloatArray:
         self._check(part)

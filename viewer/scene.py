@@ -15,10 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyvista as pv
 from numpy.typing import ArrayLike, NDArray
 
-from skinmap.arrays import IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.output import staged_file
@@ -32,19 +30,19 @@ from viewer.drawing.body import Links
 from viewer.drawing.camera import View
 from viewer.drawing.canvas import TURN_STEP, Canvas, Content
 from viewer.drawing.content_checks import check_moment, check_part, check_taxels, check_touches
-from viewer.drawing.flat_panel import FlatPanel, LazyMaps, SomeMaps
-from viewer.drawing.framing import Framing, Mode
+from viewer.drawing.framing import Mode
+from viewer.drawing.lazy_maps import LazyMaps, SomeMaps
 from viewer.drawing.posing import posed
 from viewer.drawing.skin_layer import SkinLayer, build_layer
 from viewer.drawing.taxel_drawing import check_style
 from viewer.drawing.traces import History
-from viewer.layer import Layer
 from viewer.layers import Layers
+from viewer.shown import Shown
 
 STILL_SAMPLES = 8  # per pixel, for stills only: too slow for live pictures
 
 
-class Scene:
+class Scene(Shown):
     """A robot to look at.
 
     Parameters
@@ -143,56 +141,6 @@ class Scene:
         data = Layers(skins, covariances=covariances, healths=healths)
         meshes = {part: skin.mesh for part, skin in skins.items()}
         return cls(loaded, meshes, LazyMaps(skins), data=data, **options)
-
-    @property
-    def plotter(self) -> pv.Plotter:
-        """The window or picture that is drawn in."""
-        return self.canvas.plotter
-
-    @property
-    def panel(self) -> FlatPanel | None:
-        """The panel beside the body, where there are flat maps."""
-        return self.canvas.panel
-
-    @property
-    def framing(self) -> Framing:
-        """The camera's behaviour."""
-        return self.canvas.framing
-
-    @property
-    def font_px(self) -> int:
-        """Height of the letters [px]."""
-        return self.canvas.font_px
-
-    @property
-    def front(self) -> View:
-        """From where most of the skin is seen."""
-        return self.framing.front
-
-    @property
-    def touches(self) -> tuple[NamedTouch, ...]:
-        """The touches shown now."""
-        return self.content.touches
-
-    @property
-    def layer(self) -> Layer:
-        """What the skin shows."""
-        return self.content.layer
-
-    @property
-    def style(self) -> str:
-        """How the skin shows it: "surface" or "discs"."""
-        return self.content.style
-
-    @property
-    def moment(self) -> Moment:
-        """The moment shown now."""
-        return self.content.moment
-
-    @property
-    def selection(self) -> Mapping[str, IntArray]:
-        """Selected taxels (k,) by part; parts without any are left out."""
-        return dict(self.content.selection)
 
     def show_moment(self, moment: Moment) -> None:
         """Show a moment: its pressures, touches and joint angles; parts not shown are left out.
@@ -310,9 +258,9 @@ class Scene:
             iio.imwrite(stage, picture)
         return Path(path)
 
-    def frame(self) -> NDArray[np.uint8]:
-        """One picture (h, w, 3) of a movie: the camera turns a little towards the touches."""
-        return self.canvas.draw(self.content, self.history, TURN_STEP)
+    def frame(self, step: float = TURN_STEP) -> NDArray[np.uint8]:
+        """One picture (h, w, 3) of a movie: the camera turns `step` [deg] towards the touches."""
+        return self.canvas.draw(self.content, self.history, step)
 
     def update(self, step: float = TURN_STEP) -> None:
         """Bring all that is drawn up to date; `step` [deg] limits the camera's turn."""

@@ -34,7 +34,8 @@ def run_view(options: Mapping[str, Any]) -> dict[str, Any]:
     from viewer.drawing.taxel_drawing import check_style
     from viewer.interaction.view_file import load_view
     from viewer.layers import LAYERS
-    from viewer.show import Look, Wanted, open_window, write_files
+    from viewer.look import Look
+    from viewer.show import Wanted, open_window, write_files
 
     if options["layer"] is not None and options["layer"] not in LAYERS:
         raise UnknownNameError("layer", options["layer"], LAYERS)
@@ -51,6 +52,7 @@ def run_view(options: Mapping[str, Any]) -> dict[str, Any]:
         angles=parse_pose(options["pose"], session.robot),
         links=options["links"],
         view=view,
+        follow=options["follow"],
     )
     wanted = Wanted(
         screenshot=options["screenshot"],

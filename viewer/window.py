@@ -9,13 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from skinmap.live.moment import Moment
-from viewer.interaction.controls import MOVIE_FPS, Controls
+from viewer.export.movie import MOVIE_FPS
+from viewer.filming import show
+from viewer.interaction.controls import Controls
 from viewer.interaction.events import Events
 from viewer.interaction.mouse import Pace
 from viewer.playing.player import Player
 from viewer.scene import Scene
 
 IDLE = 0.02  # longest wait for a sample before keys and mouse are looked at again [s]
+TURN = 60.0  # of the camera by itself [deg/s]
+LONGEST = 0.1  # between two pictures: after a rest the camera does not leap [s]
 REFRESH = 0.2  # between two pictures while nothing moves: the age of the sample is told [s]
 
 
@@ -51,6 +55,7 @@ class Window:
         self.events = Events(self.interactor, self.controls)
         self._movie = Pace(1.0 / MOVIE_FPS, time.perf_counter)
         self._calm = Pace(REFRESH, time.perf_counter)
+        self._updated = time.perf_counter()
         self._number = -1
         self._failed = False
 
@@ -83,10 +88,10 @@ class Window:
             controls.notice.stay()
         wanted = controls.tick() or moment is not None or self._turning or self._calm.due()
         if wanted:
-            scene.update()
+            scene.update(self._stride())
             self.drawn += scene.canvas.cache.draw()
-        if controls.recording is not None and self._movie.due():
-            controls.recording.add(scene.frame())
+        if controls.files.recording is not None and self._movie.due():
+            controls.files.recording.add(scene.frame())
         return bool(wanted)
 
     @property
@@ -94,13 +99,17 @@ class Window:
         framing = self.scene.framing
         return framing.mode != "free" and framing.view != framing.goal
 
+    def _stride(self) -> float:
+        """How far the camera may turn since the last picture [deg]: as quick at any rate."""
+        now = time.perf_counter()
+        past, self._updated = now - self._updated, now
+        return TURN * min(past, LONGEST)
+
     def _show(self, moment: Moment) -> None:
-        scene = self.scene
-        scene.show_moment(moment)
-        if self.controls.following and moment.touches and scene.panel is not None:
-            part = moment.touches[-1].part
-            if part in scene.panel.flat_maps:
-                scene.show_flat_map(part)
+        if self.controls.following:
+            show(self.scene, moment)
+        else:
+            self.scene.show_moment(moment)
 
     def wait(self) -> None:
         """Sleep until something new is to be shown, not for long."""
@@ -109,7 +118,7 @@ class Window:
 
     def close(self) -> None:
         """Finish a movie, let go of the events, close the window and the player."""
-        self.controls.end_movie()
+        self.controls.files.end_movie()
         self.events.close()
         self.controls.remove()
         self.player.close()

@@ -64,3 +64,34 @@ def test_display_is_asked_without_importing_vtk():
     code = "import sys, viewer.display; print(any('vtk' in m or m == 'numpy' for m in sys.modules))"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert answer.stdout.strip() == "False", answer.stderr
+
+
+BOARD = ["--layout", "board.csv", "--mesh", "link.stl"]
+COMMANDS = (["view", "icub"], ["demo", "--view", "window"], ["anchors", *BOARD])
+
+
+@linux
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: words[0])
+@pytest.mark.parametrize("missing", ["library", "display"])
+def test_commands_without_opengl_or_a_display_end_with_one_line(words, missing, tmp_path):
+    """In a process of its own, where the libraries cannot be found or no display is named."""
+    code = "import ctypes, sys\n"
+    if missing == "library":
+        code += "def none(name, *_, **__): raise OSError(name)\nctypes.CDLL = none\n"
+        if words[0] == "view":  # no window: then it would ask for a display first
+            words = [*words, "--screenshot", "robot.png"]
+    code += "from skinmap.cli.main import main\nsys.argv[0] = 'skinmap'\nmain()"
+    clean = {
+        key: value for key, value in os.environ.items() if key not in ("DISPLAY", WINDOW_CLASS)
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words],
+        capture_output=True,
+        text=True,
+        env=clean,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 2, done.stderr
+    line = done.stderr.strip().splitlines()[-1]
+    assert ("libgl1" if missing == "library" else "display") in line
+    assert "Traceback" not in done.stderr

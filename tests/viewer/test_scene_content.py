@@ -44,7 +44,8 @@ def counted(scene):
 def test_layers_and_styles_change_the_picture_and_add_no_actor(shown, moment):
     shown.show_moment(moment)
     pictures = {}
-    for style in ("surface", "discs"):
+    # Labels keep their place where they can, and make room for the longest legend once.
+    for style in ("surface", "discs") * 2:
         for name in LAYERS:
             shown.set_style(style)
             shown.set_layer(name)
@@ -164,7 +165,8 @@ def test_ten_touches_are_counted_and_the_largest_are_labelled(shown, press):
     shown.frame()
     assert len(shown.canvas.touch_view.labels.texts) == 8
     texts = shown.panel.list.texts
-    fits = shown.panel.list.fits
+    fits = shown.panel.list.fits_tight
+    assert fits > shown.panel.list.fits, "many touches take one line each"
     assert texts[0] == "30 touches"
     assert texts[-1] == f"+{30 - fits} more"
 
@@ -197,7 +199,10 @@ def test_pose_moves_body_skin_outlines_and_labels(shown, moment):
 
 
 def test_pose_beyond_a_limit_names_joint_and_limits(shown):
-    with pytest.raises(InvalidArrayError, match=r"'torso_yaw' cannot be at 9.000: its limits are"):
+    with pytest.raises(
+        InvalidArrayError,
+        match=r"'torso_yaw' cannot be at 515.7 degrees: its limits are -50.0 degrees to 50",
+    ):
         shown.set_pose({"torso_yaw": 9.0})
     with pytest.raises(InvalidArrayError, match="'torso_yaw'"):
         shown.show_moment(Moment(0.0, {}, angles={"torso_yaw": float("nan")}))
@@ -213,12 +218,12 @@ def test_unknown_values_are_drawn_as_unknown_and_signed(shown, moment):
     shown.show_moment(replace(moment, pressures=pressures, touches=()))
     assert not np.array_equal(shown.frame(), whole)
     assert shown.canvas.skins["torso"].signs[0].tolist() == list(range(50, 60))
-    assert any("10 taxels with a sign" in text for text in shown.canvas.legend.texts)
+    assert "10 taxels with a sign" in " ".join(shown.canvas.legend.texts)
     shown.show_moment(replace(moment, pressures={"torso": np.full(430, 1e9)}, touches=()))
     shown.frame()
     shown.set_layer("raw")
     shown.frame()
-    assert "no raw values in this source" in shown.canvas.legend.texts
+    assert "no raw values in this source" in " ".join(shown.canvas.legend.texts)
 
 
 def test_legend_has_title_unit_and_limits_or_categories(shown):
@@ -227,11 +232,12 @@ def test_legend_has_title_unit_and_limits_or_categories(shown):
         shown.set_layer(name)
         shown.update()
         layer = shown.layer
-        assert layer.title in legend.texts
+        written = " ".join(reversed(legend.texts))  # from the top; long lines are broken
+        assert layer.title in written
         if layer.categories:
             assert set(layer.categories) <= set(legend.texts)
         else:
-            assert layer.unit in legend.texts
+            assert layer.unit in written
             assert any(text.startswith(f"{layer.limits[1]:g}") for text in legend.texts)
         left, bottom, right, top = legend.box
         assert 0 <= left < right < shown.plotter.renderers[0].GetSize()[0]

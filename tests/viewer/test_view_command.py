@@ -280,6 +280,25 @@ def test_source_that_falls_silent_is_shown_as_stale(window_on, icub):
     assert any("no data for" in text for text in window.scene.canvas.status.texts)
 
 
+def test_source_that_comes_back_is_shown_again(window_on, icub):
+    shown = []  # the window, once there is one
+
+    def after_a_while(source):
+        from skinmap.live.source import Block
+
+        if not shown or not shown[0].scene.moment.stale:
+            return None
+        values = np.full((1, source.n), 40.0, np.float32)
+        return Block([source.sent / 50.0], values, time.perf_counter())
+
+    window = window_on(Dying(icub, after_a_while))
+    shown.append(window)
+    turn_until(window, lambda: window.scene.moment.stale)
+    turn_until(window, lambda: not window.scene.moment.stale)
+    assert window.player.error is None
+    assert not any("no data for" in text for text in window.scene.canvas.status.texts)
+
+
 def test_source_that_changes_its_length_is_told_in_the_picture_and_at_the_end(window_on, icub):
     from viewer.window import run
 
@@ -299,13 +318,14 @@ def test_window_closed_in_mid_update_ends_quietly(window_on, icub):
     turn_until(window, lambda: window.drawn > 2)
     window.interactor.InvokeEvent("ExitEvent")
     assert run(window) == window.drawn
-    assert not window.player._thread.is_alive()
+    assert not window.player._worker.alive
     assert math.isfinite(window.player.oldest)
 
 
-def test_calibrated_table_gives_the_uncertainty_of_each_taxel(tmp_path, icub):
+def test_calibrated_table_gives_the_uncertainty_of_each_taxel(tmp_path, icub, prepared):
     from skinmap.io.table import COLUMNS, COVARIANCE
     from viewer.inputs import read_covariances
+    from viewer.layers import Layers
 
     skin = icub.skin("left_foot")
     lines = [",".join((*COLUMNS, *COVARIANCE))]
@@ -326,8 +346,21 @@ def test_calibrated_table_gives_the_uncertainty_of_each_taxel(tmp_path, icub):
         read_covariances([str(plain)], icub, ["left_foot"])
     with pytest.raises(SkinMismatchError, match="name it: PART=FILE"):
         read_covariances([str(path)], icub, ["torso"])
-    with pytest.raises(SkinMismatchError, match="no covariance for"):
-        read_covariances([f"torso={path}"], icub, ["torso"])
+    shorter = tmp_path / "some.csv"
+    shorter.write_text("\n".join(lines[:11]) + "\n")  # as skin that touches skin leaves it
+    some = read_covariances([str(shorter)], icub, ["left_foot"])["left_foot"]
+    assert np.isnan(some[:-10]).all()
+    np.testing.assert_array_equal(some[-10:], found[-10:])
+    skins = {"left_foot": prepared("left_foot")}
+    layer = Layers(skins, covariances={"left_foot": some}).get("uncertainty")
+    values = layer.values("left_foot", None)
+    np.testing.assert_array_equal(np.isnan(values), np.isnan(some[:, 0, 0]))
+    np.testing.assert_array_equal(layer.colours(values)[:-10], layer.colours(values)[[0] * 240])
+    assert (layer.colours(values)[-10:] != layer.colours(values)[0]).any(axis=1).all()
+    with pytest.raises(SkinMismatchError, match="is none of the 430 taxels of 'torso'"):
+        strange = tmp_path / "strange.csv"
+        strange.write_text("\n".join([lines[0], "9999" + lines[1][lines[1].index(",") :]]) + "\n")
+        read_covariances([f"torso={strange}"], icub, ["torso"])
     lines[3] = lines[3].replace(lines[3].split(",")[8], "-1")
     path.write_text("\n".join(lines) + "\n")
     with pytest.raises(DataFormatError, match="a covariance that is none"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def moments(icub):
 @pytest.fixture(scope="module")
 def drawn(opengl, icub, prepared):
     """One scene for all windows of this file; each window lets go of it again."""
-    from viewer.drawing.flat_panel import LazyMaps
+    from viewer.drawing.lazy_maps import LazyMaps
     from viewer.layers import Layers
     from viewer.scene import Scene
 
@@ -65,7 +66,7 @@ def window(drawn, moments, tmp_path):
     wait_until(made, lambda: player.moment is not None)
     made.turn()
     yield made
-    made.controls.end_movie()
+    made.controls.files.end_movie()
     made.controls.pointing.leave()
     made.controls.pointing.clear()
     made.events.close()
@@ -387,7 +388,7 @@ def test_help_lists_every_key_and_goes_away(window):
     assert all(one.text in text for one in KEYS)
     names = [name for one in KEYS for name in one.names]
     assert len(names) == len(set(names)), "no key stands for two things"
-    assert all(not one.names or hasattr(window.controls, one.action) for one in KEYS)
+    assert all(not one.names or callable(attrgetter(one.action)(window.controls)) for one in KEYS)
     before = picture(window)
     key(window, "h")
     assert window.controls.help_shown
@@ -404,6 +405,41 @@ def test_help_is_whole_in_the_picture(window):
     box.actor.GetSize(box.renderer, size)
     assert size[0] <= box.renderer.GetSize()[0]
     assert size[1] <= box.renderer.GetSize()[1]
+    key(window, "h")
+
+
+def test_letters_follow_a_window_of_another_size(window):
+    taxels, places = seen_taxels(window)
+    hover(window, *places[taxels[len(taxels) // 2]])
+    controls, plain = window.controls, window.scene.plotter.window_size
+    key(window, "h")
+
+    def heights():
+        box = controls.pointing._boxes["body"]
+        texts = (box, controls._help, controls.notice, controls.slider._text)
+        return [text.actor.GetTextProperty().GetFontSize() for text in texts]
+
+    def all_inside(box) -> bool:
+        size = [0.0, 0.0]
+        box.actor.GetSize(box.renderer, size)
+        left, bottom = box.actor.GetPosition()
+        width, height = box.renderer.GetSize()
+        return 0 <= left <= width - size[0] and 0 <= bottom <= height - size[1]
+
+    before = heights()
+    window.scene.plotter.window_size = (1600, 1200)  # twice as high as the scene was made
+    for _ in range(2):  # the picture learns its size, then all that stands in it
+        window.turn()
+        controls.changed = True
+    assert heights() == pytest.approx([2 * px for px in before], abs=1)  # whole pixels
+    assert all_inside(controls._help)
+    assert controls.slider.bar[2] == pytest.approx(0.9 * window.scene.font_px)
+    window.scene.plotter.window_size = plain
+    for _ in range(2):
+        window.turn()
+        controls.changed = True
+    assert heights() == before
+    assert all_inside(controls._help)
     key(window, "h")
 
 
@@ -461,7 +497,7 @@ def test_files_are_written_from_the_keyboard(window, tmp_path):
         key(window, name)
     for _ in range(200):
         window.turn()
-        if window.controls.recording.count >= 2:
+        if window.controls.files.recording.count >= 2:
             break
         window.player.wait(window.player.number, 0.02)
     key(window, "o")
@@ -472,7 +508,7 @@ def test_files_are_written_from_the_keyboard(window, tmp_path):
 
 
 def test_folder_that_is_gone_ends_no_session(window, tmp_path):
-    window.controls.folder = tmp_path / "gone"
+    window.controls.files.folder = tmp_path / "gone"
     for name in ("s", "x", "e", "o"):
         key(window, name)
         assert "no folder" in window.controls.notice.text

@@ -1,7 +1,7 @@
 """The bare body in its renderer: one actor for each link, moved by joint angles.
 
 Meshes stay as they are loaded; joint angles change a matrix for each link. Each link has a good
-mesh for a picture that rests and, made when first needed, a quick one for while it moves.
+mesh for a picture that rests, and a quick one for while it moves.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from viewer.drawing.occlusion import Occluders
 from viewer.drawing.polydata import join
 from viewer.drawing.skin_layer import SkinLayer
 
-GOOD_PX, QUICK_PX = 1.5, 7.5  # side of a cell within which vertices become one [px]
+GOOD_PX, QUICK_PX = 1.5, 9.0  # side of a cell within which vertices become one [px]
 FINEST = 0.5e-3  # and no smaller [m]: a close-up of a hand shows no more
 BEHIND = 1.0e-3  # the body is drawn this far behind its place: no cover tears the skin on it [m]
 QUICK_BEHIND = 0.6  # the same for quick meshes, in their cells
@@ -58,7 +58,8 @@ class BodyView:
         self._pixel = _size(corners, poses) / min(plotter.window_size)
         self.meshes = {link: self._reduced(link, GOOD_PX) for link in self.links}
         self._good = {link: _mapper(mesh) for link, mesh in self.meshes.items()}
-        self._quick: dict[str, pv.DataSetMapper] = {}
+        # Made at once: made when the camera first turns, they would hold that picture up.
+        self._quick = {link: _mapper(self._reduced(link, QUICK_PX)) for link in self.links}
         self.actors = {link: pv.Actor(mapper=self._good[link]) for link in self.links}
         self.quick = False
         for actor in self.actors.values():
@@ -83,8 +84,6 @@ class BodyView:
         if quick == self.quick:
             return
         self.quick = quick
-        if quick and not self._quick:
-            self._quick = {link: _mapper(self._reduced(link, QUICK_PX)) for link in self.links}
         behind = max(BEHIND, QUICK_BEHIND * QUICK_PX * self._pixel) if quick else BEHIND
         for link, actor in self.actors.items():
             actor.SetMapper((self._quick if quick else self._good)[link])

@@ -25,7 +25,8 @@ from viewer.drawing.label_places import Box
 from viewer.drawing.legend import Legend
 from viewer.drawing.overlays import Line
 from viewer.drawing.plotter import new_plotter
-from viewer.drawing.render_cache import RenderCache, Resting
+from viewer.drawing.render_cache import RenderCache
+from viewer.drawing.resting import Resting
 from viewer.drawing.rings import Rings
 from viewer.drawing.skin_layer import SkinLayer
 from viewer.drawing.skin_view import SkinView, signs_of
@@ -132,11 +133,17 @@ class Canvas:
         props = list(self.body.actors.values())
         for view in self.skins.values():
             props += view.actors
-        body = Resting(self.renderer, props, self.body.detail)
+        body = Resting(self.renderer, props, self._detail)
         panel = []
         if self.panel is not None:
             panel.append(Resting(self.panel.renderer, self.panel.actors))
         return RenderCache(self.plotter.render_window, body, *panel)
+
+    def _detail(self, quick: bool) -> None:
+        """Draw the body quickly, while it moves, or well."""
+        self.body.detail(quick)
+        for view in self.skins.values():
+            view.detail(quick)
 
     def _add_panel(self, maps: Mapping[str, FlatMap]) -> FlatPanel:
         self.plotter.subplot(0, 1)
@@ -147,7 +154,7 @@ class Canvas:
 
     def _margins(self) -> Margins:
         unit = float(self.font_px)
-        return Margins(left=9 * unit, right=7 * unit, top=4.6 * unit, bottom=self._foot * unit)
+        return Margins(left=11 * unit, right=7 * unit, top=4.6 * unit, bottom=self._foot * unit)
 
     def reserve(self, foot: float) -> None:
         """Keep so much free below the body [font heights]: something stands there."""
@@ -248,7 +255,8 @@ class Canvas:
         marked = sum(len(view.signs[0]) for view in self.skins.values())
         notes = [layer.missing] if nothing else []
         if marked and not nothing and layer.name != "health":
-            notes.append(f"{marked:,} taxels with a sign: not to be trusted")
+            why = "not calibrated, or " if layer.name == "uncertainty" else ""
+            notes.append(f"{marked:,} taxels with a sign: {why}not to be trusted")
         self.legend.show(layer, self.font_px, notes, faded=moment.stale and layer.live)
 
     def _show_touches(self, content: Content) -> None:

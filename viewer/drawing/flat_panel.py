@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyvista as pv
@@ -11,9 +11,8 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.live.touches import NamedTouch
-from skinmap.touch.prepared import PreparedSkin
 from viewer.colours import FAINT, PANEL, RIM, TRACES, class_colour
-from viewer.drawing.overlays import Line
+from viewer.drawing.overlays import Line, small_font
 from viewer.drawing.places import Places, flat_places, raised
 from viewer.drawing.polydata import make_lines
 from viewer.drawing.refinement import boundary_edges
@@ -34,47 +33,6 @@ DOT = 0.9e-3  # largest radius of a dot [m]
 BORDER_RISE = 2e-3  # of the border above the map, over the discs [m]
 LINE_RISE = 3e-3  # of outlines above the map [m]
 FLAT = np.eye(4)
-
-
-class LazyMaps(Mapping[str, FlatMap]):
-    """Flat maps of prepared skins, each made when first looked at."""
-
-    def __init__(self, skins: Mapping[str, PreparedSkin]) -> None:
-        self._skins = skins
-
-    def __getitem__(self, part: str) -> FlatMap:
-        return self._skins[part].flat
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._skins)
-
-    def __contains__(self, part: object) -> bool:
-        return part in self._skins  # without making it
-
-    def __len__(self) -> int:
-        return len(self._skins)
-
-
-class SomeMaps(Mapping[str, FlatMap]):
-    """Those flat maps of some parts that there are; none is looked at here."""
-
-    def __init__(self, maps: Mapping[str, FlatMap], parts: Iterable[str]) -> None:
-        self._maps = maps
-        self._parts = tuple(part for part in parts if part in maps)
-
-    def __getitem__(self, part: str) -> FlatMap:
-        if part not in self._parts:
-            raise KeyError(part)
-        return self._maps[part]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._parts)
-
-    def __contains__(self, part: object) -> bool:
-        return part in self._parts
-
-    def __len__(self) -> int:
-        return len(self._parts)
 
 
 class FlatPanel:
@@ -113,6 +71,7 @@ class FlatPanel:
         self._border = pv.Actor(mapper=pv.DataSetMapper(pv.PolyData()))
         self._scale = pv.Actor(mapper=pv.DataSetMapper(pv.PolyData()))
         for actor, colour in ((self._border, RIM), (self._scale, FAINT)):
+            actor.mapper.SetScalarVisibility(False)
             actor.prop.color = colour
             actor.prop.line_width = 1.5
             actor.prop.lighting = False
@@ -217,7 +176,7 @@ class FlatPanel:
         """Caption above the map, a bar of a round length below it, traces and list."""
         width, height = self.renderer.GetSize()
         font, side = self.font_px, SIDE * width
-        small = round(0.85 * font)
+        small = small_font(font)
         self._caption.style(font, bold=True)
         self._caption.move(side, height - 1.3 * font)
         self._about.style(small)
@@ -254,7 +213,7 @@ class FlatPanel:
         taxels = selection.get(self.part)
         shown = [] if taxels is None else [(self.places(self.part), taxels, FLAT)]
         self.rings.show(shown)
-        self._plotted = bool(selection)
+        self._plotted = self.list.scant = bool(selection)
         if not selection:
             self.plot.hide()
 

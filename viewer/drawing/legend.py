@@ -14,13 +14,15 @@ from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRend
 from skinmap.arrays import FloatArray
 from viewer.colours import FAINT, INK, rgb
 from viewer.drawing.label_places import Box
-from viewer.drawing.overlays import Line
+from viewer.drawing.overlays import Line, small_font
 from viewer.drawing.symbols import SIGNS, sign_quads
 from viewer.drawing.taxel_drawing import fade
 from viewer.layer import Layer
 
 LEFT, BOTTOM = 1.5, 3.4  # of the legend [font heights]
 LENGTH, THICK = 13.5, 0.85  # of the bar
+SHARE = 0.32  # of the picture's height that the bar takes at most
+WIDE = 9.0  # longer lines are broken: beside them stands the body
 ROW = 1.55  # between two categories
 CLIPPED = ("uncertainty", "distortion")  # their values go beyond the limits
 BAR_STEPS = 64
@@ -40,7 +42,9 @@ class Legend:
         self.box: Box = (0.0, 0.0, 0.0, 0.0)
         self._shown: tuple[object, ...] = ()
         self._lines: list[Line] = []
-        self._used = 0
+        self._used, self._font_px = 0, 12
+        self._ruler = Line(renderer, (0.0, 0.0), 12)
+        self._ruler.write("")
         self._shapes = pv.PolyData()
         mapper = vtkPolyDataMapper2D()
         mapper.SetInputData(self._shapes)
@@ -62,33 +66,59 @@ class Legend:
         key = (layer.name, font_px, tuple(notes), faded, self.renderer.GetSize())
         if key == self._shown:
             return
-        self._shown, self._used = key, 0
+        self._shown, self._used, self._font_px = key, 0, font_px
         table = fade(layer.table) if faded else layer.table
         left = LEFT * font_px
-        bottom = (BOTTOM + 1.3 * max(len(notes) - 1, 0)) * font_px
+        small = small_font(font_px)
+        below = [text for note in notes for text in self._broken(note, small)]
+        bottom = (BOTTOM + 1.3 * max(len(below) - 1, 0)) * font_px
         if layer.categories:
             quads, top = self._categories(layer, table, left, bottom, font_px)
         else:
             quads, top = self._bar(layer, table, left, bottom, font_px)
-        small = round(0.8 * font_px)
-        if layer.unit:
-            self._write(layer.unit, left, top, small, FAINT)
+        for text in reversed(self._broken(layer.unit, small)):
+            self._write(text, left, top, small, FAINT)
+            top += 1.3 * small
+        top += 0.1 * font_px
+        for text in reversed(self._broken(layer.title, font_px, bold=True)):
+            self._write(text, left, top, font_px, INK, bold=True)
             top += 1.3 * font_px
-        self._write(layer.title, left, top, font_px, INK, bold=True)
-        for row, note in enumerate(notes):
-            self._write(note, left, bottom - (1.2 + 1.3 * row) * font_px, small, FAINT)
+        top -= 1.3 * font_px
+        for row, text in enumerate(below):
+            self._write(text, left, bottom - (1.2 + 1.3 * row) * font_px, small, FAINT)
         for line in self._lines[self._used :]:
             line.write("")
         draw(self._shapes, quads)
         right = max(line.right() for line in self._lines[: self._used])
-        low = bottom - (1.2 + 1.3 * len(notes)) * font_px
+        low = bottom - (1.2 + 1.3 * len(below)) * font_px
         self.box = (left, low, right + font_px, top + 0.4 * font_px)
+
+    def _broken(self, text: str, font_px: int, *, bold: bool = False) -> list[str]:
+        """A text in lines of at most `WIDE` heights of the large letters, broken between words."""
+        most = WIDE * self._font_px
+        lines: list[str] = []
+        for word in text.split():
+            longer = f"{lines[-1]} {word}" if lines else word
+            if lines and self._measure(longer, font_px, bold) <= most:
+                lines[-1] = longer
+            else:
+                lines.append(word)
+        return lines
+
+    def _measure(self, text: str, font_px: int, bold: bool) -> float:
+        """How wide a text would be written [px]."""
+        self._ruler.style(font_px, bold=bold)
+        self._ruler.write(text)
+        width = self._ruler.width()
+        self._ruler.write("")
+        return width
 
     def _bar(
         self, layer: Layer, table: NDArray[np.uint8], left: float, bottom: float, font: int
     ) -> tuple[list[Quad], float]:
         """A ladder of the table's colours, its values at the right of it."""
-        thick, length = THICK * font, LENGTH * font
+        thick = THICK * font
+        length = min(LENGTH * font, SHARE * float(self.renderer.GetSize()[1]))
         ink = np.rint(rgb(FAINT) * 255).astype(np.uint8)
         quads = [(_rectangle(left - 1, bottom - 1, thick + 2, length + 2), ink)]
         rows = np.linspace(0, len(table) - 1, BAR_STEPS).round().astype(int)

@@ -9,7 +9,12 @@ from vtkmodules.vtkRenderingCore import (
 
 from viewer.colours import INK, rgb
 
-BAR_STEPS = 64
+SMALL, LEAST = 0.82, 10  # small letters, in heights of the others; smaller ones are not read [px]
+
+
+def small_font(font_px: int) -> int:
+    """Height of the letters of what explains, beside letters so high [px]."""
+    return max(round(SMALL * font_px), min(LEAST, font_px))
 
 
 class Line:

@@ -180,11 +180,17 @@ def _up(n: int) -> FloatArray:
 
 def hexagons(centres: FloatArray, normals: FloatArray, radius: float) -> pv.PolyData:
     """Regular hexagons (n of them) around centres (n, 3), facing their normals (n, 3) [m]."""
+    return polygons(centres, normals, radius, 6)
+
+
+def polygons(centres: FloatArray, normals: FloatArray, radius: float, corners: int) -> pv.PolyData:
+    """Regular polygons (n of them) around centres (n, 3), facing their normals (n, 3) [m]."""
     right, up = tangents(normals)
-    angle = np.arange(6) * np.pi / 3
+    angle = np.arange(corners) * 2 * np.pi / corners
     ring = np.cos(angle)[:, None] * right[:, None] + np.sin(angle)[:, None] * up[:, None]
-    corners = centres[:, None] + radius * ring
-    return make_mesh(corners.reshape(-1, 3), np.arange(6 * len(centres)).reshape(-1, 6))
+    points = centres[:, None] + radius * ring
+    faces = np.arange(corners * len(centres)).reshape(-1, corners)
+    return make_mesh(points.reshape(-1, 3), faces)
 
 
 def tangents(normals: FloatArray) -> tuple[FloatArray, FloatArray]:

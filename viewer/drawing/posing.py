@@ -11,6 +11,7 @@ from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.skin.robot import Robot
 
 SLACK = np.radians(1.0)  # encoders may read that far beyond a limit without being wrong
+SLIDING_SLACK = 1e-3  # the same where a joint slides [m]
 
 
 def posed(robot: Robot, angles: Mapping[str, float]) -> dict[str, FloatArray]:
@@ -21,16 +22,23 @@ def posed(robot: Robot, angles: Mapping[str, float]) -> dict[str, FloatArray]:
     UnknownNameError
         A joint that the body lacks.
     InvalidArrayError
-        An angle that is not finite or beyond the joint's limits (names joint and limits).
+        An angle that is not finite or beyond the joint's limits; names it, and both in degrees.
     """
-    limits = robot.body.joints
+    limits, slides = robot.body.joints, robot.body.sliding_joints
     for joint, angle in angles.items():
         if joint not in limits:
             raise UnknownNameError("joint", joint, limits)
         low, high = limits[joint]
-        if not low - SLACK <= angle <= high + SLACK:  # false for NaN
+        slack = SLIDING_SLACK if joint in slides else SLACK
+        if not low - slack <= angle <= high + slack:  # false for NaN
             raise InvalidArrayError(
-                f"joint {joint!r} cannot be at {angle:.3f}: its limits are {low:.3f} to {high:.3f} "
-                "(rad, or m where it slides)"
+                f"joint {joint!r} cannot be at {readable(angle, sliding=joint in slides)}: its "
+                f"limits are {readable(low, sliding=joint in slides)} to "
+                f"{readable(high, sliding=joint in slides)}"
             )
     return robot.body.poses({**robot.pose, **angles})
+
+
+def readable(angle: float, *, sliding: bool = False) -> str:
+    """A joint's angle [rad] in degrees; where it slides its way [m] in millimetres."""
+    return f"{1e3 * angle:.1f} mm" if sliding else f"{np.degrees(angle):.1f} degrees"

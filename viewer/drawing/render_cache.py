@@ -7,115 +7,17 @@ the picture is the same to the bit as one drawn anew, at a hundredth of the cost
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 from vtkmodules.util.vtkConstants import VTK_UNSIGNED_CHAR
-from vtkmodules.vtkRenderingCore import vtkProp, vtkRenderer
+from vtkmodules.vtkRenderingCore import vtkProp
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLFramebufferObject
+
+from viewer.drawing.resting import Resting
 
 COLOUR_AND_DEPTH = 0x4000 | 0x0100  # GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT
 NEAREST = 0x2600  # GL_NEAREST
 SCISSOR_TEST = 0x0C11  # GL_SCISSOR_TEST
-
-
-class Resting:
-    """One renderer: which of its actors rest, and whether its kept picture is still right.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-    candidates : sequence of vtkActor
-        What may rest: those of one colour do, as long as camera and pose do.
-    detail : callable, optional
-        Told before what rests is drawn: True for a quick picture (it moves), False for a good one.
-
-    Attributes
-    ----------
-    resting, live : list of vtkProp
-        What was visible at the last survey.
-    moved, changed : bool
-        Whether what rests, and what is live, looks different from the last frame.
-    quick : bool
-        Whether the kept picture is a quick one.
-    """
-
-    def __init__(
-        self,
-        renderer: vtkRenderer,
-        candidates: Sequence[Any] = (),
-        detail: Callable[[bool], None] | None = None,
-    ) -> None:
-        self.renderer: Any = renderer
-        self.detail = detail
-        self.resting: list[Any] = []
-        self.live: list[Any] = []
-        self.moved, self.changed, self.quick = True, True, False
-        self._candidates = tuple(candidates)
-        self._numbers = {id(actor) for actor in self._candidates}
-        self._plain: dict[int, tuple[int, bool]] = {}
-        self._kept: Hashable = None
-        self._shown: Hashable = None
-
-    @property
-    def empty(self) -> bool:
-        """Whether nothing is kept."""
-        return self._kept is None
-
-    def survey(self) -> tuple[Hashable, Hashable]:
-        """Find what rests and what is live; the looks of both, equal for equal pictures.
-
-        VTK's own time stamps tell: hiding and showing an actor advances them too, so they are
-        taken anew at the end of each frame.
-        """
-        self.resting, self.live, times = [], [], []
-        for actor in self._candidates:
-            if actor.GetVisibility():
-                time = actor.GetRedrawMTime()
-                if self._rests(actor, time):
-                    self.resting.append(actor)
-                    times.append(time)
-                else:
-                    self.live.append(actor)
-        props = self.renderer.GetViewProps()
-        others = (props.GetItemAsObject(k) for k in range(props.GetNumberOfItems()))
-        self.live += [p for p in others if p.GetVisibility() and id(p) not in self._numbers]
-        return (self._place(), tuple(times)), tuple(_look(prop) for prop in self.live)
-
-    def compare(self) -> None:
-        """Say what differs from the last frame."""
-        place, content = self.survey()
-        self.moved = place != self._kept
-        self.changed = content != self._shown
-
-    def settle(self) -> None:
-        """What is kept and shown is of now."""
-        self._kept, self._shown = self.survey()
-
-    def forget(self) -> None:
-        """Draw all of it next time."""
-        self._kept = self._shown = None
-
-    def _place(self) -> Hashable:
-        renderer, camera = self.renderer, self.renderer.GetActiveCamera()
-        return (
-            camera.GetPosition(),
-            camera.GetFocalPoint(),
-            camera.GetViewUp(),
-            camera.GetViewAngle(),
-            camera.GetParallelScale(),
-            camera.GetClippingRange(),
-            renderer.GetViewport(),
-            tuple(renderer.GetSize()),
-            renderer.GetBackground(),
-        )
-
-    def _rests(self, actor: Any, time: int) -> bool:
-        known = self._plain.get(id(actor))
-        if known is None or known[0] != time:
-            known = time, is_plain(actor)
-            self._plain[id(actor)] = known
-        return known[1]
 
 
 class RenderCache:
@@ -148,9 +50,13 @@ class RenderCache:
         changed = [one for one in self.renderers if one.changed and one not in moved]
         if not moved and not changed:
             return False
-        if moved:
-            self._draw_resting(moved)
-        self._draw_live(moved, changed)
+        kept = [one for one in moved if not one.whole]
+        if kept:
+            self._draw_resting(kept)
+        for one in changed:
+            self._copy(self._buffer, self.window.GetRenderFramebuffer(), one)
+        self._absorb([one for one in changed if one.idle])
+        self._draw_live([*kept, *changed], [one for one in moved if one.whole])
         for one in (*moved, *changed):
             one.settle()
         return True
@@ -170,9 +76,13 @@ class RenderCache:
     def _prepare(self, one: Resting, good: bool) -> bool:
         """Choose the detail; whether what rests must be drawn."""
         one.compare()
-        quick = one.moved and not one.empty and not good
-        # Come to rest after a quick picture: now there is time for a good one.
-        stale = one.moved or (one.quick and not quick)
+        going_on = one.moved and not one.empty
+        quick = going_on and not good
+        # Come to rest after a picture of which nothing is kept: now there is time for a good one.
+        stale = one.moved or one.whole
+        # What moves on is drawn at once: what would be kept of it would never be used.
+        one.whole = quick or (going_on and one.going)
+        one.going = one.moved
         if stale and one.detail is not None and quick != one.quick:
             self._detail(one, quick=quick)
             one.survey()
@@ -185,45 +95,71 @@ class RenderCache:
 
     def _draw_resting(self, moved: list[Resting]) -> None:
         """Draw what rests of these renderers, unseen, and keep it."""
+        self._render(moved, [prop for one in moved for prop in one.live], unseen=True)
+        self._keep(moved)
+        for one in moved:
+            for coloured in one.coloured:
+                coloured.kept = True
+
+    def _absorb(self, idle: list[Resting]) -> None:
+        """Keep new colours that have not changed for a while; their renderers show what is kept."""
+        if not idle:
+            return
+        hidden: list[vtkProp] = []
+        for one in idle:
+            chosen = one.idle
+            hidden += [*one.resting, *one.live, *(x.actor for x in one.coloured if x not in chosen)]
+        for one in idle:
+            one.renderer.SetErase(False)
+        try:
+            self._render(idle, hidden, unseen=True)
+        finally:
+            for one in idle:
+                one.renderer.SetErase(True)
+        self._keep(idle)
+        for one in idle:
+            for coloured in one.idle:
+                coloured.kept = True
+
+    def _draw_live(self, over: list[Resting], whole: list[Resting]) -> None:
+        """Draw what is live over what rests, and all of those of which nothing is kept."""
+        hidden: list[vtkProp] = []
+        for one in over:
+            hidden += [*one.resting, *(x.actor for x in one.coloured if x.kept)]
+            one.renderer.SetErase(False)
+        try:
+            self._render([*over, *whole], hidden)
+        finally:
+            for one in over:
+                one.renderer.SetErase(True)
+
+    def _render(
+        self, wanted: list[Resting], hidden: list[vtkProp], *, unseen: bool = False
+    ) -> None:
+        """Draw some renderers without some of their props; unseen, it stays off the screen."""
         window = self.window
-        hidden = []
+        mode, swap = window.GetFrameBlitMode(), window.GetSwapBuffers()
         for one in self.renderers:
-            one.renderer.SetDraw(one in moved)
-            if one in moved:
-                hidden += _hide(one.live)
-        mode = window.GetFrameBlitMode()
-        swap = window.GetSwapBuffers()
-        window.SetFrameBlitModeToNoBlit()
-        window.SwapBuffersOff()
+            one.renderer.SetDraw(one in wanted)
+        for prop in hidden:
+            prop.VisibilityOff()
+        if unseen:
+            window.SetFrameBlitModeToNoBlit()
+            window.SwapBuffersOff()
         try:
             window.Render()
         finally:
             window.SetFrameBlitMode(mode)
             window.SetSwapBuffers(swap)
-            _unhide(hidden)
+            for prop in hidden:
+                prop.VisibilityOn()
             for one in self.renderers:
                 one.renderer.SetDraw(True)
-        for one in moved:
-            self._copy(window.GetRenderFramebuffer(), self._buffer, one)
 
-    def _draw_live(self, moved: list[Resting], changed: list[Resting]) -> None:
-        """Draw what is live over what rests."""
-        for one in changed:
-            self._copy(self._buffer, self.window.GetRenderFramebuffer(), one)
-        hidden = []
-        for one in self.renderers:
-            wanted = one in moved or one in changed
-            one.renderer.SetDraw(wanted)
-            one.renderer.SetErase(False)
-            if wanted:
-                hidden += _hide(one.resting)
-        try:
-            self.window.Render()
-        finally:
-            _unhide(hidden)
-            for one in self.renderers:
-                one.renderer.SetErase(True)
-                one.renderer.SetDraw(True)
+    def _keep(self, shown: list[Resting]) -> None:
+        """Keep what these renderers show."""
+        for one in shown:
+            self._copy(self.window.GetRenderFramebuffer(), self._buffer, one)
 
     def _fit_buffer(self) -> None:
         """Make the second framebuffer, or make it anew after the window changed its size."""
@@ -267,35 +203,3 @@ class RenderCache:
         if self._buffer is not None:
             self._buffer.ReleaseGraphicsResources(self.window)
             self._buffer = None
-
-
-def is_plain(actor: Any) -> bool:
-    """Whether an actor has one colour: it changes with camera and pose only, and may rest."""
-    mapper = actor.GetMapper()
-    data = mapper.GetInput()
-    if data is None or not mapper.GetScalarVisibility():
-        return True
-    return data.GetPointData().GetScalars() is None and data.GetCellData().GetScalars() is None
-
-
-def _hide(props: list[vtkProp]) -> list[vtkProp]:
-    """Hide props and return them."""
-    for prop in props:
-        prop.VisibilityOff()
-    return props
-
-
-def _unhide(props: list[vtkProp]) -> None:
-    for prop in props:
-        prop.VisibilityOn()
-
-
-def _look(prop: Any) -> Hashable:
-    """When the look of a prop changed last, with all it depends on."""
-    time = prop.GetRedrawMTime()
-    if prop.IsA("vtkTextActor"):
-        return time, prop.GetTextProperty().GetMTime()
-    if prop.IsA("vtkActor2D"):
-        data = prop.GetMapper().GetInput()
-        return time, data.GetMTime() if data is not None else 0
-    return time

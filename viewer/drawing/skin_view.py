@@ -49,6 +49,7 @@ class SkinView:
         self.signs: tuple[IntArray, list[str]] = (np.zeros(0, np.int64), [])
         self.field: FloatArray | None = None
         self._key: tuple[str, str, bool] | None = None
+        self._shown: tuple[Layer, str] | None = None
         self.move(pose)
 
     def move(self, pose: FloatArray) -> None:
@@ -66,7 +67,15 @@ class SkinView:
         smooth = style == "surface" and not layer.categories
         self.field = self.layer.field(values) if smooth else None
         self.drawing.show(layer, style, self.field, values)
+        self._shown = layer, style
         return True
+
+    def detail(self, quick: bool) -> None:
+        """Draw fewer triangles, for while the picture moves, or all of them."""
+        if quick != self.drawing.quick:
+            self.drawing.quick = quick
+            if self._shown is not None:
+                self.drawing.show(*self._shown, self.field, self.values)
 
 
 def signs_of(data: Layers, part: str, values: FloatArray) -> tuple[IntArray, list[str]]:

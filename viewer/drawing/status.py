@@ -9,7 +9,7 @@ from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.live.moment import Moment
 from viewer.colours import FAINT, WARNING, rgb
-from viewer.drawing.overlays import Line
+from viewer.drawing.overlays import Line, small_font
 from viewer.drawing.touch_list import known
 
 UP = 3.4  # of the line below the picture's upper end [font heights]
@@ -60,7 +60,7 @@ class Status:
     def write(self, left: float, font_px: int) -> None:
         """Bring both lines up to date."""
         height = float(self.renderer.GetSize()[1])
-        small = round(0.85 * font_px)
+        small = small_font(font_px)
         for line, size in ((self._line, small), (self._warning, font_px)):
             line.style(size, bold=line is self._warning)
             line.move(left, height - UP * font_px)

@@ -17,7 +17,8 @@ from vtkmodules.vtkCommonCore import vtkLookupTable
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from viewer.colours import DOT, INK, SHEET, UNKNOWN, rgb
-from viewer.drawing.places import DISC_SHARE, Places, hexagons
+from viewer.drawing.body_shading import light
+from viewer.drawing.places import DISC_SHARE, Places, polygons
 from viewer.drawing.polydata import make_mesh
 from viewer.drawing.refinement import unsplit
 from viewer.drawing.symbols import sign_mesh
@@ -93,6 +94,7 @@ class TaxelDrawing:
         for actor in (self.dots, *self.signs):
             actor.prop.lighting = False
         self.coarse = False  # whether a triangle between taxels is too small to be drawn as four
+        self.quick = False  # whether it moves, and speed counts more than detail
         self._places: Places | None = None
         self._made: dict[tuple[int, str], pv.PolyData] = {}
         self._drawn: dict[pv.Actor, tuple[int, str]] = {}
@@ -143,7 +145,9 @@ class TaxelDrawing:
         self._signed = ()
         for actor in (self.ground, self.sheet, self.cells, self.discs):
             actor.prop.lighting = places.lit
-            if not places.lit:  # VTK adds both also where no light falls
+            if places.lit:
+                light(actor)  # VTK's own lights cost twice as much
+            else:  # VTK adds both also where no light falls
                 actor.prop.ambient, actor.prop.diffuse = 0.0, 1.0
 
     def show(self, layer: Layer, style: str, field: FloatArray | None, values: FloatArray) -> None:
@@ -158,12 +162,12 @@ class TaxelDrawing:
         self.cells.SetVisibility(style == "surface" and bool(layer.categories))
         self.discs.SetVisibility(style == "discs")
         self.dots.SetVisibility(style == "surface")
-        sheet = "coarse" if self.coarse else "fine"
+        sheet = "coarse" if self.coarse or self.quick else "fine"
         if style == "discs":
             self._dataset(self.ground, f"{sheet} ground")
             write(self._dataset(self.discs, "discs"), values[places.taxels])
             return
-        self._dataset(self.dots, "dots")
+        self._dataset(self.dots, "quick dots" if self.quick else "dots")
         if field is not None:
             mesh = self._dataset(self.sheet, f"{sheet} sheet")
             write(mesh, field[places.vertex[: mesh.n_points]])
@@ -217,9 +221,10 @@ def _make(places: Places, kind: str) -> pv.PolyData:
         _set_normals(mesh, places.cell_normals)
     else:
         radius = places.disc if kind == "discs" else places.dot
-        mesh, count = hexagons(places.centres, places.facing, radius), len(places.centres)
-        _set_normals(mesh, np.repeat(places.facing, 6, axis=0))
-    if kind != "dots":
+        corners, count = 4 if kind.startswith("quick") else 6, len(places.centres)
+        mesh = polygons(places.centres, places.facing, radius, corners)
+        _set_normals(mesh, np.repeat(places.facing, corners, axis=0))
+    if not kind.endswith("dots"):
         mesh.cell_data[VALUES] = np.full(count, np.nan, np.float32)
         mesh.set_active_scalars(VALUES, preference="cell")
     return mesh

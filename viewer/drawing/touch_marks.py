@@ -28,7 +28,9 @@ SHAFT, HEAD, HEAD_LENGTH = 1.2e-3, 3.6e-3, 11e-3  # radii and length [m]
 SIDES = 8
 PALE = 0.75  # how far the oldest end of a trail has gone to white
 PIECES = 8  # shades of a trail
-JUMP = 0.03  # [m]: longer steps of a trail on the flat map lead across a seam
+JUMP = 0.03  # [m]: on the flat map what is so near on the skin and so far there has a seam between
+FINE = 16  # pieces that a step of a trail across a seam is cut into
+TORN = 3.0  # how much longer than on the skin a piece must become to be the one across
 CENTRE = 4e-3  # radius of the centre of pressure on the flat map [m]
 
 
@@ -139,14 +141,35 @@ def trail_on(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[Float
     """Where the centre has been, paler the longer ago."""
     if touch.path is None or len(touch.path) < 2:
         return []
-    points = ground.carried(touch.path, lift)
-    segments = np.stack([points[:-1], points[1:]], axis=1)
-    length = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
-    segments = segments[(length > 0.0) & (length < JUMP)]
+    segments = carried_steps(ground, touch.path, lift)
     pieces = np.array_split(segments, min(PIECES, max(len(segments), 1)))
     colour = class_colour(touch.label)
     shades = np.linspace(PALE, 0.0, len(pieces))
     return [(piece, paler(colour, shade)) for piece, shade in zip(pieces, shades, strict=True)]
+
+
+def carried_steps(ground: Ground, path: FloatArray, lift: float) -> FloatArray:
+    """(s, 2, 3) steps of a path (p, 3) as they lie on a surface [m].
+
+    A step across a seam of the flat map is cut into pieces: those on both sides are kept, and the
+    one that would run across the map is left out.
+    """
+    points = ground.carried(path, lift)
+    steps = np.stack([points[:-1], points[1:]], axis=1)
+    on_skin = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    length = np.linalg.norm(steps[:, 1] - steps[:, 0], axis=1)
+    torn = length > TORN * on_skin + CENTRE
+    kept = [steps[~torn & (length > 0.0)]]
+    share = np.linspace(0.0, 1.0, FINE + 1)[:, None]
+    order = [np.flatnonzero(~torn & (length > 0.0)).astype(np.float64)]
+    for row in np.flatnonzero(torn):
+        fine = ground.carried((1 - share) * path[row] + share * path[row + 1], lift)
+        pieces = np.stack([fine[:-1], fine[1:]], axis=1)
+        reach = np.linalg.norm(pieces[:, 1] - pieces[:, 0], axis=1)
+        whole = (reach > 0.0) & (reach <= TORN * on_skin[row] / FINE + CENTRE)
+        kept.append(pieces[whole])
+        order.append(row + np.flatnonzero(whole) / FINE)
+    return np.concatenate(kept)[np.argsort(np.concatenate(order), kind="stable")]
 
 
 def paler(colour: str, share: float) -> str:

@@ -43,7 +43,7 @@ class TouchView:
         self._grounds: dict[str, Ground] = {}
         self._touches: tuple[NamedTouch, ...] = ()
         self._anchors = self._tips = np.zeros((0, 3))
-        self._hidden: list[bool] = []
+        self._hidden: dict[str, bool] = {}
 
     def show(self, touches: Sequence[NamedTouch], poses: Mapping[str, FloatArray]) -> None:
         """Mark these touches, and no others, on links placed by poses (4, 4)."""
@@ -69,23 +69,27 @@ class TouchView:
             anchors.append(centre + (LIFT + LINE_LIFT) * normal)
         self._anchors = np.array(anchors).reshape(-1, 3)
         self._tips = np.array(tips).reshape(-1, 3)
-        self._hidden = [False] * len(self.targets)
         self.marks.show(lines, solids)
 
     def write_labels(self, framing: Framing, avoid: Sequence[Box], *, look: bool) -> None:
-        """Place the labels in the picture; `look` finds out anew which centres are hidden."""
+        """Place the labels in the picture; `look` finds out anew which centres are hidden.
+
+        Without it they stay as they were found last, but what turned away is hidden at once.
+        """
+        names = [key(touch, row) for row, touch in enumerate(self._touches)]
         if look:
-            self._hidden = [framing.hidden(target) for target in self.targets]
+            found = [framing.hidden(target) for target in self.targets]
+            self._hidden = dict(zip(names, found, strict=True))
         places = project(self.renderer, self._anchors)
         sizes = np.array([len(touch.taxels) for touch in self._touches])
         chosen = np.sort(np.argsort(-sizes, kind="stable")[:LABELS])
         labels = [
             Label(
-                key(self._touches[row], row),
+                names[row],
                 caption(self._touches[row]),
                 class_colour(self._touches[row].label),
                 (float(places[row, 0]), float(places[row, 1])),
-                self._hidden[row],
+                self._hidden.get(names[row], False) or self._turned_away(row),
             )
             for row in chosen.tolist()
         ]
@@ -95,6 +99,12 @@ class TouchView:
             for x, y in project(self.renderer, self._tips)
         ]
         self.labels.show(labels, [*avoid, *tips], framing.busy() if labels else None)
+
+    def _turned_away(self, row: int) -> bool:
+        """Whether the skin under a touch faces away from the camera."""
+        way = np.array(self.renderer.GetActiveCamera().GetPosition()) - self._anchors[row]
+        target = self.targets[row]
+        return bool(target.normals[target.middle] @ way <= 0.0)
 
     def _ground(self, part: str) -> Ground:
         if part not in self._grounds:

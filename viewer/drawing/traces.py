@@ -15,7 +15,7 @@ from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRend
 from skinmap.arrays import FloatArray, IntArray
 from viewer.colours import FAINT, INK, TRACES, rgb
 from viewer.drawing.label_places import Box
-from viewer.drawing.overlays import Line
+from viewer.drawing.overlays import Line, small_font
 
 SECONDS = 10.0  # that are kept
 SAMPLES = 500  # of each taxel: 50 a second
@@ -95,7 +95,7 @@ class TracePlot:
 
     def place(self, box: Box, font_px: int) -> None:
         """Fill a box [px], names above the axes and times below them."""
-        small = round(0.8 * font_px)
+        small = small_font(font_px)
         self._font_px = font_px
         left, bottom, right, top = box
         self.box = (left + 2.3 * font_px, bottom + 1.5 * font_px, right, top - 3.2 * font_px)

@@ -49,6 +49,11 @@ class TextBox(Line):
         """Take it out of the picture."""
         self.write("")
 
+    def scale(self, font_px: int) -> None:
+        """Write in letters of another height [px], from the next `tell` on at the right place."""
+        self.font_px = font_px
+        self.style(font_px)
+
     def tell(self, lines: Sequence[str], x: float | None = None, y: float | None = None) -> None:
         """Show lines beside a pixel (x, y) of the renderer; in its middle where none is given."""
         self.write("\n".join(f" {line} " for line in lines))

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
 
 from skinmap.errors import SkinError
 from viewer.drawing.canvas import FOOT
-from viewer.export.gltf import write_gltf
-from viewer.export.html_page import write_html
-from viewer.export.movie import MovieWriter
 from viewer.interaction.boxes import Notice, TextBox
+from viewer.interaction.files import Files
 from viewer.interaction.keys import help_lines, key_for
 from viewer.interaction.lasso import Lasso
 from viewer.interaction.mouse import Mouse
 from viewer.interaction.picking import within
 from viewer.interaction.pointing import Pointing
 from viewer.interaction.presets import focus, preset
-from viewer.interaction.saving import apply_view, free_name, view_of
 from viewer.interaction.selection import Reach
 from viewer.interaction.slider import ROOM, Slider
-from viewer.interaction.view_file import load_view, save_view
 from viewer.playing.player import Player
 from viewer.scene import Scene
 
-MOVIE_FPS = 25.0
+SMALL = 0.85  # letters of the help beside those of the rest
 
 
 class Controls:
@@ -56,18 +51,17 @@ class Controls:
         view_file: Path | None = None,
     ) -> None:
         self.scene, self.player = scene, player
-        self.folder = Path() if folder is None else folder
-        self.view_file = self.folder / "skinmap-view.json" if view_file is None else view_file
         self.closed = False
         self.changed = True  # since the last picture
         self.following = True  # whether the flat map goes with the touches
         self.pointing = Pointing(scene)
+        self.files = Files(scene, self.pointing, self.say, folder=folder, view_file=view_file)
         self.mouse = Mouse(self)
         body = scene.plotter.renderers[0]
         self.slider = Slider(body, scene.font_px)
         self.notice = Notice(body, scene.font_px)
-        self._help = TextBox(body, round(0.85 * scene.font_px), mono=True)
-        self._movie: MovieWriter | None = None
+        self._help = TextBox(body, round(SMALL * scene.font_px), mono=True)
+        self._size = (scene.font_px, *body.GetSize())
         scene.canvas.reserve(ROOM)
 
     # Keys.
@@ -77,7 +71,7 @@ class Controls:
         key = key_for(name)
         if key is None:
             return False
-        action: Callable[..., Any] = getattr(self, key.action)
+        action = attrgetter(key.action)(self)
         try:
             if key.argument is None:
                 action()
@@ -201,54 +195,10 @@ class Controls:
         """Choose nothing."""
         self.pointing.clear()
 
-    # Files.
-
-    def save_view(self) -> None:
-        """Write what is shown and from where."""
-        save_view(view_of(self.scene, self.pointing.selection), self.view_file)
-        self.say(f"view saved in {self.view_file.name}")
-
     def load_view(self) -> None:
         """Go back to a saved view."""
-        apply_view(self.scene, load_view(self.view_file), self.pointing.selection)
-        self.pointing.refresh()
+        self.files.load_view()
         self.following = self.scene.framing.mode == "auto"
-        self.say(f"view of {self.view_file.name}")
-
-    def screenshot(self) -> None:
-        """Write the picture."""
-        path = self.scene.screenshot(free_name(self.folder, "skinmap", ".png"))
-        self.say(f"wrote {path.name}")
-
-    def toggle_movie(self) -> None:
-        """Begin a movie of what is shown, or end it."""
-        if self._movie is None:
-            self._movie = MovieWriter(free_name(self.folder, "skinmap", ".mp4"), MOVIE_FPS)
-            self.say("movie begins; o ends it")
-        else:
-            self.end_movie()
-
-    def end_movie(self) -> None:
-        """Finish the movie's file, if one is being made."""
-        if self._movie is not None:
-            movie, self._movie = self._movie, None
-            path = movie.close()
-            self.say(f"wrote {path.name}" if path is not None else "no picture: no movie")
-
-    @property
-    def recording(self) -> MovieWriter | None:
-        """The movie that is being made."""
-        return self._movie
-
-    def export_gltf(self) -> None:
-        """Write the scene as it stands for other 3D programs."""
-        path = write_gltf(self.scene, free_name(self.folder, "skinmap", ".glb"))
-        self.say(f"wrote {path.name}")
-
-    def export_html(self) -> None:
-        """Write the scene as it stands as a page that needs nothing else."""
-        path = write_html(self.scene, free_name(self.folder, "skinmap", ".html"))
-        self.say(f"wrote {path.name}")
 
     # The mouse: `viewer.interaction.mouse.Listener`.
 
@@ -296,11 +246,27 @@ class Controls:
 
     def tick(self) -> bool:
         """Bring boxes, slider and notices up to date; whether a picture is to be drawn."""
+        self._fit()
         self.changed |= self.pointing.tick(self.player.moment)
         self.changed |= self.notice.over()
         self.slider.show(self.player.position, self.player.duration, self.state())
         changed, self.changed = self.changed, False
         return changed
+
+    def _fit(self) -> None:
+        """Follow a window of another size."""
+        font = self.scene.font_px
+        size = (font, *self.scene.plotter.renderers[0].GetSize())
+        if size == self._size:
+            return
+        self._size = size
+        self.slider.scale(font)
+        self.notice.scale(font)
+        self.pointing.scale(font)
+        self._help.scale(round(SMALL * font))
+        if self._help.shown:
+            self._help.tell(help_lines())
+        self.changed = True
 
     def state(self) -> str:
         """How it is played, in a few words."""
@@ -316,7 +282,7 @@ class Controls:
             words.append(f"x{player.speed:g}")
         if player.loop:
             words.append("loop")
-        if self._movie is not None:
+        if self.files.recording is not None:
             words.append("movie")
         if (count := self.pointing.selection.count) > 0:
             words.append(f"{count} taxels chosen" if count > 1 else "1 taxel chosen")

@@ -20,7 +20,7 @@ class Key:
     text : str
         What they do; empty where another line tells it.
     action : str
-        Name of a method of `viewer.interaction.controls.Controls`.
+        Name of a method of `viewer.interaction.controls.Controls`, or of its `files`.
     argument : str or float, optional
         What the method gets.
     """
@@ -62,12 +62,12 @@ KEYS = (
     Key(("g",), "g", "go to the touches", "focus"),
     Key(("r",), "r", "the whole robot again", "whole"),
     Key(("a",), "a", "camera and map follow touches", "follow"),
-    Key(("v",), "v V", "save, load the view", "save_view"),
+    Key(("v",), "v V", "save, load the view", "files.save_view"),
     Key(("V",), "", "", "load_view"),
-    Key(("s",), "s", "screenshot", "screenshot"),
-    Key(("o",), "o", "movie: start, end", "toggle_movie"),
-    Key(("x",), "x e", "export glTF, HTML page", "export_gltf"),
-    Key(("e",), "", "", "export_html"),
+    Key(("s",), "s", "screenshot", "files.screenshot"),
+    Key(("o",), "o", "movie: start, end", "files.toggle_movie"),
+    Key(("x",), "x e", "export glTF, HTML page", "files.export_gltf"),
+    Key(("e",), "", "", "files.export_html"),
     Key(("h", "question"), "h", "this help", "toggle_help"),
     Key(("q", "Escape"), "q", "close", "close"),
 )

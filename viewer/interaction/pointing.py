@@ -103,6 +103,13 @@ class Pointing:
         """Remember where the mouse is; `tick` looks what is there, at its own pace."""
         self._mouse = (x, y)
 
+    def scale(self, font_px: int) -> None:
+        """Write in letters of another height [px]."""
+        for box in self._boxes.values():
+            box.scale(font_px)
+        self._told = ()  # what is shown is placed anew
+        self.hurry()
+
     def hurry(self) -> None:
         """Look at once where the mouse is, whenever that was done last."""
         self._pace.reset()

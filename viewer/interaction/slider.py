@@ -19,6 +19,7 @@ THICK = 0.32  # of the bar, in letters
 HANDLE = 0.5  # radius, in letters
 GRIP = 1.0  # how far beside the bar a press still counts, in letters
 ROOM = 3.2  # what the slider needs at the foot of the picture, in letters
+NOTE = 0.85  # height of its text, in letters
 CORNERS = 20
 
 
@@ -42,8 +43,14 @@ class Slider:
         self.actor.SetMapper(self._mapper)
         self.actor.SetVisibility(False)
         renderer.AddViewProp(self.actor)
-        self._text = Line(renderer, (LEFT, 0.0), round(0.85 * font_px), colour=INK)
+        self._text = Line(renderer, (LEFT, 0.0), round(NOTE * font_px), colour=INK)
         self._text.write("")
+
+    def scale(self, font_px: int) -> None:
+        """Follow letters of another height [px]."""
+        self.font_px = font_px
+        self._text.style(round(NOTE * font_px))
+        self._drawn = ()
 
     def remove(self) -> None:
         """Take it out of the renderer."""

@@ -42,6 +42,33 @@ class History:
         self._bytes = 0
 
 
+class Past:
+    """Moments to step through while the picture is halted, from the newest backwards.
+
+    Parameters
+    ----------
+    moments : tuple of Moment
+        Oldest first.
+    """
+
+    def __init__(self, moments: tuple[Moment, ...] = ()) -> None:
+        self._moments = moments
+        self._cursor = len(moments) - 1
+
+    @property
+    def newest(self) -> bool:
+        """Whether nothing newer is remembered than what is shown."""
+        return self._cursor >= len(self._moments) - 1
+
+    def step(self, count: int) -> Moment | None:
+        """The moment `count` later (negative: earlier); None where none is remembered."""
+        goal = self._cursor + count
+        if not 0 <= goal < len(self._moments):
+            return None
+        self._cursor = goal
+        return self._moments[goal]
+
+
 def size(moment: Moment) -> int:
     """Bytes of the moment's arrays."""
     return sum(v.nbytes for v in moment.pressures.values()) + sum(

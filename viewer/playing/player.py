@@ -1,7 +1,6 @@
 """The player: the newest moment of a source for whoever draws, with pause, steps, seek and speed.
 
-player = Player(loop)
-with player:
+with Player(loop) as player:
     moment = player.take()      # None until something new is to be shown
 
 A thread of its own takes moments in, so that a slow picture never holds up the samples; whoever
@@ -12,20 +11,18 @@ from __future__ import annotations
 
 import contextlib
 import math
-import threading
-import time
 from collections.abc import Iterable
-from types import TracebackType
 from typing import Self
 
 from skinmap.errors import InvalidArrayError
 from skinmap.live.moment import Moment
 from skinmap.live.source import SourceEnded
-from viewer.playing.history import History
+from viewer.playing.history import History, Past
 from viewer.playing.moments import Feed, feed_of
+from viewer.playing.outlet import Outlet
+from viewer.playing.worker import Worker
 
 WAIT = 0.1  # longest wait of the thread before it looks for wishes again [s]
-PATIENCE = 3.0  # for the thread to end when the player closes [s]
 SPEEDS = (1 / 16, 16.0)  # slowest and quickest
 LEAD = 0.6  # a seek starts so much earlier, unseen: touches are named from their past [s]
 
@@ -46,14 +43,10 @@ class Player:
 
     def __init__(self, moments: Feed | Iterable[Moment], *, paused: bool = False) -> None:
         self._feed = feed_of(moments)
-        self._news = threading.Condition()  # guards all below; told of each new moment
+        self._outlet = Outlet()
+        self._news = self._outlet.news  # guards all below
         self._history = History()
-        self._past: tuple[Moment, ...] = ()  # what can be stepped through while paused
-        self._cursor = 0  # which of it is shown
-        self._shown: Moment | None = None
-        self._arrived = math.nan  # when what is shown came, in perf_counter's seconds
-        self._number = 0
-        self._taken = 0
+        self._past = Past()
         self._origin = math.nan  # time of the recording's beginning, in the moments' clock [s]
         self._paused = paused
         self._speed = 1.0
@@ -62,77 +55,55 @@ class Player:
         self._more = 1 if paused else 0  # moments still to be shown while paused
         self._ended = False
         self._error: Exception | None = None
-        self._oldest = 0.0
-        self._stop = threading.Event()
-        self._wake = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._worker = Worker(self._turn, self._fail)
+        self._wake = self._worker.wake
 
     def __enter__(self) -> Self:
         self.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def start(self) -> None:
         """Begin to take moments in; more than once does no harm."""
-        if self._thread is None and not self._stop.is_set():
-            self._thread = threading.Thread(target=self._run, name="player", daemon=True)
-            self._thread.start()
+        self._worker.start()
 
     def close(self) -> None:
         """End the thread and close what is played; may be called twice."""
-        self._stop.set()
-        self._wake.set()
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join(PATIENCE)
+        self._worker.close()
         self._feed.close()
-        with self._news:
-            self._news.notify_all()
+        self._outlet.close()
 
     # What is shown.
 
     @property
     def moment(self) -> Moment | None:
         """What is to be shown now; None before the first sample."""
-        return self._shown
+        return self._outlet.moment
 
     @property
     def number(self) -> int:
         """Changes with each new moment to be shown."""
-        return self._number
+        return self._outlet.number
 
     def take(self) -> Moment | None:
         """What is to be shown now, None where nothing has changed since the last call."""
-        with self._news:
-            if self._number == self._taken:
-                return None
-            self._taken = self._number
-            if not self._paused and self._shown is not None and not self._shown.stale:
-                self._oldest = max(self._oldest, self.age)
-            return self._shown
+        return self._outlet.take(live=not self._paused)
 
     def wait(self, number: int, timeout: float) -> bool:
         """Wait until something else than `number` is to be shown; False after `timeout` [s]."""
-        with self._news:
-            return self._news.wait_for(
-                lambda: self._number != number or self._stop.is_set(), timeout
-            )
+        return self._outlet.wait(number, timeout)
 
     @property
     def age(self) -> float:
         """How long ago the sample arrived that is shown [s]; NaN before the first."""
-        return time.perf_counter() - self._arrived
+        return self._outlet.age
 
     @property
     def oldest(self) -> float:
         """Largest age of a moment when it was taken to be drawn [s]."""
-        return self._oldest
+        return self._outlet.oldest
 
     # Where it stands.
 
@@ -151,9 +122,7 @@ class Player:
         """Of what is shown, from the recording's beginning [s]; 0 before the first moment."""
         if self._asked is not None:
             return max(0.0, self._asked - self._start)
-        if self._shown is None:
-            return 0.0
-        return max(0.0, self._shown.time - self._start)
+        return 0.0 if self.moment is None else max(0.0, self.moment.time - self._start)
 
     @property
     def ended(self) -> bool:
@@ -177,8 +146,7 @@ class Player:
         with self._news:
             if not self._paused:
                 self._paused = True
-                self._past = self._history.moments()
-                self._cursor = len(self._past) - 1
+                self._past = Past(self._history.moments())
         self._wake.set()
 
     def play(self) -> None:
@@ -187,36 +155,32 @@ class Player:
             if not self._paused:
                 return
             self._paused = False
-            if self.seekable and self._shown is not None:
-                if self._cursor < len(self._past) - 1:
-                    self._asked = self._shown.time
+            if self.seekable and self.moment is not None:
+                if not self._past.newest:
+                    self._asked = self.moment.time
             elif (newest := self._history.newest) is not None:
-                self._show(newest)
-            self._past = ()
+                self._outlet.show(newest)
+            self._past = Past()
         if self._ended and self.seekable:
             self.seek(0.0)
         self._wake.set()
 
     def toggle(self) -> None:
         """Pause or go on."""
-        if self._paused:
-            self.play()
-        else:
-            self.pause()
+        (self.play if self._paused else self.pause)()
 
     def step(self, count: int) -> bool:
         """Halt, and show `count` samples later (negative: earlier)."""
         self.pause()
         with self._news:
-            goal = self._cursor + count
-            if 0 <= goal < len(self._past):
-                self._cursor = goal
-                self._show(self._past[goal])
+            if (moment := self._past.step(count)) is not None:
+                self._outlet.show(moment)
                 return True
-            if self._shown is None or not self._feed.halts or (self._ended and count > 0):
+            shown, over = self.moment, self._ended and count > 0
+            if shown is None or over or not self._feed.halts:
                 return False
             if count < 0:
-                return self._ask(self._shown.time + count * self._feed.period)
+                return self._ask(shown.time + count * self._feed.period)
             self._more += count
         self._wake.set()
         return True
@@ -265,23 +229,13 @@ class Player:
         self._wake.set()
         return True
 
-    def _show(self, moment: Moment) -> None:
-        self._shown = moment
-        self._number += 1
-        self._news.notify_all()
-
     # The thread.
 
-    def _run(self) -> None:
-        try:
-            while not self._stop.is_set():
-                self._turn()
-        except Exception as error:  # noqa: BLE001 - told by `error` to whoever draws
-            with self._news:
-                self._error = error
-                self._ended = True
-                self._number += 1
-                self._news.notify_all()
+    def _fail(self, error: Exception) -> None:
+        with self._news:
+            self._error = error
+            self._ended = True
+            self._outlet.tell()
 
     def _turn(self) -> None:
         """One look at what is wished for and at what comes."""
@@ -292,7 +246,6 @@ class Player:
         if halted or self._ended:
             self._wake.wait(WAIT)
             return
-        moment = None
         with contextlib.suppress(SourceEnded):
             moment = self._feed.step(WAIT, self._wake)
             if moment is not None:
@@ -303,12 +256,10 @@ class Player:
             if self._until is not None and self._history.newest is not None:
                 self._until = None
                 self._land(self._history.newest)
-            self._number += 1
-            self._news.notify_all()
+            self._outlet.tell()
 
     def _halted(self) -> bool:
-        waiting = self._more == 0 and self._until is None
-        return self._paused and self._feed.halts and waiting
+        return self._paused and self._feed.halts and self._more == 0 and self._until is None
 
     def _obey(self) -> None:
         """Seek where that was asked for, and set the pace."""
@@ -317,7 +268,7 @@ class Player:
             self._feed.seek(first - self._start)
             self._until, self._asked = self._asked, None
             self._history.clear()
-            self._past, self._cursor = (), -1
+            self._past = Past()
             self._more, self._ended = 0, False
         single = self._until is not None or (self._paused and self._more > 0)
         self._feed.pace(self._speed, halted=self._halted(), hurried=single)
@@ -338,15 +289,12 @@ class Player:
                     return
                 self._more -= 1
             self._history.add(moment)
-            if self._paused and not self._feed.halts and self._shown is not None:
+            if self._paused and not self._feed.halts and self.moment is not None:
                 return
             self._land(moment)
 
     def _land(self, moment: Moment) -> None:
         """Show the newest moment of the history."""
-        late = moment.latency if math.isfinite(moment.latency) else 0.0
-        self._arrived = time.perf_counter() - late
         if self._paused:
-            self._past = self._history.moments()
-            self._cursor = len(self._past) - 1
-        self._show(moment)
+            self._past = Past(self._history.moments())
+        self._outlet.show(moment, fresh=True)

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from skinmap.live.touches import NamedTouch
-from viewer.drawing.touch_list import caption, details
-from viewer.drawing.touch_marks import LONG, SHORT, arrow, solid_arrow
+from viewer.drawing.touch_list import caption, details, largest
+from viewer.drawing.touch_marks import LONG, SHORT, arrow, carried_steps, solid_arrow
 
 
 def made(**more):
@@ -46,3 +46,31 @@ def test_a_touch_in_words_leaves_out_what_is_not_known():
     full = made(confidence=0.9, area=1.234e-3, peak=99.6, began=1.5, force=2.25)
     assert details(full, 3.0) == ["left arm", "1,234 mm\u00b2", "peak 100", "2.2 N", "1.5 s"]
     assert details(full, float("nan"))[-1] == "2.2 N"
+
+
+class TwoSheets:
+    """A surface cut at x = 0 whose right half lies 1 m away, as on a flat map with a seam."""
+
+    def carried(self, points, lift):
+        return points + np.where(points[:, :1] < 0.0, 0.0, 1.0) + [0.0, 0.0, lift]
+
+
+def test_trail_across_a_seam_is_drawn_on_both_sides_of_it_and_not_between():
+    path = np.array([[-0.03, 0.0, 0.0], [-0.015, 0.0, 0.0], [0.017, 0.0, 0.0], [0.03, 0.0, 0.0]])
+    steps = carried_steps(TwoSheets(), path, 0.0)
+    length = np.linalg.norm(steps[:, 1] - steps[:, 0], axis=1)
+    # One piece of 16 of the step of 32 mm is left out: the one across.
+    assert length.sum() == pytest.approx(0.06 - 0.032 / 16)
+    assert length.max() < 0.02
+    assert (np.diff(steps[:, 0, 0]) > 0).all(), "in the order of the path"
+    assert np.isclose(steps[:, :, 0], -0.001).any(), "up to the seam"
+    assert np.isclose(steps[:, :, 0], 1.001).any(), "and on from it"
+
+
+def test_list_keeps_the_largest_touches_in_their_order():
+    sizes = [3, 9, 1, 7]
+    touches = [
+        NamedTouch("a", np.arange(size), np.zeros(3), str(k), 0.5) for k, size in enumerate(sizes)
+    ]
+    assert [touch.label for touch in largest(touches, 2)] == ["1", "3"]
+    assert [touch.label for touch in largest(touches, 9)] == ["0", "1", "2", "3"]

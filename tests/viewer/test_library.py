@@ -1,0 +1,62 @@
+"""The viewer as a library: its page's Python works as written, and it loads only what it shows."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skinmap.errors import SkinMismatchError, UnknownNameError
+from skinmap.live.moment import Moment
+
+PAGE = Path(__file__).parents[2] / "docs" / "viewer.md"
+BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+def test_python_of_the_page_works_as_written(opengl, tmp_path, monkeypatch, block):
+    monkeypatch.chdir(tmp_path)
+    sizes = {"torso": 430, "left_arm": 350}
+    known = {"moment": Moment(0.5, {part: np.linspace(0, 255, n) for part, n in sizes.items()})}
+    exec(compile(block, str(PAGE), "exec"), known)
+    known["scene"].close()
+    written = re.findall(r'screenshot\("(.*?)"\)', block)
+    assert written
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in written)
+
+
+def test_scene_of_one_part_prepares_no_other_and_reads_no_other_link(opengl, monkeypatch):
+    import skinmap
+    from skinmap.touch.prepared import PreparedSkin
+    from viewer.scene import Scene
+
+    robot = skinmap.load_robot("icub")
+    loaded, read, prepared = [], [], []
+    skin_of, mesh_of, init = robot.skin, robot.body.mesh, PreparedSkin.__init__
+    monkeypatch.setattr(robot, "skin", lambda part: loaded.append(part) or skin_of(part))
+    monkeypatch.setattr(robot.body, "mesh", lambda link: read.append(link) or mesh_of(link))
+
+    def watched(self, skin, *args, **options):
+        prepared.append(skin.part)
+        init(self, skin, *args, **options)
+
+    monkeypatch.setattr(PreparedSkin, "__init__", watched)
+    scene = Scene.load(robot, ["left_hand"], links="skin", window_size=(320, 240))
+    scene.frame()
+    scene.close()
+    assert set(loaded) == {"left_hand"}
+    assert prepared == ["left_hand"]
+    assert set(read) == {"l_hand"}
+
+
+def test_what_does_not_exist_is_answered_with_what_does(opengl, tmp_path):
+    from viewer.scene import Scene
+
+    with pytest.raises(UnknownNameError, match=r"'chest'.*torso"):
+        Scene.load("icub", ["chest"])
+    with pytest.raises(UnknownNameError, match=r"layer 'heat'.*pressure.*health"):
+        Scene.load("icub", ["left_hand"], links=(), layer="heat")
+    with pytest.raises(SkinMismatchError, match=r"3 .*left_hand"):
+        Scene.load("icub", ["left_hand"], links=(), healths={"left_hand": ["ok"] * 3})
