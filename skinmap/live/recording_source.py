@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from typing import Any
 
 from skinmap.live.recorder import Recorder
@@ -42,6 +43,7 @@ class Recorded:
         self._seconds = float("inf") if seconds is None else seconds
         self._end = float("inf")
         self._ended = False
+        self._angles: Mapping[str, float] = {}
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.source, name)  # speed, dropped: what the source has beside the protocol
@@ -78,7 +80,19 @@ class Recorded:
                 raise SourceEnded
             block = Block(block.times[rows], block.values[rows], block.arrived)
         self.recorder.put(block, patience=self._patience)
+        self._record_angles(block)
         return block
+
+    def _record_angles(self, block: Block) -> None:
+        """Record joint angles where the source has them and they changed."""
+        ask = getattr(self.source, "angles_at", None)
+        if ask is None:
+            return
+        for now in block.times.tolist():
+            angles = ask(now)
+            if angles != self._angles:
+                self._angles = angles
+                self.recorder.put_angles(now, angles)
 
     def close(self) -> None:
         """Close the source; the recorder goes on."""

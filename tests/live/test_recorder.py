@@ -70,6 +70,23 @@ def test_what_is_put_is_in_the_file(tmp_path, info, values):
     assert recorder.counts.waiting == recorder.counts.dropped == 0
 
 
+def test_joint_angles_of_a_source_are_recorded_where_they_change(tmp_path, info, values):
+    angles = np.repeat([[0.1, np.nan], [0.2, 1.0]], 300, axis=0)
+    times = np.arange(600) / 50
+    played = Playback(
+        info, times, values, speed=float("inf"), joints=("elbow", "wrist"), angles=angles
+    )
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    for _ in blocks(Recorded(played, recorder)):
+        pass
+    recorder.close()
+    track = read_track(tmp_path / "t.mcap")
+    wanted = dict(zip(("elbow", "wrist"), angles.T, strict=True))
+    assert set(track.joints) == set(wanted)
+    for joint, column in zip(track.joints, track.angles.T, strict=True):
+        np.testing.assert_array_equal(column, wanted[joint])
+
+
 def test_files_rotate_by_size_and_each_explains_itself(tmp_path, icub):
     width = len(icub.skin("left_hand"))
     info = StreamInfo("t", ("left_hand",), (width,), 50.0)
