@@ -21,6 +21,7 @@ class OneLink:
 
     links = visible_links = ("base",)
     joints: Mapping[str, tuple[float, float]] = {}
+    sliding_joints: frozenset[str] = frozenset()
 
     def __init__(self, mesh: TriangleMesh) -> None:
         self._mesh = mesh
