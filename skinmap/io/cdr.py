@@ -1,6 +1,6 @@
 """Arrays as ROS 2 messages: `std_msgs/msg/UInt8MultiArray` and `Float32MultiArray` in CDR.
 
-Foxglove, PlotJuggler and rosbag2 decode them from the definition that stands in the file, so that
+Readers of ROS 2 messages decode them from the definition that stands in the file, so that
 a recording needs no reader of ours. A message is 36 bytes and the values; all but the values is
 the same in every sample and costs nothing once compressed.
 """
