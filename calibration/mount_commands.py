@@ -7,23 +7,15 @@ from typing import Any
 
 import click
 
+from calibration.options import FILE, accept_option, format_option
 from skinmap.cli.common import emit, json_option, progress, seed_option
 
-FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
-accept_option = click.option(
-    "--accept", is_flag=True, help="Write results and exit 0 whatever the status."
-)
 loss_option = click.option(
     "--loss", type=click.Choice(["linear", "cauchy"]), default="cauchy", show_default=True,
     help="Squares, or a loss that outliers cannot pull.",
 )  # fmt: skip
-
-
-format_option = click.option(
-    "--format", "formats", type=click.Choice(["csv", "icub"]), multiple=True,
-    help="Also write tables as the iCub's positions (.txt).",
-)  # fmt: skip
+TABLES = "Also write tables as the iCub's positions (.txt)."
 
 
 @click.command("selftouch")
@@ -39,8 +31,8 @@ format_option = click.option(
 @click.option("--drop-inconsistent", is_flag=True, help="Leave out what contradicts the rest.")
 @loss_option
 @click.option("-o", "--out", type=FOLDER, help="Folder for mounts, taxels and the report.")
-@format_option
-@accept_option
+@format_option(TABLES)
+@accept_option()
 @seed_option
 @json_option
 def selftouch(
@@ -97,8 +89,8 @@ def selftouch(
 @loss_option
 @click.option("--taxels", type=FILE, help="Taxels of the patch: CSV `channel,x,y,z`.")
 @click.option("-o", "--out", type=FOLDER, help="Folder for the mount, taxels and the report.")
-@format_option
-@accept_option
+@format_option(TABLES)
+@accept_option()
 @seed_option
 @json_option
 def wrench(
@@ -151,7 +143,7 @@ def wrench(
 @click.option("--robot", default="icub", show_default=True, help="Robot of --part.")
 @click.option("--part", help="Part that was measured: the result remembers its skin.")
 @click.option("-o", "--out", type=FOLDER, help="Folder for response.npz and the report.")
-@accept_option
+@accept_option()
 @json_option
 def response(
     rest: Path,

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.wrap_command import FILE, UNITS
+from calibration.options import (
+    FILE,
+    accept_option,
+    format_option,
+    mesh_option,
+    out_option,
+    units_option,
+)
 from skinmap.cli.common import emit, json_option, plain, seed_option
 
 if TYPE_CHECKING:
@@ -22,7 +29,7 @@ REFUSED = "refused.html"
     "--scan", "scan_file", type=FILE, required=True,
     help="Points: CSV `x,y,z`, or a mesh file (STL, PLY with triangles ...) for its vertices.",
 )  # fmt: skip
-@click.option("--mesh", "mesh_file", type=FILE, required=True, help="Link: STL, OBJ, PLY ...")
+@mesh_option
 @click.option(
     "--anchors", "anchors_file", type=FILE,
     help="The same points in both: CSV `x,y,z,mesh_x,mesh_y,mesh_z`, three or more.",
@@ -31,23 +38,14 @@ REFUSED = "refused.html"
     "--initial", "initial_file", type=FILE,
     help="Rough pose that takes the scan to the mesh: CSV of four rows of four [m].",
 )  # fmt: skip
-@click.option(
-    "--units", type=click.Choice(UNITS), default="m", show_default=True,
-    help="Unit of scan, mesh and anchors.",
-)  # fmt: skip
+@units_option("scan, mesh and anchors")
 @click.option(
     "--taxels", "taxels_file", type=FILE,
     help="Taxels seen in the scan, in its frame: CSV `channel,x,y,z[,sigma]`.",
 )  # fmt: skip
-@click.option(
-    "-o", "--out", type=click.Path(path_type=Path, file_okay=False), required=True,
-    help="Folder for pose.json and report.html.",
-)  # fmt: skip
-@click.option(
-    "--format", "formats", type=click.Choice(["csv", "icub"]), multiple=True,
-    help="With --taxels: also write the iCub's positions, as taxels.txt.",
-)  # fmt: skip
-@click.option("--accept", is_flag=True, help="Write the pose and exit 0 whatever the status.")
+@out_option("pose.json and report.html")
+@format_option("With --taxels: also write the iCub's positions, as taxels.txt.")
+@accept_option("Write the pose and exit 0 whatever the status.")
 @seed_option
 @json_option
 def command(

@@ -7,15 +7,23 @@ from pathlib import Path
 
 import click
 
-from calibration.wrap_command import FILE, STEPS, UNITS, show
+from calibration.options import (
+    FILE,
+    accept_option,
+    format_option,
+    layout_option,
+    mesh_option,
+    out_option,
+    sigma_option,
+    units_option,
+)
+from calibration.wrap_command import STEPS, show
 from skinmap.cli.common import json_option, progress, seed_option
 
 
 @click.command("touch")
-@click.option(
-    "--layout", "layout_file", type=FILE, required=True, help="Board: CSV `channel,x,y[,module]`."
-)
-@click.option("--mesh", "mesh_file", type=FILE, required=True, help="Link: STL, OBJ, PLY ...")
+@layout_option
+@mesh_option
 @click.option(
     "--touches", "touches_file", type=FILE, required=True,
     help="CSV `touch,x,y,z,channel,value[,sigma]`, a row for each channel that felt a touch.",
@@ -23,23 +31,11 @@ from skinmap.cli.common import json_option, progress, seed_option
 @click.option(
     "--anchors", "anchors_file", type=FILE, help="Known places: CSV `channel,x,y,z[,sigma]`."
 )
-@click.option(
-    "--units", type=click.Choice(UNITS), default="m", show_default=True,
-    help="Unit of all files.",
-)  # fmt: skip
-@click.option(
-    "--sigma-mm", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
-    help="Error of a coordinate of the probe or an anchor, where the file does not say [mm].",
-)  # fmt: skip
-@click.option(
-    "-o", "--out", type=click.Path(path_type=Path, file_okay=False), required=True,
-    help="Folder for taxels.csv and report.html.",
-)  # fmt: skip
-@click.option(
-    "--format", "formats", type=click.Choice(["csv", "icub"]), multiple=True,
-    help="Also write the iCub's positions, as taxels.txt.",
-)  # fmt: skip
-@click.option("--accept", is_flag=True, help="Write taxels and exit 0 whatever the status.")
+@units_option("all files")
+@sigma_option("the probe or an anchor")
+@out_option("taxels.csv and report.html")
+@format_option()
+@accept_option("Write taxels and exit 0 whatever the status.")
 @seed_option
 @json_option
 def command(

@@ -7,40 +7,34 @@ from typing import Any
 
 import click
 
+from calibration.options import (
+    FILE,
+    accept_option,
+    format_option,
+    layout_option,
+    mesh_option,
+    out_option,
+    sigma_option,
+    units_option,
+)
 from skinmap.cli.common import emit, json_option, progress, seed_option
 
-FILE = click.Path(path_type=Path, dir_okay=False)
-UNITS = ("m", "cm", "mm", "inch")
 STEPS = 4
 REFUSED = "refused.html"  # the report of a result that is not ok and was not accepted
 
 
 @click.command("wrap")
-@click.option(
-    "--layout", "layout_file", type=FILE, required=True, help="Board: CSV `channel,x,y[,module]`."
-)
-@click.option("--mesh", "mesh_file", type=FILE, required=True, help="Link: STL, OBJ, PLY ...")
+@layout_option
+@mesh_option
 @click.option(
     "--anchors", "anchors_file", type=FILE, required=True,
     help="Known places: CSV `channel,x,y,z[,sigma]`, at least three taxels.",
 )  # fmt: skip
-@click.option(
-    "--units", type=click.Choice(UNITS), default="m", show_default=True,
-    help="Unit of all three files.",
-)  # fmt: skip
-@click.option(
-    "--sigma-mm", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
-    help="Error of an anchor's coordinate, where the file does not say [mm].",
-)  # fmt: skip
-@click.option(
-    "-o", "--out", type=click.Path(path_type=Path, file_okay=False), required=True,
-    help="Folder for taxels.csv and report.html.",
-)  # fmt: skip
-@click.option(
-    "--format", "formats", type=click.Choice(["csv", "icub"]), multiple=True,
-    help="Also write the iCub's positions, as taxels.txt.",
-)  # fmt: skip
-@click.option("--accept", is_flag=True, help="Write taxels and exit 0 whatever the status.")
+@units_option("all three files")
+@sigma_option("an anchor")
+@out_option("taxels.csv and report.html")
+@format_option()
+@accept_option("Write taxels and exit 0 whatever the status.")
 @seed_option
 @json_option
 def command(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from skinmap.live.receiver import Receiver
 from skinmap.live.source import Block, Source, StreamInfo
 
 
@@ -68,3 +69,12 @@ def choose_parts(source: Source, parts: Sequence[str] | None) -> Source:
     if not parts or tuple(parts) == source.info.parts:
         return source
     return ChosenParts(source, parts)
+
+
+def follow(source: Source, parts: Sequence[str] | None) -> Receiver:
+    """Some parts of a live source, received in a thread; the source is closed where that fails."""
+    try:
+        return Receiver(choose_parts(source, parts))
+    except BaseException:
+        source.close()
+        raise

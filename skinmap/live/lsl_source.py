@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from skinmap.errors import MessageError, SkinMismatchError, UnknownNameError, UnreachableError
-from skinmap.live.choosing import choose_parts
+from skinmap.live.choosing import follow
 from skinmap.live.counts import Counts
 from skinmap.live.lsl_description import read_description
 from skinmap.live.lsl_settings import load_lsl, split_scope
-from skinmap.live.receiver import SILENT, Receiver
+from skinmap.live.receiver import SILENT
 from skinmap.live.skins import check_skin
 from skinmap.live.source import Block, Source, StreamInfo
 from skinmap.skin.robot import Robot
@@ -207,10 +207,4 @@ def open_lsl(
 ) -> Source:
     """Follow a stream in a thread; see `skinmap.live.open_source`."""
     accept = None if robot is None else partial(check_skin, robot=robot)
-    source = LslSource(address, accept=accept)
-    try:
-        chosen = choose_parts(source, parts)
-    except BaseException:
-        source.close()
-        raise
-    return Receiver(chosen)
+    return follow(LslSource(address, accept=accept), parts)

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from skinmap.errors import MessageError, SkinMismatchError, UnreachableError
 from skinmap.live.addresses import Address, parse_address, warn_if_open
-from skinmap.live.choosing import choose_parts
+from skinmap.live.choosing import follow
 from skinmap.live.counts import Counts
 from skinmap.live.messages import Header, unpack_header, unpack_info, unpack_values
-from skinmap.live.receiver import SILENT, Receiver
+from skinmap.live.receiver import SILENT
 from skinmap.live.skins import check_skin
 from skinmap.live.source import Block, Source, StreamInfo
 from skinmap.skin.robot import Robot
@@ -240,10 +240,4 @@ def open_zmq(
 ) -> Source:
     """Follow "HOST:PORT" or "PORT" in a thread; see `skinmap.live.open_source`."""
     accept = None if robot is None else partial(check_skin, robot=robot)
-    source = ZmqSource(parse_address(address), accept=accept)
-    try:
-        chosen = choose_parts(source, parts)
-    except BaseException:
-        source.close()
-        raise
-    return Receiver(chosen)
+    return follow(ZmqSource(parse_address(address), accept=accept), parts)

@@ -7,41 +7,35 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from calibration.options import (
+    FILE,
+    accept_option,
+    format_option,
+    layout_option,
+    mesh_option,
+    out_option,
+    sigma_option,
+    units_option,
+)
 from skinmap.cli.common import emit, json_option, seed_option
 
 if TYPE_CHECKING:
     from calibration.anchor_session import AnchorSession
 
-FILE = click.Path(path_type=Path, dir_okay=False)
-UNITS = ("m", "cm", "mm", "inch")
-
 
 @click.command("anchors", short_help="Click where taxels are, and see the patch wrapped.")
-@click.option(
-    "--layout", "layout_file", type=FILE, required=True, help="Board: CSV `channel,x,y[,module]`."
-)
-@click.option("--mesh", "mesh_file", type=FILE, required=True, help="Link: STL, OBJ, PLY ...")
+@layout_option
+@mesh_option
 @click.option(
     "--anchors", "anchors_file", type=FILE,
     help="To go on from: CSV `channel,x,y,z[,sigma]`, as `w` saves it.",
 )  # fmt: skip
-@click.option(
-    "--units", type=click.Choice(UNITS), default="m", show_default=True, help="Unit of all files."
-)
-@click.option(
-    "--sigma-mm", type=click.FloatRange(min=0, min_open=True), default=1.0, show_default=True,
-    help="Error of an anchor's coordinate, where the file does not say [mm].",
-)  # fmt: skip
-@click.option(
-    "-o", "--out", type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for taxels.csv, report.html and anchors.csv.",
-)  # fmt: skip
-@click.option(
-    "--format", "formats", type=click.Choice(["csv", "icub"]), multiple=True,
-    help="Also write the iCub's positions, as taxels.txt.",
-)  # fmt: skip
+@units_option("all files")
+@sigma_option("an anchor")
+@out_option("taxels.csv, report.html and anchors.csv", required=False)
+@format_option()
 @click.option("--screenshot", type=FILE, help="Solve, write a picture and end: needs no display.")
-@click.option("--accept", is_flag=True, help="With --screenshot: write whatever the status.")
+@accept_option("With --screenshot: write whatever the status.")
 @seed_option
 @json_option
 def anchors(
