@@ -17,7 +17,7 @@ DAMAGED_ARCHIVE: tuple[type[Exception], ...] = (
     AttributeError,
     OSError,
     EOFError,
-    NotImplementedError,
+    RuntimeError,  # a flipped bit says that a member is encrypted, or compressed in an unknown way
     SyntaxError,
     zipfile.BadZipFile,
     zlib.error,

@@ -272,3 +272,16 @@ def test_bad_sample_files_are_named(tmp_path):
     )  # fmt: skip
     fails(DataFormatError, "lacks loads", "response", tmp_path / "rest.npy",
           "--reference", tmp_path / "half.npz")  # fmt: skip
+
+
+def test_a_bit_that_says_encrypted_is_refused_by_name(rng, tmp_path):
+    path = tmp_path / "response.npz"
+    save_response(ResponseCalibration.fit(at_rest(rng)), path)
+    whole = bytearray(path.read_bytes())
+    entry = whole.rfind(b"PK\x01\x02")  # of the directory; its flags stand 8 bytes on
+    local = int.from_bytes(whole[entry + 42 : entry + 46], "little")
+    for flags in (entry + 8, local + 6):
+        whole[flags] |= 1
+    path.write_bytes(whole)
+    with pytest.raises(DataFormatError, match="not a response calibration"):
+        load_response(path)
