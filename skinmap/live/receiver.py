@@ -75,8 +75,12 @@ class Receiver:
 
     @property
     def last_seen(self) -> float:
-        """`time.perf_counter()` of the last sign of life."""
-        return max(self._last_seen, float(getattr(self._source, "last_seen", 0.0)))
+        """`time.perf_counter()` of the last sign of life.
+
+        A source that knows it is asked: this thread takes a block a moment after it came, and two
+        moments would let `alive` and `last_seen` contradict each other.
+        """
+        return float(getattr(self._source, "last_seen", self._last_seen))
 
     @property
     def alive(self) -> bool:

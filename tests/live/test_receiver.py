@@ -135,6 +135,17 @@ def test_receiver_wakes_who_waits_when_closed():
     assert ended.wait(30.0)
 
 
+def test_receiver_believes_a_source_that_says_when_it_was_last_seen():
+    source = Scripted([block(1.0)])
+    source.last_seen = seen = time.perf_counter() - 100.0
+    receiver = Receiver(source)
+    assert receiver.read(30.0) is not None
+    # A block taken later than it came must not make the source seem younger.
+    assert receiver.last_seen == seen
+    assert not receiver.alive
+    receiver.close()
+
+
 def test_receiver_tells_a_silent_source_from_a_living_one():
     receiver, _ = received([block(1.0)])
     seen = receiver.last_seen
