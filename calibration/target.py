@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 from collections import OrderedDict
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.cache import Arrays, Ingredient, cached
 from skinmap.geometry.distances import edge_graph
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import unit, vertex_normals
@@ -23,10 +25,7 @@ DETAIL = 4e-3  # longest edge of the wrap: a facet's sagitta stays below 0.1 mm 
 # from the rounded mesh to the true one. The steps start at an odd place (the golden section), as
 # CAD coordinates are round numbers and would lie on the border between two steps.
 ROUNDING, SHIFT = 1e-3, 0.6180339887498949  # [m], steps
-CHORD, OPEN = (
-    2.0 * OFFSET,
-    5.0 * OFFSET,
-)  # heights of the wrap up to which it is one, from where not
+CHORD, OPEN = 2.0 * OFFSET, 5.0 * OFFSET  # heights of the wrap up to which it is one, and not
 KEPT = 8  # wraps kept in memory: one a link that is worked on
 
 
@@ -78,13 +77,30 @@ def make_target(vertices: FloatArray, faces: IntArray, *, alpha: float = ALPHA) 
     vertices = _as_stored(vertices)
     key = hashlib.sha256(vertices.tobytes() + faces.tobytes() + repr(alpha).encode()).hexdigest()
     if key not in _targets:
-        coarse = rounded(vertices)
-        wrap, triangles = _wrapped(coarse, faces, alpha)
-        _targets[key] = _made(_carried(wrap, coarse, vertices, faces), triangles)
+        how: list[Ingredient] = [
+            vertices,
+            faces,
+            alpha,
+            OFFSET,
+            CHORD,
+            OPEN,
+            DETAIL,
+            ROUNDING,
+            SHIFT,
+        ]
+        wrap = partial(_wrap_of, vertices, faces, alpha)
+        made = cached("target", how, wrap, made_by=("pymeshlab", "libigl"))
+        _targets[key] = _made(made["vertices"], made["faces"])
         while len(_targets) > KEPT:
             _targets.popitem(last=False)
     _targets.move_to_end(key)
     return _targets[key]
+
+
+def _wrap_of(vertices: FloatArray, faces: IntArray, alpha: float) -> Arrays:
+    coarse = rounded(vertices)
+    wrap, triangles = _wrapped(coarse, faces, alpha)
+    return {"vertices": _carried(wrap, coarse, vertices, faces), "faces": triangles}
 
 
 def _carried(

@@ -19,6 +19,9 @@ settings.register_profile("search", derandomize=False)
 settings.register_profile("fuzz", derandomize=False, max_examples=5000)  # `make fuzz`
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
+# What a test makes it makes itself, and nobody's own cache is touched.
+os.environ["SKINMAP_CACHE"] = "off"
+
 # Taxel places in one module, in mm, origin at its centre.
 PAD_12 = [
     (7.5, -1.443), (10, -5.774), (5, -5.774), (0, -2.887), (-5, -5.774), (-10, -5.774),

@@ -27,6 +27,7 @@ COMMANDS = {
     "replay": ("skinmap.cli.replay", "Play a recording, and publish it to other programs."),
     "info": ("skinmap.cli.info", "What a recording holds, and what it lacks."),
     "classify": ("skinmap.cli.classify", "Name the touches of a recording, or live."),
+    "cache": ("skinmap.cli.cache", "What is kept between runs, and dropping it."),
 }
 GROUP = "skinmap.commands"
 

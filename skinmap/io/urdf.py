@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.arrays import FloatArray
+from skinmap.cache import Ingredient, cached
 from skinmap.errors import (
     DataFormatError,
     ForbiddenPathError,
@@ -25,6 +26,9 @@ from skinmap.io.urdf_check import read_urdf
 # trimesh reads more, archives and scene formats among them, that may name or unpack other files.
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".glb", ".gltf", ".off")
 MOST_MESH_BYTES = 512 * 2**20
+# Kept once read: files that say all themselves (a .gltf names others), and are slow to parse.
+WHOLE = (".stl", ".obj", ".ply", ".dae", ".glb", ".off")
+WORTH_KEEPING = 50_000  # [bytes]
 
 
 class UrdfBody:
@@ -164,11 +168,26 @@ def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray
     MissingFileError, DataFormatError
         No such file, not a mesh that can be read, one without a triangle, or above 512 MB.
     """
+    check_file(path, "a mesh", MOST_MESH_BYTES)
+    suffix = path.suffix.lower()
+    if suffix not in MESH_SUFFIXES:
+        raise DataFormatError(f"not a mesh; there is: {', '.join(MESH_SUFFIXES)}", path)
+
+    def parse() -> dict[str, np.ndarray]:
+        vertices, faces = _parsed(path, merge)
+        return {"vertices": vertices, "faces": faces}
+
+    if suffix not in WHOLE or path.stat().st_size < WORTH_KEEPING:
+        made = parse()
+    else:
+        what: list[Ingredient] = [path.read_bytes(), suffix, merge]
+        made = cached("mesh", what, parse, made_by=("trimesh", "pycollada"))
+    return made["vertices"], made["faces"]
+
+
+def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
     import trimesh
 
-    check_file(path, "a mesh", MOST_MESH_BYTES)
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise DataFormatError(f"not a mesh; there is: {', '.join(MESH_SUFFIXES)}", path)
     if path.suffix.lower() == ".dae":
         read_xml(path, "a COLLADA mesh", MOST_MESH_BYTES)  # COLLADA is XML with all its doors
     try:

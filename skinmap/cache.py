@@ -1,0 +1,285 @@
+"""Results kept on disk between runs, under the content they were made from.
+
+An entry is an archive of arrays named by a hash of everything that decides what is in it: nothing
+is ever out of date, and two processes that make the same entry write the same bytes. A cache can
+only save time: whatever is wrong with it, the result is made anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.errors import DAMAGED_ARCHIVE, InvalidArrayError, SkinWarning
+
+Arrays = dict[str, NDArray[Any]]
+Ingredient = NDArray[Any] | str | bytes | int | float
+
+FORMAT = 1  # of the archives; another one has another folder
+FOLDER_VARIABLE = "SKINMAP_CACHE"  # a folder, or `off`
+LIMIT_VARIABLE = "SKINMAP_CACHE_MB"
+LIMIT_MB = 1000.0
+ABANDONED = 3600.0  # age of a half-written file from which whoever wrote it is gone [s]
+SUFFIX, PARTIAL = ".npz", ".partial"
+
+
+class CacheWarning(SkinWarning):
+    """A cache that cannot be used as it is; results are right all the same, only slower."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One kept result: its file, kind, size [bytes] and time of last use [s since 1970]."""
+
+    path: Path
+    kind: str
+    size: int
+    used: float
+
+
+class Cache:
+    """Archives of arrays in one folder, the longest unused leaving when they grow too large.
+
+    Parameters
+    ----------
+    folder : Path
+        Made when first written to, for its owner alone.
+    limit : int
+        Most bytes of all entries together.
+    """
+
+    def __init__(self, folder: Path, *, limit: int = int(LIMIT_MB * 1e6)) -> None:
+        self.folder, self.limit = folder, limit
+        self._complained = False
+
+    @property
+    def _home(self) -> Path:
+        return self.folder / f"v{FORMAT}"
+
+    def get(self, kind: str, key: str) -> Arrays | None:
+        """The arrays kept under a key; None where there are none, or none that can be read."""
+        path = self._path(kind, key)
+        try:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+                arrays = {name: archive[name] for name in archive.files}
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except DAMAGED_ARCHIVE as error:
+            self._complain(f"{path.name} of the cache cannot be read ({error}); it is made anew")
+            self._remove(path)
+            return None
+        with suppress(OSError):  # what cannot be touched is dropped earlier, no more
+            os.utime(path)
+        return arrays
+
+    def put(self, kind: str, key: str, arrays: Mapping[str, NDArray[Any]]) -> bool:
+        """Keep arrays under a key; whether they were. What does not fit is not kept."""
+        size = sum(array.nbytes for array in arrays.values())
+        if size > self.limit:
+            return False
+        path = self._path(kind, key)
+        partial = None
+        try:
+            self._make_folder(path.parent)
+            handle, name = tempfile.mkstemp(suffix=PARTIAL, dir=path.parent)
+            partial = Path(name)
+            with os.fdopen(handle, "wb") as file:
+                np.savez(file, **arrays)  # type: ignore[arg-type]
+            os.replace(partial, path)  # whole or not at all, whoever else writes it
+        except OSError as error:
+            if partial is not None:
+                self._remove(partial)
+            self._complain(f"cannot write the cache {self.folder}: {error.strerror or error}")
+            return False
+        self._shrink(keep=path)
+        return True
+
+    def entries(self) -> list[Entry]:
+        """What is kept, the longest unused first."""
+        found = []
+        for path in self._files(SUFFIX):
+            with suppress(OSError):  # another process has just dropped it
+                facts = path.stat()
+                found.append(Entry(path, path.parent.name, facts.st_size, facts.st_mtime))
+        return sorted(found, key=lambda entry: (entry.used, entry.path))
+
+    def clear(self, kind: str | None = None) -> int:
+        """Drop all entries, or those of a kind; how many. Nothing else in the folder is touched."""
+        gone = 0
+        for entry in self.entries():
+            if kind is None or entry.kind == kind:
+                gone += self._remove(entry.path)
+        for path in self._files(PARTIAL):
+            self._remove(path)
+        return gone
+
+    def trusted(self) -> bool:
+        """Whether nobody else could have written what is read: the folder is ours alone."""
+        try:
+            facts = self.folder.stat()
+        except OSError:
+            return True  # not there yet
+        others = stat.S_IWGRP | stat.S_IWOTH
+        return facts.st_uid == os.getuid() and not facts.st_mode & others
+
+    def _path(self, kind: str, key: str) -> Path:
+        return self._home / kind / f"{key}{SUFFIX}"
+
+    def _files(self, suffix: str) -> Iterator[Path]:
+        return self._home.glob(f"*/*{suffix}")
+
+    def _make_folder(self, folder: Path) -> None:
+        self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+    def _shrink(self, keep: Path) -> None:
+        """Drop the longest unused until all fit, and what a killed process left half-written."""
+        entries = self.entries()
+        total = sum(entry.size for entry in entries)
+        for entry in entries:
+            if total <= self.limit:
+                break
+            if entry.path != keep and self._remove(entry.path):
+                total -= entry.size
+        for path in self._files(PARTIAL):
+            with suppress(OSError):
+                if time.time() - path.stat().st_mtime > ABANDONED:
+                    self._remove(path)
+
+    def _remove(self, path: Path) -> bool:
+        try:
+            path.unlink()
+        except OSError:  # gone already, or read-only: nothing hangs on it
+            return False
+        return True
+
+    def _complain(self, words: str) -> None:
+        if not self._complained:
+            self._complained = True
+            warnings.warn(words, CacheWarning, stacklevel=4)
+
+
+_opened: dict[tuple[str, str], Cache | None] = {}
+
+
+def open_cache() -> Cache | None:
+    """The cache that the environment names; None where it is `off` or there is no home for it.
+
+    `SKINMAP_CACHE` is a folder or `off`, by default `skinmap` in the user's folder for caches;
+    `SKINMAP_CACHE_MB` is the most that it holds.
+    """
+    names = os.environ.get(FOLDER_VARIABLE, ""), os.environ.get(LIMIT_VARIABLE, "")
+    where = (*names, os.environ.get("XDG_CACHE_HOME", ""), os.environ.get("HOME", ""))
+    key = ("\0".join(where), str(os.getpid()))
+    if key not in _opened:
+        _opened[key] = _opened_at(*names)
+    return _opened[key]
+
+
+def cached(
+    kind: str,
+    ingredients: Sequence[Ingredient],
+    make: Callable[[], Arrays],
+    *,
+    made_by: Sequence[str] = (),
+) -> Arrays:
+    """What `make` gives, from the cache where it was made before of the same ingredients.
+
+    Parameters
+    ----------
+    kind : str
+        What it is, a folder's name ("link_mesh").
+    ingredients : sequence of array, str, bytes, int or float
+        All that decides the result; arrays count with type and shape.
+    make : callable
+        Makes the arrays; called where the cache does not have them.
+    made_by : sequence of str
+        Distributions whose version decides too ("pymeshlab"), beside our own.
+
+    Returns
+    -------
+    dict of array
+        Equal to the bit whether made or kept.
+    """
+    cache = open_cache()
+    if cache is None:
+        return make()
+    key = hash_of([kind, *map(_version, ("skinmap", "numpy", *made_by)), *ingredients])
+    kept = cache.get(kind, key)
+    if kept is not None:
+        return kept
+    arrays = make()
+    cache.put(kind, key, arrays)
+    return arrays
+
+
+def hash_of(ingredients: Sequence[Ingredient]) -> str:
+    """Hash of values in their order, each told apart by type, shape and length."""
+    total = hashlib.blake2b(digest_size=20)
+    for one in ingredients:
+        if isinstance(one, np.ndarray):
+            if one.dtype.hasobject:
+                raise InvalidArrayError("objects have no content that can be hashed")
+            head, body = f"{one.dtype.str}{one.shape}", np.ascontiguousarray(one).tobytes()
+        elif isinstance(one, bytes):
+            head, body = "bytes", one
+        else:
+            head, body = type(one).__name__, repr(one).encode()
+        total.update(f"{head}:{len(body)}:".encode())
+        total.update(body)
+    return total.hexdigest()
+
+
+def _opened_at(folder: str, limit: str) -> Cache | None:
+    if folder.lower() == "off":
+        return None
+    try:
+        most = int(float(limit or LIMIT_MB) * 1e6)
+    except (ValueError, OverflowError):
+        most = -1
+    if most < 0:
+        words = f"{LIMIT_VARIABLE}={limit!r} is no number of megabytes; it is {LIMIT_MB:.0f}"
+        warnings.warn(words, CacheWarning, stacklevel=4)
+        most = int(LIMIT_MB * 1e6)
+    try:
+        path = Path(folder) if folder else default_folder()
+    except RuntimeError:  # no home, as in some containers
+        return None
+    cache = Cache(path, limit=most)
+    if not cache.trusted():
+        words = f"the cache {path} can be written by others, so it is not used; chmod go-w would do"
+        warnings.warn(words, CacheWarning, stacklevel=4)
+        return None
+    return cache
+
+
+def default_folder() -> Path:
+    """`skinmap` in the user's folder for caches.
+
+    Raises
+    ------
+    RuntimeError
+        A user without a home.
+    """
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    return (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / "skinmap"
+
+
+def _version(distribution: str) -> str:
+    try:
+        return f"{distribution} {version(distribution)}"
+    except PackageNotFoundError:
+        return f"{distribution} none"
