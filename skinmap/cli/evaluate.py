@@ -13,9 +13,14 @@ from skinmap.cli.common import (
     out_option,
     outside_option,
     part_option,
+    profile_option,
     seed_option,
 )
 from skinmap.cli.evaluation import PROTOCOLS, Settings, run
+from skinmap.cli.profiles import from_profile
+from skinmap.cli.workers import worker_options, workers_options
+
+OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of their own
 
 
 @click.command("evaluate")
@@ -68,52 +73,39 @@ from skinmap.cli.evaluation import PROTOCOLS, Settings, run
 @click.option(
     "--folds", type=click.IntRange(2, 20), default=4, show_default=True, help="recordings: folds."
 )
-@click.option(
-    "--backend",
-    type=click.Choice(["local", "dask"]),
-    default="local",
-    show_default=True,
-    help="Processes of this machine or a Dask cluster.",
-)
-@click.option("--address", help="Of the Dask scheduler, tcp://host:port.")
-@click.option(
-    "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Local processes."
-)
+@workers_options
 @out_option
 @seed_option
+@profile_option("classify")
 @json_option
 def command(
     recordings: tuple[Path, ...],
     protocol: str | None,
     as_json: bool,
     out: Path | None,
-    backend: str,
-    address: str | None,
-    jobs: int,
     **options: Any,
 ) -> None:
     """Run an evaluation protocol and print its tables.
 
-    Results are the same whatever the number of jobs and whatever the backend.
+    Results are the same whatever the number of jobs and whatever the backend. With --resume FILE
+    a run that was interrupted goes on where it ended.
 
     \b
     Example:  skinmap evaluate --protocol kaspar --seeds 3 --json
               skinmap evaluate --protocol cross-patch --robot icub --seeds 1
               skinmap evaluate touches.npz --robot icub
+              skinmap evaluate --protocol kaspar --sweep --jobs 4 --resume kaspar.resume
     """
-    from skinmap.classify.protocols.tasks import Workers, check_workers
     from skinmap.cli.evaluation_report import show, write
 
     chosen, files = _protocol(protocol, recordings)
-    if backend == "local" and address:
-        raise click.UsageError("--address needs --backend dask")
-    if backend == "dask" and not address:
-        raise click.UsageError("--backend dask needs --address tcp://host:port")
-    workers = Workers("dask" if backend == "dask" else "local", jobs, address)
-    check_workers(workers)  # before minutes are spent on what comes first
+    spread = worker_options(options)
     options["seeds"] = options["seeds"] or (10 if chosen == "baxter" else 5)
+    if chosen in OWN_CLASSIFIERS and from_profile("names"):
+        options["names"] = ()  # a profile's classifier is one of those that are compared anyway
     options["sweep"] = options["sweep"] or out is not None
-    result = run(Settings(protocol=chosen, recordings=files, workers=workers, **options))
+    with spread.open(f"evaluate {chosen}") as workers:
+        result = run(Settings(protocol=chosen, recordings=files, workers=workers, **options))
     result["files"] = write(result, out) if out is not None else []
     if as_json:
         emit(result)

@@ -13,7 +13,7 @@ from skinmap.cli.common import open_robot, progress
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.patches import Patch
-    from skinmap.classify.protocols.tasks import Workers
+    from skinmap.parallel.workers import Workers
     from skinmap.touch.people import Places
 
 TUNING_STEPS = 6  # about; only the bar shows it

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -13,14 +13,17 @@ import numpy as np
 
 from skinmap.arrays import IntArray
 from skinmap.cli.flat_rows import drawing_row, drawn_charts, method_row, patch_row
+from skinmap.cli.flat_tasks import FlatTask, flat_map, flatten_task
 from skinmap.errors import InvalidArrayError, MissingFileError, SkinWarning, UnknownNameError
 from skinmap.flat.drawing_comparison import DrawnChart
 from skinmap.flat.face_metrics import FaceMetric
-from skinmap.flat.flat_map import FlatMap, flatten
+from skinmap.flat.flat_map import FlatMap
 from skinmap.flat.mesh_charts import mesh_surface
 from skinmap.flat.methods import flatteners
 from skinmap.io.drawing import read_drawing
 from skinmap.io.urdf import read_mesh
+from skinmap.parallel.run import run_tasks
+from skinmap.parallel.workers import ONE, Workers
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import DEFAULT, MESHING, SurfaceMesh, build_surface
 
@@ -50,6 +53,9 @@ class FlatJob:
     budgets : dict
         `max_seconds` and `max_edge_rms`, those that were given.
     seed : int
+    iterations : int or None
+        None takes the method's own number.
+    precision : str
     surfaces : mapping of str to callable
         By part, what makes its surface mesh.
     drawings : mapping of str to Path
@@ -67,8 +73,25 @@ class FlatJob:
     budgets: Mapping[str, float]
     meshing: str | None
     seed: int
+    iterations: int | None = None
+    precision: str = "float64"
     surfaces: Mapping[str, Callable[[], SurfaceMesh]] = field(default_factory=dict)
     drawings: Mapping[str, Path] = field(default_factory=dict)
+
+    def for_meshes(self, paths: Sequence[Path]) -> FlatJob:
+        """The job on several mesh files; parts are named as their files, by path where two agree.
+
+        Raises
+        ------
+        MissingFileError
+            No such file.
+        """
+        names = [path.name for path in paths]
+        surfaces: dict[str, Callable[[], SurfaceMesh]] = {}
+        for path in paths:
+            name = path.name if names.count(path.name) == 1 else str(path)
+            (surfaces[name],) = self.for_mesh(path).surfaces.values()
+        return replace(self, name=", ".join(surfaces), surfaces=surfaces, meshing=None)
 
     def for_mesh(self, path: Path) -> FlatJob:
         """The job on a mesh file.
@@ -109,19 +132,24 @@ Outcome = tuple[
 ]
 
 
-def run_job(job: FlatJob) -> Outcome:
+def run_job(
+    job: FlatJob, *, workers: Workers = ONE, progress: Callable[[str], None] | None = None
+) -> Outcome:
     """The JSON object (without files), the maps, those of other methods, and the drawings."""
     drawings = _drawings(job)
     meshes = {part: surface() for part, surface in job.surfaces.items()}
     away = _taxels(job.away, meshes)
-    maps = {
-        part: flatten(mesh, method=job.method, avoid=away[part], **job.budgets)
-        for part, mesh in meshes.items()
+    how = {"iterations": job.iterations, "precision": job.precision, **job.budgets}
+    tasks = [
+        FlatTask(mesh, job.method, job.others, away[part], how) for part, mesh in meshes.items()
+    ]
+    found = run_tasks(flatten_task, tasks, workers=workers, progress=progress)
+    made = {
+        part: {name: flat_map(mesh, plain) for name, plain in own.items()}
+        for (part, mesh), own in zip(meshes.items(), found, strict=True)
     }
-    others = {
-        part: {name: flatten(mesh, method=name, avoid=away[part]) for name in job.others}
-        for part, mesh in meshes.items()
-    }
+    maps = {part: own.pop("") for part, own in made.items()}
+    others = made
     drawn = {part: drawn_charts(maps[part], read_drawing(path)) for part, path in drawings.items()}
     rows = [
         patch_row(part, flat, chart, job.metric)
@@ -132,6 +160,8 @@ def run_job(job: FlatJob) -> Outcome:
         "robot": job.name,
         "method": job.method,
         "meshing": job.meshing,
+        "iterations": job.iterations,
+        "precision": job.precision,
         "metric": job.metric_name,
         "seed": job.seed,
         "patches": rows,

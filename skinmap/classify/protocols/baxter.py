@@ -24,8 +24,9 @@ from skinmap.classify.protocols.baxter_methods import (
     tune,
 )
 from skinmap.classify.protocols.folds import FoldKind
-from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
+from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.prepared import PreparedSkin
 
 ROBOT, PART = "baxter-forearm", "forearm"

@@ -67,6 +67,10 @@ class Bench:
         self.data = data
         self._features: tuple[FloatArray, IntArray] | None = None
 
+    def content(self) -> tuple[ImageSet]:
+        """What decides about everything here."""
+        return (self.data,)
+
     @property
     def features(self) -> tuple[FloatArray, IntArray]:
         """Local features of all images, and the image of each."""

@@ -28,8 +28,9 @@ from skinmap.classify.protocols.samples import (
     resample,
     structures_of,
 )
-from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
 from skinmap.errors import InvalidArrayError
+from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.codebook import WORDS
 from skinmap.touch.prepared import PreparedSkin
 

@@ -13,8 +13,9 @@ from skinmap.classify.classifier import TouchClassifier, classifiers
 from skinmap.classify.descriptors import Histograms, Touch
 from skinmap.classify.evaluate import score
 from skinmap.classify.protocols.patches import Patch
-from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
 from skinmap.errors import InvalidArrayError
+from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.workers import ONE, Workers
 
 DEFAULTS = ("contact-geometry", "histogram", "histogram:nearest", "paper")
 NEAREST = ":nearest"

@@ -24,7 +24,8 @@ from skinmap.classify.protocols.samples import (
     resample,
     structures_of,
 )
-from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
+from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.codebook import WORDS
 from skinmap.touch.people import Places
 from skinmap.touch.prepared import PreparedSkin

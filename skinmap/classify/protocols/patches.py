@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinmap.classify.descriptors import Touch
-from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
+from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.workers import ONE, Workers
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import build_surface
 from skinmap.touch.patches import cut_into_patches

@@ -12,8 +12,9 @@ from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
 from skinmap.classify.evaluate import likeliest
 from skinmap.classify.protocols.folds import FoldKind, make_folds, recalls
-from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
 from skinmap.errors import InvalidArrayError, SkinError, SkinMismatchError, UnknownNameError
+from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.recording import Recording
 

@@ -21,7 +21,8 @@ from skinmap.classify.protocols.samples import (
     resample,
     structures_of,
 )
-from skinmap.classify.protocols.tasks import ONE, Workers, run_tasks, task_rng
+from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.prepared import PreparedSkin
 
 # Between the rings of the 12-pad lattice (5, 8.7, 10, 13.2 and 15 mm), and the paper's 8 mm.

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from skinmap.classify.protocols.kaspar import evaluate_kaspar
-from skinmap.classify.protocols.tasks import Workers, check_workers, run_tasks, task_rng
 from skinmap.errors import InvalidArrayError, UnreachableError
+from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.workers import Workers
 
 SMALL = dict.fromkeys(("poke", "full_finger", "three_finger", "whole_hand"), 240)
 
@@ -45,10 +46,9 @@ def test_two_jobs_give_the_table_of_one(kaspar_skin, by_one):
 def test_a_dask_cluster_gives_the_table_of_one_job(kaspar_skin, by_one):
     distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
     ) as cluster:
         workers = Workers("dask", address=cluster.scheduler_address)
-        check_workers(workers)
         assert table(kaspar_skin("right_hand"), workers) == by_one
 
 
@@ -70,10 +70,10 @@ def test_nobody_at_the_address_is_said_within_seconds():
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
         start = time.monotonic()
         with pytest.raises(UnreachableError, match=f"no Dask scheduler answers at '{address}'"):
-            check_workers(Workers("dask", address=address))
+            run_tasks(math.factorial, [1], workers=Workers("dask", address=address))
         assert time.monotonic() - start < 60.0  # not a measurement: it must come to an end
     with pytest.raises(UnreachableError, match="expected an address like"):
-        check_workers(Workers("dask", address="nonsense://nowhere"))
+        run_tasks(math.factorial, [1], workers=Workers("dask", address="nonsense://nowhere"))
 
 
 def test_workers_refuse_half_a_choice():

@@ -1,0 +1,1 @@
+"""Many tasks on several cores or machines: results in order, resumed after an interruption."""

@@ -1,0 +1,63 @@
+"""Processes of this machine, by joblib's pool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import Any
+
+from skinmap.parallel.pool import WorkersLostError
+
+# One thread in the numeric libraries of each process: the processes share the cores already, and
+# sums keep their order.
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class LocalPool:
+    """So many processes, started with the first task.
+
+    Parameters
+    ----------
+    size : int
+    """
+
+    where = "on this machine"
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self._executor: Any = None
+
+    def submit(self, call: Callable[[Any], Any], task: Any) -> Any:
+        """A future of one task."""
+        from joblib.externals.loky import get_reusable_executor
+        from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+        if self._executor is None:
+            self._executor = get_reusable_executor(
+                max_workers=self.size, reuse=True, env=dict.fromkeys(THREADS, "1")
+            )
+        try:
+            return self._executor.submit(call, task)
+        except TerminatedWorkerError as error:
+            raise WorkersLostError("a process was killed") from error
+
+    def wait(self, futures: Collection[Any]) -> list[Any]:
+        """Those that are done, at least one."""
+        from concurrent.futures import FIRST_COMPLETED, wait
+
+        done, _ = wait(futures, return_when=FIRST_COMPLETED)
+        return list(done)
+
+    def result(self, future: Any) -> Any:
+        """What a task gave, or raises what it raised; WorkersLostError where its process died."""
+        from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+        try:  # a task that cannot be read there breaks the pool too, and is no death
+            return future.result()
+        except TerminatedWorkerError as error:
+            raise WorkersLostError("a process was killed") from error
+
+    def drop(self, futures: Collection[Any]) -> None:
+        """Give up tasks, those under way too."""
+        if futures and self._executor is not None:
+            self._executor.shutdown(wait=True, kill_workers=True)
+            self._executor = None

@@ -1,0 +1,92 @@
+"""`skinmap calibrate batch`: as many boards as a table has rows, each as `wrap` lays it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner
+
+from skinmap.cli.main import cli
+from skinmap.errors import DataFormatError
+
+
+@pytest.fixture
+def batch(tmp_path, bent):
+    """A table of two patches and one whose mesh is not there; files beside it."""
+    rows = [f"{k},{x!r},{y!r}" for k, (x, y) in enumerate(bent.layout.tolist())]
+    (tmp_path / "board.csv").write_text("\n".join(["channel,x,y", *rows]) + "\n")
+    trimesh.Trimesh(bent.vertices, bent.faces).export(tmp_path / "link.ply")
+    for name, seed in (("one", 1), ("two", 2)):
+        noise = np.random.default_rng(seed).normal(0, 0.5e-3, (len(bent.corners), 3))
+        rows = [
+            f"{taxel},{x!r},{y!r},{z!r}"
+            for taxel, (x, y, z) in zip(
+                bent.corners.tolist(), (bent.places[bent.corners] + noise).tolist(), strict=True
+            )
+        ]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["channel,x,y,z", *rows]) + "\n")
+    (tmp_path / "patches.csv").write_text(
+        "name,layout,mesh,anchors\none,board.csv,link.ply,one.csv\n"
+        "lost,board.csv,gone.ply,one.csv\ntwo,board.csv,link.ply,two.csv\n"
+    )
+    return tmp_path
+
+
+def run(folder, out, *more, code=3):
+    words = ["calibrate", "batch", str(folder / "patches.csv"), "-o", str(folder / out), "--json"]
+    result = CliRunner().invoke(cli, [*words, *more])
+    assert result.exit_code == code, (result.output, result.exception)
+    return json.loads(result.stdout), result.stderr
+
+
+def test_a_batch_gives_the_files_of_single_wraps(batch):
+    found, _ = run(batch, "out")
+    assert [patch["patch"] for patch in found["patches"]] == ["one", "lost", "two"]
+    assert found["statuses"] == {"ok": 2, "failed": 1}
+    assert "gone.ply" in found["patches"][1]["reasons"][0]
+    words = [
+        "calibrate", "wrap", "--layout", str(batch / "board.csv"), "--mesh",
+        str(batch / "link.ply"), "--anchors", str(batch / "two.csv"), "-o", str(batch / "single"),
+    ]  # fmt: skip
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    single = (batch / "single" / "taxels.csv").read_bytes()
+    assert (batch / "out" / "two" / "taxels.csv").read_bytes() == single
+    assert not (batch / "out" / "lost").exists()
+
+
+def test_a_batch_by_two_processes_goes_on_where_it_ended(batch):
+    whole = (batch / "patches.csv").read_text()
+    (batch / "patches.csv").write_text("".join(whole.splitlines(keepends=True)[:2]))
+    resume = ("--resume", str(batch / "resume"))
+    first, _ = run(batch, "out", *resume, code=0)
+    (batch / "patches.csv").write_text(whole)
+    found, told = run(batch, "again", *resume, "--jobs", "2")
+    assert "1 results were on file" in told
+    assert found["patches"][0] == first["patches"][0]  # its seconds too: it was not made again
+    table = (batch / "again" / "one" / "taxels.csv").read_bytes()
+    assert table == (batch / "out" / "one" / "taxels.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "1: expected the columns name,layout,mesh,anchors"),
+        ("name,layout,mesh\n", "1: expected the columns"),
+        ("name,layout,mesh,anchors\n", "1: the table has no row"),
+        ("name,layout,mesh,anchors\na,b,c\n", "2: expected 4 columns, got 3"),
+        ("name,layout,mesh,anchors\n../a,b,c,d\n", "2: '../a' is no name for a folder"),
+        ("name,layout,mesh,anchors\na,b,c,d\na,b,c,d\n", "3: the patch 'a' comes more than once"),
+        ("name,layout,mesh,anchors,units\na,b,c,d,ell\n", "2: no unit 'ell'; there is: m, cm"),
+        ("name,layout,mesh,anchors,sigma_mm\na,b,c,d,0\n", "2: sigma_mm must be above 0, got 0"),
+    ],
+)
+def test_tables_that_cannot_be_read_are_refused_by_line(tmp_path, text, message):
+    (tmp_path / "patches.csv").write_text(text)
+    words = ["calibrate", "batch", str(tmp_path / "patches.csv"), "-o", str(tmp_path / "out")]
+    result = CliRunner().invoke(cli, words)
+    assert isinstance(result.exception, DataFormatError)
+    assert message in str(result.exception)
+    assert not (tmp_path / "out").exists()
