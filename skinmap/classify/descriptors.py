@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import NotFittedError
-from skinmap.neighbours.offsets import concatenate
+from skinmap.neighbours.offsets import LATTICE, Neighbourhoods, concatenate
 from skinmap.neighbours.structures import Structures, assign, find_structures
 from skinmap.touch.codebook import (
     COUNTS,
@@ -34,6 +34,9 @@ from skinmap.touch.votes import VoteCounter
 ROWS = 8  # samples of one touch that histograms are counted on: neighbours in time are alike
 BOOK_SAMPLES = 120  # samples of one part that the codebook is learnt from
 Unseen = Literal["skip", "nearest"]
+Distance = Literal["euclidean", "geodesic"]
+Search = Literal["plain", "compiled"]
+Precision = Literal["float64", "float32"]
 logger = logging.getLogger(__name__)
 
 
@@ -94,6 +97,16 @@ class Histograms:
     unseen : {"skip", "nearest"}
         What becomes of taxels that match no learnt structure: they do not vote, or vote as
         the structure that is nearest to theirs.
+    radius : float, optional
+        Of the neighbourhoods [m]; the skin's own by default.
+    rotations : {1, 4, 6}, optional
+        Turns that leave a structure the same; 6, or 1 where `literal`.
+    distance : {"euclidean", "geodesic"}
+        How the radius is measured.
+    search : {"plain", "compiled"}, optional
+        How the nearest codeword is looked for; "compiled" where numba is and pays by default.
+    precision : {"float64", "float32"}
+        Of the distances from codewords.
     """
 
     def __init__(
@@ -102,18 +115,26 @@ class Histograms:
         literal: bool = False,
         words: int | Literal["cv"] = WORDS,
         unseen: Unseen = "skip",
+        radius: float | None = None,
+        rotations: int | None = None,
+        distance: Distance = "euclidean",
+        search: Search | None = None,
+        precision: Precision = "float64",
     ) -> None:
         self.literal, self.words, self.unseen = literal, words, unseen
+        self.radius, self.rotations, self.distance = radius, rotations, distance
+        self.search, self.precision = search, precision
         self.codebook: Codebook | None = None
         self._counters: dict[PreparedSkin, tuple[VoteCounter, Structures, Coverage]] = {}
 
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
         """Find the structures of all skins together and learn the codebook from their samples."""
         skins = list(dict.fromkeys(touch.skin for touch in touches))
-        rotations = 1 if self.literal else 6
-        found = find_structures(concatenate([skin.hoods for skin in skins]), rotations=rotations)
+        rotations = self.rotations or (1 if self.literal else LATTICE)
+        hoods = {skin: self._hoods(skin, rotations) for skin in skins}
+        found = find_structures(concatenate(list(hoods.values())), rotations=rotations)
         self._counters = {}
-        matched = {skin: assign(skin.hoods, found.prototypes) for skin in skins}
+        matched = {skin: assign(own, found.prototypes) for skin, own in hoods.items()}
         words = self._choose(touches, matched, rng) if self.words == "cv" else self.words
         pools = []
         for skin in skins:
@@ -122,6 +143,10 @@ class Histograms:
             some = rng.choice(len(samples), min(BOOK_SAMPLES, len(samples)), replace=False)
             pools.append((matched[skin], samples[some] / COUNTS))
         self.codebook = learn_codebook(pools, rng=rng, words=words, literal=self.literal)
+
+    def _hoods(self, skin: PreparedSkin, rotations: int) -> Neighbourhoods:
+        symmetry = rotations if rotations > 1 else LATTICE
+        return skin.neighbourhoods(radius=self.radius, distance=self.distance, symmetry=symmetry)
 
     def _choose(
         self,
@@ -157,13 +182,30 @@ class Histograms:
         if self.codebook is None:
             raise NotFittedError("no codebook yet: train the classifier first")
         known = self._counters.get(skin)
-        if known is None or (compiled and not known[0].compiled):
-            matched = assign(skin.hoods, self.codebook.prototypes)
-            used = adopt_nearest(skin.hoods, matched) if self.unseen == "nearest" else matched
-            counter = VoteCounter(self.codebook, used, compiled=compiled)
+        if known is None or (compiled and not known[0].compiled and self._may_compile):
+            hoods = self._hoods(skin, self.codebook.prototypes.rotations)
+            matched = assign(hoods, self.codebook.prototypes)
+            used = adopt_nearest(hoods, matched) if self.unseen == "nearest" else matched
+            counter = self._counter(used, compiled)
             self._counters[skin] = (counter, used, coverage(matched, used))
             logger.info("%s: %s", skin.skin.part, self._counters[skin][2])
         return self._counters[skin][0]
+
+    def _counter(self, structures: Structures, compiled: bool | None) -> VoteCounter:
+        """As asked for in `search` and `precision`, which win over what is asked for here."""
+        book = self.codebook
+        if book is None:
+            raise NotFittedError("no codebook yet: train the classifier first")
+        single = self.precision == "float32"
+        if not self._may_compile:
+            compiled = False
+        elif self.search == "compiled":
+            compiled = True
+        return VoteCounter(book, structures, compiled=compiled, single=single)
+
+    @property
+    def _may_compile(self) -> bool:
+        return self.search != "plain" and self.precision == "float64"
 
     def structures(self, skin: PreparedSkin) -> Structures:
         """The structures of a skin among those that were learnt; -1 for taxels that do not vote."""
@@ -179,8 +221,18 @@ class Histograms:
         """What a model file keeps: the codebook and its structures."""
         if self.codebook is None:
             raise NotFittedError("no codebook to save: train the classifier first")
-        return codebook_arrays(self.codebook)
+        kept = {"hoods": np.array([self.radius or np.nan, float(self.distance == "geodesic")])}
+        how = {"counting": np.array([self.search or "", self.precision])}
+        return {**codebook_arrays(self.codebook), **kept, **how}
 
     def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take what `to_arrays` gave."""
         self.codebook = codebook_from_arrays(arrays)
+        if "hoods" in arrays:  # models of before could not be told
+            radius, geodesic = map(float, arrays["hoods"])
+            self.radius = radius if np.isfinite(radius) and radius > 0 else None
+            self.distance = "geodesic" if geodesic else "euclidean"
+        if "counting" in arrays:
+            search, precision = map(str, arrays["counting"])
+            self.search = "plain" if search == "plain" else "compiled" if search else None
+            self.precision = "float32" if precision == "float32" else "float64"

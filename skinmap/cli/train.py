@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
+from click.core import ParameterSource
 
-from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_option, seed_option
+from skinmap.cli.common import (
+    emit,
+    json_option,
+    open_robot,
+    part_option,
+    profile_option,
+    robot_option,
+    seed_option,
+)
 
 
 @click.command("train")
@@ -27,7 +37,15 @@ from skinmap.cli.common import emit, json_option, open_robot, part_option, robot
     show_default=True,
     help="Model to write.",
 )
+@click.option("--radius-mm", type=float, help="Histograms: of a neighbourhood.  [default: 8]")
+@click.option("--words", type=int, help="Codewords of a structure, or of images.")
+@click.option("--rotations", type=int, help="Histograms: turns of a structure, 1, 4 or 6.")
+@click.option("--distance", help="Histograms: euclidean, or geodesic (along the skin).")
+@click.option("--search", help="Histograms: how codewords are looked for, plain or compiled.")
+@click.option("--precision", help="Histograms: of distances from codewords, float64 or float32.")
+@click.option("--image-size", metavar="ROWSxCOLUMNS", help="Contact images.  [default: 66x100]")
 @seed_option
+@profile_option("classify")
 @json_option
 def command(
     recording: Path,
@@ -37,35 +55,41 @@ def command(
     output: Path,
     seed: int,
     as_json: bool,
+    **knobs: Any,
 ) -> None:
     """Train on the parts given (all recorded parts by default) and test at once.
 
     A third of the touches is held out; recorded parts that are not trained on are a second test.
+
+    The model keeps its settings: `classify` needs to be told none of them. Settings that do not
+    concern the classifier are refused.
 
     \b
     Example:  skinmap train touches.npz --part torso --part left_arm -o touch.skinmodel
     """
     import numpy as np
 
-    from skinmap.classify.classifier import classifiers
     from skinmap.classify.evaluate import score, split_touches
     from skinmap.classify.model_file import save_classifier
+    from skinmap.classify.tuned import tuned_classifier
     from skinmap.cli.classify import prepare_skins
     from skinmap.io.output import staged_file
     from skinmap.io.recordings import load_recordings
 
-    make = classifiers.get(classifier)
+    knobs = _own_knobs(knobs)
+    untrained = tuned_classifier(classifier, knobs)
     recordings = load_recordings(recording)
     loaded, _ = open_robot(robot, ())
     skins = prepare_skins(loaded, recordings)
     rng = np.random.default_rng(seed)
     split = split_touches(skins, recordings, parts or tuple(skins), rng=rng)
     with staged_file(output) as stage:
-        model = make().fit(split.train, rng=rng)
+        model = untrained.fit(split.train, rng=rng)
         save_classifier(model, stage)
     same, other = score(model, split.same_parts), score(model, split.other_parts)
     result = {
         "classifier": classifier,
+        "settings": {name: value for name, value in knobs.items() if value is not None},
         "labels": list(model.labels),
         "touches": len(split.train),
         "seed": seed,
@@ -82,3 +106,15 @@ def command(
         if tested.touches:
             click.echo(f"{100 * tested.accuracy:.1f} % of {tested.touches} touches on {name}")
     click.echo(str(output))
+
+
+def _own_knobs(knobs: dict[str, Any]) -> dict[str, Any]:
+    """The knobs that were given; a profile's only together with its classifier."""
+    ctx = click.get_current_context()
+    if ctx.get_parameter_source("classifier") is ParameterSource.DEFAULT_MAP:
+        return knobs
+    return {
+        name: value
+        for name, value in knobs.items()
+        if ctx.get_parameter_source(name) is not ParameterSource.DEFAULT_MAP
+    }

@@ -23,7 +23,7 @@ def boundary_first(disc: Disc) -> FloatArray:
     laplacian, loop, inner = disc.laplacian, disc.loop, disc.inner
     rows = laplacian[:, inner]
     coupling = rows[loop].T.tocsc()
-    solve = factorise(rows[inner]) if len(inner) else None
+    solve = factorise(rows[inner], solver=disc.solver) if len(inner) else None
     # Cherrier: the curvature that leaves the inside appears along the border.
     scale = solve(disc.angle_sums[inner] - 2.0 * np.pi) if solve else np.zeros(0)
     turning = np.pi - disc.angle_sums[loop] + coupling.T @ scale

@@ -36,7 +36,7 @@ SUFFICIENT = 1e-4  # Armijo's share of the slope
 HALVINGS = 30
 
 
-def locally_injective_map(disc: Disc) -> FloatArray:
+def locally_injective_map(disc: Disc, *, iterations: int = ITERATIONS) -> FloatArray:
     """(n, 2) least symmetric Dirichlet energy from the best of our starts.
 
     That is the conformal one wherever it does not flip and distorts moderately; else the better
@@ -48,7 +48,7 @@ def locally_injective_map(disc: Disc) -> FloatArray:
         rigid = as_rigid_as_possible(disc, disc.conformal, iterations=RIGID_STEPS)
         others = [_at_best_size(disc, uv) for uv in (rigid, uniform_on_circle(disc))]
         start = min([start, *others], key=lambda uv: energy_and_gradient(disc, uv)[0])
-    return symmetric_dirichlet_descent(disc, start)
+    return symmetric_dirichlet_descent(disc, start, iterations=iterations)
 
 
 def symmetric_dirichlet_descent(

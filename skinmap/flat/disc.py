@@ -22,10 +22,19 @@ class Disc:
     faces : (m, 3) array of int
     loop : (b,) array of int
         The boundary, in the direction of the faces.
+    solver : str, optional
+        Of `skinmap.flat.factorisation`; the fastest by default.
     """
 
-    def __init__(self, vertices: FloatArray, faces: IntArray, loop: IntArray) -> None:
-        self.vertices, self.faces, self.loop = vertices, faces, loop
+    def __init__(
+        self,
+        vertices: FloatArray,
+        faces: IntArray,
+        loop: IntArray,
+        *,
+        solver: str | None = None,
+    ) -> None:
+        self.vertices, self.faces, self.loop, self.solver = vertices, faces, loop, solver
 
     @cached_property
     def inner(self) -> IntArray:
@@ -105,7 +114,7 @@ class Disc:
     @cached_property
     def solve_free(self) -> Solve:
         """Solver of the Laplacian with a free border and vertex 0 kept in place."""
-        solve = factorise(self.laplacian[1:, 1:])
+        solve = factorise(self.laplacian[1:, 1:], solver=self.solver)
 
         def solve_from_zero(right: FloatArray) -> FloatArray:
             return np.concatenate([np.zeros_like(right[:1]), solve(right[1:])])

@@ -12,7 +12,8 @@ from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
 from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning
 from skinmap.flat.budget import Choice, within_budget
 from skinmap.flat.disc import Disc
-from skinmap.flat.methods import apply_flattener
+from skinmap.flat.factorisation import SINGLE
+from skinmap.flat.methods import apply_flattener, check_effort
 from skinmap.geometry.topology import boundary_loops, check_surface, loop_length
 from skinmap.geometry.triangles import vertex_normals
 from skinmap.surface.holes import close_loop
@@ -66,6 +67,8 @@ def map_disc(
     where: str = "mesh",
     max_seconds: float | None = None,
     max_edge_rms: float | None = None,
+    iterations: int | None = None,
+    precision: str = "float64",
 ) -> DiscMap:
     """Flatten one connected surface with a border; small holes are filled for the solve.
 
@@ -82,16 +85,26 @@ def map_disc(
         For `auto`: CPU time to keep to [s].
     max_edge_rms : float, optional
         For `auto`: edge error to reach, 0.01 for 1 %.
+    iterations : int, optional
+        Of a method that has them, instead of its own number.
+    precision : {"float64", "float32"}
+        Of the sparse solves; the rest is always in double precision.
 
     Raises
     ------
+    UnknownNameError
+        No such precision.
     InvalidArrayError, InvalidMeshError
-        Values that are not finite, vertices that no face uses, faces that are no surface.
+        Iterations or a precision that the method cannot have; values that are not finite,
+        vertices that no face uses, faces that are no surface.
     FlatteningError
         No border, a hole too wide to fill (a tube), a triangle without area, or one that no
         method keeps from flipping.
     """
+    check_effort(method, iterations, precision)
     disc, size, holes = _prepare(vertices, faces, where)
+    if precision == "float32":
+        disc.solver = SINGLE
     if method == "auto":
         choice = _choose(disc, max_seconds, max_edge_rms)
         if choice is not None:
@@ -100,7 +113,7 @@ def map_disc(
                 warnings.warn(f"{words} ({choice.reason})", SkinWarning, stacklevel=3)
             return DiscMap(choice.uv * size, choice.method, False, holes, choice.reason)
     for name in (method, *FALLBACKS):
-        uv = _attempt(name, disc)
+        uv = _attempt(name, disc, iterations if name == method else None)
         if uv is not None:
             break
     else:
@@ -122,10 +135,10 @@ def _choose(disc: Disc, max_seconds: float | None, max_edge_rms: float | None) -
     return choice if disc.is_injective(choice.uv) else None
 
 
-def _attempt(name: str, disc: Disc) -> FloatArray | None:
+def _attempt(name: str, disc: Disc, iterations: int | None) -> FloatArray | None:
     """Coordinates (n, 2) by one method; None where it fails, flips or is not finite."""
     try:
-        uv = apply_flattener(name, disc)
+        uv = apply_flattener(name, disc, iterations=iterations)
     except Exception:  # whatever a library or a plug-in stumbles over, another method may not
         logger.info("flattening method %s fails", name, exc_info=True)
         return None

@@ -14,7 +14,7 @@ from skinmap.flat.atlas import Laid, arrange
 from skinmap.flat.cutting import open_surface
 from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, flatten_disc, map_disc
 from skinmap.flat.distortion import Distortion, measure_distortion
-from skinmap.flat.methods import flatteners
+from skinmap.flat.methods import check_effort, flatteners
 from skinmap.flat.orientation import limb_frame, turn_upright
 from skinmap.geometry.topology import check_surface
 from skinmap.surface.surface_mesh import SurfaceMesh
@@ -100,6 +100,8 @@ def flatten(
     max_seconds: float | None = None,
     max_edge_rms: float | None = None,
     avoid: ArrayLike | None = None,
+    iterations: int | None = None,
+    precision: str = "float64",
 ) -> FlatMap:
     """Lay every patch of a surface mesh flat and pack the charts.
 
@@ -114,24 +116,31 @@ def flatten(
         Only with `auto`: edge error that each patch should reach, 0.01 for 1 %.
     avoid : (k,) array-like of int, optional
         Taxels that seams keep away from where there is another way.
+    iterations : int, optional
+        Of `arap`, `balanced`, `slim` or `dirichlet`, instead of the method's own number.
+    precision : {"float64", "float32"}
+        Of the sparse solves of the methods that use ours; the rest is in double precision.
 
     Raises
     ------
     UnknownNameError
-        No such method.
+        No such method or precision.
     InvalidArrayError
-        A budget that is not positive, or with another method than `auto`.
+        A budget that is not positive, or with another method than `auto`; iterations or a
+        precision that the method cannot have.
     FlatteningError
         A patch with a triangle without area, or one that no method lays flat without a flip.
     """
     flatteners.get(method)
     check_budget(method, max_seconds, max_edge_rms)
+    check_effort(method, iterations, precision)
+    effort = (iterations, precision)
     away = mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)]
     charts, weights = [], [len(mesh.patch_faces(patch)) for patch in range(mesh.n_patches)]
     for patch, weight in enumerate(weights):
         # What earlier patches left of the time, shared out by size.
         share = max_seconds and max_seconds * weight / sum(weights[patch:])
-        charts.append(_flatten_patch(mesh, patch, method, away, share, max_edge_rms))
+        charts.append(_flatten_patch(mesh, patch, method, away, share, max_edge_rms, effort))
         max_seconds = max_seconds and max(max_seconds - charts[-1].seconds, 1e-9)
     charts = _arranged(mesh, charts)
     uv = np.full((len(mesh.skin), 2), np.nan)
@@ -163,6 +172,7 @@ def _flatten_patch(
     avoid: IntArray,
     max_seconds: float | None,
     max_edge_rms: float | None,
+    effort: tuple[int | None, str],
 ) -> Chart:
     taxels, compact = np.unique(mesh.patch_faces(patch), return_inverse=True)
     faces = compact.reshape(-1, 3)
@@ -180,6 +190,8 @@ def _flatten_patch(
         where=where,
         max_seconds=max_seconds,
         max_edge_rms=max_edge_rms,
+        iterations=effort[0],
+        precision=effort[1],
     )
     seconds = time.process_time() - started
     distortion = measure_distortion(vertices, faces, flat.uv)

@@ -14,9 +14,9 @@ from skinmap.flat.disc import Disc
 ITERATIONS = 5  # from a conformal start: more change the energy's excess by less than 1 %
 
 
-def rigid_map(disc: Disc) -> FloatArray:
+def rigid_map(disc: Disc, *, iterations: int = ITERATIONS) -> FloatArray:
     """(n, 2) as rigid as possible from the conformal start; that start where it flips."""
-    uv = as_rigid_as_possible(disc, disc.conformal, iterations=ITERATIONS)
+    uv = as_rigid_as_possible(disc, disc.conformal, iterations=iterations)
     return uv if disc.is_injective(uv) else disc.conformal
 
 

@@ -13,6 +13,7 @@ from functools import wraps
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.flat.budget import within_budget
 from skinmap.flat.convex import harmonic_on_circle, uniform_on_circle
 from skinmap.flat.dirichlet import locally_injective_map
@@ -46,8 +47,37 @@ def on_disc(method: Callable[[Disc], FloatArray]) -> Flattener:
 _methods_of_discs: dict[Flattener, Callable[[Disc], FloatArray]] = {}
 
 
-def apply_flattener(name: str, disc: Disc) -> FloatArray:
+def check_effort(method: str, iterations: int | None, precision: str) -> None:
+    """Refuse iterations or a precision that a method cannot have.
+
+    Raises
+    ------
+    InvalidArrayError
+        Fewer than one iteration, or a method without iterations or without single precision.
+    UnknownNameError
+        No such precision.
+    """
+    if precision not in PRECISIONS:
+        raise UnknownNameError("precision", precision, PRECISIONS)
+    if precision != PRECISIONS[0] and method not in SINGLE_PRECISION:
+        raise InvalidArrayError(
+            f"precision {precision!r} needs one of the methods {', '.join(SINGLE_PRECISION)}, "
+            f"got {method!r}"
+        )
+    if iterations is None:
+        return
+    if iterations < 1:
+        raise InvalidArrayError(f"iterations must be 1 or more, got {iterations}")
+    if method not in ITERATED:
+        raise InvalidArrayError(
+            f"iterations need one of the methods {', '.join(ITERATED)}, got {method!r}"
+        )
+
+
+def apply_flattener(name: str, disc: Disc, *, iterations: int | None = None) -> FloatArray:
     """Flat coordinates by the method of a name; ours share what the disc has computed before."""
+    if iterations is not None:
+        return ITERATED[name](disc, iterations)
     flattener = flatteners.get(name)
     if flattener in _methods_of_discs:
         return _methods_of_discs[flattener](disc)
@@ -74,7 +104,9 @@ def accurate(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArra
     return locally_injective_map(Disc(vertices, faces, loop))
 
 
-def slim(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+def slim(
+    vertices: FloatArray, faces: IntArray, loop: IntArray, *, iterations: int = SLIM_ITERATIONS
+) -> FloatArray:
     """Scalable locally injective mapping (symmetric Dirichlet) from a BFF start, by libigl.
 
     Rabinovich et al., ACM Transactions on Graphics 36(2), 2017.
@@ -92,7 +124,7 @@ def slim(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
         np.zeros((0, 2), order="F"),
         0.0,
     )
-    return np.asarray(igl.slim_solve(data, SLIM_ITERATIONS))
+    return np.asarray(igl.slim_solve(data, iterations))
 
 
 def bff(disc: Disc) -> FloatArray:
@@ -113,5 +145,14 @@ OWN: dict[str, Flattener] = {
     "accurate": accurate,
     "auto": on_disc(lambda disc: within_budget(disc).uv),
 }
+# Methods that go on as long as they are told to, and those whose only solver is ours.
+ITERATED: dict[str, Callable[[Disc, int], FloatArray]] = {
+    "arap": lambda disc, n: rigid_map(disc, iterations=n),
+    "balanced": lambda disc, n: rigid_map(disc, iterations=n),
+    "slim": lambda disc, n: slim(disc.vertices, disc.faces, disc.loop, iterations=n),
+    "dirichlet": lambda disc, n: locally_injective_map(disc, iterations=n),
+}
+SINGLE_PRECISION = ("tutte", "harmonic", "bff", "fast", "arap", "balanced", "dirichlet")
+PRECISIONS = ("float64", "float32")
 for _name, _method in OWN.items():
     flatteners.register(_name)(_method)

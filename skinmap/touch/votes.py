@@ -22,6 +22,7 @@ from skinmap.touch.codebook import COUNTS, LARGEST, Codebook, check_samples
 CHUNK = 2**13  # patterns at a time, to stay in the cache
 SPARSE = 0.3  # share of taxels near a touch below which the rest of them are skipped
 NEVER = np.finfo(float).max  # cost of a word that is not there; infinity would spoil a product
+LARGEST_SINGLE = 1e15  # the same in single precision
 COMPILE = 2_000_000  # patterns from which compiling pays by itself (about two seconds)
 
 logger = logging.getLogger(__name__)
@@ -38,11 +39,28 @@ class VoteCounter:
     compiled : bool, optional
         Whether to use numba; by default where it is installed and the samples are many.
         Without numba the same votes are counted more slowly.
+    single : bool
+        Whether distances are taken in single precision, without numba and without the proof that
+        rounding changed no vote: a vote between two words that are equally near may differ.
+
+    Raises
+    ------
+    SkinMismatchError
+        Structures that do not fit the codebook.
+    InvalidArrayError
+        Single precision and compiled code together.
     """
 
     def __init__(
-        self, codebook: Codebook, structures: Structures, *, compiled: bool | None = None
+        self,
+        codebook: Codebook,
+        structures: Structures,
+        *,
+        compiled: bool | None = None,
+        single: bool = False,
     ) -> None:
+        if single and compiled:
+            raise InvalidArrayError("compiled votes are counted in double precision only")
         s, k, p = codebook.words.shape
         if structures.neighbours.shape[1] + 1 != p:
             raise SkinMismatchError(
@@ -73,7 +91,12 @@ class VoteCounter:
         self._products = np.concatenate([-2.0 * there, square], axis=2)
         self._largest = float(np.abs(there).max(initial=0.0))
         self._kernel: Any = self._compile() if compiled else None
-        self._may_compile = compiled is None
+        self._may_compile = compiled is None and not single
+        self._type: type[np.floating[Any]] = np.float32 if single else np.float64
+        self._limit = LARGEST_SINGLE if single else LARGEST
+        if single:
+            most = float(np.finfo(np.float32).max)
+            self._products = np.clip(self._products, -most, most).astype(np.float32)
 
     @property
     def compiled(self) -> bool:
@@ -115,7 +138,7 @@ class VoteCounter:
         return self._counted(votes)[0]
 
     def _too_large(self, pressures: FloatArray) -> InvalidArrayError:
-        fine = np.abs(pressures * self.codebook.scale) <= LARGEST
+        fine = np.abs(pressures * self.codebook.scale) <= self._limit
         row, taxel = np.argwhere(~fine)[0]
         return InvalidArrayError(
             f"sample {row} holds {pressures[row, taxel]} at taxel {taxel}: "
@@ -129,10 +152,10 @@ class VoteCounter:
     def _add_votes(self, pressures: FloatArray, votes: IntArray) -> None:
         """Add the votes of samples (t, n) to votes (t, s, k), all structures together."""
         t, (s, k) = len(pressures), votes.shape[1:]
-        columns = np.zeros((self.n_taxels + 2, t))
-        np.multiply(pressures.T, self.codebook.scale, out=columns[:-2])
+        columns = np.zeros((self.n_taxels + 2, t), self._type)
+        np.multiply(pressures.T, self.codebook.scale, out=columns[:-2], casting="same_kind")
         largest = max(float(columns.max()), -float(columns.min()))
-        if not largest <= LARGEST:
+        if not largest <= self._limit:
             raise self._too_large(pressures)
         columns[-1] = 1.0  # brings in the words' own squares
         near_share = np.count_nonzero(pressures) * len(self.index) / max(1, t * len(self.taxels))
@@ -159,9 +182,11 @@ class VoteCounter:
         stand.
         """
         _, k, p = self.words.shape
-        cost = np.empty((k, seen.shape[1]))
+        cost = np.empty((k, seen.shape[1]), self._type)
         for product, first, last in zip(self._products, start[:-1], start[1:], strict=True):
             np.matmul(product, seen[:, first:last], out=cost[:, first:last])
+        if self._type == np.float32:
+            return cost.argmin(axis=0).astype(np.uint8)
         # Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 3.1: a sum of p
         # products is off by at most p eps times the sum of their sizes; both ways, with a margin.
         size = (largest + self._largest) ** 2

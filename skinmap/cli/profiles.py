@@ -1,0 +1,107 @@
+"""`--profile`: the option that every command but `trade` takes, and what was taken from it."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import click
+from click.core import ParameterSource
+
+if TYPE_CHECKING:
+    from skinmap.profile import Profile
+
+F = TypeVar("F", bound=Callable[..., Any])
+PROFILE = "skinmap.profile"
+
+
+def profile_option(*tables: str) -> Callable[[F], F]:
+    """`--profile`: a profile's knobs become the defaults of the command's options of that name.
+
+    Parameters
+    ----------
+    tables : str
+        Tables of the profile that the command takes; none where no knob concerns it.
+    """
+
+    def add(command: F) -> F:
+        @functools.wraps(command)
+        def say_and_run(*args: Any, **options: Any) -> Any:
+            _say_profile(click.get_current_context())
+            return command(*args, **options)
+
+        option = click.option(
+            "--profile",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            is_eager=True,  # before the options whose defaults it sets
+            expose_value=False,
+            callback=functools.partial(_take_profile, tables),
+            help="Settings from `skinmap trade`; options given here win.",
+        )
+        return cast("F", option(say_and_run))
+
+    return add
+
+
+def _take_profile(
+    tables: tuple[str, ...], ctx: click.Context, _: click.Parameter, path: Path | None
+) -> None:
+    if path is None or ctx.resilient_parsing:
+        return
+    from skinmap.profile import read_profile
+
+    profile = read_profile(path)
+    options = {name: option for option in ctx.command.params for name in option.opts}
+    knobs: dict[str, str] = {}  # by the parameter that each sets
+    defaults = dict(ctx.default_map or {})
+    for table in tables:
+        for knob, value in profile.settings.get(table, {}).items():
+            option = options.get(f"--{knob.replace('_', '-')}")
+            if option is not None and option.name is not None:
+                knobs[option.name] = knob
+                defaults[option.name] = (value,) if option.multiple else value
+    ctx.default_map = defaults
+    ctx.meta[PROFILE] = (profile, knobs)
+
+
+def from_profile(name: str) -> bool:
+    """Whether the value of a parameter came from the profile, not from the command line."""
+    ctx = click.get_current_context(silent=True)
+    return ctx is not None and ctx.get_parameter_source(name) is ParameterSource.DEFAULT_MAP
+
+
+def profile_used() -> tuple[Profile, dict[str, Any]] | None:
+    """The profile that was given, and the knobs taken from it; None without one."""
+    ctx = click.get_current_context(silent=True)
+    if ctx is None or PROFILE not in ctx.meta:
+        return None
+    profile, knobs = ctx.meta[PROFILE]
+    took = {
+        knob: (ctx.default_map or {})[name] for name, knob in knobs.items() if from_profile(name)
+    }
+    return profile, {k: v[0] if isinstance(v, tuple) else v for k, v in took.items()}
+
+
+def with_profile(result: dict[str, Any]) -> dict[str, Any]:
+    """A command's JSON, with what was taken from a profile if one was given."""
+    used = profile_used()
+    if used is None:
+        return result
+    return {**result, "profile": {"file": used[0].path, "took": used[1]}}
+
+
+def _say_profile(ctx: click.Context) -> None:
+    used = profile_used()
+    if used is None:
+        return
+    profile, took = used
+    measured = " ".join(word for word in (profile.robot, profile.part) if word)
+    name = f"profile {profile.path}" + (f" ({measured})" if measured else "")
+    said = ", ".join(f"{knob} {value}" for knob, value in took.items())
+    given = [knob for knob in ctx.meta[PROFILE][1].values() if knob not in took]
+    over = f"; given here: {', '.join(given)}" if given else ""
+    nothing = "nothing in it" if given else "no knob of it concerns this command"
+    click.echo(f"{name}: {said or nothing}{over}", err=True)

@@ -1,0 +1,1 @@
+"""Speed against accuracy: settings measured on a user's own skin and machine, and recommended."""

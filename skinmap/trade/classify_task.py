@@ -1,0 +1,134 @@
+"""The task `classify`: naming simulated touches, by classifier and what it looks at."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skinmap.classify.classifier import DEFAULT, TouchClassifier
+from skinmap.classify.descriptors import Touch
+from skinmap.classify.evaluate import likeliest, score
+from skinmap.classify.tuned import tuned_classifier
+from skinmap.errors import InvalidArrayError
+from skinmap.touch.gestures import FOUR
+from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.simulator import simulate
+from skinmap.trade.measuring import cpu_seconds
+from skinmap.trade.task import Knob, Outcome, Setting, Value
+
+if TYPE_CHECKING:
+    from skinmap.skin.robot import Robot
+
+LEARNT = 12  # touches of each gesture that are trained on, and
+TESTED = 30  # that are named
+TIMED = 32  # of those that are named, so many again for the time
+HISTOGRAM = "histogram"
+QUICK = (DEFAULT, HISTOGRAM, "paper", "histogram-chi2", "fusion")
+ONE_SKIN = ("raw-intersection",)  # knows taxels by their number
+# Knobs of histograms, each varied alone.
+VARIED: dict[str, tuple[Value, ...]] = {
+    "radius_mm": (6.0, 11.0),
+    "words": (4, 16),
+    "rotations": (1,),
+    "distance": ("geodesic",),
+    "search": ("compiled",),
+    "precision": ("float32",),
+}
+SIZES = ("33x50", "66x100")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Touches:
+    """Simulated touches of one repetition."""
+
+    learnt: tuple[Touch, ...]
+    tested: tuple[Touch, ...]
+    several: bool
+
+
+class ClassifyTask:
+    """Naming simulated touches."""
+
+    name = "classify"
+    unit = "%"
+    work = "naming one touch"
+    truth = "simulated touches named wrong, on touches (of several parts: on a part) held out"
+    knobs = (
+        Knob("classifier", (*QUICK, *ONE_SKIN, "bovw"), DEFAULT, "what names a touch"),
+        Knob("radius_mm", (6.0, 8.0, 11.0), 8.0, "of a neighbourhood whose shape is a structure"),
+        Knob("words", (4, 8, 16), 8, "codewords of a structure"),
+        Knob("rotations", (1, 6), 6, "turns that leave a structure the same"),
+        Knob("distance", ("euclidean", "geodesic"), "euclidean", "how the radius is measured"),
+        Knob("search", ("plain", "compiled"), "plain", "how the nearest codeword is found"),
+        Knob("precision", ("float64", "float32"), "float64", "of distances from codewords"),
+        Knob("image_size", SIZES, "66x100", "pixels of a contact image"),
+    )
+
+    def settings(self) -> Sequence[Setting]:
+        """Every classifier that can run here; the knobs of histograms and images one by one."""
+        found: list[Setting] = [{"classifier": name} for name in (*QUICK, *ONE_SKIN)]
+        for knob, values in VARIED.items():
+            if knob != "search" or find_spec("numba"):
+                found += [{"classifier": HISTOGRAM, knob: value} for value in values]
+        if find_spec("mahotas"):
+            found += [{"classifier": "bovw", "image_size": size} for size in SIZES]
+        return found
+
+    def prepare(self, robot: Robot, parts: tuple[str, ...], *, seed: int) -> Touches:
+        """Touches to learn from and others to name, on skins that are meshed and flattened.
+
+        On one part they are other touches of it; of several parts one is never learnt from,
+        another one for another seed.
+        """
+        held_out = parts[seed % len(parts)]
+        learnt: list[Touch] = []
+        tested: list[Touch] = []
+        for number, name in enumerate(parts):
+            skin = PreparedSkin(robot.skin(name))
+            rng = np.random.default_rng([seed, number])
+            if name != held_out or len(parts) == 1:
+                learnt += simulated(skin, LEARNT, rng)
+            if name == held_out:
+                tested += simulated(skin, TESTED, rng)
+        return Touches(tuple(learnt), tuple(tested), len(parts) > 1)
+
+    def run(self, prepared: Touches, setting: Setting, *, seed: int) -> Outcome:
+        """Train, name every held-out touch once, and some again for the time."""
+        knobs = dict(setting)
+        name = str(knobs.pop("classifier", DEFAULT))
+        model = tuned_classifier(name, knobs)
+        if prepared.several and getattr(model.descriptor, "one_skin", False):
+            raise InvalidArrayError(f"{name!r} learns the taxels of one part: needs one --part")
+        started = time.process_time()
+        model.fit(prepared.learnt, rng=np.random.default_rng(seed))
+        training = time.process_time() - started
+        wrong = 1.0 - score(model, prepared.tested).accuracy
+        seconds = touch_seconds(model, prepared.tested)
+        return Outcome(seconds, 100.0 * wrong, beside={"training_seconds": training})
+
+
+def simulated(skin: PreparedSkin, per_gesture: int, rng: np.random.Generator) -> list[Touch]:
+    """Touches of the four gestures on a skin, each with its label."""
+    recording = simulate(skin.skin, rng=rng, per_gesture=per_gesture, gestures=FOUR)
+    return [Touch(skin, samples, label) for _, label, samples in recording.touches()]
+
+
+def touch_seconds(model: TouchClassifier, touches: Sequence[Touch]) -> float:
+    """CPU time of naming one touch, what was measured on touches before forgotten."""
+    rows = np.linspace(0, len(touches) - 1, min(TIMED, len(touches))).astype(np.int64)
+
+    def work() -> None:
+        for row in rows:
+            old = touches[row]
+            likeliest(model, Touch(old.skin, old.samples, old.label))
+
+    seconds, _ = cpu_seconds(work)
+    return seconds / len(rows)
+
+
+classify_task = ClassifyTask()

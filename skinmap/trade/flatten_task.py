@@ -1,0 +1,110 @@
+"""The task `flatten`: surface mesh and flat map of the parts, by meshing and method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skinmap.flat.flat_map import DEFAULT, FlatMap, flatten
+from skinmap.flat.methods import PRECISIONS
+from skinmap.surface.surface_mesh import DEFAULT as DEFAULT_MESHING
+from skinmap.surface.surface_mesh import MESHING, build_surface
+from skinmap.trade.measuring import cpu_seconds
+from skinmap.trade.task import Knob, Outcome, Setting
+
+if TYPE_CHECKING:
+    from skinmap.geometry.mesh import TriangleMesh
+    from skinmap.skin.robot import Robot
+    from skinmap.skin.skin import Skin
+
+METHODS = ("lscm", "fast", "balanced", "slim", "dirichlet")
+# Beside what the methods take by themselves: 5, 5 and at most 200.
+ITERATIONS = {"balanced": (1, 20), "slim": (1,), "dirichlet": (5,)}
+# Following the body's surface costs ten times as much as any map: a few maps show what it brings.
+ON_ACCURATE = ("fast", "balanced", "dirichlet")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Piece:
+    """One part: its skin and, where there is one, its link's mesh."""
+
+    skin: Skin
+    body: TriangleMesh | None
+
+
+class FlattenTask:
+    """Surface mesh and flat map of the parts."""
+
+    name = "flatten"
+    unit = "%"
+    work = "surface mesh and flat map of the parts"
+    truth = "lengths on the skin: rms strain of the edges, weighted by length"
+    knobs = (
+        Knob("meshing", MESHING, DEFAULT_MESHING, "how taxels become a surface mesh"),
+        Knob("method", METHODS, DEFAULT, "how the surface mesh is laid flat"),
+        Knob("iterations", ("own", 1, 5, 20), "own", "of balanced, slim, dirichlet"),
+        Knob("precision", PRECISIONS, PRECISIONS[0], "of the sparse solves"),
+    )
+
+    def settings(self) -> Sequence[Setting]:
+        """Each method on each kind of mesh; iterations and precision on the default mesh."""
+        found: list[Setting] = [
+            {"meshing": meshing, "method": method}
+            for meshing in MESHING
+            for method in (ON_ACCURATE if meshing == "accurate" else METHODS)
+        ]
+        mesh = {"meshing": DEFAULT_MESHING}
+        for method, numbers in ITERATIONS.items():
+            found += [{**mesh, "method": method, "iterations": n} for n in numbers]
+        for method in ("fast", DEFAULT):
+            found.append({**mesh, "method": method, "precision": PRECISIONS[1]})
+        return found
+
+    def prepare(self, robot: Robot, parts: tuple[str, ...], *, seed: int) -> list[Piece]:
+        """Skins and meshes of their links; nothing is drawn by chance."""
+        pieces = []
+        for name in parts:
+            link = robot.part(name).link
+            pieces.append(Piece(robot.skin(name), robot.mesh(link) if link else None))
+        return pieces
+
+    def run(self, prepared: list[Piece], setting: Setting, *, seed: int) -> Outcome:
+        """Mesh and flatten all parts, timed together."""
+
+        def work() -> list[FlatMap]:
+            return [_map(piece, setting) for piece in prepared]
+
+        seconds, maps = cpu_seconds(work)
+        return Outcome(seconds, 100.0 * edge_rms(maps), beside={"unmeshed": unmeshed(maps)})
+
+
+def _map(piece: Piece, setting: Setting) -> FlatMap:
+    meshing = str(setting.get("meshing", DEFAULT_MESHING))
+    body = piece.body if meshing == "accurate" else None
+    mesh = build_surface(piece.skin, method=meshing, body=body)
+    iterations = setting.get("iterations", "own")
+    return flatten(
+        mesh,
+        method=str(setting.get("method", DEFAULT)),
+        iterations=None if iterations == "own" else int(iterations),
+        precision=str(setting.get("precision", PRECISIONS[0])),
+    )
+
+
+def edge_rms(maps: Sequence[FlatMap]) -> float:
+    """Root mean square of the strain of all edges of some maps, weighted by length."""
+    charts = [chart.distortion for flat in maps for chart in flat.charts]
+    strain = np.concatenate([one.edge_strain for one in charts])
+    length = np.concatenate([one.edge_lengths for one in charts])
+    return float(np.sqrt(np.average(strain**2, weights=length)))
+
+
+def unmeshed(maps: Sequence[FlatMap]) -> int:
+    """Taxels that no triangle uses."""
+    return sum(int((flat.mesh.taxel_patches < 0).sum()) for flat in maps)
+
+
+flatten_task = FlattenTask()

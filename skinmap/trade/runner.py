@@ -1,0 +1,219 @@
+"""Measuring a task: all settings once for each seed, interleaved, on one thread."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skinmap.errors import BrokenPluginError, SkinError, UnknownNameError
+from skinmap.trade.measuring import grown_mb, untimed
+from skinmap.trade.pace import pace_seconds
+from skinmap.trade.points import Failure, Point, describe
+from skinmap.trade.task import Outcome, Setting, TradeTask
+
+if TYPE_CHECKING:
+    from skinmap.skin.robot import Robot
+
+DEAR = 2.0  # seconds: the first run of a setting that takes longer is not thrown away
+QUICK = 0.3  # seconds: a setting whose run takes less is measured
+QUICK_TURNS = 3  # times a round
+logger = logging.getLogger(__name__)
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What one run gave, and the pace of the machine round it."""
+
+    outcome: Outcome
+    pace: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Measured:
+    """What came of one task."""
+
+    points: list[Point] = field(default_factory=list)
+    failures: list[Failure] = field(default_factory=list)
+
+
+def steps(settings: int, seeds: int) -> int:
+    """How often progress is reported for a task."""
+    return settings * (seeds + 1)
+
+
+def measure(
+    task: TradeTask,
+    robot: Robot,
+    parts: tuple[str, ...],
+    *,
+    seeds: Sequence[int],
+    settings: Sequence[Setting] | None = None,
+    progress: Progress | None = None,
+) -> Measured:
+    """Measure settings of a task.
+
+    A first round warms up and measures memory, untimed. Then one round a seed: settings in an
+    order drawn anew, so that no setting always meets the machine in the same state. A setting
+    that fails is left out of later rounds and reported; so is a task that fails as a whole. One
+    that takes seconds needs no warming up: its first run counts. Times are scaled to the pace of
+    the machine at the quietest moment of the measurement (`skinmap.trade.pace`).
+
+    Parameters
+    ----------
+    task : TradeTask
+    robot : Robot
+    parts : tuple of str
+    seeds : sequence of int
+        One repetition each.
+    settings : sequence of mapping, optional
+        Other ones than the task's own.
+    progress : callable, optional
+        Called `steps` times with what comes next.
+    """
+    from threadpoolctl import threadpool_limits
+
+    report = progress or (lambda _: None)
+    with threadpool_limits(1):
+        try:
+            chosen = [
+                _ordered(task, setting)
+                for setting in (task.settings() if settings is None else settings)
+            ]
+            rounds = _Rounds(task, chosen, report)
+            for place, seed in enumerate(seeds):
+                prepared = task.prepare(robot, parts, seed=seed)
+                if place == 0:
+                    rounds.warm_up(prepared, seed)
+                rounds.measure(prepared, seed, place)
+            return Measured(rounds.points(), list(rounds.failures.values()))
+        except Exception as error:
+            logger.info("task %s failed", task.name, exc_info=True)
+            return Measured(failures=[Failure(task.name, None, reason(error))])
+
+
+class _Rounds:
+    """The measurement of one task: what was found so far."""
+
+    def __init__(self, task: TradeTask, settings: Sequence[Setting], report: Progress) -> None:
+        self.task, self.settings, self.report = task, settings, report
+        self.found: list[list[Sample]] = [[] for _ in settings]
+        self.memory = [float("nan")] * len(settings)
+        self.cost = [0.0] * len(settings)  # CPU seconds of a run, training and all
+        self.failures: dict[int, Failure] = {}
+
+    def warm_up(self, prepared: Any, seed: int) -> None:
+        """Run every setting once, with an eye on memory; only dear ones count as measured."""
+        for number, setting in enumerate(self.settings):
+            started = time.process_time()
+            with untimed():
+                self._attempt(number, self._run(prepared, setting, seed), warm_up=True)
+            self.cost[number] = time.process_time() - started
+            if self.cost[number] <= DEAR:
+                self.found[number].clear()
+
+    def measure(self, prepared: Any, seed: int, place: int) -> None:
+        """One round: every setting, quick ones several times, in an order drawn anew."""
+        fine = [number for number in range(len(self.settings)) if number not in self.failures]
+        quick = [number for number in fine if self.cost[number] < QUICK]
+        turns = [*range(len(self.settings)), *(quick * (QUICK_TURNS - 1))]
+        for number in np.random.default_rng([seed, place]).permutation(turns).tolist():
+            if self.cost[number] > DEAR and place == 0:  # its warm-up counts
+                self.report(f"{self.task.name}: {describe(self.settings[number])}")
+                continue
+            self._attempt(number, self._run(prepared, self.settings[number], seed))
+
+    def _run(self, prepared: Any, setting: Setting, seed: int) -> Callable[[], Outcome]:
+        return lambda: self.task.run(prepared, setting, seed=seed)
+
+    def _attempt(self, number: int, run: Callable[[], Outcome], *, warm_up: bool = False) -> None:
+        setting = self.settings[number]
+        if warm_up or self.cost[number] >= QUICK or len(self.found[number]) % QUICK_TURNS == 0:
+            self.report(f"{self.task.name}: {describe(setting)}")
+        if number in self.failures:
+            return
+        try:
+            before = pace_seconds()
+            if warm_up:
+                grown, outcome = grown_mb(run)
+                self.memory[number] = grown if outcome.memory_mb is None else outcome.memory_mb
+            else:
+                outcome = run()
+            _check(outcome)
+            self.found[number].append(Sample(outcome, 0.5 * (before + pace_seconds())))
+        except Exception as error:  # the other settings still run
+            logger.info("%s %s failed", self.task.name, describe(setting), exc_info=True)
+            self.failures[number] = Failure(self.task.name, setting, reason(error))
+
+    def points(self) -> list[Point]:
+        """What was measured of the settings that never failed."""
+        paces = [one.pace for samples in self.found for one in samples]
+        return [
+            _point(self.task, self.settings[number], samples, self.memory[number], min(paces))
+            for number, samples in enumerate(self.found)
+            if number not in self.failures
+        ]
+
+
+def _check(outcome: Outcome) -> None:
+    """Refuse figures that mean nothing.
+
+    Raises
+    ------
+    BrokenPluginError
+    """
+    for name in ("seconds", "error"):
+        value = float(getattr(outcome, name))
+        if not 0.0 <= value < np.inf:
+            raise BrokenPluginError(f"{name} must be a number from 0, the task gave {value}")
+
+
+def _ordered(task: TradeTask, setting: Setting) -> Setting:
+    """The setting with its knobs in the order of the task's.
+
+    Raises
+    ------
+    UnknownNameError
+        A knob that the task does not name.
+    """
+    names = [knob.name for knob in task.knobs]
+    for name in setting:
+        if name not in names:
+            raise UnknownNameError(f"knob of task {task.name!r}", name, names)
+    return {name: setting[name] for name in sorted(setting, key=names.index)}
+
+
+def _point(
+    task: TradeTask, setting: Setting, samples: Sequence[Sample], memory_mb: float, pace: float
+) -> Point:
+    # What the run would have taken at the quietest moment of the measurement.
+    seconds = np.array([one.outcome.seconds * pace / one.pace for one in samples])
+    errors = np.array([one.outcome.error for one in samples])
+    several = len(samples) > 1
+    return Point(
+        task.name,
+        dict(setting),
+        float(np.median(seconds)),
+        float(np.mean(errors)),
+        task.unit,
+        float(np.std(seconds, ddof=1)) if several else 0.0,
+        float(np.std(errors, ddof=1)) if several else 0.0,
+        memory_mb,
+        len(samples),
+        pace,
+        {
+            name: float(np.median([one.outcome.beside[name] for one in samples]))
+            for name in samples[0].outcome.beside
+        },
+    )
+
+
+def reason(error: Exception) -> str:
+    """One line on an error; its type too where it is none of ours."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, SkinError) else f"{type(error).__name__}: {text}"

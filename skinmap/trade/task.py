@@ -1,0 +1,146 @@
+"""Trade tasks: what is measured, under which knobs, and how a new one is plugged in.
+
+A task is an object that keeps the promises of `TradeTask`, named as "module:object" by an entry
+point of the group `skinmap.trade_tasks`. What sits above this package plugs in the same way.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Protocol
+
+from skinmap.errors import BrokenPluginError
+from skinmap.registry import Registry
+
+if TYPE_CHECKING:
+    from skinmap.skin.robot import Robot
+
+GROUP = "skinmap.trade_tasks"
+Value = str | int | float | bool
+# Knob: value. A knob that a setting does not name stands at its default, or does not matter there.
+Setting = Mapping[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """Something that can be set, at a price.
+
+    Attributes
+    ----------
+    name : str
+        That of the command's option, with underscores: `radius_mm` for `--radius-mm`.
+    values : tuple
+        What is measured, or all that there is where the values are names.
+    default : str, int, float or bool
+        What the commands take where nothing is said.
+    meaning : str
+        One line.
+    """
+
+    name: str
+    values: tuple[Value, ...]
+    default: Value
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What one run of a setting cost, and how wrong it was.
+
+    Attributes
+    ----------
+    seconds : float
+        CPU time of one unit of the task's work, warm.
+    error : float
+        In the task's unit; 0 is perfect.
+    memory_mb : float or None
+        None leaves it to the runner, which measures how far the process grows in a run.
+    beside : mapping of str to float
+        Other figures worth showing, such as `training_seconds`.
+    """
+
+    seconds: float
+    error: float
+    memory_mb: float | None = None
+    beside: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+
+class TradeTask(Protocol):
+    """Promises of a task.
+
+    Attributes
+    ----------
+    name : str
+        Also the group of its knobs in a profile.
+    unit : str
+        Of the error: "%", "mm".
+    work : str
+        What the seconds pay for: "one flat map of the part".
+    truth : str
+        What the errors are against.
+    knobs : tuple of Knob
+    """
+
+    name: str
+    unit: str
+    work: str
+    truth: str
+    knobs: tuple[Knob, ...]
+
+    def settings(self) -> Sequence[Setting]:
+        """Which combinations are measured; see `around` and `product`."""
+
+    def prepare(self, robot: Robot, parts: tuple[str, ...], *, seed: int) -> Any:
+        """What all settings share, untimed; another seed is another repetition."""
+
+    def run(self, prepared: Any, setting: Setting, *, seed: int) -> Outcome:
+        """Measure one setting once; `skinmap.trade.measuring.cpu_seconds` takes the time."""
+
+
+def _checked(name: str, thing: object) -> TradeTask:
+    """What a plug-in's entry point gave, if it keeps the promises."""
+    promised = ("name", "unit", "work", "truth", "knobs", "settings", "prepare", "run")
+    lacking = [one for one in promised if not hasattr(thing, one)]
+    if lacking:
+        raise BrokenPluginError(f"the trade task {name!r} has no {', '.join(lacking)}")
+    return thing  # type: ignore[return-value]
+
+
+tasks: Registry[TradeTask] = Registry(
+    "trade task",
+    GROUP,
+    built_in={
+        "flatten": "skinmap.trade.flatten_task:flatten_task",
+        "classify": "skinmap.trade.classify_task:classify_task",
+    },
+    adapt=_checked,
+)
+
+
+def defaults(knobs: Sequence[Knob]) -> dict[str, Value]:
+    """Every knob at its default."""
+    return {knob.name: knob.default for knob in knobs}
+
+
+def around(knobs: Sequence[Knob]) -> list[dict[str, Value]]:
+    """The default, then each knob varied alone."""
+    base = defaults(knobs)
+    varied = [
+        {**base, knob.name: value}
+        for knob in knobs
+        for value in knob.values
+        if value != knob.default
+    ]
+    return [base, *varied]
+
+
+def product(knobs: Sequence[Knob]) -> list[dict[str, Value]]:
+    """Every combination."""
+    names = [knob.name for knob in knobs]
+    return [
+        dict(zip(names, values, strict=True))
+        for values in itertools.product(*(knob.values for knob in knobs))
+    ]

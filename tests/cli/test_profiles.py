@@ -1,0 +1,162 @@
+"""`--profile`: every command takes one, and what is given on the command line wins."""
+
+from __future__ import annotations
+
+import json
+
+import click
+import pytest
+from click.core import ParameterSource
+from click.testing import CliRunner
+
+from skinmap import __version__
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+from skinmap.knobs import KNOBS, Allowed
+
+# Those that write profiles.
+WITHOUT = {"trade"}
+HEAD = f'[profile]\nformat = 1\nskinmap = "{__version__}"\nrobot = "icub"\npart = "left_foot"\n'
+NAMES = {"classifier": "histogram", "layer": "pressure"}
+
+
+def commands() -> dict[str, click.Command]:
+    """Every command that can be called, by its words."""
+    found: dict[str, click.Command] = {}
+
+    def add(group: click.Group, words: tuple[str, ...]) -> None:
+        ctx = click.Context(group)
+        for name in group.list_commands(ctx):
+            one = group.get_command(ctx, name)
+            assert one is not None
+            if isinstance(one, click.Group):
+                add(one, (*words, name))
+            elif not {*words, name} & WITHOUT:
+                found[" ".join((*words, name))] = one
+
+    add(cli, ())
+    return found
+
+
+COMMANDS = commands()
+
+
+def options_of(command: click.Command) -> dict[str, click.Parameter]:
+    return {name: one for one in command.params for name in one.opts}
+
+
+def value_of(name: str, allowed: Allowed) -> str | int | float:
+    """A value that a profile may give a knob."""
+    if allowed.names:
+        return allowed.names[-1]
+    if allowed.any_name:
+        return NAMES[name]
+    if allowed.only:
+        return allowed.only[-1]
+    middle = (allowed.least + min(allowed.most, allowed.least + 3)) / 2
+    return int(allowed.least) if allowed.whole else middle
+
+
+def full(tmp_path, changed: dict[tuple[str, str], object] | None = None):
+    """A profile that sets every knob there is."""
+    text = HEAD
+    for task, knobs in KNOBS.items():
+        text += f"\n[{task}]\n"
+        for name, allowed in knobs.items():
+            value = (changed or {}).get((task, name), value_of(name, allowed))
+            text += f"{name} = {json.dumps(value)}\n"
+        text += f'\n[{task}.predicted]\nseconds = 0.1\nerror = 1.0\nunit = "mm"\n'
+    path = tmp_path / "full.toml"
+    path.write_text(text)
+    return path
+
+
+def test_all_commands_are_looked_at():
+    assert {"flatten", "calibrate wrap", "view", "anchors", "demo", "record"} <= set(COMMANDS)
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_every_command_takes_a_profile(words, tmp_path):
+    assert "--profile" in options_of(COMMANDS[words]), f"skinmap {words} takes no --profile"
+    path = str(full(tmp_path))
+    result = CliRunner().invoke(cli, [*words.split(), "--profile", path, "--help"])
+    assert result.exit_code == 0, result.output
+    # A wrong one is refused before anything else is asked for.
+    with pytest.raises(SkinError, match="expected a profile"):
+        CliRunner().invoke(
+            cli, [*words.split(), "--profile", str(tmp_path / "no.toml")], catch_exceptions=False
+        )
+
+
+@pytest.mark.parametrize("words", COMMANDS)
+def test_every_command_can_use_what_it_takes(words, tmp_path):
+    command = COMMANDS[words]
+    path = str(full(tmp_path))
+    with click.Context(command) as ctx:
+        profile = options_of(command)["--profile"]
+        profile.process_value(ctx, path)
+        for option in command.params:
+            if option.name in (ctx.default_map or {}):
+                value, source = option.consume_value(ctx, {})
+                assert source is ParameterSource.DEFAULT_MAP
+                option.process_value(ctx, value)  # raises where the type refuses it
+
+
+def test_every_knob_is_an_option_somewhere():
+    options = {name for command in COMMANDS.values() for name in options_of(command)}
+    tables = (KNOBS["calibrate"], KNOBS["view"])
+    knobs = {f"--{name.replace('_', '-')}" for table in tables for name in table}
+    assert not knobs - options
+
+
+def test_the_command_line_wins_over_the_profile(tmp_path):
+    path = tmp_path / "p.toml"
+    path.write_text(HEAD + '[flatten]\nmethod = "tutte"\nmeshing = "fast"\n')
+    words = ["flatten", "--part", "left_foot", "--profile", str(path), "--json"]
+    taken = CliRunner().invoke(cli, words, catch_exceptions=False)
+    result = json.loads(taken.stdout)
+    assert (result["method"], result["meshing"]) == ("tutte", "fast")
+    assert result["profile"] == {
+        "file": str(path), "took": {"method": "tutte", "meshing": "fast"},
+    }  # fmt: skip
+    assert taken.stderr == f"profile {path} (icub left_foot): method tutte, meshing fast\n"
+    won = CliRunner().invoke(cli, [*words, "--method", "lscm"], catch_exceptions=False)
+    result = json.loads(won.stdout)
+    assert (result["method"], result["meshing"]) == ("lscm", "fast")
+    assert result["profile"]["took"] == {"meshing": "fast"}
+    assert won.stderr.endswith(": meshing fast; given here: method\n")
+
+
+def test_numbers_of_a_profile_reach_options_of_words(tmp_path):
+    path = tmp_path / "p.toml"
+    path.write_text(HEAD + "[classify]\nradius_mm = 7\nrotations = 4\n")
+    words = ["structures", "--part", "left_foot", "--profile", str(path), "--json"]
+    result = json.loads(CliRunner().invoke(cli, words, catch_exceptions=False).stdout)
+    assert (result["radius_mm"], result["rotations"]) == (7.0, 4)
+
+
+def test_a_command_without_knobs_says_so_and_works(tmp_path):
+    words = ["inspect", "--part", "left_foot", "--profile", str(full(tmp_path)), "--json"]
+    found = CliRunner().invoke(cli, words, catch_exceptions=False)
+    assert json.loads(found.stdout)["profile"]["took"] == {}
+    assert found.stderr.endswith("no knob of it concerns this command\n")
+
+
+def test_what_trade_writes_is_read_back(tmp_path):
+    from skinmap.profile import read_profile
+    from skinmap.trade.points import Point
+    from skinmap.trade.profile_file import Origin, write_profile
+    from skinmap.trade.task import tasks
+
+    points = [
+        Point(name, dict(setting), 0.125, 1.5, tasks.get(name).unit)
+        for name in tasks.names()
+        for setting in tasks.get(name).settings()
+    ]
+    for point in points:  # every setting that can be recommended
+        path = tmp_path / "p.toml"
+        write_profile(path, [point], Origin("icub", ("torso", "left_arm"), 0, 3))
+        read = read_profile(path)
+        assert read.settings == {point.task: point.setting}
+        assert read.predicted[point.task]["seconds"] == 0.125
+        assert read.part == "torso,left_arm"

@@ -1,0 +1,116 @@
+"""Planted tasks: what each setting costs and errs is known, and nothing has to be timed."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint
+from typing import ClassVar
+
+import pytest
+
+from skinmap import registry
+from skinmap.errors import InvalidMeshError
+from skinmap.trade.task import GROUP, Knob, Outcome, tasks
+
+
+class Planted:
+    """Three levels whose figures are written down, and one that is worse than another in both."""
+
+    name = "planted"
+    unit = "mm"
+    work = "one planted figure"
+    truth = "what was planted"
+    knobs = (
+        Knob("level", ("low", "middle", "high", "silly"), "low", "how much effort"),
+        Knob("rounds", (1, 2), 1, "does nothing"),
+    )
+    figures: ClassVar = {
+        "low": (0.001, 8.0),
+        "middle": (0.01, 1.0),
+        "high": (0.1, 0.5),
+        "silly": (0.02, 4.0),
+    }
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, int]] = []
+
+    def settings(self):
+        return [{"level": level} for level in self.figures]
+
+    def prepare(self, robot, parts, *, seed):
+        return seed
+
+    def run(self, prepared, setting, *, seed):
+        self.calls.append((setting["level"], prepared))
+        seconds, error = self.figures[setting["level"]]
+        return Outcome(seconds, error * (1.0 + 0.1 * seed), 1.0, {"extra": 7.0})
+
+
+class Failing(Planted):
+    """As before, but one setting raises an error of ours and another one of its own."""
+
+    name = "failing"
+
+    def run(self, prepared, setting, *, seed):
+        if setting["level"] == "high":
+            raise InvalidMeshError("no triangle\nto stand on")
+        if setting["level"] == "silly":
+            raise ZeroDivisionError("by nought")
+        return super().run(prepared, setting, seed=seed)
+
+
+class Broken(Planted):
+    """Fails before anything is measured."""
+
+    name = "broken"
+
+    def prepare(self, robot, parts, *, seed):
+        raise RuntimeError("nothing to prepare")
+
+
+class Empty(Planted):
+    """Gives figures that mean nothing."""
+
+    name = "empty"
+
+    def run(self, prepared, setting, *, seed):
+        return Outcome(float("nan"), 1.0)
+
+
+CLASSES = {"planted": Planted, "failing": Failing, "broken": Broken, "empty": Empty}
+
+
+@pytest.fixture
+def toys():
+    """The planted tasks by name, as classes."""
+    return CLASSES
+
+
+@pytest.fixture(autouse=True)
+def steady_pace(monkeypatch):
+    """A machine that is always equally fast: planted times come out as they were planted."""
+    monkeypatch.setattr("skinmap.trade.runner.pace_seconds", lambda: 1e-3)
+
+
+@pytest.fixture
+def plugged(monkeypatch):
+    """A function that plugs planted tasks in as other distributions would, and nothing else."""
+
+    def plug(*names: str) -> None:
+        points = [EntryPoint(name, f"planted_tasks:{name}", GROUP) for name in names]
+        monkeypatch.setattr(EntryPoint, "load", lambda self: _load(self.name))
+        found = lambda group: points if group == GROUP else []  # noqa: E731
+        monkeypatch.setattr(registry, "entry_points", found)
+        monkeypatch.setattr("importlib.metadata.entry_points", found)
+        monkeypatch.setattr(tasks, "_plugins", None)
+        monkeypatch.setattr(tasks, "_built_in", {})
+        monkeypatch.setattr(tasks, "_own", {})
+
+    return plug
+
+
+def _load(name):
+    if name == "useless":
+        return object()
+    if name not in CLASSES:
+        raise ImportError(f"no module for {name}")
+    return CLASSES[name]()
