@@ -21,7 +21,7 @@ from viewer.drawing.occlusion import Occluders
 from viewer.drawing.polydata import join
 from viewer.drawing.skin_layer import SkinLayer
 
-GOOD_PX, QUICK_PX = 1.5, 9.0  # side of a cell within which vertices become one [px]
+GOOD_PX, QUICK_PX = 1.5, 13.0  # side of a cell within which vertices become one [px]
 FINEST = 0.5e-3  # and no smaller [m]: a close-up of a hand shows no more
 BEHIND = 1.0e-3  # the body is drawn this far behind its place: no cover tears the skin on it [m]
 QUICK_BEHIND = 0.6  # the same for quick meshes, in their cells
@@ -58,8 +58,10 @@ class BodyView:
         self._pixel = _size(corners, poses) / min(plotter.window_size)
         self.meshes = {link: self._reduced(link, GOOD_PX) for link in self.links}
         self._good = {link: _mapper(mesh) for link, mesh in self.meshes.items()}
-        # Made at once: made when the camera first turns, they would hold that picture up.
-        self._quick = {link: _mapper(self._reduced(link, QUICK_PX)) for link in self.links}
+        # Made at once: made when the camera first turns, they would hold that picture up. Kept:
+        # PyVista would wrap a mesh that nobody holds anew whenever its mapper is asked for it.
+        self._coarse = {link: self._reduced(link, QUICK_PX) for link in self.links}
+        self._quick = {link: _mapper(mesh) for link, mesh in self._coarse.items()}
         self.actors = {link: pv.Actor(mapper=self._good[link]) for link in self.links}
         self.quick = False
         for actor in self.actors.values():
@@ -67,6 +69,7 @@ class BodyView:
             plotter.add_actor(actor, reset_camera=False, render=False)
         self.occluders = Occluders(self.meshes, poses)
         self._outlines: dict[str, FloatArray] = {}
+        self._placed: dict[str, FloatArray] = {}  # points where they are now
         self.move(poses)
 
     def _reduced(self, link: str, cell_px: float) -> pv.PolyData:
@@ -75,6 +78,7 @@ class BodyView:
     def move(self, poses: Mapping[str, FloatArray]) -> None:
         """Place the links by poses (4, 4)."""
         self.poses = poses
+        self._placed.clear()
         self.occluders.place(poses)
         for link, actor in self.actors.items():
             actor.user_matrix = poses[link]
@@ -97,12 +101,15 @@ class BodyView:
 
     def points(self, layers: Mapping[str, SkinLayer]) -> FloatArray:
         """(n, 3) points all over body and skins, as they stand now [m]."""
+        if "all" in self._placed:
+            return self._placed["all"]
         links = [
             transform_points(self.poses[link], np.asarray(mesh.points[::EVERY], np.float64))
             for link, mesh in self.meshes.items()
         ]
         skins = [transform_points(self.poses[x.skin.link], x.points) for x in layers.values()]
-        return np.concatenate([*links, *skins, np.zeros((0, 3))])
+        self._placed["all"] = np.concatenate([*links, *skins, np.zeros((0, 3))])
+        return self._placed["all"]
 
     def outline(self, layers: Mapping[str, SkinLayer]) -> FloatArray:
         """(k, 3) points that can lie on the outline of body and skins from anywhere [m]."""
@@ -111,9 +118,14 @@ class BodyView:
                 self._outlines[link] = silhouette(np.asarray(mesh.points[::EVERY], np.float64))
             for part, layer in layers.items():
                 self._outlines[f"{layer.skin.link}/{part}"] = silhouette(layer.points)
-        return np.concatenate(
-            [transform_points(self.poses[k.split("/")[0]], p) for k, p in self._outlines.items()]
-        )
+        if "outline" not in self._placed:
+            self._placed["outline"] = np.concatenate(
+                [
+                    transform_points(self.poses[k.split("/")[0]], p)
+                    for k, p in self._outlines.items()
+                ]
+            )
+        return self._placed["outline"]
 
     def front(self, layers: Mapping[str, SkinLayer]) -> View:
         """From where most of the skin is seen."""

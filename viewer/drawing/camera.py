@@ -164,5 +164,6 @@ def project(renderer: vtkRenderer, points: FloatArray) -> FloatArray:
         width / height, -1.0, 1.0
     )
     T = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-    clip = np.column_stack([points, np.ones(len(points))]) @ T.T
-    return np.asarray((clip[:, :2] / clip[:, 3:] + 1.0) / 2.0 * np.array([width, height]))
+    x, y, w = T[[0, 1, 3], :3] @ points.T + T[[0, 1, 3], 3:]
+    size = np.array([width, height])
+    return np.asarray((np.stack([x, y], axis=1) / w[:, None] + 1.0) / 2.0 * size)

@@ -107,7 +107,13 @@ class Canvas:
         self.table = ColourTable()
         self.body = BodyView(self.plotter, robot, links, poses, tuple(layers))
         self.skins = {
-            part: SkinView(self.plotter, one, self.table, poses[one.skin.link])
+            part: SkinView(
+                self.plotter,
+                one,
+                self.table,
+                poses[one.skin.link],
+                backed=one.skin.link in self.body.links,
+            )
             for part, one in layers.items()
         }
         self.touch_view = TouchView(self.plotter, layers, self.font_px)

@@ -48,6 +48,8 @@ class RenderCache:
         self._fit_buffer()
         moved = [one for one in self.renderers if self._prepare(one, good)]
         changed = [one for one in self.renderers if one.changed and one not in moved]
+        if not good and any(one.whole for one in moved):
+            changed = self._in_turns(changed)
         if not moved and not changed:
             return False
         kept = [one for one in moved if not one.whole]
@@ -72,6 +74,13 @@ class RenderCache:
         """Draw everything next time."""
         for one in self.renderers:
             one.forget()
+
+    def _in_turns(self, changed: list[Resting]) -> list[Resting]:
+        """Of what changed beside a renderer that moves, every other picture: it stays changed."""
+        chosen = [one for one in changed if one.waited or one.empty]
+        for one in changed:
+            one.waited = not one.waited
+        return chosen
 
     def _prepare(self, one: Resting, good: bool) -> bool:
         """Choose the detail; whether what rests must be drawn."""

@@ -31,9 +31,9 @@ class Coloured:
     def __init__(self, actor: Any) -> None:
         self.actor = actor
         self.kept, self.idle = False, 0
-        self._time = -1
+        self._time: Hashable = None
         # Bound once: PyVista checks the spelling of each attribute asked of its actors.
-        self._visible, self._times = actor.GetVisibility, actor.GetRedrawMTime
+        self._visible, self._times = actor.GetVisibility, times(actor)
         self._mapper, self._matrix = actor.GetMapper, actor.GetUserMatrix
 
     def look(self) -> tuple[Hashable, bool]:
@@ -81,6 +81,8 @@ class Resting:
         Whether the last picture is a quick one.
     whole : bool
         Whether the last picture was drawn in one go and nothing is kept of it.
+    waited : bool
+        Whether it was left out of the last picture, since another renderer moves.
     """
 
     def __init__(
@@ -95,9 +97,9 @@ class Resting:
         self.live: list[vtkProp] = []
         self.coloured: list[Coloured] = []
         self.moved, self.changed, self.going = True, True, False
-        self.quick, self.whole = False, False
+        self.quick, self.whole, self.waited = False, False, False
         plain = [actor for actor in candidates if is_plain(actor)]
-        self._plain = [(actor, actor.GetVisibility, actor.GetRedrawMTime) for actor in plain]
+        self._plain = [(actor, actor.GetVisibility, times(actor)) for actor in plain]
         self._coloured = [Coloured(actor) for actor in candidates if not is_plain(actor)]
         self._numbers = {id(actor) for actor in candidates}
         self._others: tuple[int, list[Any]] = (-1, [])
@@ -181,6 +183,21 @@ class Resting:
 def is_plain(actor: Any) -> bool:
     """Whether an actor has one colour: it changes with camera and pose only, and may rest."""
     return not actor.GetMapper().GetScalarVisibility()
+
+
+def times(actor: Any) -> Callable[[], Hashable]:
+    """What tells whether an actor looks as before: the time stamps of all that it is made of.
+
+    VTK's own `GetRedrawMTime` asks the same, but brings the actor's pipeline up to date for it:
+    of all actors of a robot, in each picture, that costs more than a part of the skin does.
+    """
+    own, mapper = actor.GetMTime, actor.GetMapper
+
+    def look() -> Hashable:
+        drawn = mapper()
+        return own(), drawn.GetMTime(), drawn.GetInput().GetMTime()
+
+    return look
 
 
 def _look(prop: Any) -> Hashable:

@@ -37,6 +37,8 @@ class SkinLayer:
         Where it is drawn.
     shell : pyvista.PolyData
         Its edge and back.
+    edge : pyvista.PolyData
+        Its edge alone, as coarse as the taxels: for while the picture moves.
     border : (b, 2) int
         Border edges of the sheet.
     soft : (v, n) sparse
@@ -49,6 +51,7 @@ class SkinLayer:
     fine: FineSurface
     places: Places
     shell: pv.PolyData
+    edge: pv.PolyData
     border: IntArray
     soft: csr_array
     pressures: FloatArray
@@ -88,6 +91,7 @@ def build_layer(mesh: SurfaceMesh, *, levels: int = 1) -> SkinLayer:
         fine,
         places,
         underside(places.points, fine, mesh),
+        underside(places.points, fine, mesh, quick=True),
         boundary_edges(fine.faces),
         fine.smooth @ neighbour_mean(mesh),
         np.zeros(len(mesh.skin)),
@@ -104,17 +108,23 @@ def neighbour_mean(mesh: SurfaceMesh) -> csr_array:
     return coo_array((1.0 / count[row], (row, column)), shape=(n, n)).tocsr()
 
 
-def underside(points: FloatArray, fine: FineSurface, mesh: SurfaceMesh) -> pv.PolyData:
+def underside(
+    points: FloatArray, fine: FineSurface, mesh: SurfaceMesh, *, quick: bool = False
+) -> pv.PolyData:
     """Edge and back of the sheet: they make it look solid, and hide its colours from behind.
 
-    The edge reaches from the border down to the body; the back is the unrefined mesh.
+    The edge reaches from the border down to the body; the back is the unrefined mesh. The quick
+    one is an edge of the unrefined mesh without a back: where a body is drawn, it hides the back.
     """
-    used, number = np.unique(boundary_edges(fine.faces), return_inverse=True)
+    taxels, back = np.unique(mesh.faces, return_inverse=True)
+    faces = back.reshape(-1, 3) if quick else fine.faces  # the fine one's first vertices are taxels
+    used, number = np.unique(boundary_edges(faces), return_inverse=True)
     a, b = number.reshape(-1, 2).T
     n = len(used)
     edge = np.concatenate([np.stack([a, a + n, b + n], axis=1), np.stack([a, b + n, b], axis=1)])
     low = points[used] - EDGE_DEPTH * fine.normals[used]
-    taxels, back = np.unique(mesh.faces, return_inverse=True)
+    if quick:
+        return make_mesh(np.concatenate([points[used], low]), edge)
     behind = mesh.vertices[taxels] + (LIFT - BACK) * mesh.skin.normals[taxels]
     faces = np.concatenate([edge, back.reshape(-1, 3)[:, ::-1] + 2 * n])
     vertices = np.concatenate([points[used], low, behind])

@@ -27,23 +27,37 @@ class SkinView:
     table : ColourTable
     pose : (4, 4) float
         T_root_link.
+    backed : bool
+        Whether the link is drawn too: it hides the sheet's back.
     """
 
     def __init__(
-        self, plotter: pv.Plotter, layer: SkinLayer, table: ColourTable, pose: FloatArray
+        self,
+        plotter: pv.Plotter,
+        layer: SkinLayer,
+        table: ColourTable,
+        pose: FloatArray,
+        *,
+        backed: bool = True,
     ) -> None:
         self.layer = layer
+        self._shells: dict[bool, pv.DataSetMapper] = {}
         self.drawing = TaxelDrawing(plotter, table)
         self.drawing.turn_to(layer.places)
         self.actors, self.resting = list(self.drawing.actors), list(self.drawing.resting)
         if layer.shell.n_cells:
-            shell = pv.Actor(mapper=pv.DataSetMapper(layer.shell))
+            quick = layer.edge if backed else layer.shell
+            self._shells = {False: pv.DataSetMapper(layer.shell), True: pv.DataSetMapper(quick)}
+            for mapper in self._shells.values():
+                mapper.SetScalarVisibility(False)
+            shell = pv.Actor(mapper=self._shells[False])
             shell.prop.color = RIM
             shell.prop.culling = "back"
             light(shell)
             plotter.add_actor(shell, reset_camera=False, render=False)
             self.actors.append(shell)
             self.resting.append(shell)
+            self._shell = shell
         self.values = np.full(len(layer.skin), np.nan)
         self.empty = True  # nothing is known of any taxel
         self.signs: tuple[IntArray, list[str]] = (np.zeros(0, np.int64), [])
@@ -74,6 +88,8 @@ class SkinView:
         """Draw fewer triangles, for while the picture moves, or all of them."""
         if quick != self.drawing.quick:
             self.drawing.quick = quick
+            if self._shells:
+                self._shell.SetMapper(self._shells[quick])
             if self._shown is not None:
                 self.drawing.show(*self._shown, self.field, self.values)
 

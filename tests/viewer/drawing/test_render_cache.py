@@ -151,3 +151,39 @@ def test_memory_stays_flat_over_many_updates(at_rest, press):
         update(number)
     # A picture of 640 x 480 is 0.9 MB, what a sample brings 0.01: a leak of either would show.
     assert memory() - before < 2.0
+
+
+def test_cached_pictures_are_identical_when_still_colours_are_kept(at_rest, press):
+    """Colours that stay for a while move into the kept picture, and come out of it again."""
+    from viewer.drawing.resting import IDLE
+
+    scene = at_rest
+    rest(scene)
+    body = scene.canvas.cache.renderers[0]
+    torso = scene.canvas.skins["torso"].drawing.sheet
+    scene.set_pressures("torso", press("torso", 5)[0])
+    kept = []
+    for number in range(IDLE + 4):
+        scene.set_pressures("left_arm", press("left_arm", 10 + number)[0])
+        assert scene.refresh()
+        kept.append(next(one.kept for one in body.coloured if one.actor is torso))
+        shown = pixels(scene)
+        np.testing.assert_array_equal(shown, drawn_anew(scene))
+    assert not kept[0]
+    assert kept[-1]
+    scene.set_pressures("torso", press("torso", 200)[0])
+    scene.refresh()
+    assert not next(one.kept for one in body.coloured if one.actor is torso)
+    np.testing.assert_array_equal(pixels(scene), drawn_anew(scene))
+
+
+def test_the_flat_map_catches_up_with_a_moving_body(at_rest, press):
+    """Drawn in every other picture while the body moves, it is right again when that rests."""
+    scene = at_rest
+    rest(scene)
+    for number in range(5):
+        scene.look(scene.front.azimuth + 4.0 * number)
+        scene.set_pressures("torso", press("torso", 20 * number)[0])
+        assert scene.refresh()
+    rest(scene)
+    np.testing.assert_array_equal(pixels(scene), drawn_anew(scene))
