@@ -41,8 +41,8 @@ class Client:
         Number of the newest sample it was sent.
     wake : asyncio.Event
         There is something to send.
-    letters : list of str
-        Messages that are not samples.
+    letters : dict of str to str
+        Messages that wait, the newest of each kind: a page that asks and never reads fills nothing.
     """
 
     layer: str
@@ -50,11 +50,12 @@ class Client:
     drawn: int = 0
     told: int = -1
     wake: asyncio.Event = field(default_factory=asyncio.Event)
-    letters: list[str] = field(default_factory=list)
+    letters: dict[str, str] = field(default_factory=dict)
 
     def tell(self, message: dict[str, Any]) -> None:
-        """Send a message soon."""
-        self.letters.append(json.dumps(message, separators=(",", ":")))
+        """Send a message that is no sample soon; it takes the place of one of its kind."""
+        self.letters.pop(message["kind"], None)  # the newest goes last
+        self.letters[message["kind"]] = json.dumps(message, separators=(",", ":"))
         self.wake.set()
 
 
@@ -151,7 +152,7 @@ class Hub:
             await client.wake.wait()
             client.wake.clear()
             while client.letters:
-                await connection.send(client.letters.pop(0))
+                await connection.send(client.letters.pop(next(iter(client.letters))))
             # A slow page gets fewer samples, never old ones: what waits is written when it is sent.
             if client.told != self._number and client.sent - client.drawn < AHEAD:
                 client.told = self._number
@@ -203,7 +204,7 @@ class Hub:
                 await self._pick(client, str(wish["part"]), int(wish["taxel"]))
             else:
                 self._wishes[name](client, wish)
-        except (ValueError, TypeError, KeyError, RecursionError):
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             client.tell({"kind": "problem", "text": "the page asked for something unknown"})
         except SkinError as error:
             client.tell({"kind": "problem", "text": str(error)})

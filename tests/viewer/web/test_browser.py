@@ -157,3 +157,42 @@ def test_a_server_that_stops_is_told_in_the_page(open_tab, start):
     tab.wait("#status.warn")
     assert "not connected" in tab.page.locator("#status").inner_text()
     tab.context.close()
+
+
+@pytest.mark.parametrize("style", ["surface", "discs"])
+def test_a_resting_picture_is_the_same_with_and_without_the_graphics_card(tab, style):
+    """A sample is drawn pixel by pixel in software, and by the card's own program elsewhere."""
+    tab.page.select_option("#style", style)
+    tab.step()
+    tab.wait(".label")
+    gap, red, skin, hidden = tab.page.evaluate(
+        """() => {
+          clearTimeout(skinmap.still);
+          const { picture, camera } = skinmap, { canvas, rest, gl } = picture;
+          const { width, height } = canvas;
+          const codes = new Uint8Array(picture.codes).fill(200), values = picture.values.slice();
+          for (let k = 0; k < values.length; k += 2) [values[k], values[k + 1]] = [200, 1];
+          picture.touches.set([]);
+          picture.keep(camera, true);
+          picture.setValues(codes, values);
+          picture.draw(camera, true, false);
+          const one = rest.paper.getImageData(0, 0, width, height).data;
+          picture.software = false;
+          picture.keptSmooth = true; // only the way of drawing samples is to differ
+          picture.draw(camera, true, false);
+          const other = new Uint8Array(4 * width * height);
+          gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, other);
+          let gap = 0, red = 0;
+          for (let p = 0; p < width * height; p++) { // the card's rows begin below
+            const a = 4 * p, b = 4 * ((height - 1 - Math.floor(p / width)) * width + (p % width));
+            for (let i = 0; i < 3; i++) gap = Math.max(gap, Math.abs(one[a + i] - other[b + i]));
+            red += one[a] > 1.6 * one[a + 1] && one[a] > 1.6 * one[a + 2];
+          }
+          return [gap, red, rest.pixels.length, rest.canvas.hidden];
+        }"""
+    )
+    assert hidden
+    assert skin > 1000
+    assert red > 0.9 * skin  # 200 of 254 is a red, on all the skin that is seen
+    # Shares and shades are rounded; one takes the table's nearest row, the other between two.
+    assert gap <= 6

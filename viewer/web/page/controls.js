@@ -188,9 +188,14 @@ export class Controls {
     $("map-about").textContent = `${words(part.name)}: ${part.taxels[1]} taxels, ${part.patches} ${part.patches === 1 ? "patch" : "patches"}`;
   }
 
+  // The player's state counts from now on, not when it is written: a letter may come between.
+  sampleCame(header) {
+    this.state = { ...this.state, ...header };
+  }
+
   sampleChanged(header) {
     this.about = header;
-    this.stateChanged(header);
+    this.stateChanged({});
     const { touches } = header;
     $("touches-head").textContent = touches.length ? (touches.length === 1 ? "1 touch" : `${touches.length} touches`) : "no touch";
     $("touch-list").replaceChildren(...touches.map((touch) => {

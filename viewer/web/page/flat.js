@@ -1,43 +1,57 @@
-// The flat map of one part: the same values, outlines and clicks as on the body.
+// The flat map of one part: the same values, outlines and clicks as on the body. It is drawn without
+// the graphics card: each pixel knows its place on the sheet, as long as part and size stay.
 
-import { Pieces } from "./pieces.js";
 import { colour } from "./packing.js";
-import { flatten } from "./matrices.js";
 
 const MARGIN = 1.06;
-const GROUND = [0.87, 0.89, 0.91]; // behind discs: those at rest are nearly white
+const GROUND = [222, 227, 232]; // behind discs: those at rest are nearly white
 const COVER = 0.6;
-const STILL = new Float32Array([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+const packed = ([r, g, b]) => (0xff000000 | (b << 16) | (g << 8) | r) >>> 0;
+const bytes = (hex) => colour(hex).map((x) => Math.round(255 * x));
 
-export class Flat extends Pieces {
+export class Flat {
   constructor(canvas, scene) {
-    super(canvas, scene);
-    const gl = this.gl, a = this.arrays;
     this.canvas = canvas;
+    this.paper = canvas.getContext("2d", { alpha: false });
+    this.header = scene.header;
+    this.arrays = scene.arrays;
     this.part = this.header.parts[0];
     this.categories = false;
     this.style = "surface";
-    const uv = this.buffer(a["sheet.uv"]);
-    this.sheet = this.array("sheet", { position: [uv, 2, gl.FLOAT], value: [this.vertexValues, 2, gl.FLOAT] }, a["flat.faces"]);
-    this.border = this.array("sheet", { position: [uv, 2, gl.FLOAT] }, a["flat.border"]);
-    const centres = new Float32Array(3 * this.taxels), axes = new Int8Array(4 * this.taxels);
-    for (let k = 0; k < this.taxels; k++) {
-      centres.set(a["taxel.uv"].subarray(2 * k, 2 * k + 2), 3 * k);
-      axes[4 * k + 2] = 127;
-    }
-    this.hexes = this.hexagons(centres, axes);
+    this.table = new Uint32Array(1);
+    this.unknown = packed(bytes(this.header.colours.unknown));
+    this.lines = []; // {colour, ends: [u, v, u, v, ...], wide} [m]
+    this.lasso = null; // its corners [px]
+    this.ready = false; // pixels are known for this part and size
     this.stale = true; // something else than values has changed
-    this.shown = [];
-    gl.disable(gl.DEPTH_TEST);
+    this.shown = new Uint8Array(0);
   }
 
-  setLines(segments) {
-    this.stale ||= segments.length > 0 || this.ribbons?.count > 0;
-    super.setLines(segments);
+  setTable(rows) {
+    this.table = Uint32Array.from(rows, packed);
+    this.stale = true;
+  }
+
+  setValues(codes, values) {
+    this.codes = codes;
+    this.values = values;
+  }
+
+  setLines(lines) {
+    this.stale ||= lines.length > 0 || this.lines.length > 0;
+    this.lines = lines;
+  }
+
+  resize(width, height) {
+    if (this.canvas.width === width && this.canvas.height === height) return;
+    this.canvas.width = width;
+    this.canvas.height = height;
+    this.ready = false;
   }
 
   show(name) {
     this.part = this.header.parts.find((part) => part.name === name) || this.part;
+    this.ready = false;
   }
 
   // Middle and half the sides [m] of what the canvas shows.
@@ -58,38 +72,132 @@ export class Flat extends Pieces {
     };
   }
 
+  // Find for each pixel the face it lies in, and draw what stays: dots and borders.
+  prepare(ratio) {
+    const { width, height } = this.canvas, { middle, half } = this.frame();
+    this.scale = width / (2 * half[0]); // pixels a metre
+    this.at = (u, v) => [width / 2 + (u - middle[0]) * this.scale, height / 2 - (v - middle[1]) * this.scale];
+    this.image = new ImageData(width, height);
+    this.cells = new Uint32Array(this.image.data.buffer);
+    this.places();
+    this.over = new OffscreenCanvas(width, height);
+    const pen = this.over.getContext("2d"), uv = this.arrays["sheet.uv"], [first, count] = this.part.taxels;
+    const radius = Math.min(this.part.dot * this.scale, 2.2 * ratio), taxels = this.arrays["taxel.uv"];
+    pen.fillStyle = this.header.colours.dot;
+    for (let k = first; k < first + count; k++) {
+      pen.beginPath();
+      pen.arc(...this.at(taxels[2 * k], taxels[2 * k + 1]), radius, 0, 2 * Math.PI);
+      pen.fill();
+    }
+    pen.strokeStyle = this.header.colours.rim;
+    pen.lineWidth = ratio;
+    const border = this.arrays["flat.border"], [start, size] = this.part.flat_border;
+    pen.beginPath();
+    for (let k = start; k < start + size; k += 2) {
+      pen.moveTo(...this.at(uv[2 * border[k]], uv[2 * border[k] + 1]));
+      pen.lineTo(...this.at(uv[2 * border[k + 1]], uv[2 * border[k + 1] + 1]));
+    }
+    pen.stroke();
+    this.ready = this.stale = true;
+  }
+
+  // Pixels on the sheet: which, the three vertices around each, and the shares of the first two.
+  places() {
+    const { width, height } = this.canvas, uv = this.arrays["sheet.uv"], faces = this.arrays["flat.faces"];
+    const [start, size] = this.part.flat_faces, face = new Int32Array(width * height).fill(-1);
+    const shares = new Float32Array(2 * width * height);
+    for (let f = start; f < start + size; f += 3) {
+      const [a, b, c] = [0, 1, 2].map((i) => this.at(uv[2 * faces[f + i]], uv[2 * faces[f + i] + 1]));
+      const area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+      if (!area) continue;
+      const top = Math.max(0, Math.ceil(Math.min(a[1], b[1], c[1]) - 0.5)), bottom = Math.min(height - 1, Math.max(a[1], b[1], c[1]) - 0.5);
+      const left = Math.max(0, Math.ceil(Math.min(a[0], b[0], c[0]) - 0.5)), right = Math.min(width - 1, Math.max(a[0], b[0], c[0]) - 0.5);
+      for (let y = top; y <= bottom; y++) {
+        for (let x = left; x <= right; x++) {
+          const px = x + 0.5, py = y + 0.5;
+          const s = ((b[0] - px) * (c[1] - py) - (c[0] - px) * (b[1] - py)) / area;
+          const t = ((c[0] - px) * (a[1] - py) - (a[0] - px) * (c[1] - py)) / area;
+          if (s < 0 || t < 0 || s + t > 1) continue;
+          face[y * width + x] = f;
+          shares[2 * (y * width + x)] = s;
+          shares[2 * (y * width + x) + 1] = t;
+        }
+      }
+    }
+    this.pixels = Uint32Array.from(face.keys()).filter((p) => face[p] >= 0);
+    this.corners = new Uint32Array(3 * this.pixels.length);
+    this.shares = new Float32Array(2 * this.pixels.length);
+    this.pixels.forEach((p, k) => {
+      for (let i = 0; i < 3; i++) this.corners[3 * k + i] = faces[face[p] + i];
+      this.shares[2 * k] = shares[2 * p];
+      this.shares[2 * k + 1] = shares[2 * p + 1];
+    });
+  }
+
   // Draw, unless nothing on this part has changed.
   draw(ratio) {
-    const [first, count] = this.part.taxels;
-    const codes = this.spread.slice(6 * first, 6 * (first + count));
+    if (!this.codes || !this.canvas.width || !this.canvas.height) return;
+    const [first, count] = this.part.taxels, codes = this.codes.subarray(first, first + count);
+    if (!this.ready) this.prepare(ratio);
     if (!this.stale && codes.every((code, k) => code === this.shown[k])) return;
-    this.shown = codes;
+    this.shown = codes.slice();
     this.stale = false;
-    const gl = this.gl, { middle, half } = this.frame(), seen = flatten(middle, half);
-    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
-    gl.bindTexture(gl.TEXTURE_2D, this.table);
-    const common = { seen, model: STILL, camera: STILL, lit: 0, ...this.colours() };
     const sheet = this.style === "surface" && !this.categories;
-    gl.clearColor(...(sheet ? [1, 1, 1] : GROUND), 1);
-    gl.clear(gl.COLOR_BUFFER_BIT);
-    if (sheet) {
-      this.use("sheet", common);
-      gl.bindVertexArray(this.sheet);
-      gl.drawElements(gl.TRIANGLES, this.part.flat_faces[1], gl.UNSIGNED_INT, 4 * this.part.flat_faces[0]);
+    this.cells.fill(packed(sheet ? [255, 255, 255] : GROUND));
+    if (sheet) this.fillSheet();
+    this.paper.putImageData(this.image, 0, 0);
+    if (sheet) this.paper.drawImage(this.over, 0, 0);
+    else this.drawDiscs(first, codes);
+    this.drawLines(ratio);
+  }
+
+  fillSheet() {
+    const { pixels, corners, shares, cells, values, table, unknown } = this, top = table.length - 1;
+    for (let k = 0; k < pixels.length; k++) {
+      const a = 2 * corners[3 * k], b = 2 * corners[3 * k + 1], c = 2 * corners[3 * k + 2];
+      const s = shares[2 * k], t = shares[2 * k + 1], rest = 1 - s - t;
+      const known = s * values[a + 1] + t * values[b + 1] + rest * values[c + 1];
+      const row = (s * values[a] + t * values[b] + rest * values[c]) / (known || 1) + 0.5;
+      cells[pixels[k]] = known < 0.5 ? unknown : table[row > top ? top : row | 0];
     }
-    const pixel = (2 * half[1]) / this.canvas.height;
-    const how = sheet
-      ? { radius: Math.min(this.part.dot, 2.2 * ratio * pixel), mode: 1, plain: colour(this.header.colours.dot) }
-      : { radius: (this.style === "surface" ? COVER : 0.47) * this.part.spacing };
-    this.drawHexagons(this.hexes, this.part.taxels, { ...common, ...how });
-    if (sheet) {
-      this.use("sheet", { ...common, unknown: colour(this.header.colours.rim) });
-      gl.bindVertexArray(this.border);
-      gl.drawElements(gl.LINES, this.part.flat_border[1], gl.UNSIGNED_INT, 4 * this.part.flat_border[0]);
+  }
+
+  drawDiscs(first, codes) {
+    const { paper } = this, uv = this.arrays["taxel.uv"], byCode = new Map();
+    codes.forEach((code, k) => byCode.get(code)?.push(first + k) ?? byCode.set(code, [first + k]));
+    const radius = (this.style === "surface" ? COVER : 0.47) * this.part.spacing * this.scale;
+    for (const [code, taxels] of byCode) {
+      const cell = code === 255 ? this.unknown : this.table[Math.min(code, this.table.length - 1)];
+      paper.fillStyle = `rgb(${cell & 255} ${(cell >> 8) & 255} ${(cell >> 16) & 255})`;
+      paper.beginPath();
+      for (const k of taxels) {
+        const [x, y] = this.at(uv[2 * k], uv[2 * k + 1]);
+        paper.moveTo(x + radius, y);
+        paper.arc(x, y, radius, 0, 2 * Math.PI);
+      }
+      paper.fill();
     }
-    const pixels = [this.canvas.width, this.canvas.height].map((x) => x / 2 / ratio);
-    this.drawLines(seen, pixels, 5, 0, [1, 1, 1, 1]);
-    this.drawLines(seen, pixels, 2.5, 0, [0, 0, 0, 0]);
+  }
+
+  drawLines(ratio) {
+    const { paper, lasso } = this;
+    paper.lineCap = paper.lineJoin = "round";
+    const stroke = (style, width, path) => Object.assign(paper, { strokeStyle: style, lineWidth: width * ratio }).stroke(path);
+    const paths = this.lines.map(({ colour: tint, ends, halo }) => {
+      const path = new Path2D();
+      for (let k = 0; k < ends.length; k += 4) {
+        path.moveTo(...this.at(ends[k], ends[k + 1]));
+        path.lineTo(...this.at(ends[k + 2], ends[k + 3]));
+      }
+      return { path, tint, halo };
+    });
+    for (const { path, halo } of paths) if (halo) stroke("#ffffff", 5, path);
+    for (const { path, tint, halo } of paths) stroke(tint, halo ? 2.5 : 1.5, path);
+    if (!lasso) return;
+    const path = new Path2D();
+    lasso.forEach(([x, y]) => path.lineTo(x, y));
+    path.closePath();
+    stroke("#20262e", 1.5, path);
   }
 
   // Number of the taxel nearest to a point of the canvas [px], among all taxels; -1 outside.

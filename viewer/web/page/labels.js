@@ -30,20 +30,30 @@ export class Labels {
     const sides = { left: [], right: [] };
     for (const touch of touches) {
       const one = this.made.get(touch.key) || this.make(touch.key);
-      one.box.textContent = touch.text;
-      one.box.style.borderColor = touch.colour;
-      one.box.style.color = readable(touch.colour);
-      one.box.classList.toggle("hidden", touch.hidden);
-      one.line.setAttribute("stroke", touch.colour);
-      one.line.setAttribute("stroke-dasharray", touch.hidden ? "3 3" : "none");
+      this.write(one, touch);
       // A side once chosen is kept while the touch lasts, unless the touch wanders far across.
       const across = touch.at[0] - room.width / 2;
       if (!one.side || Math.abs(across) > 0.12 * room.width) {
         one.side = (touches.length > 1 ? touch.at[0] - (middle + room.width / 2) / 2 : across) < 0 ? "left" : "right";
       }
-      sides[one.side].push({ ...touch, ...one, height: one.box.offsetHeight, width: one.box.offsetWidth });
+      sides[one.side].push({ ...touch, ...one, });
     }
     for (const side of ["left", "right"]) this.stack(sides[side], side, room);
+  }
+
+  // What stands in a box changes rarely, and its size is asked for only then: that costs a layout.
+  write(one, { text, colour: tint, hidden }) {
+    const said = `${text} ${tint} ${hidden}`;
+    if (one.said === said) return;
+    one.said = said;
+    one.box.textContent = text;
+    one.box.style.borderColor = tint;
+    one.box.style.color = readable(tint);
+    one.box.classList.toggle("hidden", hidden);
+    one.line.setAttribute("stroke", tint);
+    one.line.setAttribute("stroke-dasharray", hidden ? "3 3" : "none");
+    one.height = one.box.offsetHeight;
+    one.width = one.box.offsetWidth;
   }
 
   make(key) {
@@ -73,8 +83,7 @@ export class Labels {
     const inset = Math.max(12, 0.08 * room.width);
     for (const { box, line, at, y: upper, width, height } of column) {
       const x = side === "left" ? inset : room.width - inset - width;
-      box.style.left = `${x.toFixed(1)}px`;
-      box.style.top = `${upper.toFixed(1)}px`;
+      box.style.transform = `translate(${x.toFixed(1)}px, ${upper.toFixed(1)}px)`;
       const start = side === "left" ? x + width : x;
       const mid = upper + height / 2, [ax, ay] = at.map((v) => v.toFixed(1));
       line.setAttribute("d", `M${start.toFixed(1)} ${mid.toFixed(1)}L${ax} ${ay}m-3 0a3 3 0 1 0 6 0a3 3 0 1 0 -6 0`);

@@ -50,8 +50,7 @@ class Page {
     this.picture.resize(Math.round(width * ratio), Math.round(height * ratio));
     this.camera.resize(width / height, ratio);
     const flat = this.flat.canvas;
-    flat.width = Math.round(flat.clientWidth * ratio);
-    flat.height = Math.round(flat.clientHeight * ratio);
+    this.flat.resize(Math.round(flat.clientWidth * ratio), Math.round(flat.clientHeight * ratio));
     this.redraw(true);
   }
 
@@ -70,6 +69,7 @@ class Page {
     this.picture.setValues(arrays.values, values);
     this.flat.setValues(arrays.values, values);
     this.setOutlines(header.touches, arrays);
+    this.controls.sampleCame(header);
     this.writing ??= setTimeout(() => this.write(), WRITE);
     this.redraw();
   }
@@ -86,19 +86,19 @@ class Page {
     for (const touch of touches) {
       const part = this.header.parts.find((one) => one.name === touch.part);
       const model = this.picture.model(part.link), tint = colour(touch.colour);
-      const ends = arrays[touch.outline], shares = arrays[`${touch.outline}.share`];
+      const ends = arrays[touch.outline], shares = arrays[`${touch.outline}.share`], line = [];
       for (let k = 0; k < shares.length; k += 2) {
-        const seg = [], flatSeg = [];
+        const seg = [];
         for (let e = k; e < k + 2; e++) {
           const s = shares[e] / 65535, a = ends[2 * e], b = ends[2 * e + 1];
           const mix = (array, width, i) => array[width * a + i] * (1 - s) + array[width * b + i] * s;
           const p = [0, 1, 2].map((i) => mix(points, 3, i) + (LIFT * mix(normals, 4, i)) / 127);
           seg.push(...place(model, p).slice(0, 3));
-          flatSeg.push(mix(uv, 2, 0), mix(uv, 2, 1), 0);
+          line.push(mix(uv, 2, 0), mix(uv, 2, 1));
         }
         round.push(...seg, ...tint);
-        if (part === this.flat.part) flat.push(...flatSeg, ...tint);
       }
+      if (part === this.flat.part) flat.push({ colour: touch.colour, ends: line, halo: true });
       const foot = place(model, touch.centre), up = turn(model, touch.normal);
       const tip = [0, 1, 2].map((i) => foot[i] + ARROW * up[i]);
       round.push(foot[0], foot[1], foot[2], ...tip, ...tint);
@@ -106,8 +106,8 @@ class Page {
       for (let k = 1; k < trail.length; k++) round.push(...trail[k - 1].slice(0, 3), ...trail[k].slice(0, 3), ...tint);
     }
     if (this.picked >= 0) this.ring(round, flat);
-    this.picture.setLines(new Float32Array(round));
-    this.flat.setLines(new Float32Array(flat));
+    this.picture.touches.set(round);
+    this.flat.setLines(flat);
   }
 
   // A ring around the taxel that was picked, on the body and on the flat map.
@@ -116,7 +116,7 @@ class Page {
     const part = this.header.parts.find((one) => one.name === this.taxel(k).part);
     const model = this.picture.model(part.link), tint = colour(INK);
     const up = unit([...this.arrays["taxel.normals"].subarray(4 * k, 4 * k + 3)]);
-    const right = unit(cross(up, Math.abs(up[0]) < 0.6 ? [1, 0, 0] : [0, 1, 0])), ahead = cross(up, right);
+    const right = unit(cross(up, Math.abs(up[0]) < 0.6 ? [1, 0, 0] : [0, 1, 0])), ahead = cross(up, right), line = [];
     for (let c = 0; c < 12; c++) {
       const ends = [c, c + 1].map((at) => [Math.cos((at * Math.PI) / 6), Math.sin((at * Math.PI) / 6)]);
       const radius = 0.55 * part.spacing;
@@ -125,10 +125,9 @@ class Page {
         round.push(...place(model, p).slice(0, 3));
       }
       round.push(...tint);
-      if (part !== this.flat.part) continue;
-      for (const [x, y] of ends) flat.push(uv[2 * k] + radius * x, uv[2 * k + 1] + radius * y, 0);
-      flat.push(...tint);
+      for (const [x, y] of ends) line.push(uv[2 * k] + radius * x, uv[2 * k + 1] + radius * y);
     }
+    if (part === this.flat.part) flat.push({ colour: INK, ends: line, halo: true });
   }
 
   pick(number) {

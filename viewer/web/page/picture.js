@@ -1,11 +1,12 @@
-// The robot. While the camera rests, all is drawn once and kept with its depths; a sample draws anew
-// the skin of the parts that changed, and the lines of touches. Software then keeps up with samples.
+// The robot. While camera and robot rest, all is drawn once and kept, and with it which point of the
+// skin each pixel shows: a sample then costs a look at each pixel, and no triangles.
 
-import { Pieces } from "./pieces.js";
+import { Pieces, Ribbons } from "./pieces.js";
 import { colour } from "./packing.js";
 import { multiply } from "./matrices.js";
+import { Rest } from "./rest.js";
+import { closeRooms, openRooms } from "./rooms.js";
 
-const SMOOTH = 4; // samples a pixel of what is kept
 const FULL_DISC = 0.47; // radius of a disc in spacings
 const COVER = 0.62; // the same where discs are to leave no gap: for categories and for picking
 
@@ -19,58 +20,55 @@ export class Picture extends Pieces {
     this.style = "surface";
     this.categories = false;
     this.parts = new Set(this.header.parts.map((part) => part.name));
+    this.unknownBytes = this.unknown.map((x) => Math.round(255 * x));
     this.tints = Object.fromEntries(Object.entries(this.header.colours).map(([k, v]) => [k, colour(v)]));
     const normals = (name) => [this.buffer(a[name]), 4, gl.BYTE, true];
     const points = (name) => [this.buffer(a[name]), 3, gl.FLOAT];
     this.body = this.array("body", { position: points("body.points"), normal: normals("body.normals") }, a["body.faces"]);
     this.shell = this.array("shell", { position: points("shell.points") }, a["shell.faces"]);
-    this.sheet = this.array("sheet", {
-      position: points("sheet.points"), normal: normals("sheet.normals"), value: [this.vertexValues, 2, gl.FLOAT],
-    }, a["sheet.faces"]);
+    this.sheet = this.array("sheet", { position: points("sheet.points"), normal: normals("sheet.normals") }, a["sheet.faces"]);
+    this.corners = null; // of the sheets' faces, made when they are first needed
     this.hexes = this.hexagons(a["taxel.points"], a["taxel.normals"]);
+    this.touches = new Ribbons(this);
+    this.chosen = new Ribbons(this);
+    this.nothing = gl.createVertexArray();
+    this.rest = new Rest(document.getElementById("rest"));
     this.kept = null; // version of the camera that the kept picture was drawn for
     this.keptSmooth = false;
-    this.keptCodes = new Uint8Array(this.taxels);
+    this.placed = false; // the kept picture's points of the skin are known
+    this.changed = false; // values are others than those of the kept picture
     gl.enable(gl.CULL_FACE);
   }
 
   resize(width, height) {
     if (this.canvas.width === width && this.canvas.height === height && this.rooms) return;
-    const gl = this.gl;
     this.canvas.width = width;
     this.canvas.height = height;
-    for (const room of Object.values(this.rooms || {})) {
-      gl.deleteFramebuffer(room.frame);
-      room.stores.forEach((store) => gl.deleteRenderbuffer(store));
-    }
-    const samples = Math.min(SMOOTH, gl.getParameter(gl.MAX_SAMPLES));
-    const kept = this.room(0);
-    this.rooms = { kept, work: this.room(0, kept.stores[1]), smooth: this.room(samples) };
+    closeRooms(this.gl, this.rooms);
+    this.rooms = openRooms(this, width, height);
     this.forget();
-  }
-
-  // Somewhere to draw: colours, and depths of its own or those of another room.
-  room(samples, depths = null) {
-    const gl = this.gl, frame = gl.createFramebuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-    const store = (where, format, shared) => {
-      const made = shared || gl.createRenderbuffer();
-      gl.bindRenderbuffer(gl.RENDERBUFFER, made);
-      if (!shared) {
-        gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, this.canvas.width, this.canvas.height);
-      }
-      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, where, gl.RENDERBUFFER, made);
-      return made;
-    };
-    return {
-      frame,
-      stores: [store(gl.COLOR_ATTACHMENT0, gl.RGBA8), store(gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT24, depths)],
-    };
   }
 
   // All must be drawn anew: the camera, the pose or what is shown has changed.
   forget() {
     this.kept = null;
+  }
+
+  setValues(codes, vertexValues) {
+    Object.assign(this, { codes, values: vertexValues, changed: true, sent: false });
+  }
+
+  // Give the values to the card, where it is the one that draws.
+  send() {
+    if (this.sent || !this.codes) return;
+    this.fill(this.codeList, this.codes);
+    this.fill(this.valueList, this.values);
+    this.sent = true;
+  }
+
+  setTable(rows, smooth) {
+    super.setTable(rows, smooth);
+    this.tableBytes = Uint8Array.from(rows.flat());
   }
 
   model(link) {
@@ -79,69 +77,118 @@ export class Picture extends Pieces {
 
   // Draw: quick leaves out the smoothing of edges, which software takes long for; still smooths all.
   draw(camera, quick, still) {
-    const gl = this.gl, { kept, work, smooth } = this.rooms, rough = quick && this.software;
-    const anew = this.kept !== camera.version || (!this.keptSmooth && !rough);
-    if (anew) this.keep(camera, rough);
-    gl.enable(gl.SCISSOR_TEST);
-    if (anew) gl.scissor(0, 0, this.canvas.width, this.canvas.height);
-    else gl.scissor(...this.reach(camera));
+    const { kept, work, smooth } = this.rooms, rough = quick && this.software;
+    if (still || !this.software || !this.placed || this.kept !== camera.version) this.send();
     if (still) {
+      this.rest.hide();
       this.into(smooth);
       this.drawBody(camera);
-      this.drawSkin(camera, this.header.parts);
-      this.drawTouches(camera);
-      this.copy(smooth, work);
-    } else {
-      this.copy(kept, work);
-      this.into(work);
-      gl.depthMask(false);
-      this.drawSkin(camera, this.changed(), true);
-      this.drawTouches(camera);
-      gl.depthMask(true);
+      this.drawSkin(camera);
+      this.drawTouches(camera, false);
+      this.resolve(smooth, work);
+      this.show(work, false);
+      return;
     }
-    this.copy(work, { frame: null });
-    gl.disable(gl.SCISSOR_TEST);
+    if (this.kept !== camera.version || (!this.keptSmooth && !rough)) this.keep(camera, rough);
+    if (this.changed && !this.placed) this.place(camera);
+    if (this.changed && this.software) {
+      this.rest.draw({ codes: this.codes, values: this.values, table: this.tableBytes, unknown: this.unknownBytes });
+      this.rest.drawLines(this.chosen.segments, camera.matrix, 2 * camera.ratio, false);
+      this.rest.drawLines(this.touches.segments, camera.matrix, 3 * camera.ratio, true);
+      return;
+    }
+    this.rest.hide();
+    this.show(kept, this.changed);
+    this.drawTouches(camera, true);
   }
 
   // Draw body and skin, and keep them: colours with smooth edges, depths of the pixels' middles.
   keep(camera, rough) {
+    this.send();
     const gl = this.gl, { kept, smooth } = this.rooms;
     for (const room of rough ? [kept] : [smooth, kept]) {
       this.into(room);
       if (!rough && room === kept) {
-        this.copy(smooth, kept);
-        gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
+        this.resolve(smooth, kept);
+        this.into(kept);
         gl.colorMask(false, false, false, false);
       }
       this.drawBody(camera);
-      this.drawSkin(camera, this.header.parts);
+      this.drawSkin(camera);
     }
     gl.colorMask(true, true, true, true);
-    for (let k = 0; k < this.taxels; k++) this.keptCodes[k] = this.spread[6 * k];
     this.kept = camera.version;
     this.keptSmooth = !rough;
+    this.placed = this.changed = false;
   }
 
-  // Parts whose values are others than those kept.
-  changed() {
-    return this.header.parts.filter(({ taxels: [first, count] }) => {
-      for (let k = first; k < first + count; k++) if (this.keptCodes[k] !== this.spread[6 * k]) return true;
-      return false;
-    });
+  // Find which point of the skin each pixel of the kept picture shows.
+  place(camera) {
+    const gl = this.gl;
+    gl.depthMask(false);
+    gl.disable(gl.DEPTH_TEST);
+    this.into(this.rooms.bare);
+    this.use("depth", {});
+    gl.bindVertexArray(this.nothing);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.enable(gl.DEPTH_TEST);
+    this.into(this.rooms.places);
+    gl.enable(gl.POLYGON_OFFSET_FILL); // a hair nearer than the same faces as they were kept
+    gl.polygonOffset(0, -4);
+    this.corners ??= this.faceCorners();
+    const discs = this.asSheet() ? 0 : 1, cover = this.style === "surface" ? COVER : FULL_DISC;
+    this.eachPart((part, model, seen) => {
+      const how = { seen, model, camera: camera.view, discs, radius: cover * part.spacing };
+      if (discs) {
+        this.drawHexagons(this.hexes, part.taxels, how, "places");
+        return;
+      }
+      this.use("places", how);
+      gl.bindVertexArray(this.corners);
+      gl.drawArrays(gl.TRIANGLES, ...part.sheet_faces);
+    }, camera);
+    gl.disable(gl.POLYGON_OFFSET_FILL);
+    gl.depthMask(true);
+    this.placed = true;
+    if (this.software) this.handOver();
   }
 
-  // Rectangle of the canvas that the robot and what is drawn at it can fill.
-  reach(camera) {
-    const { middle, size } = this.header, { width, height } = this.canvas, low = [1, 1], high = [0, 0];
-    for (let k = 0; k < 8; k++) {
-      const at = camera.project(middle.map((m, i) => m + (k & (1 << i) ? 0.55 : -0.55) * size[i]));
-      at.forEach((share, i) => {
-        low[i] = Math.min(low[i], Math.max(0, share));
-        high[i] = Math.max(high[i], Math.min(1, share));
-      });
+  // Give what was kept to the part of the page that draws samples without the card.
+  handOver() {
+    const gl = this.gl, { width, height } = this.canvas;
+    const colours = new Uint8Array(4 * width * height), places = new Uint32Array(4 * width * height);
+    gl.readPixels(0, 0, width, height, gl.RGBA_INTEGER, gl.UNSIGNED_INT, places);
+    this.into(this.rooms.kept);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, colours);
+    this.rest.take(width, height, colours, places, this.arrays["sheet.faces"]);
+  }
+
+  // The sheets' faces with corners of their own, and the list of which vertices these are.
+  faceCorners() {
+    const gl = this.gl, a = this.arrays, faces = a["sheet.faces"], n = faces.length;
+    const points = new Float32Array(3 * n), normals = new Int8Array(4 * n), list = new Uint32Array((4 * n) / 3);
+    for (let k = 0; k < n; k++) {
+      const v = faces[k];
+      for (let i = 0; i < 3; i++) {
+        points[3 * k + i] = a["sheet.points"][3 * v + i];
+        normals[4 * k + i] = a["sheet.normals"][4 * v + i];
+      }
+      list[4 * ((k / 3) | 0) + (k % 3)] = v;
     }
-    const pixels = [low[0] * width, (1 - high[1]) * height, (high[0] - low[0]) * width, (high[1] - low[1]) * height];
-    return pixels.map((p, i) => (i < 2 ? Math.floor(p) : Math.max(0, Math.ceil(p) + 1)));
+    this.list("faces", list, 4);
+    return this.array("places", { position: [this.buffer(points), 3, gl.FLOAT], normal: [this.buffer(normals), 4, gl.BYTE, true] });
+  }
+
+  // Fill the canvas with a room's picture; live with the values of now.
+  show(room, live) {
+    const gl = this.gl;
+    this.bind("kept", room.shown);
+    this.into({ frame: null });
+    gl.disable(gl.DEPTH_TEST);
+    this.use("show", { ...this.colours(), live: live ? 1 : 0 });
+    gl.bindVertexArray(this.nothing);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.enable(gl.DEPTH_TEST);
   }
 
   into(room) {
@@ -150,7 +197,7 @@ export class Picture extends Pieces {
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
   }
 
-  copy(from, to) {
+  resolve(from, to) {
     const gl = this.gl, w = this.canvas.width, h = this.canvas.height;
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from.frame);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to.frame);
@@ -186,37 +233,40 @@ export class Picture extends Pieces {
     return this.style === "surface" && !this.categories;
   }
 
-  eachPart(act, camera, parts = this.header.parts) {
-    parts.forEach((part) => {
+  eachPart(act, camera) {
+    this.header.parts.forEach((part) => {
       if (!this.parts.has(part.name)) return;
       const model = this.model(part.link);
       act(part, model, multiply(camera.matrix, model));
     });
   }
 
-  drawSkin(camera, parts, again = false) {
-    const gl = this.gl;
-    gl.bindTexture(gl.TEXTURE_2D, this.table);
-    const sheet = this.asSheet(), cover = this.style === "surface" ? COVER : FULL_DISC;
+  drawSkin(camera) {
+    const gl = this.gl, sheet = this.asSheet(), cover = this.style === "surface" ? COVER : FULL_DISC;
     this.eachPart((part, model, seen) => {
       if (sheet) {
         gl.bindVertexArray(this.sheet);
-        this.use("sheet", { seen, model, camera: camera.view, lit: 1, ...this.colours() });
+        this.use("sheet", { seen, model, camera: camera.view, ...this.colours() });
         gl.drawElements(gl.TRIANGLES, part.sheet_faces[1], gl.UNSIGNED_INT, 4 * part.sheet_faces[0]);
-        if (again) return; // the dots stand there already
       }
       const how = sheet ? { radius: part.dot, mode: 1, plain: this.tints.dot } : { radius: cover * part.spacing };
       this.drawHexagons(this.hexes, part.taxels, { seen, model, camera: camera.view, ...how });
-    }, camera, parts);
+    }, camera);
   }
 
-  drawTouches(camera) {
-    const gl = this.gl;
-    const pixels = [this.canvas.width, this.canvas.height].map((x) => x / 2 / camera.ratio);
+  // Lines, hidden by what lies before them: by the depths that were kept, or those of the room drawn in.
+  drawTouches(camera, tested) {
+    const gl = this.gl, pixels = [this.canvas.width, this.canvas.height].map((x) => x / 2 / camera.ratio);
+    const common = { seen: camera.matrix, pixels, tested: tested ? 1 : 0 };
+    if (tested) gl.disable(gl.DEPTH_TEST);
     gl.disable(gl.CULL_FACE);
-    this.drawLines(camera.matrix, pixels, 6, 2e-4, [1, 1, 1, 1]);
-    this.drawLines(camera.matrix, pixels, 3, 4e-4, [0, 0, 0, 0]);
+    gl.depthMask(false); // a halo never hides the line that it belongs to
+    this.chosen.draw({ ...common, width: 2, nearer: 1e-4, halo: [0, 0, 0, 0] });
+    this.touches.draw({ ...common, width: 6, nearer: 2e-4, halo: [1, 1, 1, 1] });
+    this.touches.draw({ ...common, width: 3, nearer: 4e-4, halo: [0, 0, 0, 0] });
+    gl.depthMask(true);
     gl.enable(gl.CULL_FACE);
+    gl.enable(gl.DEPTH_TEST);
   }
 
   // Number of the taxel under a point of the canvas [px], among all taxels; -1 where there is none.
@@ -232,7 +282,7 @@ export class Picture extends Pieces {
     gl.depthMask(false);
     this.eachPart((part, model, seen) => {
       const how = { radius: COVER * part.spacing, mode: 2, lift: 2e-4 };
-      this.drawHexagons(this.hexes, part.taxels, { seen, model, camera: camera.view, ...how }, true);
+      this.drawHexagons(this.hexes, part.taxels, { seen, model, camera: camera.view, ...how });
     }, camera);
     gl.depthMask(true);
     const pixel = new Uint8Array(4);

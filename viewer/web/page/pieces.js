@@ -1,29 +1,27 @@
-// Parts of a picture on the graphics card: what the body and the flat map both draw.
+// What a picture is made of on the graphics card: buffers, textures, hexagons and ribbons.
 
-import { BODY, DISC, LINE, SHEET, SHELL, program } from "./shaders.js";
+import { BODY, DEPTH, DISC, LINE, PLACES, SHEET, SHELL, SHOW, UNITS, program } from "./shaders.js";
 import { cross, unit } from "./matrices.js";
 import { colour } from "./packing.js";
 
 const SIDES = 6; // of the hexagon that stands for a taxel
+const WIDE = 2048; // of textures that hold a list, as in the programs
+const SOURCES = { body: BODY, shell: SHELL, sheet: SHEET, disc: DISC, line: LINE, places: PLACES, show: SHOW, depth: DEPTH };
 
 export class Pieces {
   constructor(canvas, scene) {
-    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, depth: false, preserveDrawingBuffer: true });
+    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, depth: false });
     if (!gl) throw new Error("this browser offers no WebGL2");
     this.gl = gl;
     this.header = scene.header;
     this.arrays = scene.arrays;
-    this.programs = Object.fromEntries(
-      Object.entries({ body: BODY, shell: SHELL, sheet: SHEET, disc: DISC, line: LINE }).map(([k, s]) => [k, program(gl, s)]),
-    );
-    this.table = gl.createTexture();
-    this.size = 1;
+    this.programs = Object.fromEntries(Object.entries(SOURCES).map(([k, s]) => [k, program(gl, s)]));
+    this.size = 1; // rows of the table of colours
     this.unknown = colour(this.header.colours.unknown);
-    this.vertexValues = this.buffer(new Float32Array(scene.arrays["sheet.points"].length / 3 * 2), gl.DYNAMIC_DRAW);
     this.taxels = scene.arrays["taxel.points"].length / 3;
-    this.spread = new Uint8Array(SIDES * this.taxels).fill(255); // a byte for each corner
-    this.codes = this.buffer(this.spread, gl.DYNAMIC_DRAW);
-    this.ribbons = null;
+    this.table = this.texture("table", gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, 1, 1);
+    this.codeList = this.list("codes", new Uint8Array(this.taxels).fill(255), 1);
+    this.valueList = this.list("values", new Float32Array(scene.arrays["sheet.points"].length / 3 * 2), 2);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LEQUAL);
   }
@@ -54,6 +52,42 @@ export class Pieces {
     return made;
   }
 
+  // A texture that stays at its sampler's unit; nothing lies between its pixels.
+  texture(sampler, inside, format, type, width, height, data = null) {
+    const gl = this.gl, made = gl.createTexture();
+    this.bind(sampler, made);
+    gl.texImage2D(gl.TEXTURE_2D, 0, inside, width, height, 0, format, type, data);
+    for (const key of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, key, gl.NEAREST);
+    for (const key of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, key, gl.CLAMP_TO_EDGE);
+    return made;
+  }
+
+  bind(sampler, texture) {
+    this.gl.activeTexture(this.gl.TEXTURE0 + UNITS[sampler]);
+    this.gl.bindTexture(this.gl.TEXTURE_2D, texture);
+  }
+
+  // A list of numbers as a texture: `width` numbers a pixel, read by their place in the list.
+  list(sampler, data, width) {
+    const gl = this.gl, rows = Math.max(1, Math.ceil(data.length / width / WIDE));
+    const [inside, format, type] = {
+      codes: [gl.R8UI, gl.RED_INTEGER, gl.UNSIGNED_BYTE],
+      values: [gl.RG32F, gl.RG, gl.FLOAT],
+      faces: [gl.RGBA32UI, gl.RGBA_INTEGER, gl.UNSIGNED_INT],
+    }[sampler];
+    const room = new data.constructor(width * WIDE * rows);
+    room.set(data);
+    const made = this.texture(sampler, inside, format, type, WIDE, rows, room);
+    return { sampler, made, room, rows, format, type };
+  }
+
+  fill(list, data) {
+    const gl = this.gl;
+    list.room.set(data);
+    this.bind(list.sampler, list.made);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, WIDE, list.rows, list.format, list.type, list.room);
+  }
+
   use(name, uniforms) {
     const { made, at } = this.programs[name];
     const gl = this.gl;
@@ -71,23 +105,12 @@ export class Pieces {
   setTable(rows, smooth) {
     const gl = this.gl;
     this.size = rows.length;
-    gl.bindTexture(gl.TEXTURE_2D, this.table);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, rows.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE,
+    this.bind("table", this.table);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, rows.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE,
       new Uint8Array(rows.flatMap((row) => [...row, 255])));
-    for (const [key, value] of [[gl.TEXTURE_MIN_FILTER, smooth ? gl.LINEAR : gl.NEAREST],
-      [gl.TEXTURE_MAG_FILTER, smooth ? gl.LINEAR : gl.NEAREST],
-      [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]]) {
-      gl.texParameteri(gl.TEXTURE_2D, key, value);
+    for (const key of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
+      gl.texParameteri(gl.TEXTURE_2D, key, smooth ? gl.LINEAR : gl.NEAREST);
     }
-  }
-
-  setValues(codes, vertexValues) {
-    const gl = this.gl;
-    for (let k = 0; k < this.spread.length; k++) this.spread[k] = codes[(k / SIDES) | 0];
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.codes);
-    gl.bufferSubData(gl.ARRAY_BUFFER, 0, this.spread);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.vertexValues);
-    gl.bufferSubData(gl.ARRAY_BUFFER, 0, vertexValues);
   }
 
   colours() {
@@ -114,53 +137,69 @@ export class Pieces {
       }
       faces.set([0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 5].map((c) => SIDES * k + c), 12 * k);
     }
-    const common = {
+    const attributes = {
       centre: [this.buffer(centre), 3, gl.FLOAT], arm: [this.buffer(arm), 3, gl.FLOAT],
-      axis: [this.buffer(axis), 4, gl.BYTE, true],
+      axis: [this.buffer(axis), 4, gl.BYTE, true], number: [this.buffer(number), 1, gl.FLOAT],
     };
-    return {
-      shown: this.array("disc", { ...common, code: [this.codes, 1, gl.UNSIGNED_BYTE] }, faces),
-      picked: this.array("disc", { ...common, code: [this.buffer(number), 1, gl.FLOAT] }, faces),
-    };
+    return { disc: this.array("disc", attributes, faces), places: this.array("places", attributes, faces) };
   }
 
-  drawHexagons(hexagons, [first, count], uniforms, picked = false) {
+  drawHexagons(hexagons, [first, count], uniforms, programName = "disc") {
     const gl = this.gl;
-    this.use("disc", { ...this.colours(), lift: 0, plain: [0, 0, 0], mode: 0, ...uniforms });
-    gl.bindVertexArray(picked ? hexagons.picked : hexagons.shown);
+    this.use(programName, { ...this.colours(), lift: 0, plain: [0, 0, 0], mode: 0, ...uniforms });
+    gl.bindVertexArray(hexagons[programName]);
     gl.drawElements(gl.TRIANGLES, 12 * count, gl.UNSIGNED_INT, 48 * first);
   }
+}
 
-  // Lines of all touches: nine numbers a segment, from, to and colour; each becomes a ribbon.
-  setLines(segments) {
-    const gl = this.gl, count = segments.length / 9;
+// Lines of a width in pixels: nine numbers a segment, from, to and colour; each becomes a ribbon.
+export class Ribbons {
+  constructor(pieces) {
+    const gl = pieces.gl, buffer = pieces.buffer(new Float32Array(0), gl.DYNAMIC_DRAW);
+    const field = (width, at) => [buffer, width, gl.FLOAT, false, 44, 4 * at];
+    const attributes = { from: field(3, 0), to: field(3, 3), tint: field(3, 6), corner: field(2, 9) };
+    this.array = pieces.array("line", attributes, new Uint32Array(0));
+    this.pieces = pieces;
+    this.buffer = buffer;
+    this.count = 0;
+    this.segments = [];
+  }
+
+  set(segments) {
+    this.segments = segments;
+    this.stale = true;
+  }
+
+  send() {
+    const { segments } = this;
+    this.stale = false;
+    const gl = this.pieces.gl, count = segments.length / 9;
     const data = new Float32Array(44 * count), faces = new Uint32Array(6 * count);
     for (let k = 0; k < count; k++) {
       for (let c = 0; c < 4; c++) {
-        data.set(segments.slice(9 * k, 9 * k + 9), 44 * k + 11 * c);
+        for (let i = 0; i < 9; i++) data[44 * k + 11 * c + i] = segments[9 * k + i];
         data[44 * k + 11 * c + 9] = c & 1;
         data[44 * k + 11 * c + 10] = c < 2 ? -0.5 : 0.5;
+        faces[6 * k + c] = 4 * k + c;
       }
-      faces.set([0, 1, 2, 2, 1, 3].map((c) => 4 * k + c), 6 * k);
+      faces[6 * k + 3] = 4 * k + 2;
+      faces[6 * k + 4] = 4 * k + 1;
+      faces[6 * k + 5] = 4 * k + 3;
     }
-    if (!this.ribbons) {
-      const buffer = this.buffer(data, gl.DYNAMIC_DRAW), field = (width, at) => [buffer, width, gl.FLOAT, false, 44, 4 * at];
-      const attributes = { from: field(3, 0), to: field(3, 3), tint: field(3, 6), corner: field(2, 9) };
-      this.ribbons = { buffer, array: this.array("line", attributes, faces) };
-    }
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.ribbons.buffer);
+    gl.bindVertexArray(this.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
     gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
-    gl.bindVertexArray(this.ribbons.array);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, faces, gl.DYNAMIC_DRAW);
-    this.ribbons.count = faces.length;
+    this.count = faces.length;
   }
 
-  drawLines(seen, pixels, width, nearer, halo) {
-    if (!this.ribbons?.count) return;
-    const gl = this.gl;
-    this.use("line", { seen, pixels, width, nearer, halo });
-    gl.bindVertexArray(this.ribbons.array);
-    gl.drawElements(gl.TRIANGLES, this.ribbons.count, gl.UNSIGNED_INT, 0);
+  draw(uniforms) {
+    if (this.stale) this.send();
+    if (!this.count) return;
+    const gl = this.pieces.gl;
+    this.pieces.use("line", uniforms);
+    gl.bindVertexArray(this.array);
+    gl.drawElements(gl.TRIANGLES, this.count, gl.UNSIGNED_INT, 0);
   }
 }
 
