@@ -11,7 +11,7 @@ import warnings
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
-from timing import cpu_us
+from timing import medians, spreads, take_turns
 
 from skinmap.flat.flat_map import FlatMap, flatten
 from skinmap.skin.skin import Skin, skin_from_points
@@ -64,7 +64,7 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
     source = np.ones(moved // 8, np.float32)
     target = np.empty_like(source)
     few = max(1, repeats // 20)
-    times = cpu_us(
+    turns = take_turns(
         {
             "image": (lambda: geometry.image(sample), repeats),
             "copy": (lambda: np.copyto(target, source), repeats),
@@ -84,6 +84,7 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
         },
         ROUNDS,
     )
+    times = medians(turns, 1e6)
     theirs = LinearNDInterpolator(triangulation, sample, fill_value=0.0)(centres)
     both = geometry.mask.ravel()
     error = np.abs(theirs - geometry.image(sample).ravel())[both]
@@ -92,6 +93,7 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
         "shape": list(geometry.shape),
         "pixels_in_the_map": len(geometry.pixels),
         "compiled": compiled_gathers() is not None,
+        "quartiles_us": spreads(turns, 1e6),
         "image_us": times["image"],
         "batch_us_per_sample": times["batch"] / BATCH,
         "csr_us": times["csr"],

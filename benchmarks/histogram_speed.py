@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from sklearn.cluster import KMeans
-from timing import cpu_us
+from timing import medians, spreads, take_turns
 
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import Structures, find_structures
@@ -82,7 +82,7 @@ def gather_kernel() -> Any:
     return gather
 
 
-def histogram_row(rotations: int, share: float, quick: bool) -> dict[str, Any]:
+def histogram_row(rotations: int, share: float, rounds: int) -> dict[str, Any]:
     """One sample and a batch, all ways, on the 1,128 taxels of the tiling."""
     rng = np.random.default_rng(0)
     points = tiling()
@@ -97,7 +97,7 @@ def histogram_row(rotations: int, share: float, quick: bool) -> dict[str, Any]:
     sample, padded = samples[0], np.append(samples[0], 0.0)
     order = plain.index[:-1].T.copy()
     gathered, gather = np.empty(order.shape), gather_kernel()
-    machines = [_k_means(words) for words in book.words]
+    machines = [k_means(words) for words in book.words]
     shapes = range(len(book.words))
     width = book.words.shape[2]
 
@@ -109,8 +109,7 @@ def histogram_row(rotations: int, share: float, quick: bool) -> dict[str, Any]:
     def predict(rows: list[np.ndarray]) -> list[np.ndarray]:
         return [machine.predict(x) for machine, x in zip(machines, rows, strict=True)]
 
-    rounds = 3 if quick else 15
-    one = cpu_us(
+    one_times = take_turns(
         {
             "literal_loop": (lambda: literal_loop(book, structures, sample), 1),
             "tight_loop": (lambda: tight_loop(plain, sample), 1),
@@ -122,7 +121,7 @@ def histogram_row(rotations: int, share: float, quick: bool) -> dict[str, Any]:
         },
         rounds,
     )
-    batch = cpu_us(
+    batch_times = take_turns(
         {
             "kmeans_per_structure": (lambda: predict(seen(samples)), 1),
             "kmeans_predict_only": (lambda: predict(ready), 1),
@@ -131,7 +130,7 @@ def histogram_row(rotations: int, share: float, quick: bool) -> dict[str, Any]:
         },
         rounds,
     )
-    batch = {name: value / BATCH for name, value in batch.items()}
+    one, batch = medians(one_times, 1e6), medians(batch_times, 1e6 / BATCH)
     wrong = _different_votes(plain, fast, book, structures, samples)
     return {
         "taxels": len(points),
@@ -140,6 +139,8 @@ def histogram_row(rotations: int, share: float, quick: bool) -> dict[str, Any]:
         "active_share": share,
         "one_sample_us": one,
         "batch_us_per_sample": batch,
+        "one_sample_quartiles_us": spreads(one_times, 1e6),
+        "batch_quartiles_us_per_sample": spreads(batch_times, 1e6 / BATCH),
         "votes_that_differ": wrong,
         "ratios": {
             "numpy_over_literal_loop": one["literal_loop"] / one["numpy"],
@@ -156,7 +157,7 @@ def histogram_row(rotations: int, share: float, quick: bool) -> dict[str, Any]:
     }
 
 
-def _k_means(words: np.ndarray) -> KMeans:
+def k_means(words: np.ndarray) -> KMeans:
     """scikit-learn's k-means with given centres."""
     machine = KMeans(len(words), n_init=1, max_iter=1, init=words, random_state=0).fit(words)
     machine.cluster_centers_ = np.ascontiguousarray(words)

@@ -6,15 +6,10 @@ Writes benchmarks/results/live.json; `--quick` looks whether it runs.
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
-import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +17,10 @@ import numpy as np
 import recordings
 import transport
 from live_memory import soak
-from live_planted import finger, kept_share, pairs, read
+from live_planted import finger, kept_share, read
+from live_planted import pairs as pairs_on
+from record import command, readable
+from timing import timed
 
 import skinmap
 from skinmap.classify.classifier import TouchClassifier, classifiers
@@ -36,57 +34,68 @@ from skinmap.skin.robot import Robot
 from skinmap.touch.prepared import PreparedSkin
 from skinmap.touch.simulator import simulate
 
-RESULT = Path(__file__).parent / "results" / "live.json"
-PACKAGES = ("numpy", "scipy", "scikit-learn", "pyzmq", "pylsl", "mcap", "zstandard")
 WARM = 2.0  # seconds of a stream that are left out: who joins works off what waited
 
 
-def main() -> None:
-    """Run all parts and write the file."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=10.0, help="at 50 Hz")
-    parser.add_argument("--seconds", type=float, default=60.0, help="at 1 kHz")
-    parser.add_argument("--soak", type=int, default=200_000, help="samples")
-    parser.add_argument("--only", help="one part, to standard output")
-    parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--out", type=Path, default=RESULT)
-    options = parser.parse_args()
-    minutes, seconds, samples = options.minutes, options.seconds, options.soak
-    if options.quick:
-        minutes, seconds, samples = 0.1, 5.0, 2000
-    kills, each = (1, 2.0) if options.quick else (10, 10.0)
+def measure(
+    quick: bool,
+    *,
+    minutes: float = 10.0,
+    seconds: float = 60.0,
+    soaked: int = 200_000,
+    each: float = 10.0,
+    kills: int = 10,
+    pairs: int = 10,
+    only: str | None = None,
+) -> dict[str, Any]:
+    """All parts, or only one.
+
+    Parameters
+    ----------
+    quick : bool
+        Seconds of each.
+    minutes, seconds : float
+        Length of the streams at 50 Hz, at 1 kHz.
+    soaked : int
+        Samples that memory is watched over.
+    each : float
+        Seconds of each transport at each rate.
+    kills, pairs : int
+        Recorders killed; pairs of touches on each part.
+    only : str, optional
+        Name of one part.
+    """
+    if quick:
+        minutes, seconds, soaked, each, kills, pairs = 0.1, 3.0, 2000, 1.0, 1, 1
     robot = skinmap.load_robot("icub")
     skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
     model = train(skins)
     joined = JoinedSkin(skins)
     parts: dict[str, Callable[[], Any]] = {
-        "transport": lambda: [
-            transport.measure(way, rate, each) for way in ("zmq", "lsl") for rate in (50.0, 1000.0)
-        ],
-        "contacts": lambda: contacts(joined, 50 if options.quick else 2000),
-        "identities": lambda: identities(joined, 1 if options.quick else 10),
+        "transport": lambda: transport.rows(each),
+        "contacts": lambda: contacts(joined, 50 if quick else 2000),
+        "identities": lambda: identities(joined, pairs),
         "press": lambda: press(joined, minutes=minutes),
         "live_50_hz": lambda: live(robot, skins, model, 50.0, 60.0 * minutes),
         "live_1_khz": lambda: live(robot, skins, model, 1000.0, seconds),
         "live_1_khz_raw": lambda: live(robot, skins, model, 1000.0, seconds, raw=True),
-        "soak": lambda: soak(robot, skins, model, samples),
+        "soak": lambda: soak(robot, skins, model, soaked),
         "recordings": lambda: recordings.measure(kills=kills, minutes=minutes),
     }
-    if options.only:
-        print(json.dumps(parts[options.only](), indent=2))
-        return
-    result: dict[str, Any] = {
-        "commit": commit(),
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in PACKAGES},
-        "channels": len(joined),
-    }
-    for name, run in parts.items():
-        started = time.perf_counter()
-        result[name] = run()
-        took = time.perf_counter() - started
-        print(f"{name}, {took:.0f} s: {json.dumps(result[name])}", file=sys.stderr, flush=True)
-    options.out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    result: dict[str, Any] = {"channels": len(joined)}
+    for name in parts if only is None else [only]:
+        result[name], cpu, wall = timed(parts[name])
+        print(f"{name}: {wall:.0f} s, {cpu:.0f} s CPU", file=sys.stderr, flush=True)
+    return result
+
+
+def main() -> None:
+    """Measure and write, or print one part (`--only press`: `make soak`)."""
+    if "--only" in sys.argv:
+        name = sys.argv[sys.argv.index("--only") + 1]
+        print(readable(measure("--quick" in sys.argv, only=name)[name]))
+    else:
+        command(measure, __doc__, "live")
 
 
 def train(skins: dict[str, PreparedSkin]) -> TouchClassifier:
@@ -135,7 +144,7 @@ def identities(skin: JoinedSkin, count: int) -> dict[str, Any]:
         own = JoinedSkin({part: skin.skins[part]})
         shares += [
             kept_share(own, part, pair, samples=500, rng=rng)
-            for pair in pairs(own, part, count, rng)
+            for pair in pairs_on(own, part, count, rng)
         ]
     return {
         "pairs": len(shares),
@@ -185,7 +194,7 @@ def live(
     raw: bool = False,
 ) -> dict[str, Any]:
     """Follow a publisher in another process, and measure in this one."""
-    port = free_port()
+    port = transport.free_port()
     command = [
         str(Path(sys.executable).with_name("skinmap")),
         "simulate",
@@ -268,21 +277,6 @@ def spread(values: np.ndarray) -> dict[str, float]:
     """Median, 99th percentile and largest."""
     median, p99 = np.percentile(values, (50, 99))
     return {"median": float(median), "p99": float(p99), "max": float(values.max())}
-
-
-def commit() -> str:
-    """The commit that was measured."""
-    done = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
-    )
-    return done.stdout.strip() or "unknown"
-
-
-def free_port() -> int:
-    """A port that nobody listens on now."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
 
 
 if __name__ == "__main__":

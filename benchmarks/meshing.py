@@ -7,17 +7,13 @@ named so. One thread: set OMP_NUM_THREADS=1.
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
-import json
-import platform
-import time
 from collections.abc import Callable
-from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
+from timing import timed as timed_call
 
 from skinmap.errors import InvalidMeshError
 from skinmap.geometry.topology import boundary_loops, edges, face_components, half_edges
@@ -148,15 +144,15 @@ def _pinched(faces: np.ndarray) -> int:
 
 def timed(mesher: Mesher, skin: Skin, repeats: int) -> tuple[np.ndarray, float]:
     """Faces and the median CPU time [s]."""
-    faces, seconds = np.zeros((0, 3), np.int64), []
-    for _ in range(repeats):
-        started = time.process_time()
+
+    def run() -> np.ndarray:
         try:
-            faces = mesher(skin)
+            return mesher(skin)
         except InvalidMeshError:
-            faces = np.zeros((0, 3), np.int64)
-        seconds.append(time.process_time() - started)
-    return faces, median(seconds)
+            return np.zeros((0, 3), np.int64)
+
+    runs = [timed_call(run) for _ in range(repeats)]
+    return runs[-1][0], median(cpu for _, cpu, _ in runs)
 
 
 def meshing_rows(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
@@ -204,25 +200,13 @@ def missing() -> list[str]:
     return [name for name in METHODS if name not in installed()]
 
 
-def main() -> None:
-    """Measure, print and write."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--largest", type=int, default=SIZES[-1], help="largest number of points")
-    largest = parser.parse_args().largest
-    result = {
-        "python": platform.python_version(),
-        "numba": importlib.util.find_spec("numba") is not None,
-        "not_installed": missing(),
-        "icub": icub_rows(),
-        "rows": meshing_rows(tuple(size for size in SIZES if size <= largest)),
-    }
-    for row in [*result["icub"], *result["rows"]]:
-        print(" ".join(f"{key} {value:.4g}," if isinstance(value, float) else f"{key} {value},"
-                       for key, value in row.items()))  # fmt: skip
-    target = Path(__file__).parent / "results" / "meshing.json"
-    target.parent.mkdir(exist_ok=True)
-    target.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+def measure(quick: bool, *, largest: int = SIZES[-1]) -> dict[str, Any]:
+    """Rows of the iCub and of sheets of up to so many taxels."""
+    sizes = (1_000,) if quick else tuple(size for size in SIZES if size <= largest)
+    return {"not_installed": missing(), "icub": icub_rows(), "rows": meshing_rows(sizes)}
 
 
 if __name__ == "__main__":
-    main()
+    from record import command
+
+    command(measure, __doc__, "meshing")

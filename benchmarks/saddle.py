@@ -10,13 +10,13 @@ import json
 import resource
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from importlib.util import find_spec
 from statistics import median
 from typing import Any
 
 import numpy as np
+from timing import quartiles, timed
 
 from skinmap.flat.disc import Disc
 from skinmap.flat.disc_map import map_disc
@@ -69,7 +69,8 @@ def _rows_of_size(n: int, slow_peers: bool) -> list[dict[str, Any]]:
     unit = median(times[fastest])
     rows: list[dict[str, Any]] = [
         {
-            "n": len(vertices),
+            "n": n,
+            "vertices": len(vertices),
             "solver": name,
             "seconds": median(times[name]),
             "is_C": name == fastest,
@@ -85,6 +86,7 @@ def _rows_of_size(n: int, slow_peers: bool) -> list[dict[str, Any]]:
                 "peer": name not in OURS,
                 "seconds": seconds,
                 "C": seconds / unit,
+                "quartiles_s": quartiles(times[name]),
                 **distortion(vertices, faces, uv),
             }
         )
@@ -178,9 +180,8 @@ def _pymeshlab(disc: Disc, end: str) -> np.ndarray:
 
 
 def _cpu(run: Callable[[], Any]) -> tuple[float, Any]:
-    started = time.process_time()
-    result = run()
-    return time.process_time() - started, result
+    result, seconds, _ = timed(run)
+    return seconds, result
 
 
 def large_rows(n: int, methods: tuple[str, ...]) -> list[dict[str, Any]]:

@@ -67,15 +67,15 @@ def placed(name: str) -> dict[str, Placed]:
     return found
 
 
-def tiling(name: str, rows: int) -> Placed:
-    """A flat sheet of `rows` rows of twice as many boards."""
+def tiling(name: str, rows: int, *, most: int = 100_000) -> Placed:
+    """A flat sheet of `rows` rows of twice as many boards, of at most so many taxels."""
     layout = module_layout(name)
     centres, angles = triangle_sheet([(0, 2 * rows)] * rows, layout.side or 0.0)
     poses = np.tile(np.eye(4), (len(centres), 1, 1))
     poses[:, 0, 0] = poses[:, 1, 1] = np.cos(angles)
     poses[:, 1, 0], poses[:, 0, 1] = np.sin(angles), -np.sin(angles)
     poses[:, :2, 3] = centres
-    points = taxel_table(poses, layout).positions[:100_000]
+    points = taxel_table(poses, layout).positions[:most]
     n = len(points)
     return points, np.tile([0.0, 0.0, 1.0], (n, 1)), np.tile([0.0, 1.0, 0.0], (n, 1))
 

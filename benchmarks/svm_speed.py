@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from sklearn.svm import SVC
-from timing import cpu_us
+from timing import medians, spreads, take_turns
 
 from skinmap.classify.additive import intersection_function
 from skinmap.classify.intersection import IntersectionSVC, intersection_kernel
@@ -25,7 +25,7 @@ def sum_of_minima(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return kernel
 
 
-def svm_row(real: bool, quick: bool) -> dict[str, Any]:
+def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
     """Decision values of 2,000 histograms and of one, four classes."""
     rng = np.random.default_rng(1)
     train, test = (500, 200) if quick else (TRAIN, TEST)
@@ -55,8 +55,7 @@ def svm_row(real: bool, quick: bool) -> dict[str, Any]:
     plain, fast = intersection_function(*parts), intersection_function(*parts)
     compiled = fast.compile()
     one = z[:1]
-    rounds = 3 if quick else 7
-    many = cpu_us(
+    many_times = take_turns(
         {
             "scikit_learn": (lambda: peer(z), 1),
             "scikit_learn_cityblock": (lambda: quick_peer(z), 1),
@@ -66,7 +65,7 @@ def svm_row(real: bool, quick: bool) -> dict[str, Any]:
         },
         rounds,
     )
-    single = cpu_us(
+    single_times = take_turns(
         {
             "scikit_learn": (lambda: peer(one), 5),
             "scikit_learn_cityblock": (lambda: quick_peer(one), 5),
@@ -76,6 +75,7 @@ def svm_row(real: bool, quick: bool) -> dict[str, Any]:
         },
         rounds,
     )
+    many, single = medians(many_times, 1e6), medians(single_times, 1e6)
     gap = np.abs(ours.decision_function(z) - peer(z)).max()
     return {
         "counts": "real" if real else "whole",
@@ -85,6 +85,8 @@ def svm_row(real: bool, quick: bool) -> dict[str, Any]:
         "compiled": compiled,
         "samples_us": many,
         "one_sample_us": single,
+        "samples_quartiles_us": spreads(many_times, 1e6),
+        "one_sample_quartiles_us": spreads(single_times, 1e6),
         "largest_difference": float(gap),
         "labels_that_differ": int((ours.predict(z) != _labels(svc, z, support, ours, x)).sum()),
         "ratios": {

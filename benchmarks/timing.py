@@ -1,23 +1,89 @@
-"""CPU time of tasks that take turns: what the benchmarks of classification measure with."""
+"""CPU and wall time of tasks that take turns: what every benchmark measures with.
+
+A task and its peer stand in one table; each is run once to warm up, then all take turns, so that
+a machine that grows busy or warm does so for all of them. What is told is the median over the
+turns with its quartiles.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from statistics import median
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
-Task = tuple[Callable[[], object], int]
+import numpy as np
+
+Task = Callable[[], object] | tuple[Callable[[], object], int]
+Quartiles = tuple[float, float, float]
 
 
-def cpu_us(tasks: dict[str, Task], rounds: int) -> dict[str, float]:
-    """Median CPU time of each task [us] over rounds in which they take turns."""
-    times: dict[str, list[float]] = {name: [] for name in tasks}
-    for run, _ in tasks.values():
-        run()
+@dataclass(frozen=True, slots=True)
+class Times:
+    """CPU and wall time of each run of a task [s], in the order of the turns."""
+
+    cpu: tuple[float, ...]
+    wall: tuple[float, ...]
+
+    @property
+    def median(self) -> float:
+        """Median CPU time [s]."""
+        return float(np.median(self.cpu))
+
+    def row(self, scale: float = 1.0) -> dict[str, Any]:
+        """Quartiles of CPU and wall time, in a unit of 1 / `scale` seconds."""
+        return {
+            "cpu": quartiles(np.array(self.cpu) * scale),
+            "wall": quartiles(np.array(self.wall) * scale),
+            "turns": len(self.cpu),
+        }
+
+
+def quartiles(values: Any) -> Quartiles:
+    """Lower quartile, median, upper quartile."""
+    low, middle, high = np.quantile(np.asarray(values, float), (0.25, 0.5, 0.75)).tolist()
+    return low, middle, high
+
+
+def timed(run: Callable[[], Any]) -> tuple[Any, float, float]:
+    """What a call returns, its CPU time and its wall time [s]."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    result = run()
+    return result, time.process_time() - cpu, time.perf_counter() - wall
+
+
+def take_turns(tasks: Mapping[str, Task], rounds: int, *, warm: int = 1) -> dict[str, Times]:
+    """Times of each task over rounds in which they take turns.
+
+    Parameters
+    ----------
+    tasks : mapping of str to callable, or of callable and how often it is called in a turn
+        A turn's time is divided by that number.
+    rounds : int
+    warm : int
+        Calls of each task before the first round that are not measured.
+    """
+    table = {name: task if isinstance(task, tuple) else (task, 1) for name, task in tasks.items()}
+    cpu: dict[str, list[float]] = {name: [] for name in table}
+    wall: dict[str, list[float]] = {name: [] for name in table}
+    for run, _ in table.values():
+        for _ in range(warm):
+            run()
     for _ in range(rounds):
-        for name, (run, repeats) in tasks.items():
-            start = time.process_time()
+        for name, (run, repeats) in table.items():
+            began, spent = time.perf_counter(), time.process_time()
             for _ in range(repeats):
                 run()
-            times[name].append((time.process_time() - start) / repeats * 1e6)
-    return {name: median(values) for name, values in times.items()}
+            cpu[name].append((time.process_time() - spent) / repeats)
+            wall[name].append((time.perf_counter() - began) / repeats)
+    return {name: Times(tuple(cpu[name]), tuple(wall[name])) for name in table}
+
+
+def medians(times: Mapping[str, Times], scale: float = 1.0) -> dict[str, float]:
+    """Median CPU time of each task, in a unit of 1 / `scale` seconds."""
+    return {name: scale * one.median for name, one in times.items()}
+
+
+def spreads(times: Mapping[str, Times], scale: float = 1.0) -> dict[str, dict[str, Any]]:
+    """Quartiles of CPU and wall time of each task, in a unit of 1 / `scale` seconds."""
+    return {name: one.row(scale) for name, one in times.items()}

@@ -1,22 +1,17 @@
 """What the transports cost: a whole iCub from one process to another, over LSL and ZeroMQ.
 
 The publisher stamps each sample with the monotonic clock of the machine, which both share, so the
-latency is from before `send_samples` to after `read` of the receiving thread's samples. Prints JSON
-and writes benchmarks/results/transport.json; `--quick` looks whether it runs.
+latency is from before `send_samples` to after `read` of the receiving thread's samples. Writes
+benchmarks/results/transport.json; `--quick` looks whether it runs.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import multiprocessing as mp
-import platform
 import socket
 import time
 import uuid
-from importlib.metadata import version
 from multiprocessing.synchronize import Event
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,32 +19,20 @@ import numpy as np
 from skinmap.live import open_publisher, open_source
 from skinmap.live.source import StreamInfo
 
-RESULT = Path(__file__).parent / "results" / "transport.json"
 CHANNELS = 4326
 
 
-def main() -> None:
-    """Run each transport at each rate and write the file."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=60.0, help="of each run")
-    parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--out", type=Path, default=RESULT)
-    options = parser.parse_args()
-    seconds = 2.0 if options.quick else options.seconds
-    result: dict[str, Any] = {
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in ("numpy", "pyzmq", "pylsl")},
-        "channels": CHANNELS,
-        "dtype": "float32",
-        "runs": [measure(way, rate, seconds) for way in ("zmq", "lsl") for rate in (50.0, 1000.0)],
-    }
-    text = json.dumps(result, indent=2)
-    print(text)
-    if not options.quick:
-        options.out.write_text(text + "\n", encoding="utf-8")
+def measure(quick: bool, *, seconds: float = 60.0) -> dict[str, Any]:
+    """Each transport at each rate."""
+    return {"channels": CHANNELS, "dtype": "float32", "runs": rows(1.0 if quick else seconds)}
 
 
-def measure(way: str, rate: float, seconds: float) -> dict[str, Any]:
+def rows(seconds: float) -> list[dict[str, Any]]:
+    """One row a transport and rate, each for so long [s]."""
+    return [one_way(way, rate, seconds) for way in ("zmq", "lsl") for rate in (50.0, 1000.0)]
+
+
+def one_way(way: str, rate: float, seconds: float) -> dict[str, Any]:
     """Latency, losses, and CPU of both ends of one transport at one rate."""
     spec = f"zmq:{free_port()}" if way == "zmq" else f"lsl:bench-{uuid.uuid4().hex[:8]}"
     go, said = mp.Event(), mp.Queue()
@@ -111,4 +94,6 @@ def free_port() -> int:
 
 
 if __name__ == "__main__":
-    main()
+    from record import command
+
+    command(measure, __doc__, "transport")

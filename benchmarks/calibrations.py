@@ -7,32 +7,21 @@ apart, as it is kept. Results go to benchmarks/results/calibration.json.
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
-import subprocess
 import sys
-import time
 from collections.abc import Callable
-from importlib.metadata import version
-from pathlib import Path
+from functools import partial
 from typing import Any
-
-# This file has the name of the package that it measures, and its folder comes first: the
-# checkout has to come before it.
-sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 from mounts import drift_rows, mount_rows
 from patches import Case, far_apart, icub_cases, simulate_touches
-from threadpoolctl import threadpool_limits
+from record import command
+from timing import timed
 from units import unit_rows
 
 from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
 from calibration.target import make_target
 
-RESULT = Path(__file__).parent / "results" / "calibration.json"
-TABLES = ("wrap", "touch", "units", "scan", "mount", "drift")
 TRUTH = "taxels of the built-in iCub; evidence simulated"
 WRAPS = (  # anchors, scale and jitter of the layout [m], goals for median and p95 [mm]
     (3, 1.0, 0.0, None),
@@ -61,9 +50,10 @@ def wrap_rows(cases: list[Case], repeats: int) -> list[dict[str, Any]]:
                 taxels = far_apart(layout, anchors, rng)
                 points = case.truth[taxels] + rng.normal(0.0, 1e-3, (anchors, 3))
                 make_target(case.vertices, case.faces)
-                start = time.process_time()
-                found = wrap_layout(layout, case.vertices, case.faces, taxels, points, rng=rng)
-                runs.append(_measured(found, case.truth, time.process_time() - start))
+                found, seconds, _ = timed(
+                    partial(wrap_layout, layout, case.vertices, case.faces, taxels, points, rng=rng)
+                )
+                runs.append(_measured(found, case.truth, seconds))
         rows.append(
             {"anchors": anchors, "scale": scale, "jitter_mm": 1e3 * jitter, "goal_mm": goal}
             | _table_row(runs)
@@ -83,10 +73,13 @@ def touch_rows(cases: list[Case], repeats: int) -> list[dict[str, Any]]:
                 rng = np.random.default_rng([repeat, count, number, 2])
                 touches = simulate_touches(case, count, rng, **how)
                 make_target(case.vertices, case.faces)
-                start = time.process_time()
-                found = locate_by_touch(case.layout, case.vertices, case.faces, touches, rng=rng)
-                runs.append(_measured(found, case.truth, time.process_time() - start))
-        rows.append({"touches": count, **how, "goal_mm": goal} | _table_row(runs))
+                link = case.vertices, case.faces
+                found, seconds, _ = timed(
+                    partial(locate_by_touch, case.layout, *link, touches, rng=rng)
+                )
+                runs.append(_measured(found, case.truth, seconds))
+        row = {"touches": count, "one_module": False, **how, "goal_mm": goal}
+        rows.append(row | _table_row(runs))
     return rows
 
 
@@ -112,6 +105,7 @@ def _table_row(runs: list[dict[str, Any]]) -> dict[str, Any]:
         "p95_mm": float(np.median([run["p95"] for run in runs])),
         "worst_median_mm": max(run["median"] for run in runs),
         "worst_median_ok_mm": max(trusted, default=None),
+        "ok": len(trusted),
         "normalised_error_squared": float(np.mean([run["nees"] for run in runs])),
         "statuses": {name: statuses.count(name) for name in sorted(set(statuses))},
         "seconds": {
@@ -133,51 +127,35 @@ def scan_table(cases: list[Case], runs: int) -> Any:
     return scan_rows(cases, runs)
 
 
-def main(arguments: list[str] | None = None) -> dict[str, Any]:
-    """Measure, print and write."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="few patches, few runs")
-    parser.add_argument("--out", type=Path, default=RESULT)
-    parser.add_argument(
-        "--only", nargs="+", choices=TABLES, default=TABLES,
-        help="measure these tables; the others stay as they are in the file",
-    )  # fmt: skip
-    options = parser.parse_args(arguments)
+def measure(quick: bool, *, repeats: int = 2, scans: int = 50) -> dict[str, Any]:
+    """All tables.
+
+    Parameters
+    ----------
+    quick : bool
+        One patch, four scans.
+    repeats : int
+        Runs of each row on each of the 23 patches.
+    scans : int
+        Scans that are registered.
+    """
     cases = list(icub_cases())
-    some = cases[7:8] if options.quick else cases
-    repeats = 1 if options.quick else 2
-    done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True)
-    commit = done.stdout.strip() or "unknown"
+    some = cases[7:8] if quick else cases
+    repeats = 1 if quick else repeats
     tables: dict[str, Callable[[], Any]] = {
         "wrap": lambda: wrap_rows(some, repeats),
         "touch": lambda: touch_rows(some, repeats),
         "units": lambda: unit_rows(some),
-        "scan": lambda: scan_table(cases, 4 if options.quick else 50),
+        "scan": lambda: scan_table(cases, 4 if quick else scans),
         "mount": mount_rows,
-        "drift": drift_rows,
+        "drift": lambda: drift_rows(most=1 if quick else None),
     }
-    kept = {} if set(options.only) == set(TABLES) else json.loads(options.out.read_text())
-    measured = {name: tables[name]() for name in TABLES if name in options.only}
-    result: dict[str, Any] = {
-        "commit": commit,
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in ("numpy", "scipy", "pymeshlab")},
-        "quick": options.quick,
-        "truth": TRUTH,
-        "measured_at": dict.fromkeys(kept.keys() & set(TABLES), kept.get("commit"))
-        | kept.get("measured_at", {})
-        | dict.fromkeys(measured, commit),
-        **{name: kept[name] for name in TABLES if name in kept},
-        **measured,
-    }
-    options.out.parent.mkdir(exist_ok=True)
-    options.out.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    for name, rows in measured.items():
-        for row in rows if isinstance(rows, list) else [rows]:
-            print(name, json.dumps(row), flush=True)
+    result: dict[str, Any] = {"truth": TRUTH}
+    for name, table in tables.items():
+        result[name], cpu, _ = timed(table)
+        print(f"{name}: {cpu:.0f} s CPU", file=sys.stderr, flush=True)
     return result
 
 
 if __name__ == "__main__":
-    with threadpool_limits(1):
-        main()
+    command(measure, __doc__, "calibration")

@@ -1,0 +1,91 @@
+"""The table of what is asked: its paths, its verdicts, what it says of what is missing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
+CLASSIFY = RESULTS / "classify.json"
+GEOMETRY = RESULTS / "geometry.json"
+CALIBRATION = RESULTS / "calibration.json"
+# New with this table: older files of results lack them.
+NEWER = {"taxels", "normals_deg_median", "normals_within_15_deg_percent", "seconds", "ok"}
+
+
+def test_every_entry_of_the_table_is_complete():
+    from areas import NAMES
+    from asked import BOUNDS, asked
+
+    entries = asked()
+    assert len({(one["area"], one["what"]) for one in entries}) == len(entries)
+    for one in entries:
+        assert one["area"] in (*NAMES, "bench"), one
+        assert sum(bound in one for bound in BOUNDS) == 1, one
+        assert one["source"].startswith("issue ")
+        assert ("peer" in one) == ("peer_name" in one), one
+
+
+@pytest.mark.parametrize("area", ["geometry", "classify", "calibration"])
+def test_the_tables_paths_exist_in_a_full_result(area):
+    from asked import asked, find
+
+    rows = json.loads((RESULTS / f"{area}.json").read_text(encoding="utf-8"))
+    for one in asked():
+        if one["area"] == area and "file" not in one and not NEWER & set(map(str, one["path"])):
+            path = [{k: v for k, v in key.items() if k != "one_module"} if isinstance(key, dict)
+                    and area == "calibration" and key.get("one_module") is False else key
+                    for key in one["path"]]  # fmt: skip
+            assert list(find(rows, path)), one["what"]
+            assert "peer" not in one or list(find(rows, one["peer"])), one["what"]
+
+
+def test_the_tables_paths_exist_in_files_kept_from_long_runs():
+    from asked import asked, find
+
+    for one in asked():
+        if "file" in one:
+            rows = json.loads((RESULTS / one["file"]).read_text(encoding="utf-8"))
+            assert list(find(rows, one["path"])), one["what"]
+
+
+def test_find_takes_the_rows_that_a_table_picks():
+    from asked import find, worst
+
+    rows = {"list": [{"a": 1, "x": 2.0}, {"a": 1, "x": 3.0}, {"a": 2, "x": 9.0}, {"a": 1}]}
+    assert list(find(rows, ["list", {"a": 1}, "x"])) == [2.0, 3.0]
+    assert worst(find(rows, ["list", {"a": 1}, "x"]), "most") == 3.0
+    assert worst(find(rows, ["list", {"a": 1}, "x"]), "least") == 2.0
+    assert list(find(rows, ["nothing", {"a": 1}, "x"])) == []
+
+
+def test_ratio_is_above_one_where_a_figure_is_better():
+    from asked import met, ratio
+
+    for bound, got, limit in (("most", 2.0, 4.0), ("least", 4.0, 2.0)):
+        assert met(got, limit, bound)
+        assert ratio(got, limit, bound) == 2.0
+        assert not met(limit, got, bound)
+        assert ratio(limit, got, bound) == 0.5
+    assert ratio(0, 0, "most") is None
+
+
+def test_judge_says_met_short_and_why_not_measured(planted):
+    rows = {row["what"]: row for row in planted["asked"]}
+    assert rows["flipped triangles on the iCub"]["state"] == "met"
+    assert rows["patches of the iCub"]["state"] == "falls short"
+    lost = rows["50 Hz: samples lost"]
+    assert lost["state"] == "not measured"
+    assert "exit 1: no <network> here" in lost["note"]
+    assert rows["page complete"]["note"] == "this area was left out"
+
+
+def test_the_printed_table_names_what_falls_short(planted):
+    from asked import table_text
+
+    text = table_text(planted["asked"])
+    assert "1 fall short" in text
+    assert "geometry: patches of the iCub: asked 23, got 22" in text
+    assert all(f"== {area}" in text for area in ("geometry", "live", "page", "bench"))
