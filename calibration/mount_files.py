@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.tables import ENTRIES, read_numbers, read_placed, read_table
+from skinmap.archive import open_arrays, quiet_headers
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError
 from skinmap.io.export import write_icub
@@ -49,12 +50,13 @@ def read_arrays(path: Path, expected: str) -> dict[str, NDArray[Any]]:
     if path.suffix.lower() == ".csv":
         return {"samples": read_numbers(path, None)}
     try:
-        with path.open("rb") as file:
-            loaded = np.load(file, allow_pickle=False)
-            if isinstance(loaded, np.ndarray):
-                return {"samples": loaded}
-            with loaded:
-                return {name: loaded[name] for name in loaded.files}
+        if path.suffix.lower() == ".npy":
+            with path.open("rb") as file, quiet_headers():
+                return {"samples": np.asarray(np.lib.format.read_array(file, allow_pickle=False))}
+        with open_arrays(path) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except DataFormatError:
+        raise
     except DAMAGED_ARCHIVE as error:
         raise DataFormatError(f"not {expected}: {error}", path) from error
 

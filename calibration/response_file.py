@@ -11,6 +11,7 @@ import numpy as np
 
 from calibration.gain import Gain
 from calibration.response import ResponseCalibration
+from skinmap.archive import open_arrays
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, MissingFileError
 from skinmap.io.output import staged_file
 
@@ -63,8 +64,7 @@ def load_response(path: Path, *, fingerprint: str = "") -> ResponseCalibration:
     if not path.is_file():
         raise MissingFileError(path, "a response calibration")
     try:
-        # Opened here: numpy leaves a damaged file open when it opens it itself.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        with open_arrays(path) as arrays:
             head = json.loads(arrays["head"].tobytes())
             if head["format"] != FORMAT:
                 raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calibration.chains import Chain, TouchRecording
+from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 
@@ -59,8 +60,10 @@ def _read(path: Path, expected: str) -> dict[str, FloatArray]:
     if not path.is_file():
         raise MissingFileError(path, expected)
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        with open_arrays(path) as arrays:
             return {name: arrays[name] for name in arrays.files}
+    except DataFormatError:
+        raise
     except DAMAGED_ARCHIVE as error:
         raise DataFormatError(f"not {expected}: {error}", path) from error
 

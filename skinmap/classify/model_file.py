@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap import __version__
+from skinmap.archive import quiet_headers
 from skinmap.classify.classifier import TouchClassifier, classifiers
 from skinmap.classify.trained_skin import TrainedSkin
 from skinmap.classify.trust import foreign_types
@@ -95,8 +96,7 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
             if head["format"] != FORMAT:
                 raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
             classifier = find(str(head["classifier"]))()
-            if hasattr(classifier.descriptor, "from_arrays"):
-                classifier.descriptor.from_arrays(_unpack(archive.read(DESCRIPTOR), path))
+            _read_descriptor(classifier.descriptor, archive, path)
             classifier.estimator = _read_estimator(archive.read(ESTIMATOR), classifier, path)
             classifier.trained_on = _read_skins(head["skins"], archive.read(SKINS), path)
             if list(classifier.labels) != head["labels"]:
@@ -108,6 +108,15 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
         raise DataFormatError(f"not a model of ours: {error}", path) from error
     _warn_of_versions(head["versions"], path)
     return classifier
+
+
+def _read_descriptor(descriptor: Any, archive: zipfile.ZipFile, path: Path) -> None:
+    """Give a descriptor the arrays of the file; only some can do without."""
+    optional = getattr(descriptor, "optional_arrays", False)
+    if optional and DESCRIPTOR not in archive.namelist():
+        return
+    if hasattr(descriptor, "from_arrays"):
+        descriptor.from_arrays(_unpack(archive.read(DESCRIPTOR), path))
 
 
 def _check_archive(
@@ -169,7 +178,7 @@ def _pack(arrays: dict[str, NDArray[Any]]) -> bytes:
 def _unpack(data: bytes, path: Path) -> dict[str, NDArray[Any]]:
     with zipfile.ZipFile(io.BytesIO(data)) as inner:
         _check_archive(inner, path)
-    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+    with np.load(io.BytesIO(data), allow_pickle=False) as arrays, quiet_headers():
         return dict(arrays)
 
 

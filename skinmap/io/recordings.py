@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray
 from skinmap.errors import (
     DAMAGED_ARCHIVE,
@@ -55,7 +56,7 @@ def _load_npz(path: Path) -> list[Recording]:
     from skinmap.io.learning import recordings_of_arrays
 
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        with open_arrays(path) as arrays:
             if "about" in arrays:
                 return recordings_of_arrays(arrays, path)
     except DAMAGED_ARCHIVE as error:

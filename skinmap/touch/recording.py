@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 
@@ -117,8 +118,7 @@ def load_recordings(path: Path) -> list[Recording]:
     if not path.is_file():
         raise MissingFileError(path, "a recording made by `skinmap simulate`")
     try:
-        # Opened here: numpy leaves a damaged file open when it opens it itself.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        with open_arrays(path) as arrays:
             head = json.loads(arrays["head"].tobytes())
             if head["format"] != FORMAT:
                 raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)

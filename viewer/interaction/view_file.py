@@ -15,6 +15,7 @@ from skinmap.io.output import staged_file
 FORMAT = "skinmap-view"
 VERSION = 1
 LARGEST = 4_000_000  # bytes: far above a view with every taxel of a large skin chosen
+LARGEST_NUMBER = 1e300  # still finite in sums
 MODES = ("auto", "still", "free")
 STYLES = ("discs", "surface")
 TRIPLES = ("position", "focus", "up")
@@ -103,6 +104,8 @@ def load_view(path: Path) -> SavedView:
         raise DataFormatError("no saved view: not JSON text", path) from None
     except json.JSONDecodeError as error:
         raise DataFormatError(f"damaged view: {error.msg}", path, error.lineno) from None
+    except ValueError:  # Python refuses whole numbers of thousands of digits
+        raise DataFormatError("damaged view: a number of too many digits", path) from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise DataFormatError(f'no saved view: "format": "{FORMAT}" expected', path)
     if content.get("version") != VERSION:
@@ -138,7 +141,8 @@ def _parse(content: dict[str, Any], path: Path) -> SavedView:
 
 
 def _number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    # Compared, not converted: a whole number may be too large for a float.
+    return type(value) in (int, float) and -LARGEST_NUMBER <= value <= LARGEST_NUMBER
 
 
 def _triple(camera: dict[str, Any], name: str, path: Path) -> tuple[float, float, float]:

@@ -1,0 +1,56 @@
+"""Archives of plain arrays (`.npz`), opened with bounds on what they unpack to."""
+
+from __future__ import annotations
+
+import warnings
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.lib.npyio import NpzFile
+
+from skinmap.errors import DataFormatError
+
+MAGIC = b"\x93NUMPY"
+LARGEST = 2**32  # bytes unpacked: an hour of 4,326 taxels at 50 Hz has 0.8e9
+
+
+@contextmanager
+def open_arrays(path: Path) -> Iterator[NpzFile]:
+    """The arrays of an archive; nothing in it is executed.
+
+    Opened here, as numpy leaves a damaged file open when it opens it itself.
+
+    Raises
+    ------
+    DataFormatError
+        A member that is no array, or more than 4 GB unpacked. Damage raises what is listed in
+        `skinmap.errors.DAMAGED_ARCHIVE`.
+    """
+    with path.open("rb") as file:
+        with zipfile.ZipFile(file) as whole:
+            size = sum(entry.file_size for entry in whole.infolist())
+            strange = [name for name in whole.namelist() if not _is_array(whole, name)]
+        if size > LARGEST:
+            raise DataFormatError(f"unpacks to {size / 2**30:.1f} GB; at most 4 GB are read", path)
+        if strange:
+            raise DataFormatError(f"holds {strange[0]!r}, which is no array", path)
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as arrays, quiet_headers():
+            yield arrays
+
+
+@contextmanager
+def quiet_headers() -> Iterator[None]:
+    """Silence about names of types that numpy would rather not see in the header of an array."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        yield
+
+
+def _is_array(whole: zipfile.ZipFile, name: str) -> bool:
+    """Whether numpy gives an array for a member, and not its bytes."""
+    with whole.open(name) as member:
+        return name.endswith(".npy") and member.read(len(MAGIC)) == MAGIC

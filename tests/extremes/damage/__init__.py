@@ -1,0 +1,1 @@
+"""Damage to everything that Skinmap reads: whole originals, and ways to spoil them."""

@@ -1,0 +1,219 @@
+"""Targets that say where taxels are: tables, drawings, robots, bodies, meshes."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from calibration.anchor_table import load_link, load_wrap, read_anchor_table
+from calibration.tables import (
+    read_anchors,
+    read_board,
+    read_numbers,
+    read_placed,
+    read_points,
+    read_touches,
+)
+from skinmap.io.drawing import read_drawing
+from skinmap.io.export import write_icub, write_tactile_urdf
+from skinmap.io.icub import read_icub
+from skinmap.io.manifest import data_folder, load_robot
+from skinmap.io.readers import read_taxels
+from skinmap.io.skinware import read_skinware
+from skinmap.io.table import COLUMNS, COVARIANCE, read_csv
+from skinmap.io.tactile_urdf import read_tactile_sensors, read_tactile_urdf
+from skinmap.io.urdf import UrdfBody, read_mesh
+from skinmap.skin.layouts import module_layout
+from skinmap.skin.taxels import TaxelTable
+
+from .target import Target
+
+HAND = data_folder() / "icub" / "taxels" / "left_hand.csv"
+URDF = b"""<?xml version="1.0"?>
+<robot name="one">
+  <link name="base"><visual><origin xyz="0 0 0.1" rpy="0 0 1"/>
+    <geometry><mesh filename="hand.ply" scale="0.001 0.001 0.001"/></geometry></visual></link>
+  <link name="tip"><visual><geometry><mesh filename="hand.ply"/></geometry></visual></link>
+  <link name="end"/>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="tip"/>
+    <origin xyz="0 0 0.2" rpy="0 0.5 0"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="follow" type="revolute"><parent link="tip"/><child link="end"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="2" effort="1" velocity="1"/>
+    <mimic joint="turn" multiplier="2" offset="0.1"/></joint>
+</robot>
+"""
+PLY = b"""ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 4
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+0 0 1
+3 0 2 1
+3 0 1 3
+3 1 2 3
+3 0 3 2
+"""
+MANIFEST = b"""[robot]
+name = "one"
+urdf = "one.urdf"
+[robot.pose_deg]
+turn = 20
+[[part]]
+name = "hand"
+link = "tip"
+taxels = "left_hand.csv"
+units = "m"
+format = "csv"
+"""
+BOARD = "channel,x,y\n" + "".join(f"{row},{row}.5,{row % 3}\n" for row in range(12))
+ANCHORS = "channel,x,y,z,sigma\n" + "".join(f"{row},{row}.5,0,1e-3,0.1\n" for row in range(12))
+TOUCHES = "touch,x,y,z,channel,value,sigma\n0,1,2,3,0,40,1\n0,1,2,3,1,30,1\n1,2,2,3,4,10,1\n"
+POINTS = "x,y,z\n1,2,3\n4,5,6.5\n-1,0,1e-3\n"
+DRAWING = b"""[SENSORS]
+triangle_10pad 0 20.0 30.0 0 1 1 0
+triangle_10pad 1 52.0 30.0 180 1 1 0
+[TAXELS]
+"""
+LAYOUT = b"slots_mm = [[0, 0], [1.5, 2], [3, 4], [5, 0]]\nthermal = [1]\ncentre = 0\nside_mm = 30\n"
+LAYOUT_CSV = b"slot,x_mm,y_mm,thermal\n0,0,0,0\n1,1.5,2,1\n2,3,4,0\n3,5,0,0\n"
+MESHES = ("ply", "stl", "obj", "off", "glb", "dae")
+
+
+@cache
+def table() -> TaxelTable:
+    return read_csv(HAND)
+
+
+def written(write: Callable[[Path], object]) -> bytes:
+    """What a writer of ours writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "t"
+        write(path)
+        return path.read_bytes()
+
+
+def skinware() -> bytes:
+    """The hand as Skinware's cache: nanometres, one line a taxel."""
+    one = table()
+    rows = [
+        " ".join(str(round(1e9 * float(value))) for value in (*position, *normal))
+        for position, normal in zip(one.positions, one.normals, strict=True)
+    ]
+    lines = [f"0 {uid} {row} 1750000 3" for uid, row in zip(one.channels, rows, strict=True)]
+    return ("\n".join([str(len(lines)), *lines]) + "\n").encode()
+
+
+def tactile() -> bytes:
+    return written(lambda path: write_tactile_urdf({"palm": table()}, path))
+
+
+def calibrated() -> bytes:
+    """A table with covariances."""
+    one, spread = table(), "1e-6,2e-6,1e-6,0,1e-8,0"
+    rows = [
+        f"{channel},0,{','.join(repr(float(value)) for value in (*place, *normal))},{spread}"
+        for channel, place, normal in zip(one.channels, one.positions, one.normals, strict=True)
+    ]
+    return "\n".join([",".join((*COLUMNS, *COVARIANCE)), *rows, ""]).encode()
+
+
+def mesh(kind: str) -> bytes:
+    """A tetrahedron in one of the formats that are read."""
+    import trimesh
+
+    whole = trimesh.load_mesh(io.BytesIO(PLY), file_type="ply")
+    content = whole.export(file_type=kind)
+    return content.encode() if isinstance(content, str) else bytes(content)
+
+
+def walk_body(path: Path) -> None:
+    """Read a body, pose it and read all its meshes."""
+    body = UrdfBody(path)
+    body.poses(dict.fromkeys(body.joints, 0.5))
+    for link in body.links:
+        body.mesh(link)
+
+
+def walk_robot(path: Path) -> None:
+    """Read a manifest, its body and the tables of its parts."""
+    robot = load_robot(path)
+    for name in robot.parts:
+        robot.part(name).read()
+
+
+def covariances(path: Path) -> None:
+    from viewer.inputs import read_covariances
+
+    read_covariances([f"left_hand={path}"], _icub(), ["left_hand"])
+
+
+@cache
+def _icub() -> object:
+    return load_robot("icub")
+
+
+def by_board(read: Callable[..., object]) -> Callable[[Path], object]:
+    return lambda path: read(path, read_board(path.with_name("board.csv")))
+
+
+def own(path: Path) -> TaxelTable:
+    """By its suffix, as a manifest would name it."""
+    return read_taxels(path)
+
+
+ROBOT = {"one.urdf": lambda: URDF, "hand.ply": lambda: PLY, "left_hand.csv": HAND.read_bytes}
+ON_BOARD = {"board.csv": BOARD.encode}
+CAL = "calibration.tables"
+
+TARGETS = [
+    Target("taxels-csv", "t.csv", lambda: [HAND.read_bytes(), calibrated()], own,
+           ("skinmap.io.table.read_csv", "skinmap.io.readers.read_taxels")),
+    Target("taxels-icub", "t.txt", lambda: [written(lambda p: write_icub(table(), p, name="h"))],
+           read_icub, ("skinmap.io.icub.read_icub",)),
+    Target("taxels-skinware", "t", lambda: [skinware()], read_skinware,
+           ("skinmap.io.skinware.read_skinware",)),
+    Target("taxels-urdf", "t.urdf", lambda: [tactile()], read_tactile_urdf,
+           ("skinmap.io.tactile_urdf.read_tactile_urdf",)),
+    Target("sensors-urdf", "t.urdf", lambda: [tactile()], read_tactile_sensors,
+           ("skinmap.io.tactile_urdf.read_tactile_sensors", "skinmap.io.safe_xml.read_xml")),
+    Target("covariances", "t.csv", lambda: [calibrated()], covariances,
+           ("viewer.inputs.read_covariances",)),
+    Target("drawing", "d.ini", lambda: [DRAWING], read_drawing,
+           ("skinmap.io.drawing.read_drawing",)),
+    Target("module-layout", "m.toml", lambda: [LAYOUT], lambda p: module_layout(str(p))),
+    Target("module-layout-csv", "m.csv", lambda: [LAYOUT_CSV], lambda p: module_layout(str(p))),
+    Target("manifest", "one.toml", lambda: [MANIFEST], walk_robot,
+           ("skinmap.io.manifest.load_robot", "skinmap.io.manifest.read_manifest"), ROBOT),
+    Target("urdf", "damaged.urdf", lambda: [URDF], walk_body,
+           ("skinmap.io.urdf_check.read_urdf",), ROBOT),
+    *(Target(f"mesh-{kind}", f"m.{kind}", lambda kind=kind: [mesh(kind)], read_mesh,
+             ("skinmap.io.urdf.read_mesh",)) for kind in MESHES),
+    Target("link", "m.stl", lambda: [mesh("stl")], lambda p: load_link(p, 1e-3),
+           ("calibration.anchor_table.load_link",)),
+    Target("board", "board.csv", lambda: [BOARD.encode()], read_board, (f"{CAL}.read_board",)),
+    Target("placed", "p.csv", lambda: [ANCHORS.encode()], read_placed, (f"{CAL}.read_placed",)),
+    Target("anchors", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchors),
+           (f"{CAL}.read_anchors", f"{CAL}.read_table"), ON_BOARD),
+    Target("anchor-table", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchor_table),
+           ("calibration.anchor_table.read_anchor_table",), ON_BOARD),
+    Target("wrap", "a.csv", lambda: [ANCHORS.encode()],
+           lambda p: load_wrap(p.with_name("board.csv"), p.with_name("hand.ply"), p,
+                               units="mm", sigma_mm=1.0),
+           ("calibration.anchor_table.load_wrap",), ON_BOARD | {"hand.ply": lambda: PLY}),
+    Target("touches", "t.csv", lambda: [TOUCHES.encode()], by_board(read_touches),
+           (f"{CAL}.read_touches",), ON_BOARD),
+    Target("points", "p.csv", lambda: [POINTS.encode()], read_points, (f"{CAL}.read_points",)),
+    Target("numbers", "n.csv", lambda: [b"1,2,3\n4,5,6\n"], lambda p: read_numbers(p, None),
+           (f"{CAL}.read_numbers",)),
+]  # fmt: skip

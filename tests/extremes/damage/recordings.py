@@ -1,0 +1,221 @@
+"""Targets that hold samples or what was learnt from them: recordings, models, responses."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibration.mount_files import read_arrays, read_samples, read_wrenches
+from calibration.response import ResponseCalibration
+from calibration.response_file import load_response, save_response
+from calibration.self_touch_files import load_self_touch
+from skinmap.cache import Cache
+from skinmap.classify.check import planted_touches
+from skinmap.classify.classifier import classifiers
+from skinmap.classify.convolution import Network, load_network, network_bytes
+from skinmap.classify.model_file import load_classifier, save_classifier
+from skinmap.io.dumper import read_dump, read_log
+from skinmap.io.learning import write_npz
+from skinmap.io.mcap_recording import McapRecording
+from skinmap.io.mcap_repair import write_repaired
+from skinmap.io.mcap_track import read_track
+from skinmap.io.recordings import load_recordings
+from skinmap.io.xdf import read_xdf
+from skinmap.touch import recording as archive
+from skinmap.touch.recording import Recording, save_recordings
+
+from .layouts import written
+from .target import Target
+
+N, SAMPLES, RATE = 8, 30, 50.0
+
+
+@cache
+def values() -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (SAMPLES, N)).astype(np.uint8)
+
+
+def zipped(**arrays: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def recording() -> bytes:
+    events = np.repeat([-1, 0, 1], SAMPLES // 3)
+    owners = np.full((2, N), -1)
+    one = Recording(
+        "a", np.arange(SAMPLES) / RATE, values(), events, ("poke", "pat"), np.array([0, 1]), owners
+    )
+    return written(lambda path: save_recordings([one], path))
+
+
+@cache
+def mcap(kind: str = "raw") -> bytes:
+    """30 samples in a few chunks, with a touch and an angle."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "t.mcap"
+        file = McapRecording(path, parts=["a"], widths={kind: [N]}, rate=RATE)
+        for row, sample in enumerate(values()):
+            file.add(kind, row / RATE, sample)
+        file.add_angles(0.1, {"elbow": 0.5})
+        file.mark("a", 0, "poke", began=0.1, ended=0.3)
+        file.close()
+        return path.read_bytes()
+
+
+def learning() -> bytes:
+    """The same as arrays for machine learning."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "t.mcap"
+        path.write_bytes(mcap("pressure"))
+        write_npz(read_track(path), path.with_suffix(".npz"))
+        return path.with_suffix(".npz").read_bytes()
+
+
+def xdf() -> bytes:
+    """What LabRecorder writes for one stream, by the rules of the format."""
+
+    def chunk(tag: int, content: bytes) -> bytes:
+        return b"\x04" + (len(content) + 2).to_bytes(4, "little") + bytes([tag, 0]) + content
+
+    head = (
+        '<?xml version="1.0"?><info><name>a</name><type>Tactile</type>'
+        f"<channel_count>{N}</channel_count><nominal_srate>{RATE}</nominal_srate>"
+        "<channel_format>float32</channel_format><created_at>1.0</created_at></info>"
+    )
+    stream = (1).to_bytes(4, "little")
+    rows = b"".join(
+        b"\x08" + np.float64(100 + row / RATE).tobytes() + sample.astype("<f4").tobytes()
+        for row, sample in enumerate(values())
+    )
+    clock = np.array([100.0, -0.5]).tobytes()
+    return b"".join([
+        b"XDF:", chunk(1, b"<info><version>1.0</version></info>"), chunk(2, stream + head.encode()),
+        chunk(3, stream + b"\x04" + SAMPLES.to_bytes(4, "little") + rows), chunk(4, stream + clock),
+        chunk(6, stream + b"<info></info>"),
+    ])  # fmt: skip
+
+
+def dump() -> bytes:
+    lines = [f"{row} {100 + row / RATE} {' '.join(map(str, v))}" for row, v in enumerate(values())]
+    return ("\n".join(lines) + "\n").encode()
+
+
+@cache
+def model(name: str) -> bytes:
+    rng = np.random.default_rng(0)
+    found = classifiers.get(name)().fit(planted_touches(8, rng=rng), rng=rng)
+    return written(lambda path: save_classifier(found, path))
+
+
+def network() -> bytes:
+    rng = np.random.default_rng(0)
+    kernel, weight = rng.normal(size=(2, 1, 3, 3)), rng.normal(size=(2, 2 * 4 * 4))
+    zero = np.zeros(2, np.float32)
+    return network_bytes(Network(
+        (8, 8), (kernel.astype(np.float32),), (zero,), weight.astype(np.float32), zero, ("a", "b"),
+    ))  # fmt: skip
+
+
+def response() -> bytes:
+    rng = np.random.default_rng(0)
+    found = ResponseCalibration.fit(np.rint(20 + rng.normal(0, 1.2, (200, N))))
+    return written(lambda path: save_response(found, path))
+
+
+def self_touch() -> bytes:
+    ids, ends = np.array([0, 1, 2, 1, 0]), np.array([0, 2, 3, 5])
+    angles = np.random.default_rng(0).normal(size=(3, 2))
+    return zipped(chain1="A", chain2="B", q=angles, ids_A=ids, ptr_A=ends, ids_B=ids, ptr_B=ends)
+
+
+def part(column: int) -> bytes:
+    return zipped(taxel_pos=0.01 * np.eye(3), mount=np.array([0.1, 0, 0, 0, 0.2, 0]),
+                  dh=np.array([[0.1, 0, 1.5, 0]]), joint_cols=np.array([column]))  # fmt: skip
+
+
+def wrenches() -> bytes:
+    rng = np.random.default_rng(0)
+    frames = np.tile(np.eye(4), (3, 1, 1))
+    return zipped(points=rng.normal(size=(3, 3)), frames=frames, forces=rng.normal(size=(3, 3)),
+                  moments=rng.normal(size=(3, 3)), taxels=rng.normal(size=(4, 3)))  # fmt: skip
+
+
+WRENCH = b"touch,x,y,z,fx,fy,fz,mx,my,mz\n0,1,2,3,0,0,1,0.1,0.2,0\n1,2,2,3,0,1,0,0,0.2,0.1\n"
+
+
+def samples(path: Path) -> Any:
+    """All values of a track, which is where damage of its content shows."""
+    return read_track(path).values[:]
+
+
+def repaired(path: Path) -> Any:
+    return write_repaired(path, path.with_suffix(".whole"))
+
+
+def npy() -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, values())
+    return buffer.getvalue()
+
+
+def kept(path: Path) -> None:
+    """An entry of the cache: arrays, or dropped with a warning."""
+    cache = Cache(path.parent / "cache")
+    place = cache._path("wrap", "ab")
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_bytes(path.read_bytes())
+    found = cache.get("wrap", "ab")
+    if found is not None and not all(isinstance(one, np.ndarray) for one in found.values()):
+        raise AssertionError("the cache gave what is no array")
+
+
+def both(name: str, *rest: Any) -> list[Target]:
+    """An archive damaged as a file, and inside."""
+    return [Target(name, *rest), Target(f"{name}-inside", *rest, inside=True)]
+
+
+PARTS = {"part_A.npz": lambda: part(0), "part_B.npz": lambda: part(1)}
+
+TARGETS = [
+    *both("recording", "t.npz", lambda: [recording()], load_recordings,
+          ("skinmap.io.recordings.load_recordings", "skinmap.touch.recording.load_recordings")),
+    Target("recording-archive", "t.npz", lambda: [recording()], archive.load_recordings),
+    *both("learning", "t.npz", lambda: [learning()], load_recordings),
+    Target("mcap", "t.mcap", lambda: [mcap(), mcap("pressure")], samples,
+           ("skinmap.io.mcap_track.read_track", "skinmap.io.mcap_head.read_head",
+            "skinmap.io.mcap_scan.read_chunk")),
+    Target("mcap-touches", "t.mcap", lambda: [mcap("pressure")], load_recordings),
+    Target("mcap-repair", "t.mcap", lambda: [mcap()], repaired),
+    Target("xdf", "t.xdf", lambda: [xdf()], lambda p: read_xdf(p).values[:],
+           ("skinmap.io.xdf.read_xdf",)),
+    Target("dump", "data.log", lambda: [dump()], lambda p: read_dump(p).values[:],
+           ("skinmap.io.dumper.read_dump",)),
+    Target("log", "data.log", lambda: [dump()], read_log, ("skinmap.io.dumper.read_log",)),
+    *both("model", "t.skinmodel", lambda: [model("histogram"), model("contact-geometry")],
+          load_classifier, ("skinmap.classify.model_file.load_classifier",
+           "skinmap.classify.model_file.read_model")),
+    *both("network", "t.npz", lambda: [network()], load_network,
+          ("skinmap.classify.convolution.load_network",)),
+    *both("response", "t.npz", lambda: [response()], load_response,
+          ("calibration.response_file.load_response",)),
+    *both("self-touch", "A_B.npz", lambda: [self_touch()], lambda p: load_self_touch([p]),
+          ("calibration.self_touch_files.load_self_touch",), PARTS),
+    *both("self-touch-part", "part_A.npz", lambda: [part(0)],
+          lambda p: load_self_touch([p.with_name("A_B.npz")]), (),
+          {"A_B.npz": self_touch, "part_B.npz": lambda: part(1)}),
+    *both("wrenches", "w.npz", lambda: [wrenches()], read_wrenches,
+          ("calibration.mount_files.read_wrenches",)),
+    Target("wrenches-csv", "w.csv", lambda: [WRENCH], read_wrenches),
+    *both("arrays", "s.npz", lambda: [zipped(samples=values(), loads=values())],
+          lambda p: read_samples(p, ("samples", "loads")),
+          ("calibration.mount_files.read_samples", "calibration.mount_files.read_arrays")),
+    *both("cache", "c.npz", lambda: [zipped(vertices=np.eye(3), faces=np.eye(3, dtype=int))], kept),
+    Target("samples-npy", "s.npy", lambda: [npy()], lambda p: read_arrays(p, "samples")),
+]  # fmt: skip

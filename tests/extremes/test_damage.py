@@ -1,0 +1,155 @@
+"""Damaged files and messages of every kind: read, or refused with an error of ours."""
+
+from __future__ import annotations
+
+import ast
+import asyncio
+import importlib.util
+import io
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damage.catalogue import TARGETS
+from damage.messages import hub
+from damage.mutations import MEMBER, accidents, mutate, packed, spread
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from skinmap import archive
+from skinmap.errors import DataFormatError
+from viewer.interaction.view_file import load_view
+from viewer.web.hub import Client
+
+ROOT = Path(__file__).parents[2]
+FEW = 25  # examples of each target in the suite; `make fuzz` takes 5,000
+# Nothing that is read comes from elsewhere, or it runs through one that is listed.
+NO_READERS = {
+    "skinmap.live.lsl_settings.load_lsl": "loads a library",
+    "skinmap.live.response_files.load_responses": "load_response, by entry point",
+    "skinmap.cli.flat_job.read_channels": "words of a command line, tested with the command",
+    "skinmap.io.text.read_text": "under every reader of text",
+    "skinmap.io.manifest.load_fields": "under read_manifest",
+    "viewer.inputs.read_responses": "load_response, by name",
+}
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory) -> dict[str, Path]:
+    """A folder of each target with what stands beside the damaged file."""
+    made = {}
+    for name, target in TARGETS.items():
+        made[name] = tmp_path_factory.mktemp(name)
+        target.lay_out(made[name])
+    return made
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_originals_are_read(folders, name):
+    target = TARGETS[name]
+    for original in target.seeds():
+        assert target.try_one(original, folders[name])
+
+
+@pytest.mark.fuzz
+@settings(
+    max_examples=FEW if settings.default.max_examples <= 100 else settings.default.max_examples,
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+@given(steps=accidents, which=st.integers(0, 7))
+@pytest.mark.parametrize("name", TARGETS)
+def test_damage_is_read_or_refused(folders, name, steps, which):
+    seeds = TARGETS[name].seeds()
+    TARGETS[name].try_one(mutate(seeds[which % len(seeds)], steps), folders[name])
+
+
+def test_archives_survive_being_laid_side_by_side():
+    seeds = TARGETS["response"].seeds()
+    assert spread(packed(spread(seeds[0]))) == spread(seeds[0])
+    assert spread(seeds[0]).count(MEMBER) == 4
+
+
+def test_every_reader_is_a_target():
+    covered = {reader for target in TARGETS.values() for reader in target.covers}
+    found = set()
+    for top in ("skinmap", "calibration", "viewer"):
+        for file in (ROOT / top).rglob("*.py"):
+            module = ".".join(file.relative_to(ROOT).with_suffix("").parts)
+            found |= {
+                f"{module}.{node.name}"
+                for node in ast.parse(file.read_text()).body
+                if isinstance(node, ast.FunctionDef) and node.name.startswith(("read_", "load_"))
+            }
+    assert not found - covered - set(NO_READERS), "readers without damaged input"
+    assert not covered - found, "targets name readers that are gone"
+
+
+def test_archives_that_unpack_to_too_much_are_refused_before_anything_is_read(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(archive, "LARGEST", 1000)
+    np.savez_compressed(tmp_path / "bomb.npz", zeros=np.zeros(1000))
+    with (
+        pytest.raises(DataFormatError, match="at most 4 GB"),
+        archive.open_arrays(tmp_path / "bomb.npz"),
+    ):
+        pass
+
+
+def test_members_that_are_no_arrays_are_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "t.npz", "w") as whole:
+        whole.writestr("head.npy", "not an array")
+    with (
+        pytest.raises(DataFormatError, match=r"'head\.npy', which is no array"),
+        archive.open_arrays(tmp_path / "t.npz"),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    "wish", ['{"do": "drawn", "samples": 1e999}', '{"do": "seek", "to": HUGE}']
+)
+def test_wishes_that_no_number_holds_are_answered(wish):
+    client = Client("pressure")
+    asyncio.run(hub()._obey(client, wish.replace("HUGE", "9" * 400)))
+    assert "asked for something unknown" in client.letters[0]
+
+
+@pytest.mark.parametrize(("digits", "said"), [(5000, "too many digits"), (400, "degrees expected")])
+def test_views_with_huge_numbers_are_refused(tmp_path, digits, said):
+    whole = TARGETS["view"].seeds()[0].replace(b"22.0", b"9" * digits)
+    (tmp_path / "view.json").write_bytes(whole)
+    with pytest.raises(DataFormatError, match=said):
+        load_view(tmp_path / "view.json")
+
+
+@pytest.mark.parametrize(
+    ("packages", "code", "said"),
+    [
+        ([{"name": "a", "version": "1", "vulns": []}], 0, "0 known holes in 1 of 1"),
+        ([{"name": "a", "skip_reason": "not found"}], 2, "1 packages are unknown"),
+        (
+            [{"name": "a", "version": "1", "vulns": [{"id": "X-1", "fix_versions": ["2"]}]}],
+            1,
+            "a 1: X-1, mended in 2",
+        ),
+    ],
+)
+def test_audit_says_what_was_not_checked(capsys, packages, code, said):
+    spec = importlib.util.spec_from_file_location("audit", ROOT / "scripts" / "audit.py")
+    audit = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(audit)
+    assert audit.report(packages) == code
+    assert said in "".join(capsys.readouterr())
+
+
+def test_old_names_of_types_are_read_without_a_word(tmp_path):
+    buffer = io.BytesIO()
+    np.save(buffer, np.array([b"ab"]))
+    with zipfile.ZipFile(tmp_path / "t.npz", "w") as whole:
+        whole.writestr("head.npy", buffer.getvalue().replace(b"|S2", b"|a2"))
+    with archive.open_arrays(tmp_path / "t.npz") as arrays:
+        assert arrays["head"].tolist() == [b"ab"]
