@@ -1,0 +1,115 @@
+"""The documents do what they say: tutorials draw, examples are installed and run, links lead on."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import skinmap
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PLUGINS = DOCS / "examples" / "plugins"
+TUTORIALS = sorted((DOCS / "tutorials").glob("*.py"))
+PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
+USE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from pathlib import Path
+import skinmap
+from skinmap.errors import DataFormatError
+from skinmap.io.readers import read_taxels
+from skinmap.live import check_source, open_source
+
+board = Path(sys.argv[1]) / "board.mm"
+board.write_text("0/1 0 0 41\\n0/0 6.5 0 41\\n")
+table = read_taxels(board, format="millimetres")
+board.write_text("0/1 here\\n")
+try:
+    read_taxels(board, format="millimetres")
+except DataFormatError as error:
+    line = error.line
+robot = skinmap.load_robot("icub")
+check_source(
+    lambda: open_source("breathing:0.6", robot=robot, parts=["left_hand"]), samples=20, seconds=60
+)
+print(table.channels.tolist(), [round(x, 6) for x in table.positions[0].tolist()], line)
+"""
+
+
+@pytest.mark.parametrize("script", TUTORIALS, ids=lambda path: path.stem)
+def test_tutorial_runs_and_draws_the_pictures_of_its_page(script, tmp_path, monkeypatch, capsys):
+    if script.stem == "see_touches_live":
+        from viewer.display import require_opengl
+
+        require_opengl()
+    monkeypatch.setattr(sys, "argv", [str(script), str(tmp_path)])
+    runpy.run_path(str(script), run_name="__main__")
+    shown = re.findall(r"\(\.\./pictures/tutorials/(\S+?)\)", script.read_text())
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(shown)
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in shown)
+    assert all((DOCS / "pictures" / "tutorials" / name).is_file() for name in shown)
+    assert capsys.readouterr().out.strip()
+
+
+def test_robot_of_the_example_is_meshed_whole():
+    robot = skinmap.load_robot(str(DOCS / "examples" / "robot" / "robot.toml"))
+    skin = robot.skin("forearm")
+    mesh = skinmap.build_surface(skin)
+    assert set(mesh.faces.ravel()) == set(range(len(skin))) == set(range(224))
+    # Taxels stand 1 mm above a cylinder of 40 mm about z: outward is away from its axis.
+    outward = skin.positions * [1, 1, 0] / 0.041
+    assert (outward * skin.normals).sum(axis=1).min() > 0.9
+    assert skinmap.flatten(mesh).flips == 0
+
+
+def test_readmes_manifest_is_that_of_the_example():
+    block = re.search(r"```toml\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
+    assert block is not None
+    assert block[1] == (DOCS / "examples" / "robot" / "robot.toml").read_text()
+
+
+def test_reader_and_source_of_the_example_are_installed_and_run(tmp_path):
+    have_pip = subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True)
+    if have_pip.returncode:
+        pytest.skip("no pip in this environment to install the example with")
+    source, target = tmp_path / "source", tmp_path / "installed"
+    source.mkdir()  # a copy: building leaves folders beside the source
+    for file in PLUGINS.glob("*.*"):
+        (source / file.name).write_text(file.read_text())
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
+    command += ["--no-build-isolation", "--target", str(target), str(source)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    run = [sys.executable, "-c", USE, str(target)]
+    result = subprocess.run(run, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.split("]")[0] == "[0, 1"
+    assert "[0.0065, 0.0, 0.041]" in result.stdout
+    assert result.stdout.split()[-1] == "1"  # the line that is wrong
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_local_links_of_a_page_lead_to_files(page):
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        if not re.match(r"[a-z]+:", link) and not link.startswith("#"):
+            assert (page.parent / link.partition("#")[0]).exists(), link
+
+
+@pytest.mark.parametrize("file", sorted((DOCS / "schemas").glob("*.json")), ids=lambda p: p.stem)
+def test_schema_is_one_and_every_key_of_it_is_in_the_page(file):
+    from jsonschema import Draft202012Validator
+
+    schema = json.loads(file.read_text())
+    Draft202012Validator.check_schema(schema)
+    page = (DOCS / "json.md").read_text()
+    missing = [key for key in schema["properties"] if f"`{key}`" not in page]
+    assert not missing
+    assert not Draft202012Validator(schema).is_valid({})  # some keys are always there
