@@ -1,9 +1,12 @@
 # Variables: PYTHON (interpreter that makes .venv), UV (empty: use venv and pip even where uv is
-# present), OUT (where the demo writes), ARGS (passed on to the demo or to pytest), DIST (wheels).
+# present), OUT (where the demo writes), ARGS (passed on to the demo or to pytest), DIST (wheels),
+# FUZZ_SECONDS and TARGETS (how long `make fuzz` follows coverage, and of which readers).
 PYTHON ?= python3
 OUT ?= build/demo
 DIST ?= dist
 ARGS ?=
+TARGETS ?=
+FUZZ_SECONDS ?= 60
 
 BIN := .venv/bin
 READY := .venv/.ready
@@ -14,7 +17,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz lint bench-loading bench-geometry bench-classify bench-calibration bench-live bench-viewer soak gallery wheel lock clean
+.PHONY: help demo test fuzz audit limits docs tutorials lint bench bench-compare bench-needs bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak bench-viewer wheel lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -26,8 +29,22 @@ test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
 	@$(BIN)/python scripts/system_packages.py --browser
 	$(BIN)/python -m pytest $(ARGS)
 
-fuzz: $(READY)  ## damaged files and messages of all kinds, fifty times as many as in the suite
+fuzz: $(READY)  ## damaged files and messages: 5,000 of each kind, then FUZZ_SECONDS by coverage
 	HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest tests -m fuzz $(ARGS)
+	$(BIN)/python scripts/fuzz.py --seconds $(FUZZ_SECONDS) $(TARGETS)
+
+audit: $(READY)  ## known holes of the pinned versions (asks the service of pip-audit)
+	$(BIN)/python scripts/audit.py
+
+limits: $(READY)  ## docs/limits.md from the laws of tests/extremes/limits and what they measure
+	$(BIN)/python scripts/limits.py
+
+docs: $(READY)  ## the documentation, to build/docs; a warning or a broken link is an error
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
+	$(BIN)/python scripts/check_links.py build/docs
+
+tutorials: $(READY)  ## run the tutorials, which draw their own pictures into docs/pictures/tutorials
+	for script in docs/tutorials/*.py; do $(BIN)/python $$script docs/pictures/tutorials || exit 1; done
 
 lint: $(READY)  ## style, formatting, types, import order
 	$(BIN)/ruff check .
@@ -35,8 +52,14 @@ lint: $(READY)  ## style, formatting, types, import order
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench-loading: $(READY)  ## time and memory to load 1 and 13 parts, to benchmarks/results
-	$(BIN)/python benchmarks/loading.py
+bench: $(READY)  ## all areas beside their peers, asked and got (20 min), to benchmarks/results/bench.html (ARGS=--quick: 3 min)
+	$(BIN)/python benchmarks/bench.py $(ARGS)
+
+bench-compare: $(READY)  ## two results of `make bench`: make bench-compare OLD=a.json NEW=b.json
+	@$(BIN)/python benchmarks/compare.py "$(OLD)" "$(NEW)" $(ARGS)
+
+bench-needs: $(READY)  ## time and memory against what is asked for, to benchmarks/results and docs/needs.md
+	$(BIN)/python benchmarks/needs.py $(ARGS)
 
 bench-geometry: $(READY)  ## meshes, flat maps and contact images beside their peers, to benchmarks/results
 	$(BIN)/python benchmarks/geometry.py $(ARGS)
@@ -48,17 +71,21 @@ gallery: $(READY)  ## the pictures of docs/viewer.md
 	$(BIN)/python -m viewer.gallery $(ARGS)
 
 bench-calibration: $(READY)  ## accuracy of calibrations by anchors, touches, scans, to benchmarks/results
-	$(BIN)/python benchmarks/calibration.py $(ARGS)
+	$(BIN)/python benchmarks/calibrations.py $(ARGS)
 
 bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 min), to benchmarks/results (ARGS=--quick)
 	$(BIN)/python benchmarks/live.py $(ARGS)
 
-soak: $(READY)  ## 50 recorders killed, a full disk, a press of ten minutes, 200,000 samples
+bench-scale: $(READY)  ## one thousand robots, estimated and measured up to what fits, to benchmarks/results
+	$(BIN)/python benchmarks/scale.py $(ARGS)
+
+soak: $(READY)  ## 50 recorders killed, a full disk, a press of ten minutes, 200,000 samples, as many pictures
 	$(BIN)/python benchmarks/recordings.py --kills 50
 	$(BIN)/python benchmarks/live.py --only press $(ARGS)
 	$(BIN)/python benchmarks/live.py --only soak $(ARGS)
+	$(BIN)/python benchmarks/viewer_soak.py
 
-bench-viewer: $(READY)  ## frames, start-up and memory of the viewer, to benchmarks/results (ARGS=--quick)
+bench-viewer: $(READY)  ## frames, start-up, age and memory of the viewer (4 min), to benchmarks/results (ARGS=--quick)
 	$(BIN)/python benchmarks/viewer_speed.py $(ARGS)
 
 wheel: $(READY)  ## the distribution, written to dist (or DIST=folder)

@@ -20,6 +20,7 @@ from calibration.anchor_table import (
     read_anchor_table,
     write_anchor_table,
 )
+from calibration.effort import FULL, Effort
 from calibration.evidence import FEWEST
 from calibration.patch import PatchCalibration
 from calibration.patch_job import MM, WrapTask
@@ -69,6 +70,7 @@ class AnchorSession:
     seed : int
     title : str
         What is laid on what.
+    effort : Effort
 
     Attributes
     ----------
@@ -88,9 +90,11 @@ class AnchorSession:
         sigma: float = 1e-3,
         seed: int = 0,
         title: str = "board on link",
+        effort: Effort = FULL,
     ) -> None:
         self.board, self.link = board, link
         self.unit, self.sigma, self.seed, self.title = unit, sigma, seed, title
+        self.effort = effort
         # A file without sigmas stays one: what is picked follows the same option as the rest.
         silent = any(anchor.sigma is None for anchor in anchors)
         self._stated = None if silent else sigma / unit
@@ -109,6 +113,7 @@ class AnchorSession:
         units: str = "m",
         sigma_mm: float = 1.0,
         seed: int = 0,
+        effort: Effort = FULL,
     ) -> AnchorSession:
         """A session from files, as `skinmap calibrate wrap` reads them.
 
@@ -128,6 +133,7 @@ class AnchorSession:
             sigma=1e-3 * sigma_mm,
             seed=seed,
             title=f"{layout_file.stem} on {mesh_file.stem}",
+            effort=effort,
         )
 
     @property
@@ -168,8 +174,9 @@ class AnchorSession:
     def task(self) -> WrapTask:
         """The anchors as `skinmap calibrate wrap` would read them."""
         return make_task(
-            self.title, self.board, self.link, self.anchors, unit=self.unit, sigma=self.sigma
-        )
+            self.title, self.board, self.link, self.anchors,
+            unit=self.unit, sigma=self.sigma, effort=self.effort,
+        )  # fmt: skip
 
     def pick_board(self, place: ArrayLike) -> bool:
         """Choose the taxel nearest to a place (2,) on the board [m]; False where none is near."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calibration.effort import FULL, Effort
 from calibration.patch_job import WrapTask
 from calibration.tables import UNITS, BoardTable, read_anchors, read_board
 from skinmap.arrays import FloatArray, IntArray
@@ -61,6 +62,7 @@ def make_task(
     *,
     unit: float,
     sigma: float,
+    effort: Effort = FULL,
 ) -> WrapTask:
     """Anchors in `unit` metres as a task in metres; `sigma` [m] where they do not say."""
     stated = [anchor.sigma for anchor in anchors if anchor.sigma is not None]
@@ -68,7 +70,7 @@ def make_task(
     spread = np.array(stated) * unit if whole else np.full(len(anchors), sigma)
     points = np.array([anchor.point for anchor in anchors]).reshape(-1, 3) * unit
     taxels = np.array([anchor.taxel for anchor in anchors], np.int64)
-    return WrapTask(title, board, link, taxels, points, spread)
+    return WrapTask(title, board, link, taxels, points, spread, effort)
 
 
 def load_link(path: Path, unit: float) -> tuple[FloatArray, IntArray]:
@@ -78,7 +80,13 @@ def load_link(path: Path, unit: float) -> tuple[FloatArray, IntArray]:
 
 
 def load_wrap(
-    layout_file: Path, mesh_file: Path, anchors_file: Path, *, units: str, sigma_mm: float
+    layout_file: Path,
+    mesh_file: Path,
+    anchors_file: Path,
+    *,
+    units: str,
+    sigma_mm: float,
+    effort: Effort = FULL,
 ) -> WrapTask:
     """The three files of a wrap."""
     unit = UNITS[units]
@@ -86,4 +94,4 @@ def load_wrap(
     anchors = read_anchor_table(anchors_file, board)
     link = load_link(mesh_file, unit)
     title = f"{layout_file.stem} on {mesh_file.stem}"
-    return make_task(title, board, link, anchors, unit=unit, sigma=1e-3 * sigma_mm)
+    return make_task(title, board, link, anchors, unit=unit, sigma=1e-3 * sigma_mm, effort=effort)

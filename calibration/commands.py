@@ -10,6 +10,7 @@ import click
 # name: (module, its command there, one line for the list)
 COMMANDS = {
     "wrap": ("calibration.wrap_command", "command", "A flat board on its link, by a few anchors."),
+    "batch": ("calibration.batch_command", "command", "Many boards, on several cores or machines."),
     "touch": ("calibration.touch_command", "command", "By touches with a known probe."),
     "selftouch": ("calibration.mount_commands", "selftouch", "By skin that touches skin."),
     "scan": ("calibration.scan_command", "command", "A 3D scan of the link to its mesh."),

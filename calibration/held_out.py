@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calibration.effort import FULL, Effort
 from calibration.evidence import FEWEST, check_layout, check_link
 from calibration.one_thread import one_thread
 from calibration.patch import PatchCalibration
@@ -29,6 +30,7 @@ def held_out_errors(
     anchor_points: ArrayLike,
     *,
     anchor_sigma: ArrayLike = 1e-3,
+    effort: Effort = FULL,
 ) -> FloatArray:
     """Distance of each anchor from where a wrap without it puts its taxel.
 
@@ -39,7 +41,7 @@ def held_out_errors(
     ----------
     found : PatchCalibration
         What `wrap_layout` made of the same arguments.
-    layout, vertices, faces, anchor_indices, anchor_points, anchor_sigma
+    layout, vertices, faces, anchor_indices, anchor_points, anchor_sigma, effort
         As for `wrap_layout`.
 
     Returns
@@ -52,7 +54,8 @@ def held_out_errors(
     if len(points) <= FEWEST:
         return np.zeros(0)
     anchors = at_taxels(len(found), np.asarray(anchor_indices, np.int64), points, sigma)
-    return _errors(found, layout, vertices, faces, anchors, list(np.eye(len(points), dtype=bool)))
+    folds = list(np.eye(len(points), dtype=bool))
+    return _errors(found, layout, vertices, faces, anchors, folds, effort)
 
 
 def held_out_touches(
@@ -61,6 +64,8 @@ def held_out_touches(
     vertices: ArrayLike,
     faces: ArrayLike,
     touches: Sequence[Touch],
+    *,
+    effort: Effort = FULL,
 ) -> FloatArray:
     """The same for touches, of which every fifth is left out at a time.
 
@@ -73,7 +78,7 @@ def held_out_touches(
         return np.zeros(0)
     felt = check_touches(check_layout(layout), check_link(vertices, faces), touches)
     folds = [np.arange(len(touches)) % FOLDS == fold for fold in range(FOLDS)]
-    return _errors(found, layout, vertices, faces, felt, folds)
+    return _errors(found, layout, vertices, faces, felt, folds, effort)
 
 
 def _errors(
@@ -83,19 +88,23 @@ def _errors(
     faces: ArrayLike,
     evidence: Evidence,
     folds: Sequence[BoolArray],
+    effort: Effort,
 ) -> FloatArray:
     board = make_board(check_layout(layout))
     if len(found) != len(board.layout):
         raise InvalidArrayError(
             f"the calibration has {len(found)} taxels, the layout {len(board.layout)}"
         )
-    target = make_target(*check_link(vertices, faces))
+    target = make_target(*check_link(vertices, faces), detail=effort.detail)
     start = State(found.positions, float(np.log(found.scale)), found.height)
     errors = np.empty(len(evidence))
     with one_thread():
         for out in folds:
             rest = evidence.only(~out)
-            state = settle(target, board, rest, start, stages=STAGES[-1:], settled=SETTLED)
+            state = settle(
+                target, board, rest, start,
+                stages=STAGES[-1:], steps=effort.steps, settled=SETTLED,
+            )  # fmt: skip
             _, normals = target.project(state.positions)
             missed = evidence.only(out).missed(state.positions, normals)
             errors[out] = np.linalg.norm(missed, axis=1)

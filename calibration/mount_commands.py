@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from calibration.options import FILE, accept_option, format_option
-from skinmap.cli.common import emit, json_option, progress, seed_option
+from skinmap.cli.common import emit, json_option, profile_option, progress, seed_option
 
 FOLDER = click.Path(path_type=Path, file_okay=False)
 loss_option = click.option(
@@ -34,6 +34,7 @@ TABLES = "Also write tables as the iCub's positions (.txt)."
 @format_option(TABLES)
 @accept_option()
 @seed_option
+@profile_option()
 @json_option
 def selftouch(
     recordings: tuple[Path, ...],
@@ -92,6 +93,7 @@ def selftouch(
 @format_option(TABLES)
 @accept_option()
 @seed_option
+@profile_option()
 @json_option
 def wrench(
     touches: Path,
@@ -144,6 +146,7 @@ def wrench(
 @click.option("--part", help="Part that was measured: the result remembers its skin.")
 @click.option("-o", "--out", type=FOLDER, help="Folder for response.npz and the report.")
 @accept_option()
+@profile_option()
 @json_option
 def response(
     rest: Path,

@@ -38,6 +38,26 @@ def sigma_option(of: str) -> Callable[[F], F]:
     )
 
 
+def effort_options(command: F) -> F:
+    """`--starts`, `--steps` and `--wrap-detail-mm`: what trades speed for accuracy."""
+    for option in (
+        click.option(
+            "--wrap-detail-mm", type=click.FloatRange(min=0.5, max=50.0), default=4.0,
+            show_default=True, help="Longest edge of the wrap round the link.",
+        ),
+        click.option(
+            "--steps", type=click.IntRange(1, 1000), default=20, show_default=True,
+            help="Steps in each of three stages, at most.",
+        ),
+        click.option(
+            "--starts", type=click.IntRange(1, 9), default=3, show_default=True,
+            help="Places to start from; three times as many where these fit badly.",
+        ),
+    ):  # fmt: skip
+        command = option(command)
+    return command
+
+
 def out_option(of: str, *, required: bool = True) -> Callable[[F], F]:
     """`-o`, with the files that the folder is for."""
     return click.option(

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.effort import FULL, Effort
 from calibration.held_out import held_out_errors
 from calibration.mesh_notes import mesh_notes
 from calibration.patch import PatchCalibration, Status
@@ -41,6 +42,7 @@ class WrapTask:
         Where they are [m].
     sigma : (k,) float
         Standard deviation of each coordinate [m].
+    effort : Effort
     """
 
     title: str
@@ -49,13 +51,14 @@ class WrapTask:
     anchors: IntArray
     points: FloatArray
     sigma: FloatArray
+    effort: Effort = FULL
 
     def solve(self, seed: int) -> tuple[PatchCalibration, float]:
         """The wrapped patch, and the seconds of CPU that it took."""
         start = time.process_time()
         found = wrap_layout(
             self.board.layout, *self.link, self.anchors, self.points, anchor_sigma=self.sigma,
-            rng=np.random.default_rng(seed),
+            effort=self.effort, rng=np.random.default_rng(seed),
         )  # fmt: skip
         return found, time.process_time() - start
 
@@ -63,7 +66,7 @@ class WrapTask:
         """(k,) distances of anchors from wraps without them [m]; empty for three."""
         return held_out_errors(
             found, self.board.layout, *self.link, self.anchors, self.points,
-            anchor_sigma=self.sigma,
+            anchor_sigma=self.sigma, effort=self.effort,
         )  # fmt: skip
 
     def write(

@@ -16,7 +16,7 @@ from calibration.options import (
     out_option,
     units_option,
 )
-from skinmap.cli.common import emit, json_option, plain, seed_option
+from skinmap.cli.common import emit, json_option, plain, profile_option, seed_option
 
 if TYPE_CHECKING:
     from calibration.scan import ScanRegistration
@@ -47,6 +47,7 @@ REFUSED = "refused.html"
 @format_option("With --taxels: also write the iCub's positions, as taxels.txt.")
 @accept_option("Write the pose and exit 0 whatever the status.")
 @seed_option
+@profile_option("calibrate")
 @json_option
 def command(
     scan_file: Path,

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
+from calibration.effort import STEPS
 from calibration.target import Target
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.geometry.triangles import unit
@@ -34,7 +35,6 @@ DRIFT, DRIFT_REACH = 0.6e-3, 60e-3
 WHITE = 0.1e-3
 HEIGHT = 3e-3  # of the common height before anything is known [m]
 STAGES = (8.0, 3.0, 1.0)  # stiffness, annealed: stiff first, so that folds cannot form
-STEPS = 20  # a stage at most
 SETTLED = 2e-6  # a step that moves no taxel further than this ends the last stage [m]
 ROUGHLY = 0.1e-3  # and this the stages before [m]
 SAME = 0.3e-3  # states whose taxels are this close on average are one [m]
@@ -201,16 +201,17 @@ def settle(
     state: State,
     *,
     stages: tuple[float, ...],
+    steps: int = STEPS,
     settled: float = SETTLED,
     known: Sequence[State] = (),
 ) -> State:
     """The minimum of the cost that a state leads to, through annealed stiffness.
 
-    A step that moves no taxel further than `settled` [m] ends a stage. One that comes to a
-    `known` minimum ends there too, as it would lead to that one.
+    A stage has at most so many `steps`. One that moves no taxel further than `settled` [m] ends
+    it. One that comes to a `known` minimum ends there too, as it would lead to that one.
     """
     for stiff in stages:
-        for _ in range(STEPS):
+        for _ in range(steps):
             _, gradient, hessian = linearise(target, board, evidence, state, stiff=stiff)
             hessian[np.diag_indices_from(hessian)] *= 1.0 + DAMPING
             # Symmetric, so that its transpose is the same matrix in the order that LAPACK wants.

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
+from calibration.effort import DETAIL
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.cache import Arrays, Ingredient, cached
 from skinmap.geometry.distances import edge_graph
@@ -19,7 +20,6 @@ from skinmap.geometry.triangles import unit, vertex_normals
 
 ALPHA = 15e-3  # openings narrower than this are closed [m]
 OFFSET = 0.3e-3  # of the wrap from the mesh [m]
-DETAIL = 4e-3  # longest edge of the wrap: a facet's sagitta stays below 0.1 mm on a wrist [m]
 # The wrap's triangles change altogether with the last bit of a vertex, so what is wrapped is
 # rounded first: a mesh read in metres and in millimetres gives one wrap. The wrap is then carried
 # from the rounded mesh to the true one. The steps start at an odd place (the golden section), as
@@ -66,16 +66,20 @@ class Target:
 _targets: OrderedDict[str, Target] = OrderedDict()
 
 
-def make_target(vertices: FloatArray, faces: IntArray, *, alpha: float = ALPHA) -> Target:
+def make_target(
+    vertices: FloatArray, faces: IntArray, *, alpha: float = ALPHA, detail: float = DETAIL
+) -> Target:
     """Wrap a link's mesh (n, 3) [m], (m, 3): closed, without inner sheets, faces outward.
 
     Visual meshes are no targets as they are: open, with inner sheets and faces that point
     inward, so that the closest point jumps from sheet to sheet. The wrap (Portaneri et al.,
     "Alpha Wrapping with an Offset", ACM Transactions on Graphics 41(4), 2022, through
-    pymeshlab) has neither, and is kept for the next call with the same mesh.
+    pymeshlab) has neither, and is kept for the next call with the same mesh. Openings narrower
+    than `alpha` are closed, and no edge of it is longer than `detail` [m].
     """
     vertices = _as_stored(vertices)
-    key = hashlib.sha256(vertices.tobytes() + faces.tobytes() + repr(alpha).encode()).hexdigest()
+    settings = repr((alpha, detail)).encode()
+    key = hashlib.sha256(vertices.tobytes() + faces.tobytes() + settings).hexdigest()
     if key not in _targets:
         how: list[Ingredient] = [
             vertices,
@@ -84,11 +88,11 @@ def make_target(vertices: FloatArray, faces: IntArray, *, alpha: float = ALPHA) 
             OFFSET,
             CHORD,
             OPEN,
-            DETAIL,
+            detail,
             ROUNDING,
             SHIFT,
         ]
-        wrap = partial(_wrap_of, vertices, faces, alpha)
+        wrap = partial(_wrap_of, vertices, faces, alpha, detail)
         made = cached("target", how, wrap, made_by=("pymeshlab", "libigl"))
         _targets[key] = _made(made["vertices"], made["faces"])
         while len(_targets) > KEPT:
@@ -97,9 +101,9 @@ def make_target(vertices: FloatArray, faces: IntArray, *, alpha: float = ALPHA) 
     return _targets[key]
 
 
-def _wrap_of(vertices: FloatArray, faces: IntArray, alpha: float) -> Arrays:
+def _wrap_of(vertices: FloatArray, faces: IntArray, alpha: float, detail: float) -> Arrays:
     coarse = rounded(vertices)
-    wrap, triangles = _wrapped(coarse, faces, alpha)
+    wrap, triangles = _wrapped(coarse, faces, alpha, detail)
     return {"vertices": _carried(wrap, coarse, vertices, faces), "faces": triangles}
 
 
@@ -150,14 +154,16 @@ def _made(vertices: FloatArray, faces: IntArray) -> Target:
     return Target(vertices, faces, vertex_normals(vertices, faces), tree)
 
 
-def _wrapped(vertices: FloatArray, faces: IntArray, alpha: float) -> tuple[FloatArray, IntArray]:
+def _wrapped(
+    vertices: FloatArray, faces: IntArray, alpha: float, detail: float
+) -> tuple[FloatArray, IntArray]:
     import pymeshlab
 
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
     length = pymeshlab.PureValue
     meshes.generate_alpha_wrap(alpha=length(alpha), offset=length(OFFSET))
-    meshes.meshing_surface_subdivision_midpoint(iterations=6, threshold=length(DETAIL))
+    meshes.meshing_surface_subdivision_midpoint(iterations=6, threshold=length(detail))
     made = meshes.current_mesh()
     return made.vertex_matrix(), made.face_matrix().astype(np.int64)
 

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist, squareform
 
+from calibration.effort import FULL, Effort
 from calibration.evidence import Link, check_anchors, check_layout, check_link, check_spread
 from calibration.one_thread import one_thread
 from calibration.patch import PatchCalibration
@@ -69,6 +70,7 @@ def locate_by_touch(
     *,
     anchors: tuple[ArrayLike, ArrayLike] | None = None,
     anchor_sigma: ArrayLike = 1e-3,
+    effort: Effort = FULL,
     rng: np.random.Generator,
 ) -> PatchCalibration:
     """Lay a flat board on a link by touches, with anchors or without.
@@ -88,6 +90,8 @@ def locate_by_touch(
         Taxels whose place is known, and where they are [m].
     anchor_sigma : float
         Standard deviation of each coordinate of an anchor [m].
+    effort : Effort
+        Starts, steps and detail of the wrap.
     rng : numpy.random.Generator
         Where the starts are taken.
 
@@ -109,12 +113,12 @@ def locate_by_touch(
     evidence = felt
     if anchors is not None:
         evidence = _joined(felt, check_anchors(board_layout, link, *anchors, anchor_sigma))
-    target, board = make_target(*link), make_board(board_layout)
+    target, board = make_target(*link, detail=effort.detail), make_board(board_layout)
     kinds = {"touches": evidence.doubted, "anchors": ~evidence.doubted}
     kinds = {name: rows for name, rows in kinds.items() if rows.any()}
     with one_thread():
         first = kinds["anchors"] if anchors is not None else consistent(target, board, felt)
-        minima = find_minima(target, board, evidence, first, rng=rng)
+        minima = find_minima(target, board, evidence, first, effort=effort, rng=rng)
         return judge(target, board, evidence, minima, kinds)
 
 

@@ -10,6 +10,7 @@ import click
 from calibration.options import (
     FILE,
     accept_option,
+    effort_options,
     format_option,
     layout_option,
     mesh_option,
@@ -18,7 +19,7 @@ from calibration.options import (
     units_option,
 )
 from calibration.wrap_command import STEPS, show
-from skinmap.cli.common import json_option, progress, seed_option
+from skinmap.cli.common import json_option, profile_option, progress, seed_option
 
 
 @click.command("touch")
@@ -36,7 +37,9 @@ from skinmap.cli.common import json_option, progress, seed_option
 @out_option("taxels.csv and report.html")
 @format_option()
 @accept_option("Write taxels and exit 0 whatever the status.")
+@effort_options
 @seed_option
+@profile_option("calibrate")
 @json_option
 def command(
     layout_file: Path,
@@ -48,6 +51,9 @@ def command(
     out: Path,
     formats: tuple[str, ...],
     accept: bool,
+    starts: int,
+    steps: int,
+    wrap_detail_mm: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -62,6 +68,7 @@ def command(
     """
     import numpy as np
 
+    from calibration.effort import Effort
     from calibration.held_out import held_out_touches
     from calibration.patch_job import summary, write_results
     from calibration.report import EvidenceRows
@@ -71,6 +78,7 @@ def command(
     from skinmap.io.output import staged_folder
     from skinmap.io.urdf import read_mesh
 
+    effort = Effort(starts, steps, 1e-3 * wrap_detail_mm)
     with staged_folder(out) as stage, progress(STEPS, "calibrate") as advance:
         unit = METRES[units]
         board = read_board(layout_file, unit)
@@ -85,11 +93,11 @@ def command(
         start = time.process_time()
         found = locate_by_touch(
             board.layout, *link, touches, anchors=anchors, anchor_sigma=spread,
-            rng=np.random.default_rng(seed),
+            effort=effort, rng=np.random.default_rng(seed),
         )  # fmt: skip
         seconds = time.process_time() - start
         advance("cross-validation")
-        held_out = held_out_touches(found, board.layout, *link, touches)
+        held_out = held_out_touches(found, board.layout, *link, touches, effort=effort)
         advance("report")
         centre = np.array([touch.channels[np.argmax(touch.values)] for touch in touches])
         sigma = np.array([touch.sigma for touch in touches])

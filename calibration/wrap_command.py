@@ -10,6 +10,7 @@ import click
 from calibration.options import (
     FILE,
     accept_option,
+    effort_options,
     format_option,
     layout_option,
     mesh_option,
@@ -17,7 +18,7 @@ from calibration.options import (
     sigma_option,
     units_option,
 )
-from skinmap.cli.common import emit, json_option, progress, seed_option
+from skinmap.cli.common import emit, json_option, profile_option, progress, seed_option
 
 STEPS = 4
 REFUSED = "refused.html"  # the report of a result that is not ok and was not accepted
@@ -35,7 +36,9 @@ REFUSED = "refused.html"  # the report of a result that is not ok and was not ac
 @out_option("taxels.csv and report.html")
 @format_option()
 @accept_option("Write taxels and exit 0 whatever the status.")
+@effort_options
 @seed_option
+@profile_option("calibrate")
 @json_option
 def command(
     layout_file: Path,
@@ -46,6 +49,9 @@ def command(
     out: Path,
     formats: tuple[str, ...],
     accept: bool,
+    starts: int,
+    steps: int,
+    wrap_detail_mm: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -58,10 +64,14 @@ def command(
     Example:  skinmap calibrate wrap --layout board.csv --mesh link.stl --anchors anchors.csv -o out
     """
     from calibration.anchor_table import load_wrap
+    from calibration.effort import Effort
     from skinmap.io.output import staged_folder
 
+    effort = Effort(starts, steps, 1e-3 * wrap_detail_mm)
     with staged_folder(out) as stage, progress(STEPS, "calibrate") as advance:
-        task = load_wrap(layout_file, mesh_file, anchors_file, units=units, sigma_mm=sigma_mm)
+        task = load_wrap(
+            layout_file, mesh_file, anchors_file, units=units, sigma_mm=sigma_mm, effort=effort
+        )
         advance("wrap")
         found, seconds = task.solve(seed)
         advance("cross-validation")

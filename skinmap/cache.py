@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skinmap.archive import open_arrays
 from skinmap.errors import DAMAGED_ARCHIVE, InvalidArrayError, SkinWarning
 
 Arrays = dict[str, NDArray[Any]]
@@ -73,7 +74,7 @@ class Cache:
         """The arrays kept under a key; None where there are none, or none that can be read."""
         path = self._path(kind, key)
         try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            with open_arrays(path) as archive:
                 arrays = {name: archive[name] for name in archive.files}
         except (FileNotFoundError, NotADirectoryError):
             return None

@@ -7,6 +7,7 @@ import zipfile
 import zlib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 # What numpy and zipfile raise for archives that are damaged: in their directory, their compressed
 # data, their method of compression or the headers of their arrays.
@@ -22,6 +23,7 @@ DAMAGED_ARCHIVE: tuple[type[Exception], ...] = (
     zipfile.BadZipFile,
     zlib.error,
     tokenize.TokenError,
+    MemoryError,  # a header that asks for more than there is
 )
 
 
@@ -61,6 +63,10 @@ class UnreachableError(SkinError, ConnectionError):
     """A machine or service that does not answer."""
 
 
+class VersionMismatchError(SkinError, RuntimeError):
+    """Another version than this process has, where results would differ."""
+
+
 class MessageError(SkinError, ValueError):
     """A message of a live stream that does not follow its layout."""
 
@@ -70,7 +76,10 @@ class MissingFileError(SkinError, FileNotFoundError):
 
     def __init__(self, path: Path | str, expected: str) -> None:
         super().__init__(f"no file {str(path)!r}; expected {expected}")
-        self.path = Path(path)
+        self.path, self.expected = Path(path), expected
+
+    def __reduce__(self) -> tuple[Any, ...]:  # errors come back from other processes
+        return type(self), (self.path, self.expected)
 
 
 class UnknownNameError(SkinError, LookupError):
@@ -91,6 +100,9 @@ class UnknownNameError(SkinError, LookupError):
         exists = ", ".join(self.known) if self.known else "none"
         super().__init__(f"no {kind} {name!r}; there is: {exists}")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.kind, self.name, self.known)
+
 
 class DataFormatError(SkinError, ValueError):
     """A file that does not follow its format.
@@ -106,9 +118,12 @@ class DataFormatError(SkinError, ValueError):
     """
 
     def __init__(self, message: str, path: Path | str, line: int | None = None) -> None:
-        self.path, self.line = Path(path), line
+        self.message, self.path, self.line = message, Path(path), line
         where = f"{path}:{line}" if line is not None else str(path)
         super().__init__(f"{where}: {message}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.message, self.path, self.line)
 
 
 class ForbiddenPathError(SkinError, PermissionError):
@@ -117,6 +132,10 @@ class ForbiddenPathError(SkinError, PermissionError):
 
 class BrokenPluginError(SkinError, TypeError):
     """A plug-in that does not keep the contract, and which promise it breaks."""
+
+
+class ImpossibleBudgetError(SkinError, ValueError):
+    """A limit of time or error that no measured setting keeps, and what comes nearest."""
 
 
 class SkinWarning(UserWarning):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,6 +31,18 @@ PAD_12 = [
     (7.5, -1.443), (10, -5.774), (5, -5.774), (0, -2.887), (-5, -5.774), (-10, -5.774),
     (-7.5, -1.443), (-2.5, 1.443), (-2.5, 7.217), (0, 11.547), (2.5, 7.217), (2.5, 1.443),
 ]  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _json_keeps_its_schema(monkeypatch):
+    """What a test has a command print as JSON is held to docs/schemas."""
+    path = Path(__file__).with_name("schemas.py")
+    spec = importlib.util.spec_from_file_location("skinmap_test_schemas", path)
+    schemas = sys.modules.get("skinmap_test_schemas")
+    if schemas is None:
+        schemas = sys.modules["skinmap_test_schemas"] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(schemas)
+    schemas.watch(monkeypatch)
 
 
 @pytest.fixture(scope="session")

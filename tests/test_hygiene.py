@@ -89,3 +89,13 @@ def test_readmes_python_runs():
     text = (ROOT / "README.md").read_text()
     (code,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     exec(compile(code, "README.md", "exec"), {})
+
+
+def test_misspelt_command_is_answered_with_those_that_exist():
+    from click.testing import CliRunner
+
+    from skinmap.cli.main import cli
+
+    result = CliRunner().invoke(cli, ["inspct", "icub"])
+    assert result.exit_code == 2
+    assert "no command 'inspct'; there is: demo, inspect," in result.output

@@ -12,6 +12,7 @@ from skinmap.cli.common import (
     json_option,
     open_robot,
     part_option,
+    profile_option,
     progress,
     robot_argument,
     seed_option,
@@ -43,6 +44,7 @@ FILE = click.Path(path_type=Path, dir_okay=False)
     show_default=True,
     help="Open the live window at the end: where there is a display, always, never.",
 )
+@profile_option("view")
 @json_option
 def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool) -> None:
     """From the iCub's files to named touches on its body.
@@ -144,6 +146,7 @@ def summary(result: dict[str, object], out: Path) -> str:
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address for --web.")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port; 0: a free one.")
 @seed_option
+@profile_option("view")
 @json_option
 def view(**options: Any) -> None:
     """Show touches on the robot's body, with the flat map of the touched part beside it.

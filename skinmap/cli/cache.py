@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from skinmap.cli.common import emit, json_option, table
+from skinmap.cli.common import emit, json_option, profile_option, table
 from skinmap.errors import OutputError, UnknownNameError
 
 
@@ -25,6 +25,7 @@ def command() -> None:
 
 
 @command.command()
+@profile_option()
 @json_option
 def info(as_json: bool) -> None:
     """Where it is, how full, and what of.
@@ -49,6 +50,7 @@ def info(as_json: bool) -> None:
 
 @command.command()
 @click.option("--kind", help="Only what is of this kind; `skinmap cache info` lists them.")
+@profile_option()
 @json_option
 def clear(kind: str | None, as_json: bool) -> None:
     """Drop what is kept; other files in the folder stay.

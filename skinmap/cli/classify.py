@@ -13,6 +13,7 @@ from skinmap.cli.common import (
     json_option,
     open_robot,
     part_option,
+    profile_option,
     robot_option,
     seed_option,
     table,
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
     help="Response calibration of a part that sends raw values.",
 )
 @seed_option
+@profile_option("classify")
 @json_option
 def command(
     model: Path,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from skinmap.cli.common import open_robot, plain
+from skinmap.cli.profiles import with_profile
 
 if TYPE_CHECKING:
     from skinmap.classify.classifier import TouchClassifier
@@ -160,7 +161,7 @@ class _Run:
             "counts": counts,
         }
         if self.as_json:
-            click.echo(json.dumps(plain(summary), allow_nan=False))
+            click.echo(json.dumps(plain(with_profile(summary)), allow_nan=False))
             return
         median = "-" if latency["median"] is None else f"{latency['median']:.1f}"
         click.echo(

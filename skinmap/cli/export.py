@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_argument
+from skinmap.cli.common import (
+    emit,
+    json_option,
+    open_robot,
+    part_option,
+    profile_option,
+    robot_argument,
+)
 
 if TYPE_CHECKING:
     from skinmap.skin.taxels import TaxelTable
@@ -31,6 +38,7 @@ MCAP = ".mcap"
 )
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
 @click.option("--read-as", help="Format of a bare table, if its suffix does not tell.")
+@profile_option()
 @json_option
 def command(
     robot: str,

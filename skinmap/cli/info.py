@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.common import emit, json_option
+from skinmap.cli.common import emit, json_option, profile_option
 
 if TYPE_CHECKING:
     from skinmap.io.track import Track
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 @click.command("info")
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.option("--robot", help="Robot whose skin it must be; it also names a dumper's folders.")
+@profile_option()
 @json_option
 def command(recording: Path, robot: str | None, as_json: bool) -> None:
     """Say what a recording holds: samples, rate, gaps, skin, and what was lost if it was cut off.

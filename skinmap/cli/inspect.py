@@ -7,7 +7,15 @@ from typing import Any
 
 import click
 
-from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_argument, table
+from skinmap.cli.common import (
+    emit,
+    json_option,
+    open_robot,
+    part_option,
+    profile_option,
+    robot_argument,
+    table,
+)
 
 TABLES = (".txt", ".csv")
 
@@ -21,6 +29,7 @@ TABLES = (".txt", ".csv")
 @click.option(
     "--html", type=click.Path(path_type=Path, dir_okay=False), help="Report with pictures."
 )
+@profile_option()
 @json_option
 def command(
     robot: str,

@@ -23,6 +23,7 @@ COMMANDS = {
     "simulate": ("skinmap.cli.simulate", "Simulated touches on the skin, as a recording."),
     "train": ("skinmap.cli.train", "Train a touch classifier on a recording."),
     "evaluate": ("skinmap.cli.evaluate", "How well classifiers do, by the papers' protocols."),
+    "trade": ("skinmap.cli.trade", "Speed against accuracy on your own skin, and a profile."),
     "record": ("skinmap.cli.record", "Record a live source; a killed process loses 0.2 s."),
     "replay": ("skinmap.cli.replay", "Play a recording, and publish it to other programs."),
     "info": ("skinmap.cli.info", "What a recording holds, and what it lacks."),
@@ -49,6 +50,16 @@ class LazyGroup(click.Group):
             loaded: click.Command = point.load()
             return loaded
         return None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that the first word names; a misspelt one is answered with all there are."""
+        name = args[0]
+        if not name.startswith("-") and name not in self.list_commands(ctx):
+            known = ", ".join(self.list_commands(ctx))
+            raise click.UsageError(f"no command {name!r}; there is: {known}", ctx)
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands without importing those of ours."""

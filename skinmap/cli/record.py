@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.common import emit, json_option, open_robot, part_option, robot_option, seed_option
+from skinmap.cli.common import (
+    emit,
+    json_option,
+    open_robot,
+    part_option,
+    profile_option,
+    robot_option,
+    seed_option,
+)
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
@@ -51,6 +59,7 @@ LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk befo
     help="Of a recording or the simulator; inf is as fast as it goes.",
 )  # fmt: skip
 @seed_option
+@profile_option()
 @json_option
 def command(
     source: str,

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from skinmap.cli.common import emit, json_option, part_option
+from skinmap.cli.common import emit, json_option, part_option, profile_option
 
 
 @click.command("replay")
@@ -21,6 +21,7 @@ from skinmap.cli.common import emit, json_option, part_option
 )  # fmt: skip
 @click.option("--loop", is_flag=True, help="Start again at the end, until Ctrl-C.")
 @click.option("--seconds", type=click.FloatRange(min=0.0), help="Stop after these.")
+@profile_option()
 @json_option
 def command(
     recording: Path,

@@ -13,6 +13,7 @@ from skinmap.cli.common import (
     json_option,
     open_robot,
     part_option,
+    profile_option,
     progress,
     robot_argument,
     seed_option,
@@ -87,6 +88,7 @@ SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bi
 @click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="End the stream.")
 @click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
 @seed_option
+@profile_option()
 @json_option
 def command(
     robot: str,

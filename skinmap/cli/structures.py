@@ -15,6 +15,7 @@ from skinmap.cli.common import (
     open_robot,
     out_option,
     part_option,
+    profile_option,
     robot_argument,
     table,
 )
@@ -54,6 +55,7 @@ RARE = 5  # structures with fewer members say little about the lattice
     help="Straight, or along the skin.",
 )
 @out_option
+@profile_option("classify")
 @json_option
 def command(
     robot: str,
@@ -141,14 +143,10 @@ def _auto_radius(skins: Mapping[str, PreparedSkin]) -> float:
 def _neighbourhoods(
     skin: PreparedSkin, radius: float, rotations: int, distance: str
 ) -> Neighbourhoods:
-    from skinmap.neighbours.geodesic import geodesic_neighbourhoods
-    from skinmap.neighbours.offsets import LATTICE, flat_map_directions, neighbourhoods
+    from skinmap.neighbours.offsets import LATTICE
 
     symmetry = rotations if rotations > 1 else LATTICE
-    directions = flat_map_directions(skin.flat, symmetry=symmetry)
-    if distance == "geodesic":
-        return geodesic_neighbourhoods(skin.mesh, directions, radius=radius)
-    return neighbourhoods(skin.skin.positions, skin.skin.normals, directions, radius=radius)
+    return skin.neighbourhoods(radius=radius, distance=distance, symmetry=symmetry)
 
 
 def summary(found: Structures) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from skinmap.geometry.rigid import check_transform, transform_points
 from skinmap.io.safe_xml import read_xml
 from skinmap.io.text import check_file, is_file
 from skinmap.io.urdf_check import read_urdf
+from skinmap.io.urdf_shapes import shape_mesh
 
 # trimesh reads more, archives and scene formats among them, that may name or unpack other files.
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".glb", ".gltf", ".off")
@@ -76,7 +77,7 @@ class UrdfBody:
         return tuple(
             name
             for name, link in self._urdf.link_map.items()
-            if any(visual.geometry.mesh is not None for visual in link.visuals)
+            if any(visual.geometry is not None for visual in link.visuals)
         )
 
     @property
@@ -124,10 +125,13 @@ class UrdfBody:
         vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
         for visual in self._urdf.link_map[link].visuals:
             mesh = visual.geometry.mesh
-            if mesh is None:
+            if mesh is not None:
+                points, triangles = read_mesh(self._resolve(mesh.filename))
+                points = points * (1.0 if mesh.scale is None else np.asarray(mesh.scale))
+            elif (shape := shape_mesh(visual.geometry)) is not None:
+                points, triangles = shape
+            else:
                 continue
-            points, triangles = read_mesh(self._resolve(mesh.filename))
-            points = points * (1.0 if mesh.scale is None else np.asarray(mesh.scale))
             if visual.origin is not None:
                 points = transform_points(check_transform(visual.origin, "visual origin"), points)
             vertices.append(points)

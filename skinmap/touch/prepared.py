@@ -8,7 +8,13 @@ import numpy as np
 
 from skinmap.arrays import IntArray
 from skinmap.flat.flat_map import DEFAULT, FlatMap, flatten
-from skinmap.neighbours.offsets import Neighbourhoods, flat_map_directions, neighbourhoods
+from skinmap.neighbours.geodesic import geodesic_neighbourhoods
+from skinmap.neighbours.offsets import (
+    LATTICE,
+    Neighbourhoods,
+    flat_map_directions,
+    neighbourhoods,
+)
 from skinmap.neighbours.structures import RADIUS
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
@@ -30,11 +36,14 @@ class PreparedSkin:
 
     def __init__(self, skin: Skin, *, method: str = DEFAULT, radius: float = RADIUS) -> None:
         self.skin, self.method, self.radius = skin, method, radius
+        self._given: tuple[object, ...] = ()
+        self._hoods: dict[tuple[float, str, int], Neighbourhoods] = {}
 
     @classmethod
     def of(cls, mesh: SurfaceMesh, flat: FlatMap | None = None) -> PreparedSkin:
         """A prepared skin whose surface mesh, and flat map if given, exist already."""
         made = cls(mesh.skin)
+        made._given = (mesh, flat)
         made.__dict__["mesh"] = mesh  # where cached_property would keep it
         if flat is not None:
             made.__dict__["flat"] = flat
@@ -42,6 +51,10 @@ class PreparedSkin:
 
     def __len__(self) -> int:
         return len(self.skin)
+
+    def content(self) -> tuple[object, ...]:
+        """What decides about everything here, whatever of it was computed already."""
+        return self.skin, self.method, self.radius, self._given
 
     @cached_property
     def mesh(self) -> SurfaceMesh:
@@ -66,10 +79,37 @@ class PreparedSkin:
     @cached_property
     def hoods(self) -> Neighbourhoods:
         """Neighbour offsets in frames that follow the lattice of each chart."""
-        directions = flat_map_directions(self.flat)
-        return neighbourhoods(
-            self.skin.positions, self.skin.normals, directions, radius=self.radius
-        )
+        return self.neighbourhoods()
+
+    def neighbourhoods(
+        self,
+        *,
+        radius: float | None = None,
+        distance: str = "euclidean",
+        symmetry: int = LATTICE,
+    ) -> Neighbourhoods:
+        """Neighbour offsets of a kind, made once.
+
+        Parameters
+        ----------
+        radius : float, optional
+            [m]; the skin's own by default.
+        distance : {"euclidean", "geodesic"}
+            Straight, or along the skin.
+        symmetry : int
+            Of the lattice that the frames follow: 6 for triangular ones, 4 for square ones.
+        """
+        kind = (self.radius if radius is None else radius, distance, symmetry)
+        if kind not in self._hoods:
+            directions = flat_map_directions(self.flat, symmetry=symmetry)
+            self._hoods[kind] = (
+                geodesic_neighbourhoods(self.mesh, directions, radius=kind[0])
+                if distance == "geodesic"
+                else neighbourhoods(
+                    self.skin.positions, self.skin.normals, directions, radius=kind[0]
+                )
+            )
+        return self._hoods[kind]
 
     @cached_property
     def patches(self) -> IntArray:

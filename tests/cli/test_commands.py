@@ -138,7 +138,7 @@ def test_same_seed_writes_the_same_recording(tmp_path):
         (("simulate", "--part", "left_hand", "-o", "/proc/x/y.npz"), "cannot write"),
         (("train", "gone.npz"), r"no file 'gone\.npz'"),
         (("classify", "gone.skinmodel", "gone.npz"), r"no file 'gone\.skinmodel'"),
-        (("dance",), "No such command 'dance'"),
+        (("dance",), "no command 'dance'; there is: demo, inspect"),
         (("inspect", "--size", "3"), "No such option"),
     ],
 )

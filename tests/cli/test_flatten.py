@@ -337,3 +337,33 @@ def test_tables_for_people_name_what_was_compared(sheet):
     assert result.exit_code == 0, result.output
     assert "compared with" in result.output
     assert "lscm" in result.output
+
+
+def test_jobs_and_resume_change_no_number(tmp_path):
+    words = ["flatten", "icub", "--part", "left_foot", "--part", "right_forearm", "--json"]
+    resume = ["--resume", str(tmp_path / "maps")]
+
+    def rows(*more: str) -> list[dict]:
+        result = CliRunner().invoke(cli, [*words, *more], catch_exceptions=False)
+        assert result.exit_code == 0, result.output
+        found = json.loads(result.stdout)["patches"]
+        return [{key: row[key] for key in row if key != "seconds"} for row in found]
+
+    one = rows()
+    assert rows("--jobs", "2") == one
+    assert rows(*resume) == one
+    again = CliRunner().invoke(cli, [*words, *resume], catch_exceptions=False)
+    assert "2 results were on file" in again.stderr
+    assert rows(*resume) == one
+
+
+def test_several_meshes_are_laid_flat_in_one_go(tmp_path, square_grid):
+    for name, n in (("a.obj", 5), ("b.obj", 7)):
+        write_obj(tmp_path / name, *square_grid(n))
+    words = ["flatten", str(tmp_path / "a.obj"), str(tmp_path / "b.obj"), "--json"]
+    result = CliRunner().invoke(cli, words, catch_exceptions=False)
+    found = json.loads(result.stdout)["patches"]
+    assert [(row["part"], row["vertices"]) for row in found] == [("a.obj", 25), ("b.obj", 49)]
+    mixed = CliRunner().invoke(cli, ["flatten", "icub", str(tmp_path / "a.obj")])
+    assert mixed.exit_code == 2
+    assert "several mesh files, or one robot" in mixed.stderr

@@ -10,6 +10,7 @@ import click
 from calibration.options import (
     FILE,
     accept_option,
+    effort_options,
     format_option,
     layout_option,
     mesh_option,
@@ -17,7 +18,7 @@ from calibration.options import (
     sigma_option,
     units_option,
 )
-from skinmap.cli.common import emit, json_option, seed_option
+from skinmap.cli.common import emit, json_option, profile_option, seed_option
 
 if TYPE_CHECKING:
     from calibration.anchor_session import AnchorSession
@@ -36,7 +37,9 @@ if TYPE_CHECKING:
 @format_option()
 @click.option("--screenshot", type=FILE, help="Solve, write a picture and end: needs no display.")
 @accept_option("With --screenshot: write whatever the status.")
+@effort_options
 @seed_option
+@profile_option("calibrate")
 @json_option
 def anchors(
     layout_file: Path,
@@ -48,6 +51,9 @@ def anchors(
     formats: tuple[str, ...],
     screenshot: Path | None,
     accept: bool,
+    starts: int,
+    steps: int,
+    wrap_detail_mm: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -66,10 +72,13 @@ def anchors(
     if screenshot is None and not has_display():
         raise click.UsageError("there is no display here: give --anchors and --screenshot")
     from calibration.anchor_session import AnchorSession
+    from calibration.effort import Effort
 
     session = AnchorSession.load(
-        layout_file, mesh_file, anchors_file, units=units, sigma_mm=sigma_mm, seed=seed
-    )
+        layout_file, mesh_file, anchors_file,
+        units=units, sigma_mm=sigma_mm, seed=seed,
+        effort=Effort(starts, steps, 1e-3 * wrap_detail_mm),
+    )  # fmt: skip
     if screenshot is None:
         result = _by_hand(session, out, formats)
     else:
