@@ -1,4 +1,7 @@
-"""Holds what commands print with --json to docs/schemas, whatever test runs them."""
+"""Holds what commands print with --json to docs/schemas, whatever test runs them.
+
+With `SKINMAP_JSON_SAMPLES=folder` what they print is written there instead, to write a schema by.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +11,16 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from click import Command
 from click.testing import CliRunner, Result
 
 FOLDER = Path(__file__).parents[1] / "docs" / "schemas"
+GROUPS = ("calibrate", "cache")  # their commands have a word more
 
 
 @cache
 def validator(name: str) -> Any:
-    """The check of one command's output; None where there is no schema yet."""
+    """The check of one command's output; None where it has no schema (docs/schemas lists all)."""
     from jsonschema import Draft202012Validator
 
     path = FOLDER / f"{name}.json"
@@ -23,30 +28,36 @@ def validator(name: str) -> Any:
 
 
 def command_name(words: list[str]) -> str:
-    """The command that some arguments call: `flatten`, `calibrate-wrap`."""
+    """The command that some arguments call: `flatten`, `calibrate-wrap`, `trade-check`."""
     plain = [word for word in words if not word.startswith("-")]
-    return "-".join(plain[: 2 if plain and plain[0] == "calibrate" else 1])
+    name = "-".join(plain[: 2 if plain and plain[0] in GROUPS else 1])
+    return "trade-check" if name == "trade" and "--check" in words else name
+
+
+def objects(text: str) -> tuple[list[Any], bool]:
+    """What was printed, and whether it is a live source's: one object a line."""
+    try:
+        printed = json.loads(text)
+    except ValueError:
+        return [json.loads(line) for line in text.splitlines()], True
+    return [printed], "event" in printed
 
 
 def check(words: list[str], result: Result) -> None:
     """Fail where the output of a command that went well is not what its schema says."""
-    if "--json" not in words or result.exit_code != 0:
+    if "--json" not in words or result.exit_code not in (0, 3):
         return
-    name = command_name(words)
-    try:
-        printed = json.loads(result.stdout)
-    except ValueError:
-        return  # a live source: one object a line
-    if "event" in printed:
-        return  # the same, with one line only
+    printed, live = objects(result.stdout)
+    name = command_name(words) + ("-live" if live else "")
     if folder := os.environ.get("SKINMAP_JSON_SAMPLES"):
         with (Path(folder) / f"{name}.jsonl").open("a") as file:
-            file.write(json.dumps(printed) + "\n")
+            file.writelines(json.dumps(one) + "\n" for one in printed)
         return
     found = validator(name)
     if found is not None:
-        faults = sorted(found.iter_errors(printed), key=str)
-        assert not faults, f"{name} --json against docs/schemas/{name}.json: {faults[0].message}"
+        for one in printed:
+            faults = sorted(found.iter_errors(one), key=str)
+            assert not faults, f"{name} --json against docs/schemas: {faults[0].message}"
 
 
 def watch(monkeypatch: Any) -> None:
@@ -55,8 +66,9 @@ def watch(monkeypatch: Any) -> None:
 
     def invoke(self: CliRunner, cli: Any, args: Any = None, **options: Any) -> Result:
         result = plain(self, cli, args, **options)
-        if isinstance(args, list | tuple) and getattr(cli, "name", "") == "cli":
-            check([str(word) for word in args], result)
+        if isinstance(args, list | tuple) and isinstance(cli, Command) and cli.name:
+            above = [] if cli.name == "cli" else [cli.name]  # a command may be called by itself
+            check([*above, *map(str, args)], result)
         return result
 
     monkeypatch.setattr(CliRunner, "invoke", invoke)
