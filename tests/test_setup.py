@@ -4,10 +4,12 @@ import importlib.util
 import re
 import tomllib
 from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from packaging.specifiers import SpecifierSet
 
 ROOT = Path(__file__).resolve().parents[1]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -227,3 +229,17 @@ def test_constraints_pin_every_direct_dependency() -> None:
     names = {re.split(r"[<>=!~ ;\[]", line)[0].lower() for line in wanted}
     pinned = {line.split("==")[0] for line in (ROOT / "constraints.txt").read_text().splitlines()}
     assert names - {"skinmap"} <= pinned  # it names its own extras
+
+
+def test_pinned_versions_run_on_the_oldest_python_that_we_promise() -> None:
+    """What is pinned on a newer machine must install on Debian 12 (Python 3.11.2) too."""
+    oldest = PYPROJECT["project"]["requires-python"].removeprefix(">=") + ".0"
+    for pin in (ROOT / "constraints.txt").read_text().splitlines()[1:]:
+        name, _, version = pin.partition("==")
+        try:
+            found = distribution(name)
+        except PackageNotFoundError:
+            continue  # of an extra that is not here
+        asked = found.metadata["Requires-Python"] or ""
+        if found.version == version:
+            assert oldest in SpecifierSet(asked), f"{pin} asks for Python {asked}"

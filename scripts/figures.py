@@ -1,0 +1,222 @@
+"""Write the figures of README.md out of benchmarks/results, as the benchmarks printed them.
+
+The text between the two comments `figures` and `end of figures` is made here; a test refuses a
+README that says something else, so that no figure outlives the run it came from.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
+BETWEEN = re.compile(r"(?<=<!-- figures: make figures -->\n).*?(?=<!-- end of figures -->)", re.S)
+
+
+def main() -> int:
+    """Renew README.md."""
+    page = ROOT / "README.md"
+    page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
+    return 0
+
+
+def renewed(page: str, results: Path = RESULTS) -> str:
+    """A page with the figures of the results in place of its own.
+
+    Raises
+    ------
+    ValueError
+        If the page does not hold the two comments once.
+    """
+    made = "\n".join(
+        [
+            *("### The iCub, whole", "", *skin(results), ""),
+            *("### Touches named right", "", *names(results), ""),
+            *("### Speed, beside others", "", *speed(results), ""),
+            *("### New patches placed, and samples in real time", "", *places(results), ""),
+        ]
+    )
+    page, found = BETWEEN.subn(lambda _: f"\n{made}\n", page)
+    if found != 1:
+        raise ValueError("README.md must have `figures: make figures` and `end of figures` once")
+    return page
+
+
+def skin(results: Path) -> list[str]:
+    """What the demo says of meshes and flat maps."""
+    demo = _read(results, "demo")
+    edges, normals = demo["edge_rms_percent"], demo["normals"]
+    structures, solved = demo["structures"], _read(results, "geometry")["icub"]
+    seconds = solved["meshing_seconds"] + solved["flattening_seconds"]
+    rows = [
+        ("taxels in the surface mesh", f"{demo['meshed_taxels']:,} of {demo['taxels']:,}"),
+        ("patches, flipped triangles in their maps", f"{demo['patches']}, {demo['flips']}"),
+        (
+            "edge error of the flat maps, rms",
+            f"{edges['median']:.2f} % in the median patch, {edges['max']:.2f} % in the worst",
+        ),
+        (
+            "estimated normals against the nearest face of the body",
+            f"median {normals['median_deg']:.1f}°, {100 * normals['share_within_15_deg']:.1f} % "
+            f"within 15°, {normals['inward']} point inward",
+        ),
+        (
+            "periodic structures",
+            f"{structures['plain']} plain, {structures['rotated']} with rotation by π/3",
+        ),
+        ("all parts meshed and flattened", f"{seconds:.1f} s CPU"),
+    ]
+    return _table(("`make demo`", ""), rows)
+
+
+def names(results: Path) -> list[str]:
+    """How many simulated touches got their name, by the demo and over all patches."""
+    demo = _read(results, "demo")
+    left_out = {row["features"]: row for row in _read(results, "evaluation_cross_patch")["rows"]}
+    titles = (
+        ("contact geometry (the default)", "contact-geometry"),
+        ("histograms of structures, rest dropped, intersection SVM", "histogram"),
+        ("the paper's literal histograms", "paper"),
+    )
+    table = [
+        (
+            title,
+            *(_share(_accuracy(demo, key, test)) for test in ("same_parts", "other_parts")),
+            _share(left_out[key]["mean"]),
+            _share(left_out[key]["worst"]),
+        )
+        for title, key in titles
+    ]
+    heads = ("classifier", "parts trained on", "other parts", "patch left out", "worst patch")
+    return _table(heads, table)
+
+
+def speed(results: Path) -> list[str]:
+    """CPU time beside the peer of the same run."""
+    geometry, classify = _read(results, "geometry"), _read(results, "classify")
+    maps = {row["method"]: row for row in geometry["flattening"] if _is(row, n=100_000)}
+    image = _row(geometry["contact_images"], taxels=768)
+    words = _row(classify["histogram"], rotations=6, active_share=1.0)["one_sample_us"]
+    machine = _row(classify["intersection_svm"], counts="whole")["samples_us"]
+    million = _row(geometry["flattening"], n=1_000_000, method="fast")
+    pairs = (
+        ("`fast`", "fast", "libigl LSCM"),
+        ("`balanced`", "balanced", "libigl ARAP-10 from BFF"),
+        ("`dirichlet`", "dirichlet", "libigl SLIM-2 from BFF"),
+    )
+    rows = [
+        (f"100,000 vertices laid flat, {title}", _map(maps[ours]), f"{peer}: {_map(maps[peer])}")
+        for title, ours, peer in pairs
+    ]
+    rows += [
+        (
+            "1,000,000 vertices laid flat, `fast`",
+            f"{million['seconds']:.0f} s, {million['peak_gb']:.1f} GB",
+            "",
+        ),
+        _meshing(geometry["meshing"]),
+        (
+            "contact image, 66 x 100 pixels of 768 taxels",
+            f"{image['image_us']:.0f} µs",
+            f"SciPy LinearNDInterpolator, triangulation kept: {image['scipy_reused_us']:.0f} µs",
+        ),
+        (
+            "histogram of one sample, 1,128 taxels",
+            f"{words['compiled']:.0f} µs (numpy alone {words['numpy']:.0f} µs)",
+            f"loop as the paper has it: {words['literal_loop'] / 1e3:.1f} ms",
+        ),
+        (
+            "intersection SVM, 2,000 decisions",
+            f"{machine['compiled'] / 1e3:.2f} ms (numpy alone {machine['numpy'] / 1e3:.1f} ms)",
+            f"scikit-learn with the kernel as a function: {machine['scikit_learn'] / 1e3:.0f} ms",
+        ),
+    ]
+    return _table(("one thread, CPU time", "Skinmap", "beside it, in the same run"), rows)
+
+
+def places(results: Path) -> list[str]:
+    """Errors of calibrations (simulated), and how late a live sample has its label."""
+    found, live = _read(results, "calibration"), _read(results, "live")
+    wrap = _row(found["wrap"], anchors=4, scale=1.0)
+    touch = next(row for row in found["touch"] if _is(row, touches=32) and "one_module" not in row)
+    scan, kills = found["scan"][0], live["recordings"]["kills"]
+    calm, size = live["live_50_hz"], live["recordings"]["size"]
+    rows = [
+        ("4 anchors of 1 mm (simulated)", _error(wrap)),
+        ("32 touches of 1 mm (simulated)", _error(touch)),
+        (
+            "half a link scanned, 0.7 mm noise (simulated)",
+            f"median {scan['median_mm']:.2f} mm, worst {scan['max_mm']:.2f} mm",
+        ),
+        (
+            f"sample to label, {live['channels']:,} taxels at 50 Hz for "
+            f"{calm['seconds'] / 60:.0f} min",
+            f"median {calm['latency_ms']['median']:.1f} ms, 99 % within "
+            f"{calm['latency_ms']['p99']:.1f} ms; {calm['lost']} samples lost",
+        ),
+        (
+            f"{size['minutes']:.0f} min recorded, all taxels",
+            f"{size['megabytes']:.0f} MB",
+        ),
+        (
+            f"{kills['count']} recorders killed at random moments",
+            f"all {kills['opened']} files open, at most {kills['most_lost_s']:.1f} s lost",
+        ),
+    ]
+    return _table(("", ""), rows)
+
+
+def _meshing(rows: Sequence[dict[str, Any]]) -> tuple[str, str, str]:
+    """The mesh of 10,000 taxels: what a quick peer leaves out is said too."""
+    ours = _row(rows, n=10_000, method="consensus")
+    peer = _row(rows, n=10_000, method="pymeshlab ball pivoting")
+    return (
+        "10,000 taxels meshed",
+        f"{ours['cpu_s']:.2f} s, {ours['n'] - ours['used']} left out, {ours['faces']:,} triangles",
+        f"pymeshlab ball pivoting: {peer['cpu_s']:.2f} s, {peer['n'] - peer['used']} left out, "
+        f"{peer['faces']:,} triangles",
+    )
+
+
+def _accuracy(demo: dict[str, Any], classifier: str, test: str) -> float:
+    """Of the demo's table."""
+    return float(_row(demo["table"], classifier=classifier, tested_on=test)["accuracy"])
+
+
+def _error(row: dict[str, Any]) -> str:
+    return f"median {row['median_mm']:.2f} mm, 95 % within {row['p95_mm']:.1f} mm"
+
+
+def _map(row: dict[str, Any]) -> str:
+    return f"{row['seconds']:.1f} s, edge error {row['edge_rms_percent']:.2f} %"
+
+
+def _share(value: float) -> str:
+    return f"{100 * value:.1f} %"
+
+
+def _is(row: dict[str, Any], **wanted: object) -> bool:
+    return all(row.get(key) == value for key, value in wanted.items())
+
+
+def _row(rows: Sequence[dict[str, Any]], **wanted: object) -> dict[str, Any]:
+    """The row that has these values."""
+    return next(row for row in rows if _is(row, **wanted))
+
+
+def _read(results: Path, name: str) -> Any:
+    return json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    lines = [heads, ["---"] * len(heads), *rows]
+    return [f"| {' | '.join(line)} |".replace("|  |", "| |") for line in lines]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
