@@ -17,7 +17,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz audit limits docs tutorials lint bench bench-compare bench-needs bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak bench-viewer wheel lock clean
+.PHONY: help demo test fuzz audit limits docs tutorials figures lint bench bench-compare bench-needs bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak bench-viewer wheel lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -45,6 +45,9 @@ docs: $(READY)  ## the documentation, to build/docs; a warning or a broken link 
 
 tutorials: $(READY)  ## run the tutorials, which draw their own pictures into docs/pictures/tutorials
 	for script in docs/tutorials/*.py; do $(BIN)/python $$script docs/pictures/tutorials || exit 1; done
+
+figures: $(READY)  ## the figures of README.md from benchmarks/results, where benchmarks leave them
+	$(BIN)/python scripts/figures.py
 
 lint: $(READY)  ## style, formatting, types, import order
 	$(BIN)/ruff check .

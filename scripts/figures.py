@@ -92,7 +92,7 @@ def names(results: Path) -> list[str]:
         )
         for title, key in titles
     ]
-    heads = ("classifier", "parts trained on", "other parts", "patch left out", "worst patch")
+    heads = ("classifier", "same parts", "other parts", "each patch left out", "the worst of them")
     return _table(heads, table)
 
 
@@ -143,7 +143,8 @@ def places(results: Path) -> list[str]:
     """Errors of calibrations (simulated), and how late a live sample has its label."""
     found, live = _read(results, "calibration"), _read(results, "live")
     wrap = _row(found["wrap"], anchors=4, scale=1.0)
-    touch = next(row for row in found["touch"] if _is(row, touches=32) and "one_module" not in row)
+    touches = [row for row in found["touch"] if not row.get("one_module")]
+    touch = _row(touches, touches=32)
     scan, kills = found["scan"][0], live["recordings"]["kills"]
     calm, size = live["live_50_hz"], live["recordings"]["size"]
     rows = [
@@ -215,7 +216,7 @@ def _read(results: Path, name: str) -> Any:
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     lines = [heads, ["---"] * len(heads), *rows]
-    return [f"| {' | '.join(line)} |".replace("|  |", "| |") for line in lines]
+    return [f"| {' | '.join(line)} |".replace("|  |", "| |").replace("| ---", "|---").replace("--- |", "---|") for line in lines]
 
 
 if __name__ == "__main__":
