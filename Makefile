@@ -1,11 +1,13 @@
 # Variables: PYTHON (interpreter that makes .venv), UV (empty: use venv and pip even where uv is
 # present), OUT (where the demo writes), ARGS (passed on to the demo or to pytest), DIST (wheels),
-# FUZZ_SECONDS and TARGETS (how long `make fuzz` follows coverage, and of which readers).
+# FUZZ_EXAMPLES, FUZZ_SECONDS and TARGETS (of `make fuzz`: examples of each kind of damage, how long
+# it follows coverage, and of which readers).
 PYTHON ?= python3
 OUT ?= build/demo
 DIST ?= dist
 ARGS ?=
 TARGETS ?=
+FUZZ_EXAMPLES ?= 5000
 FUZZ_SECONDS ?= 60
 
 BIN := .venv/bin
@@ -29,8 +31,8 @@ test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
 	@$(BIN)/python scripts/system_packages.py --browser
 	$(BIN)/python -m pytest $(ARGS)
 
-fuzz: $(READY)  ## damaged files and messages: 5,000 of each kind, then FUZZ_SECONDS by coverage
-	HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest tests -m fuzz $(ARGS)
+fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each kind, then FUZZ_SECONDS by coverage
+	HYPOTHESIS_PROFILE=fuzz FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(BIN)/python -m pytest tests -m fuzz $(ARGS)
 	$(BIN)/python scripts/fuzz.py --seconds $(FUZZ_SECONDS) $(TARGETS)
 
 audit: $(READY)  ## known holes of the pinned versions (asks the service of pip-audit)

@@ -20,7 +20,11 @@ from skinmap.touch.prepared import PreparedSkin
 # is no test: on a busy machine a sound one takes longer than Hypothesis allows by default.
 settings.register_profile("suite", derandomize=True, deadline=None)
 settings.register_profile("search", derandomize=False, deadline=None)
-settings.register_profile("fuzz", settings.get_profile("search"), max_examples=5000)  # `make fuzz`
+settings.register_profile(
+    "fuzz",
+    settings.get_profile("search"),
+    max_examples=int(os.environ.get("FUZZ_EXAMPLES", "5000")),
+)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
 # What a test makes it makes itself, and nobody's own cache is touched.

@@ -115,7 +115,7 @@ def test_members_that_are_no_arrays_are_refused(tmp_path):
 def test_wishes_that_no_number_holds_are_answered(wish):
     client = Client("pressure")
     asyncio.run(hub()._obey(client, wish.replace("HUGE", "9" * 400)))
-    assert "asked for something unknown" in client.letters[0]
+    assert "asked for something unknown" in client.letters["problem"]
 
 
 @pytest.mark.parametrize(("digits", "said"), [(5000, "too many digits"), (400, "degrees expected")])

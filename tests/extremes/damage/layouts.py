@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from calibration.anchor_table import load_link, load_wrap, read_anchor_table
+from calibration.batch_job import read_batch
 from calibration.tables import (
     read_anchors,
     read_board,
@@ -87,6 +88,9 @@ triangle_10pad 1 52.0 30.0 180 1 1 0
 """
 LAYOUT = b"slots_mm = [[0, 0], [1.5, 2], [3, 4], [5, 0]]\nthermal = [1]\ncentre = 0\nside_mm = 30\n"
 LAYOUT_CSV = b"slot,x_mm,y_mm,thermal\n0,0,0,0\n1,1.5,2,1\n2,3,4,0\n3,5,0,0\n"
+BATCH = b"name,layout,mesh,anchors,units,sigma_mm\n" + b"".join(
+    b"%c,board.csv,m.ply,a.csv,mm,1.5\n" % letter for letter in b"abc"
+)
 MESHES = ("ply", "stl", "obj", "off", "glb", "dae")
 
 
@@ -214,6 +218,8 @@ TARGETS = [
     Target("touches", "t.csv", lambda: [TOUCHES.encode()], by_board(read_touches),
            (f"{CAL}.read_touches",), ON_BOARD),
     Target("points", "p.csv", lambda: [POINTS.encode()], read_points, (f"{CAL}.read_points",)),
+    Target("batch", "b.csv", lambda: [BATCH], lambda p: read_batch(p, "mm", 1.0),
+           ("calibration.batch_job.read_batch",)),
     Target("numbers", "n.csv", lambda: [b"1,2,3\n4,5,6\n"], lambda p: read_numbers(p, None),
            (f"{CAL}.read_numbers",)),
 ]  # fmt: skip

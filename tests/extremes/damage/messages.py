@@ -152,7 +152,7 @@ def obey(message: bytes) -> None:
     client = Client("pressure")
     for text in (message, message.decode("utf-8", "replace")):
         asyncio.run(hub()._obey(client, text))
-    for letter in client.letters:
+    for letter in client.letters.values():
         json.loads(letter, parse_constant=lambda word: 1 / 0)  # a page's JSON has no NaN
 
 
