@@ -75,6 +75,13 @@ def read_batch(path: Path, units: str, sigma_mm: float) -> list[BatchRow]:
         no number (says which line).
     """
     reader = csv.reader(read_text(path).splitlines(keepends=True))
+    try:
+        return _rows(reader, path, units, sigma_mm)
+    except csv.Error as error:
+        raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
+
+
+def _rows(reader: Any, path: Path, units: str, sigma_mm: float) -> list[BatchRow]:
     names = [cell.strip().lower() for cell in next(reader, [])]
     if set(NEEDED) - set(names) or set(names) - set(KNOWN) or len(set(names)) < len(names):
         raise DataFormatError(

@@ -77,8 +77,8 @@ def read_anchors(
         (says which line).
     """
     names, values, lines = read_table(path, ("x", "y", "z"), ("sigma",))
+    _check_whole(values[:, 0], lines, path)  # before the cast, which warns of what is too large
     channels = values[:, 0].astype(np.int64)
-    _check_whole(values[:, 0], lines, path)
     rows = board.rows(channels, path, lines)
     place = [names.index(name) for name in "xyz"]
     sigma = values[:, names.index("sigma")] * unit if "sigma" in names else None

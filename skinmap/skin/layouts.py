@@ -20,6 +20,10 @@ from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError,
 from skinmap.geometry.proximity import median_spacing
 
 MOST_BYTES = 64 * 2**20  # as of every text file that is read
+# What strange content comes to: deep nests, numbers that no float holds and cells without end too.
+NO_LAYOUT = (
+    ValueError, TypeError, KeyError, IndexError, OverflowError, RecursionError, csv.Error, OSError,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -147,7 +151,7 @@ def module_layout(name: str, folder: Path = Path()) -> ModuleLayout:
         places = np.array([[row[0], row[1]] for row in rows], float) * 1e-3
         thermal = np.array([bool(row[2]) for row in rows])
         return ModuleLayout(path.stem, places, thermal, centre, side)
-    except (ValueError, TypeError, KeyError, IndexError) as error:
+    except NO_LAYOUT as error:
         raise DataFormatError(f"not a module layout: {error}", path) from error
 
 

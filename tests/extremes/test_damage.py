@@ -6,6 +6,7 @@ import ast
 import asyncio
 import importlib.util
 import io
+import warnings
 import zipfile
 from pathlib import Path
 
@@ -29,6 +30,7 @@ NO_READERS = {
     "skinmap.live.lsl_settings.load_lsl": "loads a library",
     "skinmap.live.response_files.load_responses": "load_response, by entry point",
     "skinmap.cli.flat_job.read_channels": "words of a command line, tested with the command",
+    "skinmap.classify.tuned.read_size": "a word of a profile, tested with the knobs",
     "skinmap.io.text.read_text": "under every reader of text",
     "skinmap.io.manifest.load_fields": "under read_manifest",
     "viewer.inputs.read_responses": "load_response, by name",
@@ -153,3 +155,23 @@ def test_old_names_of_types_are_read_without_a_word(tmp_path):
         whole.writestr("head.npy", buffer.getvalue().replace(b"|S2", b"|a2"))
     with archive.open_arrays(tmp_path / "t.npz") as arrays:
         assert arrays["head"].tolist() == [b"ab"]
+
+
+@pytest.mark.parametrize(
+    ("target", "content", "said"),
+    [
+        ("module-layout", b"slots_mm = " + b"[" * 2000, "not a module layout"),
+        ("module-layout", b"slots_mm = [[0, 0]]\ncentre = inf", "not a module layout"),
+        ("module-layout", b"slots_mm = [[0, 1e3], [%s, 0]]" % (b"9" * 400), "not a module layout"),
+        ("module-layout-csv", b"slot,x_mm\n" + b"1" * 200_000, "not a module layout"),
+        ("anchors", b"channel,x,y,z\n99999999999999999999,0,0,0\n", "whole numbers from 0"),
+        ("batch", b"name,layout,mesh,anchors\n" + b"a" * 200_000, "not CSV: field larger"),
+    ],
+)
+def test_what_fuzzing_found_is_refused_with_a_line(folders, target, content, said):
+    """No error of Python's own, no warning from a cast, no cell without end."""
+    path = folders[target] / TARGETS[target].file
+    path.write_bytes(content)
+    with warnings.catch_warnings(), pytest.raises(DataFormatError, match=said):
+        warnings.simplefilter("error")
+        TARGETS[target].read(path)
