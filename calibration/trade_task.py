@@ -62,11 +62,11 @@ class CalibrateTask:
     work = f"the largest patch by {ANCHORS} anchors, its link wrapped before"
     truth = "planted places of the part's taxels (simulated): median error, anchors off by 1 mm"
     knobs = (
-        Knob("starts", (1, 2, STARTS), STARTS, "places that the patch is laid from"),
+        Knob("starts", (1, STARTS), STARTS, "places that the patch is laid from"),
         Knob("steps", (3, 6, STEPS), STEPS, "steps in each stage, at most"),
         Knob(
             "wrap_detail_mm",
-            (2.0, MM * DETAIL, 8.0),
+            (MM * DETAIL, 8.0),
             MM * DETAIL,
             "longest edge of the wrap round the link",
         ),

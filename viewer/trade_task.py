@@ -96,8 +96,11 @@ class ViewTask:
 
 def colour_difference(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
     """Root mean square difference of pictures (k, h, w, 3), as a share of full scale."""
-    apart = one.astype(np.float64) - other
-    return float(np.sqrt(np.mean(apart**2)) / 255.0)
+    squares = 0.0
+    for here, there in zip(one, other, strict=True):  # a picture at a time: a third of the time
+        apart = np.subtract(here, there, dtype=np.float64).ravel()
+        squares += float(np.dot(apart, apart))  # of whole numbers: exact
+    return float(np.sqrt(squares / one.size) / 255.0)
 
 
 def _scene(show: Show, setting: Setting) -> Any:

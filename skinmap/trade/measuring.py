@@ -13,25 +13,36 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-CALLS = 5  # timed calls at least, and
+CALLS = 3  # timed calls at least, and
 LEAST = 0.05  # seconds of them at least
-SLOW = 0.15  # seconds of one call; one that slow needs no warming up
+SLOW = 0.15  # seconds of one call; one that slow needs no warming up, but for the very first
 CALLS_MOST = 200
 STATUS = Path("/proc/self/status")
 CLEAR = Path("/proc/self/clear_refs")
 
 
 _untimed: ContextVar[bool] = ContextVar("untimed", default=False)
+_first: ContextVar[bool] = ContextVar("first", default=False)
 
 
 @contextlib.contextmanager
 def untimed() -> Iterator[None]:
-    """Within it `cpu_seconds` calls its work once: to warm up, or to measure memory."""
+    """Within it `cpu_seconds` calls its work once: to load what it needs."""
     token = _untimed.set(True)
     try:
         yield
     finally:
         _untimed.reset(token)
+
+
+@contextlib.contextmanager
+def first_time() -> Iterator[None]:
+    """Within it `cpu_seconds` warms slow work up too, which it does not do again."""
+    token = _first.set(True)
+    try:
+        yield
+    finally:
+        _first.reset(token)
 
 
 def cpu_seconds(work: Callable[[], T]) -> tuple[float, T]:
@@ -48,8 +59,9 @@ def cpu_seconds(work: Callable[[], T]) -> tuple[float, T]:
     started = time.process_time()
     result = work()
     first = time.process_time() - started
-    if _untimed.get() or first > SLOW:
+    if _untimed.get() or (first > SLOW and not _first.get()):
         return first, result
+    calls = 1 if first > SLOW else CALLS
     times: list[float] = []
     collecting = gc.isenabled()
     gc.disable()  # a collection belongs to no call more than to another
@@ -58,7 +70,7 @@ def cpu_seconds(work: Callable[[], T]) -> tuple[float, T]:
             started = time.process_time()
             result = work()
             times.append(time.process_time() - started)
-            if len(times) >= CALLS and sum(times) >= LEAST:
+            if len(times) >= calls and sum(times) >= LEAST:
                 break
     finally:
         if collecting:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import time
 from collections.abc import Callable, Sequence
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skinmap.errors import BrokenPluginError, SkinError, UnknownNameError
-from skinmap.trade.measuring import grown_mb, untimed
+from skinmap.trade.measuring import first_time, grown_mb, untimed
 from skinmap.trade.pace import pace_seconds
 from skinmap.trade.points import Failure, Point, describe
 from skinmap.trade.task import Outcome, Setting, TradeTask
@@ -19,9 +20,8 @@ from skinmap.trade.task import Outcome, Setting, TradeTask
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
 
-DEAR = 2.0  # seconds: the first run of a setting that takes longer is not thrown away
 QUICK = 0.3  # seconds: a setting whose run takes less is measured
-QUICK_TURNS = 3  # times a round
+QUICK_TURNS = 2  # times a round
 logger = logging.getLogger(__name__)
 Progress = Callable[[str], None]
 
@@ -44,7 +44,7 @@ class Measured:
 
 def steps(settings: int, seeds: int) -> int:
     """How often progress is reported for a task."""
-    return settings * (seeds + 1)
+    return settings * seeds
 
 
 def measure(
@@ -58,11 +58,12 @@ def measure(
 ) -> Measured:
     """Measure settings of a task.
 
-    A first round warms up and measures memory, untimed. Then one round a seed: settings in an
-    order drawn anew, so that no setting always meets the machine in the same state. A setting
-    that fails is left out of later rounds and reported; so is a task that fails as a whole. One
-    that takes seconds needs no warming up: its first run counts. Times are scaled to the pace of
-    the machine at the quietest moment of the measurement (`skinmap.trade.pace`).
+    The first setting runs once untimed, so that what all settings load is not counted as the
+    first one's memory. Then comes one round a seed. The first round has the settings in their
+    order, each with an eye on memory; later ones in an order drawn anew, so that no setting
+    always meets the machine in the same state. A setting that fails is left out of later rounds
+    and reported; so is a task that fails as a whole. Times are scaled to the pace of the machine
+    at the quietest moment of the measurement (`skinmap.trade.pace`).
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ def measure(
             for place, seed in enumerate(seeds):
                 prepared = task.prepare(robot, parts, seed=seed)
                 if place == 0:
-                    rounds.warm_up(prepared, seed)
+                    rounds.load(prepared, seed)
                 rounds.measure(prepared, seed, place)
             return Measured(rounds.points(), list(rounds.failures.values()))
         except Exception as error:
@@ -107,43 +108,55 @@ class _Rounds:
         self.cost = [0.0] * len(settings)  # CPU seconds of a run, training and all
         self.failures: dict[int, Failure] = {}
 
-    def warm_up(self, prepared: Any, seed: int) -> None:
-        """Run every setting once, with an eye on memory; only dear ones count as measured."""
-        for number, setting in enumerate(self.settings):
-            started = time.process_time()
-            with untimed():
-                self._attempt(number, self._run(prepared, setting, seed), warm_up=True)
-            self.cost[number] = time.process_time() - started
-            if self.cost[number] <= DEAR:
-                self.found[number].clear()
+    def load(self, prepared: Any, seed: int) -> None:
+        """Run the first setting that works, for what it loads; those that fail are met again."""
+        for setting in self.settings:
+            with untimed(), contextlib.suppress(Exception):
+                self.task.run(prepared, setting, seed=seed)
+                return
 
     def measure(self, prepared: Any, seed: int, place: int) -> None:
-        """One round: every setting, quick ones several times, in an order drawn anew."""
-        fine = [number for number in range(len(self.settings)) if number not in self.failures]
-        quick = [number for number in fine if self.cost[number] < QUICK]
-        turns = [*range(len(self.settings)), *(quick * (QUICK_TURNS - 1))]
+        """One round: every setting, quick ones several times."""
+        numbers = list(range(len(self.settings)))
+        if place == 0:
+            for number in numbers:
+                self._first(number, self._run(prepared, number, seed))
+        quick = [number for number in numbers if self.cost[number] < QUICK]
+        turns = [*([] if place == 0 else numbers), *(quick * (QUICK_TURNS - 1))]
+        told = set(numbers) if place == 0 else set()
         for number in np.random.default_rng([seed, place]).permutation(turns).tolist():
-            if self.cost[number] > DEAR and place == 0:  # its warm-up counts
-                self.report(f"{self.task.name}: {describe(self.settings[number])}")
-                continue
-            self._attempt(number, self._run(prepared, self.settings[number], seed))
+            if number not in told:
+                told.add(number)
+                self._say(number)
+            self._attempt(number, self._run(prepared, number, seed))
 
-    def _run(self, prepared: Any, setting: Setting, seed: int) -> Callable[[], Outcome]:
-        return lambda: self.task.run(prepared, setting, seed=seed)
+    def _first(self, number: int, run: Callable[[], Outcome]) -> None:
+        """Run a setting for the first time; notes its memory and what a run costs."""
+        self._say(number)
 
-    def _attempt(self, number: int, run: Callable[[], Outcome], *, warm_up: bool = False) -> None:
-        setting = self.settings[number]
-        if warm_up or self.cost[number] >= QUICK or len(self.found[number]) % QUICK_TURNS == 0:
-            self.report(f"{self.task.name}: {describe(setting)}")
+        def watched() -> Outcome:
+            grown, outcome = grown_mb(run)
+            self.memory[number] = grown if outcome.memory_mb is None else outcome.memory_mb
+            return outcome
+
+        started = time.process_time()
+        with first_time():
+            self._attempt(number, watched)
+        self.cost[number] = time.process_time() - started
+
+    def _say(self, number: int) -> None:
+        self.report(f"{self.task.name}: {describe(self.settings[number])}")
+
+    def _run(self, prepared: Any, number: int, seed: int) -> Callable[[], Outcome]:
+        return lambda: self.task.run(prepared, self.settings[number], seed=seed)
+
+    def _attempt(self, number: int, run: Callable[[], Outcome]) -> None:
         if number in self.failures:
             return
+        setting = self.settings[number]
         try:
             before = pace_seconds()
-            if warm_up:
-                grown, outcome = grown_mb(run)
-                self.memory[number] = grown if outcome.memory_mb is None else outcome.memory_mb
-            else:
-                outcome = run()
+            outcome = run()
             _check(outcome)
             self.found[number].append(Sample(outcome, 0.5 * (before + pace_seconds())))
         except Exception as error:  # the other settings still run

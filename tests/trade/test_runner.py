@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from skinmap.trade import measuring, runner
-from skinmap.trade.measuring import cpu_seconds, grown_mb, untimed
+from skinmap.trade.measuring import cpu_seconds, first_time, grown_mb, untimed
 from skinmap.trade.pace import pace_seconds
 from skinmap.trade.runner import measure, steps
-from skinmap.trade.task import Knob, around, product
+from skinmap.trade.task import Knob, Outcome, around, product
 
 SEEDS = range(3)
 
@@ -27,29 +29,45 @@ def test_planted_figures_come_out_with_their_spread(toys):
         assert (point.unit, point.memory_mb, point.beside) == ("mm", 1.0, {"extra": 7.0})
 
 
-def test_rounds_interleave_settings_after_one_to_warm_up(toys):
-    task = toys["planted"]()
-    measure(task, None, ("part",), seeds=SEEDS)
-    size = len(toys["planted"].figures)
-    assert sorted(level for level, _ in task.calls[:size]) == sorted(toys["planted"].figures)
-    turns = np.array(task.calls[size:]).reshape(len(SEEDS), -1, 2)
-    for seed, turn in zip(SEEDS, turns, strict=True):
-        assert set(turn[:, 1]) == {str(seed)}
-        levels, counts = np.unique(turn[:, 0], return_counts=True)
-        assert len(levels) == size
-        assert len(set(counts)) == 1
-        # Were it done setting after setting, equal ones would stand together.
-        assert (turn[1:, 0] != turn[:-1, 0]).sum() >= size
-    assert len({tuple(turn[:, 0]) for turn in turns}) > 1
-
-
-def test_the_first_run_of_dear_settings_counts(toys, monkeypatch):
-    monkeypatch.setattr(runner, "DEAR", -1.0)
+def test_a_round_a_seed_with_settings_in_an_order_drawn_anew(toys, monkeypatch):
     monkeypatch.setattr(runner, "QUICK", -1.0)
     task = toys["planted"]()
     found = measure(task, None, ("part",), seeds=range(5))
+    levels = list(toys["planted"].figures)
+    assert task.calls[0] == (levels[0], 0)  # loads what all need
+    rounds = np.array(task.calls[1:]).reshape(5, len(levels), 2)
+    assert rounds[0, :, 0].tolist() == levels
+    for seed, turn in enumerate(rounds):
+        assert set(turn[:, 1]) == {str(seed)}
+        assert sorted(turn[:, 0]) == sorted(levels)
+    assert len({tuple(turn[:, 0]) for turn in rounds}) > 1
     assert {point.runs for point in found.points} == {5}
-    assert len(task.calls) == 5 * len(task.figures)
+
+
+def test_quick_settings_run_several_times_a_round_and_not_in_a_row(toys, monkeypatch):
+    monkeypatch.setattr(runner, "QUICK", np.inf)
+    task = toys["planted"]()
+    found = measure(task, None, ("part",), seeds=SEEDS)
+    assert {point.runs for point in found.points} == {runner.QUICK_TURNS * len(SEEDS)}
+    for seed in SEEDS:
+        turn = [level for level, number in task.calls if number == seed]
+        # Were it done setting after setting, equal ones would stand together.
+        apart = sum(one != other for one, other in itertools.pairwise(turn))
+        assert apart >= len(toys["planted"].figures)
+
+
+def test_what_all_settings_load_is_no_memory_of_the_first(toys):
+    kept = []
+
+    class Loading(toys["planted"]):
+        def run(self, prepared, setting, *, seed):
+            if not kept:
+                kept.append(np.ones((64, 2**17)))  # 64 MB, as a library would
+            seconds, error = self.figures[setting["level"]]
+            return Outcome(seconds, error)
+
+    points = measure(Loading(), None, ("part",), seeds=[0]).points
+    assert all(point.memory_mb < 32.0 for point in points)
 
 
 def test_times_are_scaled_to_the_quietest_moment(toys, monkeypatch):
@@ -60,7 +78,8 @@ def test_times_are_scaled_to_the_quietest_moment(toys, monkeypatch):
     ).points
     seconds = toys["planted"].figures["high"][0]
     assert point.pace == 1e-3
-    assert {0.5 * seconds, seconds} >= {point.seconds}
+    # Of runs at once and at twice the usual cost of the fixed work, scaled alike.
+    assert 0.5 * seconds <= point.seconds <= seconds
 
 
 def test_a_failing_setting_is_reported_and_the_others_are_measured(toys):
@@ -104,23 +123,30 @@ def test_progress_is_reported_as_often_as_announced(toys):
     assert said[0] == "planted: level=low"
 
 
+def clock_of(monkeypatch, times: list[float]) -> None:
+    """CPU times of the calls that follow."""
+    ticks = iter([tick for time in times for tick in (0.0, time)])
+    monkeypatch.setattr(measuring.time, "process_time", lambda: next(ticks))
+
+
 def test_cpu_seconds_warms_up_once_and_takes_the_least(monkeypatch):
-    clock = iter([0.0, 0.1, *np.cumsum([0.0, 0.1, 0, 0.04, 0, 0.08, 0, 0.05, 0, 0.06, 0, 0.07])])
-    monkeypatch.setattr(measuring.time, "process_time", lambda: next(clock))
+    clock_of(monkeypatch, [0.1, 0.04, 0.08, 0.05])
     calls: list[int] = []
     seconds, result = cpu_seconds(lambda: calls.append(1) or len(calls))
-    assert seconds == pytest.approx(0.04)  # of 100, 40, 80, 50 and 60 ms
+    assert seconds == 0.04
     assert result == len(calls) == 1 + measuring.CALLS
 
 
-def test_slow_and_untimed_work_is_called_once(monkeypatch):
-    clock = iter([0.0, 3.0, 0.0, 0.001])
-    monkeypatch.setattr(measuring.time, "process_time", lambda: next(clock))
+def test_slow_and_untimed_work_is_called_once_and_slow_work_twice_at_first(monkeypatch):
+    clock_of(monkeypatch, [3.0, 0.001, 3.0, 2.0])
     calls: list[int] = []
     assert cpu_seconds(lambda: calls.append(1))[0] == 3.0
     with untimed():
         cpu_seconds(lambda: calls.append(1))
     assert len(calls) == 2
+    with first_time():
+        assert cpu_seconds(lambda: calls.append(1))[0] == 2.0
+    assert len(calls) == 4
 
 
 def test_grown_mb_sees_an_array_of_known_size():
