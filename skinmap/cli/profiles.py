@@ -105,3 +105,10 @@ def _say_profile(ctx: click.Context) -> None:
     over = f"; given here: {', '.join(given)}" if given else ""
     nothing = "nothing in it" if given else "no knob of it concerns this command"
     click.echo(f"{name}: {said or nothing}{over}", err=True)
+    robot = str(ctx.params.get("robot") or "")
+    if robot and profile.robot and Path(robot).resolve() != Path(profile.robot).resolve():
+        click.echo(
+            f"Warning: the profile was measured on {profile.robot}, this is {robot}: "
+            "times and errors may differ from those predicted",
+            err=True,
+        )

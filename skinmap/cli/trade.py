@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -96,34 +97,63 @@ def command(
               skinmap trade --check trade/profile.toml
     """
     if check is not None:
-        from skinmap.cli.trade_check import run_check
-
-        if not run_check(check, robot, parts, seed, seeds, as_json=as_json):
-            click.get_current_context().exit(1)
+        _run_check(check, robot, parts, names, seed, seeds, as_json)
         return
-    from skinmap.cli.trade_report import emit_result, result_of, show, write
+    from skinmap.cli.trade_report import PROFILE, emit_result, result_of, show, write
     from skinmap.trade.front import recommend
     from skinmap.trade.profile_file import Origin
 
     tasks, failures = _tasks(names)
     budgets = _budgets(tasks, budgets_ms, max_errors)
     loaded, wanted = open_robot(robot, parts)
-    measured = _measure(tasks, loaded, wanted, range(seed, seed + seeds))
-    for task in tasks:
-        failures += measured[task].failures
-    found = {name: one.points for name, one in measured.items() if one.points}
-    _refuse_nothing(found, failures)
-    chosen = {name: recommend(points, budgets[name]) for name, points in found.items()}
-    origin = Origin(robot, wanted, seed, seeds)
-    result = result_of(tasks, found, failures, chosen, budgets, origin)
-    if out is not None:
-        result |= write(out, tasks, found, chosen, origin)
+    with _folder(out) as stage:
+        measured = _measure(tasks, loaded, wanted, range(seed, seed + seeds))
+        for task in tasks:
+            failures += measured[task].failures
+        found = {name: one.points for name, one in measured.items() if one.points}
+        _refuse_nothing(found, failures)
+        chosen = {name: recommend(points, budgets[name]) for name, points in found.items()}
+        origin = Origin(robot, wanted, seed, seeds)
+        result = result_of(tasks, found, failures, chosen, budgets, origin)
+        if stage is not None and out is not None:
+            write(stage, tasks, found, chosen, origin)
+            result |= {
+                "profile": str(out / PROFILE),
+                "files": [*(f"{n}.png" for n in found), PROFILE],
+            }
     if as_json:
         emit_result(result)
         return
     show(tasks, found, failures, chosen, budgets)
     for file in result["files"]:
         click.echo(str(Path(out or ".") / file))
+
+
+def _run_check(
+    path: Path,
+    robot: str,
+    parts: tuple[str, ...],
+    names: tuple[str, ...],
+    seed: int,
+    seeds: int,
+    as_json: bool,
+) -> None:
+    """Check a profile; exits with 1 where it does not keep what it predicts."""
+    from skinmap.cli.trade_check import given, run_check
+
+    writing = {"budgets_ms": "--budget-ms", "max_errors": "--max-error", "out": "--out"}
+    for option in (option for name, option in writing.items() if given(name)):
+        raise click.UsageError(f"--check recommends and writes nothing: it takes no {option}")
+    only = None if ALL in names else names
+    if not run_check(path, robot, parts, only, seed, seeds, as_json=as_json):
+        click.get_current_context().exit(1)
+
+
+def _folder(out: Path | None) -> AbstractContextManager[Path | None]:
+    """Where the files go, tried before anything is measured; nowhere without `--out`."""
+    from skinmap.io.output import staged_folder
+
+    return nullcontext() if out is None else staged_folder(out)
 
 
 def _tasks(names: tuple[str, ...]) -> tuple[dict[str, TradeTask], list[Any]]:

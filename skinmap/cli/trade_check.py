@@ -19,9 +19,16 @@ from skinmap.trade.task import tasks
 
 
 def run_check(
-    path: Path, robot: str, parts: tuple[str, ...], seed: int, seeds: int, *, as_json: bool
+    path: Path,
+    robot: str,
+    parts: tuple[str, ...],
+    names: tuple[str, ...] | None,
+    seed: int,
+    seeds: int,
+    *,
+    as_json: bool,
 ) -> bool:
-    """Check a profile, on its own robot, parts and seeds where nothing else is given.
+    """Check a profile, on its own robot, parts, tasks and seeds where nothing else is given.
 
     Returns
     -------
@@ -29,11 +36,11 @@ def run_check(
         Whether every figure is as predicted.
     """
     profile = read_profile(path)
-    robot = robot if _given("robot") or not profile.robot else profile.robot
+    robot = robot if given("robot") or not profile.robot else profile.robot
     parts = parts or tuple(part for part in profile.part.split(",") if part)
-    first = seed if _given("seed") or profile.seed is None else profile.seed
-    count = seeds if _given("seeds") or profile.seeds is None else profile.seeds
-    known = {name: tasks.get(name) for name in profile.predicted}
+    first = seed if given("seed") or profile.seed is None else profile.seed
+    count = seeds if given("seeds") or profile.seeds is None else profile.seeds
+    known = {name: tasks.get(name) for name in names or profile.predicted}
     loaded, wanted = open_robot(robot, parts)
     with progress(len(known) * steps(1, count), "check") as advance:
         checked, failures = check_profile(
@@ -60,7 +67,8 @@ def run_check(
     return within
 
 
-def _given(name: str) -> bool:
+def given(name: str) -> bool:
+    """Whether a parameter stands on the command line."""
     source = click.get_current_context().get_parameter_source(name)
     return source is ParameterSource.COMMANDLINE
 
@@ -73,6 +81,7 @@ def _row(one: Checked) -> dict[str, Any]:
         "predicted": {"seconds": one.seconds, "error": one.error},
         "measured": {"seconds": one.point.seconds, "error": one.point.error},
         "slower": one.slower,
+        "raw_seconds_ratio": one.raw_ratio,
         "seconds_ratio": one.seconds_ratio,
         "error_ratio": one.error_ratio,
         "within": one.within,
@@ -81,13 +90,26 @@ def _row(one: Checked) -> dict[str, Any]:
 
 def _show(checked: list[Checked], failures: list[Failure]) -> None:
     table(
-        ["task", "setting", "ms", "predicted", "pace", "ratio", "error", "predicted", "ratio", ""],
+        [
+            "task",
+            "setting",
+            "ms",
+            "predicted",
+            "raw ratio",
+            "pace",
+            "ratio",
+            "error",
+            "predicted",
+            "ratio",
+            "",
+        ],
         [
             [
                 one.point.task,
                 one.point.words,
                 1e3 * one.point.seconds,
                 1e3 * one.seconds,
+                one.raw_ratio,
                 one.slower,
                 one.seconds_ratio,
                 f"{one.point.error:.3g} {one.point.unit}",
@@ -99,8 +121,9 @@ def _show(checked: list[Checked], failures: list[Failure]) -> None:
         ],
     )
     click.echo(
-        f"as predicted: the time within {100 * TIME_WITHIN:.0f} % (against how many times as long "
-        f"a fixed piece of work takes now: pace), the error within {100 * ERROR_WITHIN:.0f} %"
+        f"as predicted: the time within {100 * TIME_WITHIN:.0f} % (ratio: raw ratio over pace, "
+        "which is how many times as long a fixed piece of work takes now), "
+        f"the error within {100 * ERROR_WITHIN:.0f} %"
     )
     for one in failures:
         click.echo(f"not measured: {one.task}: {one.reason}")

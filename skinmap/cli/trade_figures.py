@@ -79,7 +79,7 @@ def _list(
     common = _common(listed)
 
     def write(row: int, column: int, text: str, **style: Any) -> None:
-        align = "right" if column >= 2 else "left"  # noqa: PLR2004
+        align = "right" if column >= 2 else "left"
         axis.text(
             COLUMNS[column], 1.0 - row / (rows + 1), text, transform=axis.transAxes, fontsize=8,
             ha=align, va="top", **style,
@@ -150,7 +150,7 @@ def _plain_ticks(axis: Any) -> None:
         ticks = [
             tick for tick in LogLocator(subs=subs).tick_values(low, high) if low <= tick <= high
         ]
-        if len(ticks) > 3:  # noqa: PLR2004
+        if len(ticks) > 3:
             break
     else:
         from matplotlib.ticker import MaxNLocator

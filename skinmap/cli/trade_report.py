@@ -119,21 +119,18 @@ def why(budget: Budget) -> str:
 
 
 def write(
-    out: Path,
+    stage: Path,
     tasks: Mapping[str, TradeTask],
     found: Points,
     chosen: Mapping[str, Point],
     origin: Origin,
-) -> dict[str, Any]:
-    """Write the plots and the profile; `files` and `profile` of the JSON object."""
+) -> None:
+    """Write a plot of each task and the profile into a folder."""
     from skinmap.cli.trade_figures import trade_figure
-    from skinmap.io.output import staged_folder
 
-    with staged_folder(out) as stage:
-        for name, points in found.items():
-            trade_figure(tasks[name], points, chosen[name], origin, stage / f"{name}.png")
-        write_profile(stage / PROFILE, list(chosen.values()), origin)
-    return {"profile": str(out / PROFILE), "files": [*(f"{n}.png" for n in found), PROFILE]}
+    for name, points in found.items():
+        trade_figure(tasks[name], points, chosen[name], origin, stage / f"{name}.png")
+    write_profile(stage / PROFILE, list(chosen.values()), origin)
 
 
 def emit_result(result: Mapping[str, Any]) -> None:

@@ -45,10 +45,14 @@ class Checked:
         return self.point.pace / self.pace if self.pace and self.point.pace else 1.0
 
     @property
+    def raw_ratio(self) -> float:
+        """Time measured over predicted, as they are."""
+        return self.point.seconds / self.seconds if self.seconds else float("inf")
+
+    @property
     def seconds_ratio(self) -> float:
         """Measured over predicted, at the same pace of the machine."""
-        expected = self.seconds * self.slower
-        return self.point.seconds / expected if expected else float("inf")
+        return self.raw_ratio / self.slower
 
     @property
     def error_ratio(self) -> float:
@@ -86,7 +90,12 @@ def check_profile(
     failures: list[Failure] = []
     predicted = {name: figures for name, figures in profile.predicted.items() if name in tasks}
     if not predicted:
-        raise DataFormatError("predicts nothing that could be checked", profile.path)
+        asked = f" of {', '.join(tasks)}" if profile.predicted else ""
+        raise DataFormatError(f"predicts nothing{asked} that could be checked", profile.path)
+    for name, figures in predicted.items():
+        for key in ("seconds", "error"):
+            if key not in figures:
+                raise DataFormatError(f"[{name}.predicted] has no {key} to check", profile.path)
     for name, figures in predicted.items():
         setting = profile.settings[name]
         found = measure(

@@ -22,15 +22,18 @@ if TYPE_CHECKING:
 
 QUICK = 0.3  # seconds: a setting whose run takes less is measured
 QUICK_TURNS = 2  # times a round
+DEAR = 2.0  # seconds: a setting whose run takes more is measured with
+DEAR_SEEDS = 2  # seeds only
 logger = logging.getLogger(__name__)
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What one run gave, and the pace of the machine round it."""
+    """What one run gave, with which seed, and the pace of the machine round it."""
 
     outcome: Outcome
+    seed: int
     pace: float
 
 
@@ -118,47 +121,51 @@ class _Rounds:
     def measure(self, prepared: Any, seed: int, place: int) -> None:
         """One round: every setting, quick ones several times."""
         numbers = list(range(len(self.settings)))
+        told = set()
         if place == 0:
             for number in numbers:
-                self._first(number, self._run(prepared, number, seed))
+                self._first(prepared, number, seed)
+            turns, told = [], set(numbers)
+        else:
+            turns = [n for n in numbers if place < DEAR_SEEDS or self.cost[n] <= DEAR]
         quick = [number for number in numbers if self.cost[number] < QUICK]
-        turns = [*([] if place == 0 else numbers), *(quick * (QUICK_TURNS - 1))]
-        told = set(numbers) if place == 0 else set()
+        turns += quick * (QUICK_TURNS - 1)
         for number in np.random.default_rng([seed, place]).permutation(turns).tolist():
             if number not in told:
                 told.add(number)
                 self._say(number)
-            self._attempt(number, self._run(prepared, number, seed))
+            self._attempt(prepared, number, seed)
+        for number in set(numbers) - told:
+            self._say(number)
 
-    def _first(self, number: int, run: Callable[[], Outcome]) -> None:
+    def _first(self, prepared: Any, number: int, seed: int) -> None:
         """Run a setting for the first time; notes its memory and what a run costs."""
         self._say(number)
-
-        def watched() -> Outcome:
-            grown, outcome = grown_mb(run)
-            self.memory[number] = grown if outcome.memory_mb is None else outcome.memory_mb
-            return outcome
-
         started = time.process_time()
         with first_time():
-            self._attempt(number, watched)
+            self._attempt(prepared, number, seed, watch=True)
         self.cost[number] = time.process_time() - started
 
     def _say(self, number: int) -> None:
         self.report(f"{self.task.name}: {describe(self.settings[number])}")
 
-    def _run(self, prepared: Any, number: int, seed: int) -> Callable[[], Outcome]:
-        return lambda: self.task.run(prepared, self.settings[number], seed=seed)
-
-    def _attempt(self, number: int, run: Callable[[], Outcome]) -> None:
+    def _attempt(self, prepared: Any, number: int, seed: int, *, watch: bool = False) -> None:
         if number in self.failures:
             return
         setting = self.settings[number]
+
+        def run() -> Outcome:
+            return self.task.run(prepared, setting, seed=seed)
+
         try:
             before = pace_seconds()
-            outcome = run()
+            if watch:
+                grown, outcome = grown_mb(run)
+                self.memory[number] = grown if outcome.memory_mb is None else outcome.memory_mb
+            else:
+                outcome = run()
             _check(outcome)
-            self.found[number].append(Sample(outcome, 0.5 * (before + pace_seconds())))
+            self.found[number].append(Sample(outcome, seed, 0.5 * (before + pace_seconds())))
         except Exception as error:  # the other settings still run
             logger.info("%s %s failed", self.task.name, describe(setting), exc_info=True)
             self.failures[number] = Failure(self.task.name, setting, reason(error))
@@ -206,16 +213,17 @@ def _point(
 ) -> Point:
     # What the run would have taken at the quietest moment of the measurement.
     seconds = np.array([one.outcome.seconds * pace / one.pace for one in samples])
-    errors = np.array([one.outcome.error for one in samples])
-    several = len(samples) > 1
+    seeds = np.array([one.seed for one in samples])
+    found = np.array([one.outcome.error for one in samples])
+    errors = np.array([found[seeds == seed].mean() for seed in np.unique(seeds)])
     return Point(
         task.name,
         dict(setting),
         float(np.median(seconds)),
         float(np.mean(errors)),
         task.unit,
-        float(np.std(seconds, ddof=1)) if several else 0.0,
-        float(np.std(errors, ddof=1)) if several else 0.0,
+        float(np.std(seconds, ddof=1)) if len(seconds) > 1 else 0.0,
+        float(np.std(errors, ddof=1)) if len(errors) > 1 else 0.0,
         memory_mb,
         len(samples),
         pace,

@@ -25,7 +25,8 @@ def test_planted_figures_come_out_with_their_spread(toys):
         assert point.seconds == pytest.approx(seconds)  # the pace never changed
         assert point.seconds_spread == pytest.approx(0.0, abs=1e-12)
         assert point.error == pytest.approx(1.1 * error)  # the mean of 1, 1.1 and 1.2
-        assert point.error_spread > 0
+        # Over seeds, however often each ran.
+        assert point.error_spread == pytest.approx(np.std([1.0, 1.1, 1.2], ddof=1) * error)
         assert (point.unit, point.memory_mb, point.beside) == ("mm", 1.0, {"extra": 7.0})
 
 
@@ -46,6 +47,7 @@ def test_a_round_a_seed_with_settings_in_an_order_drawn_anew(toys, monkeypatch):
 
 def test_quick_settings_run_several_times_a_round_and_not_in_a_row(toys, monkeypatch):
     monkeypatch.setattr(runner, "QUICK", np.inf)
+    monkeypatch.setattr(runner, "DEAR", np.inf)
     task = toys["planted"]()
     found = measure(task, None, ("part",), seeds=SEEDS)
     assert {point.runs for point in found.points} == {runner.QUICK_TURNS * len(SEEDS)}
@@ -54,6 +56,18 @@ def test_quick_settings_run_several_times_a_round_and_not_in_a_row(toys, monkeyp
         # Were it done setting after setting, equal ones would stand together.
         apart = sum(one != other for one, other in itertools.pairwise(turn))
         assert apart >= len(toys["planted"].figures)
+
+
+def test_dear_settings_are_measured_with_two_seeds_and_progress_still_adds_up(toys, monkeypatch):
+    monkeypatch.setattr(runner, "QUICK", -1.0)
+    monkeypatch.setattr(runner, "DEAR", -1.0)
+    said: list[str] = []
+    found = measure(toys["planted"](), None, ("part",), seeds=SEEDS, progress=said.append)
+    assert len(said) == steps(len(toys["planted"].figures), len(SEEDS))
+    for point in found.points:  # the mean of 1 and 1.1
+        assert point.error == pytest.approx(
+            1.05 * toys["planted"].figures[point.setting["level"]][1]
+        )
 
 
 def test_what_all_settings_load_is_no_memory_of_the_first(toys):

@@ -8,8 +8,15 @@ import tomllib
 import pytest
 from click.testing import CliRunner
 
-from skinmap.cli.main import cli
-from skinmap.errors import ImpossibleBudgetError, SkinError, UnknownNameError
+from skinmap import __version__
+from skinmap.cli.main import cli, main
+from skinmap.errors import (
+    ImpossibleBudgetError,
+    OutputError,
+    SkinError,
+    SkinWarning,
+    UnknownNameError,
+)
 
 SMALL = ("kaspar", "--part", "right_hand")
 
@@ -105,9 +112,63 @@ def test_a_profile_is_checked_on_its_own_robot_part_and_seeds(plugged, tmp_path,
     slow = trade("--check", tmp_path / "profile.toml", "--json")
     assert slow.exit_code == 1
     assert not json.loads(slow.stdout)["within"]
-    # A machine that is half as slow again explains it.
+    # A machine that is half as slow again explains it, and both ratios are said.
     monkeypatch.setattr("skinmap.trade.runner.pace_seconds", lambda: 1.5e-3)
-    assert result_of("--check", tmp_path / "profile.toml")["within"]
+    busy = result_of("--check", tmp_path / "profile.toml")
+    assert busy["within"]
+    [row] = busy["checked"]
+    assert row["raw_seconds_ratio"] == pytest.approx(1.5, rel=1e-5)
+    assert (row["slower"], row["seconds_ratio"]) == pytest.approx((1.5, 1.0), rel=1e-5)
+    assert "raw ratio" in trade("--check", tmp_path / "profile.toml").stdout
+
+
+def test_a_check_of_one_task_leaves_the_others(plugged, tmp_path):
+    plugged("planted", "failing")
+    trade(*SMALL, "--seeds", 1, "--out", tmp_path)
+    path = tmp_path / "profile.toml"
+    both = result_of("--check", path)
+    one = result_of("--check", path, "--task", "failing")
+    assert [row["task"] for row in both["checked"]] == ["planted", "failing"]
+    assert [row["task"] for row in one["checked"]] == ["failing"]
+
+
+@pytest.mark.parametrize(
+    ("predicted", "message"),
+    [
+        ("", "predicts nothing that could be checked"),
+        ("[planted.predicted]\nseconds = 1.0\n", "[planted.predicted] has no error to check"),
+        ("[planted.predicted]\nerror = 1.0\n", "[planted.predicted] has no seconds to check"),
+        ("[flatten.predicted]\nseconds = 1.0\n", "no trade task 'flatten'; there is: planted"),
+    ],
+)
+def test_a_profile_that_predicts_too_little_is_refused(plugged, tmp_path, predicted, message):
+    plugged("planted")
+    path = tmp_path / "p.toml"
+    head = f'[profile]\nformat = 1\nskinmap = "{__version__}"\nrobot = "kaspar"\n'
+    path.write_text(head + 'part = "right_hand"\n[planted]\nlevel = "low"\n' + predicted)
+    assert message in refused(SkinError, "--check", path)
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("--out", "there"), ("--budget-ms", "5"), ("--max-error", "5")]
+)
+def test_a_check_takes_nothing_that_recommends(plugged, option, value):
+    plugged("planted")
+    result = trade("--check", "p.toml", option, value)
+    assert result.exit_code == 2
+    assert f"it takes no {option}" in result.output
+
+
+def test_a_check_of_another_version_warns_and_of_another_format_is_refused(plugged, tmp_path):
+    plugged("planted")
+    trade(*SMALL, "--seeds", 1, "--out", tmp_path)
+    path = tmp_path / "profile.toml"
+    text = path.read_text()
+    path.write_text(text.replace(f'skinmap = "{__version__}"', 'skinmap = "0.0.9"'))
+    with pytest.warns(SkinWarning, match=r"measured with Skinmap 0\.0\.9"):
+        assert trade("--check", path).exit_code == 0
+    path.write_text(text.replace("format = 1", "format = 9"))
+    assert "format of a profile: expected 1, got 9" in refused(SkinError, "--check", path)
 
 
 def test_one_task_that_fails_leaves_the_others(plugged):
@@ -137,6 +198,33 @@ def test_an_impossible_budget_names_the_nearest_and_writes_nothing(plugged, tmp_
     assert "planted: no setting keeps to 0.5 ms; the nearest is level=low" in said
     assert "1 ms" in said
     assert not out.exists()
+
+
+def test_an_impossible_budget_is_one_line_and_exit_code_2(plugged, monkeypatch, capsys):
+    plugged("planted")
+    monkeypatch.setattr("sys.argv", ["skinmap", "trade", *SMALL, "--budget-ms", "0.5"])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    printed = capsys.readouterr()
+    assert not printed.out
+    said = [line for line in printed.err.splitlines() if line]
+    assert len(said) == 1  # an empty line is where the progress stood
+    assert said[0].startswith("Error: planted: no setting keeps to 0.5 ms; the nearest is")
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_measured(
+    plugged, tmp_path, toys, monkeypatch
+):
+    plugged("planted")
+    monkeypatch.setattr(toys["planted"], "prepare", lambda *_, **__: pytest.fail("measured"))
+    (tmp_path / "file").touch()
+    said = refused(OutputError, *SMALL, "--out", tmp_path / "file" / "out")
+    assert said.startswith("cannot write to the folder ")
+
+
+def test_help_shows_an_example():
+    assert "Example:  skinmap trade icub --part right_forearm --out trade" in trade("--help").output
 
 
 @pytest.mark.parametrize(
