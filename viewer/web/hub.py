@@ -86,8 +86,8 @@ class Hub:
             "drawn": self._drawn,
             "play": lambda _, wish: self.player.play(),
             "pause": lambda _, wish: self.player.pause(),
-            "step": lambda _, wish: self._step(wish),
-            "seek": lambda _, wish: self._seek(wish),
+            "step": self._step,
+            "seek": self._seek,
             "speed": lambda _, wish: self._speed(wish),
             "loop": lambda _, wish: setattr(self.player, "loop", bool(wish.get("to"))),
         }
@@ -165,7 +165,8 @@ class Hub:
         if layer not in self._written:
             started = time.thread_time()
             about = {"number": self._number, **self.state()}
-            made = self._writer.write(self._moment, self.layers.get(layer), about)
+            felt = self.layers.get("pressure")
+            made = self._writer.write(self._moment, self.layers.get(layer), about, felt=felt)
             self._written[layer] = made
             self.samples_written += 1
             self.seconds += time.thread_time() - started
@@ -200,8 +201,8 @@ class Hub:
             name = wish["do"]
             if name == "layer":
                 await self._turn_to(client, str(wish["to"]))
-            elif name == "pick":
-                await self._pick(client, str(wish["part"]), int(wish["taxel"]))
+            elif name in ("pick", "point"):
+                await self._describe(client, name, str(wish["part"]), int(wish["taxel"]))
             else:
                 self._wishes[name](client, wish)
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
@@ -219,19 +220,25 @@ class Hub:
         client.drawn = min(client.sent, max(client.drawn, int(wish["samples"])))
         client.wake.set()
 
-    async def _pick(self, client: Client, part: str, taxel: int) -> None:
+    async def _describe(self, client: Client, kind: str, part: str, taxel: int) -> None:
+        """Tell of a taxel that was picked or is pointed at."""
         about = (self.scene, self.layers, part, taxel, self._moment)
-        if not self._structures:
-            client.tell(describe(*about, structure=False))
+        if self._structures:
+            client.tell({"kind": kind, **describe(*about, shown=client.layer)})
+            return
+        client.tell({"kind": kind, **describe(*about, shown=client.layer, structure=False)})
         # In a thread, as structures take a second the first time: samples go on meanwhile.
-        client.tell(await asyncio.to_thread(describe, *about))
+        full = await asyncio.to_thread(describe, *about, shown=client.layer)
+        client.tell({"kind": kind, **full})
         self._structures = True
 
-    def _step(self, wish: dict[str, Any]) -> None:
-        self.player.step(max(-100, min(100, int(wish["by"]))))
+    def _step(self, client: Client, wish: dict[str, Any]) -> None:
+        if not self.player.step(max(-100, min(100, int(wish["by"])))):
+            client.tell({"kind": "notice", "text": "no further sample that way"})
 
-    def _seek(self, wish: dict[str, Any]) -> None:
-        self.player.seek(_number(wish["to"]))
+    def _seek(self, client: Client, wish: dict[str, Any]) -> None:
+        if not self.player.seek(_number(wish["to"])):
+            client.tell({"kind": "notice", "text": "a live source cannot be led through time"})
 
     def _speed(self, wish: dict[str, Any]) -> None:
         self.player.speed = _number(wish["to"])

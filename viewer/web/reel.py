@@ -48,8 +48,10 @@ def pack_reel(
     for number, moment in enumerate(moments):
         header, own = unpack(writer.write(moment, shown[0], {}))
         del own["values"]
-        for touch in header["touches"]:
+        felt = (touch for touch in moment.touches if touch.part in scene.skins)
+        for touch, own_touch in zip(header["touches"], felt, strict=True):
             touch["outline"] = f"{number}.{touch['outline']}"
+            touch["members"] = np.asarray(own_touch.taxels).tolist()
         arrays.update({f"{number}.{name}": array for name, array in own.items()})
         header["poses"] = f"{number}.poses" if "poses" in own else None
         header["values"] = {

@@ -69,7 +69,14 @@ class SampleWriter:
         self._poses: NDArray[np.float32] | None = None
         self.problem = ""  # why the last moment could not be shown in full
 
-    def write(self, moment: Moment | None, layer: Layer, about: Mapping[str, Any]) -> bytes:
+    def write(
+        self,
+        moment: Moment | None,
+        layer: Layer,
+        about: Mapping[str, Any],
+        *,
+        felt: Layer | None = None,
+    ) -> bytes:
         """A message of kind "sample".
 
         Parameters
@@ -80,11 +87,15 @@ class SampleWriter:
             Whose colours the page shows.
         about : mapping
             More for the header.
+        felt : Layer, optional
+            Pressures, for the page's traces; sent beside the layer where it is another.
         """
         self.problem = ""
         parts = self.scene.skins
         arrays: dict[str, NDArray[Any]] = {}
         arrays["values"] = np.concatenate([taxel_bytes(layer, part, moment) for part in parts])
+        if felt is not None and felt.name != layer.name:
+            arrays["felt"] = np.concatenate([taxel_bytes(felt, part, moment) for part in parts])
         touches = [] if moment is None else [t for t in moment.touches if t.part in parts]
         header: dict[str, Any] = {"kind": "sample", "layer": layer.name, **about}
         if moment is not None:

@@ -17,7 +17,7 @@ from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.geometry.triangles import edge_lengths
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared import PreparedSkin
-from viewer.colours import BACKGROUND, BODY, DOT, RIM, UNKNOWN
+from viewer.colours import BACKGROUND, BODY, DOT, INK, RIM, TRACES, UNKNOWN
 from viewer.drawing.body import Links, body_meshes, check_links
 from viewer.drawing.camera import VIEW_ANGLE, front_view
 from viewer.drawing.places import DISC_LIFT, DOT_SHARE, LIFT
@@ -95,7 +95,9 @@ def make_scene(
     header: dict[str, Any] = {"kind": "scene", "robot": robot.name, "view_angle": VIEW_ANGLE}
     header["colours"] = {
         "background": BACKGROUND, "body": BODY, "dot": DOT, "rim": RIM, "unknown": UNKNOWN,
+        "ink": INK,
     }  # fmt: skip
+    header["traces"] = TRACES
     header.update(_whereabouts(skins, meshes, poses))
     arrays: dict[str, NDArray[Any]] = {"poses": pack_poses(poses, names)}
     header["links"] = _add_body(arrays, meshes, names)

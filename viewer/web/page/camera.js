@@ -3,11 +3,15 @@
 import { add, cross, dot, lookFrom, multiply, perspective, place, scale, unit } from "./matrices.js";
 
 const STEEPEST = 1.5; // [rad]: not quite from above, where up is undecided
-export const VIEWS = { front: 0, left: 90, back: 180, right: -90 }; // degrees from the front
+const SLANT = 1.22; // steepest view of a touch [rad]
+const AROUND = 0.06; // what is shown around a touch that is looked at [m]
+const RISE = 8; // of the level views: feet and shoulders show their tops [deg]
+const VIEWS = { front: [0, RISE], left: [90, RISE], back: [180, RISE], right: [-90, RISE], top: [0, 82] }; // turn and rise [deg]
+const radians = (degrees) => (degrees * Math.PI) / 180;
 
 export class Camera {
   constructor(header) {
-    this.angle = (header.view_angle * Math.PI) / 180;
+    this.angle = radians(header.view_angle);
     this.header = header;
     this.version = 0;
     this.ratio = 1;
@@ -16,7 +20,7 @@ export class Camera {
   }
 
   home() {
-    const [azimuth, elevation] = this.header.front.map((x) => (x * Math.PI) / 180);
+    const [azimuth, elevation] = this.header.front.map(radians);
     Object.assign(this, { azimuth, elevation, middle: [...this.header.middle], zoom: 1 });
     this.update();
   }
@@ -24,9 +28,31 @@ export class Camera {
   // Look from one side; front is 20 degrees beside the first view, as that is a three-quarter one.
   look(name) {
     this.home();
-    this.azimuth += ((VIEWS[name] - 20) * Math.PI) / 180;
-    this.elevation = 0.1;
+    const [turn, rise] = VIEWS[name];
+    this.azimuth += radians(turn - 20);
+    this.elevation = radians(rise);
     this.update();
+  }
+
+  // Look at a middle from a distance [m].
+  set(azimuth, elevation, middle, distance) {
+    Object.assign(this, { azimuth, middle: [...middle], zoom: 1 });
+    this.elevation = Math.max(-STEEPEST, Math.min(STEEPEST, elevation));
+    this.zoom = this.distance / distance;
+    this.update();
+  }
+
+  // Bring places close, seen from straight above them; places all round have no side.
+  focus(points, normals) {
+    const middle = scale(points.reduce(add), 1 / points.length), normal = scale(normals.reduce(add), 1 / normals.length);
+    const far = AROUND + Math.max(...points.map((p) => Math.hypot(...p.map((x, i) => x - middle[i]))));
+    let { azimuth, elevation } = this;
+    if (Math.hypot(...normal) > 0.2) {
+      const [x, y, z] = unit(normal);
+      if (Math.hypot(x, y) > 0.1) azimuth = Math.atan2(y, x);
+      elevation = Math.max(-SLANT, Math.min(SLANT, Math.asin(z)));
+    }
+    this.set(azimuth, elevation, middle, (1.3 * far) / Math.tan(this.angle / 2) / Math.min(1, this.aspect));
   }
 
   get direction() {

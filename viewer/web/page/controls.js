@@ -1,36 +1,37 @@
-// Choices, player, keys and mouse, and all that is written beside the picture.
+// Choices, player and keys: what people ask for, and what the server says beside samples.
 
-import { readable } from "./labels.js";
-
-const $ = (id) => document.getElementById(id);
-const TOLD = 8000; // how long a problem stands there [ms]
-const TURN = 0.008; // radians a pixel
-const words = (name) => name.replaceAll("_", " ");
+import { listen } from "./keys.js";
+import { $, words } from "./dom.js";
+import { applyView, download, upload, viewOf } from "./view.js";
+import { Words } from "./words.js";
 
 export class Controls {
   constructor(page) {
     this.page = page;
-    this.open = false;
     this.state = {};
     this.about = {};
-    this.problem = "";
-    const { header } = page;
-    $("robot").textContent = header.robot;
-    document.title = `${header.robot} · Skinmap`;
-    $("count").textContent = `${header.parts.reduce((n, part) => n + part.taxels[1], 0).toLocaleString("en")} taxels`;
-    for (const part of header.parts) {
+    this.words = new Words(page.header);
+    this.kept = null; // the view that was saved last
+    for (const part of page.header.parts) {
       for (const id of ["part", "map-part"]) $(id).add(new Option(words(part.name), part.name));
     }
     this.mapChanged(page.flat.part);
     this.choices();
     this.player();
-    this.mouse();
-    document.addEventListener("keydown", (event) => this.key(event));
+    listen(this);
+  }
+
+  ask(wish) {
+    this.page.link.ask(wish);
+  }
+
+  say(text) {
+    this.words.say(text);
   }
 
   choices() {
     const { page } = this;
-    $("layer").onchange = () => page.link.ask({ do: "layer", to: $("layer").value });
+    $("layer").onchange = () => page.askLayer($("layer").value);
     $("style").onchange = () => page.setStyle($("style").value);
     $("part").onchange = () => {
       page.setPart($("part").value);
@@ -38,97 +39,120 @@ export class Controls {
     };
     $("map-part").onchange = () => $("map-part").value && page.showFlat($("map-part").value);
     $("view").onchange = () => this.look($("view").value);
-    $("pick-close").onclick = () => this.pick(-1);
+    $("pick-close").onclick = () => this.clear();
+    for (const reach of ["module", "patch"]) $(`pick-${reach}`).onclick = () => page.choose(page.picked, reach, false);
+    $("help-open").onclick = $("help-close").onclick = () => this.toggleHelp();
+    $("view-save").onclick = () => this.saveView();
+    $("view-load").onclick = () => this.openView();
+    // A list that was used with the mouse gives the keys back to the page.
+    let pointed = false;
+    document.addEventListener("pointerdown", () => (pointed = true), true);
+    document.addEventListener("keydown", () => (pointed = false), true);
+    document.addEventListener("change", (event) => pointed && event.target.blur());
+  }
+
+  player() {
+    $("play").onclick = () => this.ask({ do: this.state.paused ? "play" : "pause" });
+    $("back").onclick = () => this.ask({ do: "step", by: -1 });
+    $("on").onclick = () => this.ask({ do: "step", by: 1 });
+    $("time").oninput = () => this.ask({ do: "seek", to: Number($("time").value) });
+    $("speed").onchange = () => this.ask({ do: "speed", to: Number($("speed").value) });
+    $("loop").onchange = () => this.ask({ do: "loop", to: $("loop").checked });
+  }
+
+  // What keys do.
+
+  jump(seconds) {
+    if (!this.state.seekable) this.say("a live source cannot be led through time");
+    else this.ask({ do: "seek", to: Math.max(0, (this.state.position ?? 0) + seconds) });
+  }
+
+  changeSpeed(factor) {
+    const to = this.state.speed * factor, known = [...$("speed").options].some(({ value }) => Number(value) === to);
+    if (!this.state.seekable || !known) return this.say("no other speed");
+    this.ask({ do: "speed", to });
+    this.say(`speed ${to}`);
+  }
+
+  toggleLoop() {
+    if (!this.state.seekable) return this.say("a live source cannot be led through time");
+    this.say(this.state.loop ? "plays once" : "plays over and over");
+    this.ask({ do: "loop", to: !this.state.loop });
+  }
+
+  chooseLayer(place) {
+    if (place < $("layer").options.length) this.page.askLayer($("layer").options[place].value);
+  }
+
+  toggleStyle() {
+    this.page.setStyle(this.page.picture.style === "discs" ? "surface" : "discs");
+  }
+
+  nextMap() {
+    const { parts } = this.page.header, now = parts.indexOf(this.page.flat.part);
+    this.page.showFlat(parts[(now + 1) % parts.length].name, true);
+  }
+
+  // The module or patch of what is pointed at; where there is no mouse, of what was picked.
+  chooseOf(reach) {
+    const number = this.page.hover.number >= 0 ? this.page.hover.number : this.page.picked;
+    if (number < 0) this.say("point at a taxel first");
+    else this.page.choose(number, reach, false);
+  }
+
+  clear() {
+    this.page.choose(-1, "taxel", false);
   }
 
   look(name) {
     if (!name) return;
     if (name === "first") this.page.camera.home();
     else this.page.camera.look(name);
-    $("view").value = name;
-    this.page.cameraMoved();
+    this.page.cameraMoved(name);
   }
 
-  player() {
-    const ask = (wish) => this.page.link.ask(wish);
-    $("play").onclick = () => ask({ do: this.state.paused ? "play" : "pause" });
-    $("back").onclick = () => ask({ do: "step", by: -1 });
-    $("on").onclick = () => ask({ do: "step", by: 1 });
-    $("time").oninput = () => ask({ do: "seek", to: Number($("time").value) });
-    $("speed").onchange = () => ask({ do: "speed", to: Number($("speed").value) });
-    $("loop").onchange = () => ask({ do: "loop", to: $("loop").checked });
+  focus() {
+    if (!this.page.focus()) this.say("nothing is touched");
   }
 
-  mouse() {
-    const { page } = this, canvas = page.picture.canvas;
-    let last = null, far = 0;
-    const at = (event, on) => {
-      const box = on.getBoundingClientRect();
-      return [(event.clientX - box.left) * (on.width / box.width), (event.clientY - box.top) * (on.height / box.height)];
-    };
-    canvas.onpointerdown = (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      last = [event.clientX, event.clientY];
-      far = 0;
-    };
-    canvas.onpointermove = (event) => {
-      if (!last) return;
-      const [dx, dy] = [event.clientX - last[0], event.clientY - last[1]];
-      last = [event.clientX, event.clientY];
-      far += Math.hypot(dx, dy);
-      if (far < 3) return;
-      canvas.classList.add("turning");
-      $("view").value = "";
-      if (event.buttons & 2 || event.shiftKey) page.camera.move(dx / canvas.clientHeight, dy / canvas.clientHeight);
-      else page.camera.turn(TURN * dx, TURN * dy);
-      page.cameraMoved();
-    };
-    canvas.onpointerup = (event) => {
-      canvas.classList.remove("turning");
-      if (last && far < 3 && event.button === 0) this.pick(page.picture.taxelAt(...at(event, canvas), page.camera));
-      last = null;
-    };
-    canvas.onpointercancel = () => (last = null);
-    canvas.oncontextmenu = (event) => event.preventDefault();
-    canvas.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      page.camera.nearer(Math.exp(-0.0015 * event.deltaY));
-      page.cameraMoved();
-    }, { passive: false });
-    const flat = page.flat.canvas;
-    flat.onclick = (event) => this.pick(page.flat.taxelAt(...at(event, flat)));
+  follow() {
+    $("map-part").value = $("part").value = "";
+    this.page.setPart("");
+    this.followTouches(this.about.touches ?? []);
   }
 
-  pick(number) {
-    const taxel = this.page.taxel(number);
-    if (!taxel) $("pick").hidden = true;
-    else this.page.link.ask({ do: "pick", ...taxel });
-    this.page.pick(taxel ? number : -1);
+  saveView() {
+    this.kept = viewOf(this.page);
+    this.say(`view saved in ${download(this.kept)}`);
   }
 
-  key(event) {
-    if (/^(INPUT|SELECT)$/.test(event.target.tagName) || event.ctrlKey || event.metaKey || event.altKey) return;
-    const next = (select) => {
-      select.selectedIndex = (select.selectedIndex + 1) % select.options.length;
-      select.onchange();
-    };
-    const acts = {
-      h: () => ($("help").hidden = !$("help").hidden),
-      Escape: () => ($("help").hidden = true),
-      " ": () => $("play").onclick(),
-      ArrowLeft: () => $("back").onclick(),
-      ArrowRight: () => $("on").onclick(),
-      0: () => this.look("first"),
-      1: () => this.look("front"),
-      2: () => this.look("back"),
-      3: () => this.look("left"),
-      4: () => this.look("right"),
-      s: () => next($("style")),
-      l: () => next($("layer")),
-    };
-    if (!(event.key in acts)) return;
-    event.preventDefault();
-    acts[event.key]();
+  loadView() {
+    if (this.kept) this.setView(this.kept, "the view saved last");
+    else this.openView();
+  }
+
+  openView() {
+    upload((view, name) => this.setView(view, `view of ${name}`), (problem) => this.say(problem));
+  }
+
+  // Show a saved view; where it does not fit, that is said and nothing changes.
+  setView(view, name) {
+    try {
+      applyView(this.page, view, [...$("layer").options].map(({ value }) => value));
+      this.kept = view;
+      this.say(name);
+    } catch (error) {
+      this.say(error.message);
+    }
+  }
+
+  toggleHelp() {
+    $("help").hidden = !$("help").hidden;
+  }
+
+  close() {
+    $("help").hidden = true;
+    this.page.hover.leave();
   }
 
   // What the server says beside samples.
@@ -137,55 +161,37 @@ export class Controls {
       hello: () => this.hello(message),
       layer: () => this.page.setLayer(message),
       state: () => this.stateChanged(message),
-      pick: () => this.showPick(message),
+      pick: () => this.page.isPicked(message) && this.words.showTaxel(message),
+      point: () => this.page.hover.tell(message),
+      notice: () => this.say(message.text),
       problem: () => {
-        this.problem = message.text;
-        clearTimeout(this.forgetting);
-        this.forgetting = setTimeout(() => {
-          this.problem = "";
-          this.write();
-        }, TOLD);
+        this.words.tell(message.text, () => this.state, () => this.about);
         this.write();
       },
     };
     kinds[message.kind]?.();
   }
 
-  hello({ layers, style }) {
-    if (!$("layer").options.length) {
-      for (const name of layers) $("layer").add(new Option(name, name));
-      $("style").value = style;
-      this.page.setStyle(style);
+  hello({ layers, style, view }) {
+    if ($("layer").options.length) {
+      this.page.askLayer($("layer").value); // connected again: what was chosen stays chosen
       return;
     }
-    // Connected again: what was chosen stays chosen.
-    this.page.link.ask({ do: "layer", to: $("layer").value });
+    for (const name of layers) $("layer").add(new Option(name, name));
+    this.page.setStyle(style);
+    this.begin = view; // when the first layer is there
   }
 
   layerChanged(layer) {
     $("layer").value = layer.name;
-    $("bar-title").textContent = layer.title;
-    $("bar-unit").textContent = layer.unit;
-    const css = ([r, g, b]) => `rgb(${r} ${g} ${b})`;
-    $("bar-scale").hidden = layer.categories.length > 0;
-    $("bar-colours").style.background = `linear-gradient(to top, ${layer.table.map(css).join(",")})`;
-    const [low, high] = layer.limits;
-    $("bar-ticks").replaceChildren(...[1, 0.5, 0].map((share) => {
-      const tick = document.createElement("li");
-      tick.textContent = `${Number((low + share * (high - low)).toPrecision(3))}`;
-      return tick;
-    }));
-    $("bar-names").replaceChildren(...layer.categories.map((name, k) => {
-      const item = document.createElement("li"), swatch = document.createElement("i");
-      swatch.style.background = css(layer.table[k]);
-      item.append(swatch, name);
-      return item;
-    }));
-    this.missing = layer.missing;
+    this.words.showLayer(layer);
+    const { begin } = this;
+    this.begin = null;
+    if (begin) this.setView(begin, "as it was saved");
   }
 
   mapChanged(part) {
-    $("map-about").textContent = `${words(part.name)}: ${part.taxels[1]} taxels, ${part.patches} ${part.patches === 1 ? "patch" : "patches"}`;
+    this.words.showMap(part);
   }
 
   // The player's state counts from now on, not when it is written: a letter may come between.
@@ -196,22 +202,13 @@ export class Controls {
   sampleChanged(header) {
     this.about = header;
     this.stateChanged({});
-    const { touches } = header;
-    $("touches-head").textContent = touches.length ? (touches.length === 1 ? "1 touch" : `${touches.length} touches`) : "no touch";
-    $("touch-list").replaceChildren(...touches.map((touch) => {
-      const item = document.createElement("li"), name = document.createElement("b"), where = document.createElement("span");
-      name.textContent = touch.text;
-      name.style.color = readable(touch.colour);
-      const area = touch.area === null ? "" : `, ${(1e4 * touch.area).toFixed(1)} cm²`;
-      const force = touch.force === null ? "" : `, ${touch.force.toFixed(1)} N`;
-      where.textContent = `${words(touch.part)}${area}${force}`;
-      item.append(name, where);
-      return item;
-    }));
-    if (!$("map-part").value && !$("part").value && touches.length) {
-      const here = touches.some((touch) => touch.part === this.page.flat.part.name);
-      if (!here) this.page.showFlat(touches[0].part);
-    }
+    this.words.showTouches(header.touches);
+    if (!$("map-part").value && !$("part").value) this.followTouches(header.touches);
+  }
+
+  followTouches(touches) {
+    const here = touches.some((touch) => touch.part === this.page.flat.part.name);
+    if (touches.length && !here) this.page.showFlat(touches[0].part);
   }
 
   stateChanged(state) {
@@ -230,48 +227,11 @@ export class Controls {
   }
 
   connected(open) {
-    this.open = open;
-    this.problem = "";
+    this.words.connected(open);
     this.write();
   }
 
   write() {
-    const { about, state } = this, said = [];
-    let warn = true;
-    if (!this.open) said.push("not connected; trying again");
-    else if (state.error) said.push(`the source failed: ${state.error}`);
-    else if (this.problem || about.problem) said.push(this.problem || about.problem);
-    else if (about.stale) said.push("stale: nothing comes from the source");
-    else {
-      warn = false;
-      if (about.rate != null) said.push(`${about.rate.toFixed(0)} samples/s`);
-      if (about.latency != null) said.push(`latency ${(1e3 * about.latency).toFixed(0)} ms`);
-      if (about.dropped) said.push(`${about.dropped} left out`);
-      if (state.ended) said.push("at its end");
-      if (state.paused) said.push("paused");
-    }
-    $("status").textContent = said.join(" · ");
-    $("status").className = warn ? "warn" : "";
-  }
-
-  showPick(taxel) {
-    const rows = {
-      part: words(taxel.part), channel: taxel.channel, module: taxel.module, patch: taxel.patch,
-      position: `${taxel.position_mm.join(", ")} mm in ${taxel.link}`,
-      normal: taxel.normal.join(", "), neighbours: `channels ${taxel.neighbours.join(", ")}`,
-      pressure: taxel.pressure === null ? "unknown" : `${taxel.pressure.toFixed(0)} counts`,
-      raw: taxel.raw === null ? null : `${taxel.raw.toFixed(0)} counts`,
-      structure: taxel.structure, health: taxel.health,
-    };
-    const list = [];
-    for (const [name, value] of Object.entries(rows)) {
-      if (value === null) continue;
-      const term = document.createElement("dt"), text = document.createElement("dd");
-      term.textContent = name;
-      text.textContent = value;
-      list.push(term, text);
-    }
-    $("pick-about").replaceChildren(...list);
-    $("pick").hidden = false;
+    this.words.showState(this.state, this.about);
   }
 }

@@ -2,6 +2,7 @@
 
 import { unpack } from "./packing.js";
 
+const [FULL, TOP, UNKNOWN] = [255, 254, 255]; // counts at full scale, their code, and that of none
 const LEAST = 20; // shortest time that a moment is shown [ms]
 const round = (x, digits) => Number(x.toFixed(digits));
 
@@ -27,6 +28,7 @@ export class Film {
     this.acts = {
       layer: ({ to }) => this.setLayer(to),
       pick: (wish) => this.tell({ kind: "pick", ...this.describe(wish) }),
+      point: (wish) => this.tell({ kind: "point", ...this.describe(wish) }),
       play: () => this.play(),
       pause: () => this.pause(),
       step: ({ by }) => this.step(by),
@@ -49,7 +51,7 @@ export class Film {
 
   ask(wish) {
     this.acts[wish.do]?.(wish);
-    this.tell({ kind: "state", ...this.state() });
+    if (wish.do !== "pick" && wish.do !== "point") this.tell({ kind: "state", ...this.state() });
   }
 
   drawn() {}
@@ -82,6 +84,8 @@ export class Film {
   show(number) {
     this.now = number;
     const moment = this.moments[number], arrays = { values: this.arrays[moment.values[this.layer]] };
+    const felt = this.arrays[moment.felt.pressure];
+    arrays.felt = Uint8Array.from(arrays.values, (_, k) => (felt && Number.isFinite(felt[k]) ? Math.round((felt[k] * TOP) / FULL) : UNKNOWN));
     if (moment.poses) arrays.poses = this.arrays[moment.poses];
     for (const { outline } of moment.touches) {
       arrays[outline] = this.arrays[outline];
@@ -92,7 +96,9 @@ export class Film {
 
   step(by) {
     this.pause();
-    this.show(Math.max(0, Math.min(this.moments.length - 1, this.now + by)));
+    const to = this.now + by;
+    if (this.moments[to]) this.show(to);
+    else this.tell({ kind: "notice", text: "no further sample that way" });
   }
 
   pause() {
@@ -132,13 +138,22 @@ export class Film {
       return Number.isFinite(value) ? value : null;
     };
     const name = (layer) => this.layers[layer]?.categories[arrays[moment.values[layer]][k]] ?? null;
+    const sent = ["pressure", "raw"].filter((kind) => moment.felt[kind]);
     const beside = arrays.beside.subarray(arrays["beside.starts"][k], arrays["beside.starts"][k + 1]);
     return {
       part, taxel, channel: scene["taxel.channels"][k], module: scene["taxel.modules"][k],
       patch: scene["taxel.patches"][k] + 1, link: header.links[one.link].name,
-      position_mm: three(arrays.positions, 1e3, 1), normal: three(arrays.normals, 1, 3),
+      position_mm: three(arrays.positions, 1e3, 1), normal: three(arrays.normals, 1, 2),
       neighbours: [...beside].map((other) => scene["taxel.channels"][other]),
-      pressure: felt("pressure"), raw: felt("raw"), structure: name("structures"), health: name("health"),
+      sent, pressure: felt("pressure"), raw: felt("raw"), structure: name("structures"), health: name("health"),
+      shown: { name: this.layer, title: this.layers[this.layer].title, unit: this.layers[this.layer].unit, category: name(this.layer), value: this.value(k) },
+      touches: moment.touches.filter((touch) => touch.part === part && touch.members?.includes(taxel)).map((touch) => touch.text),
     };
+  }
+
+  // What the layer shows of a taxel, as near as its colours tell.
+  value(k) {
+    const { table, limits: [low, high] } = this.layers[this.layer], code = this.arrays[this.moments[this.now].values[this.layer]][k];
+    return code === UNKNOWN ? null : low + ((high - low) * (code + 0.5)) / table.length;
   }
 }

@@ -6,6 +6,7 @@ import { colour } from "./packing.js";
 const MARGIN = 1.06;
 const GROUND = [222, 227, 232]; // behind discs: those at rest are nearly white
 const COVER = 0.6;
+const RING = 0.5; // radius of a ring in spacings
 const packed = ([r, g, b]) => (0xff000000 | (b << 16) | (g << 8) | r) >>> 0;
 const bytes = (hex) => colour(hex).map((x) => Math.round(255 * x));
 
@@ -20,7 +21,8 @@ export class Flat {
     this.style = "surface";
     this.table = new Uint32Array(1);
     this.unknown = packed(bytes(this.header.colours.unknown));
-    this.lines = []; // {colour, ends: [u, v, u, v, ...], wide} [m]
+    this.lines = []; // {colour, ends: [u, v, u, v, ...], halo} [m]
+    this.rings = []; // {number, tint} of the chosen taxels
     this.lasso = null; // its corners [px]
     this.ready = false; // pixels are known for this part and size
     this.stale = true; // something else than values has changed
@@ -40,6 +42,17 @@ export class Flat {
   setLines(lines) {
     this.stale ||= lines.length > 0 || this.lines.length > 0;
     this.lines = lines;
+  }
+
+  setRings(rings) {
+    this.rings = rings;
+    this.ringed = false;
+    this.stale = true;
+  }
+
+  setLasso(lasso) {
+    this.lasso = lasso && lasso.corners;
+    this.stale = true;
   }
 
   resize(width, height) {
@@ -99,6 +112,24 @@ export class Flat {
     }
     pen.stroke();
     this.ready = this.stale = true;
+    this.ringed = false;
+  }
+
+  // Rings around the chosen taxels of the part shown, drawn when others are chosen.
+  drawRings(ratio) {
+    const here = this.rings.filter(({ number }) => number >= this.part.taxels[0] && number < this.part.taxels[0] + this.part.taxels[1]);
+    this.ringed = true;
+    this.ringsOver = here.length ? new OffscreenCanvas(this.canvas.width, this.canvas.height) : null;
+    if (!here.length) return;
+    const pen = this.ringsOver.getContext("2d"), uv = this.arrays["taxel.uv"], radius = RING * this.part.spacing * this.scale;
+    for (const [style, width] of [["#ffffff", 4], [null, 2]]) {
+      for (const { number, tint } of here) {
+        Object.assign(pen, { strokeStyle: style || tint, lineWidth: width * ratio });
+        pen.beginPath();
+        pen.arc(...this.at(uv[2 * number], uv[2 * number + 1]), radius, 0, 2 * Math.PI);
+        pen.stroke();
+      }
+    }
   }
 
   // Pixels on the sheet: which, the three vertices around each, and the shares of the first two.
@@ -148,6 +179,8 @@ export class Flat {
     this.paper.putImageData(this.image, 0, 0);
     if (sheet) this.paper.drawImage(this.over, 0, 0);
     else this.drawDiscs(first, codes);
+    if (!this.ringed) this.drawRings(ratio);
+    if (this.ringsOver) this.paper.drawImage(this.ringsOver, 0, 0);
     this.drawLines(ratio);
   }
 
@@ -198,6 +231,13 @@ export class Flat {
     lasso.forEach(([x, y]) => path.lineTo(x, y));
     path.closePath();
     stroke("#20262e", 1.5, path);
+  }
+
+  // Numbers of the taxels that a lasso on the canvas encloses.
+  enclosed(lasso) {
+    const uv = this.arrays["taxel.uv"], [first, count] = this.part.taxels;
+    if (!this.ready) return [];
+    return Array.from({ length: count }, (_, k) => first + k).filter((k) => lasso.holds(...this.at(uv[2 * k], uv[2 * k + 1])));
   }
 
   // Number of the taxel nearest to a point of the canvas [px], among all taxels; -1 outside.

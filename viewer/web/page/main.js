@@ -1,34 +1,42 @@
 // Brings the page together: what comes over the socket, what is drawn, what people do.
 
 import { Camera } from "./camera.js";
+import { Chosen, partOf } from "./choosing.js";
 import { Controls } from "./controls.js";
+import { $ } from "./dom.js";
 import { Film, stored } from "./film.js";
 import { Flat } from "./flat.js";
+import { Hover } from "./hover.js";
 import { Labels } from "./labels.js";
 import { Link } from "./link.js";
-import { cross, dot, place, turn, unit } from "./matrices.js";
-import { colour, unpack } from "./packing.js";
+import { Marks } from "./marks.js";
+import { dot, place, turn } from "./matrices.js";
+import { unpack } from "./packing.js";
 import { Smoother } from "./pieces.js";
 import { Picture } from "./picture.js";
+import { Pointer } from "./pointer.js";
+import { Traces } from "./traces.js";
 
 const REST = 300; // after so long without a change all edges are smoothed [ms]
 const WRITE = 100; // from a sample to its words beside the picture [ms]
-const LIFT = 0.0009; // outlines above the sheet [m]
-const INK = "#20262e";
-const ARROW = 0.05; // length of a normal [m]
 
 class Page {
   constructor(scene, connect) {
     this.header = scene.header;
     this.arrays = scene.arrays;
-    this.stage = document.getElementById("stage");
+    this.stage = $("stage");
     this.camera = new Camera(this.header);
-    this.picture = new Picture(document.getElementById("picture"), scene);
-    this.flat = new Flat(document.getElementById("flat"), scene);
+    this.picture = new Picture($("picture"), scene);
+    this.flat = new Flat($("flat"), scene);
     this.smoother = new Smoother(scene.arrays);
-    this.labels = new Labels(document.getElementById("labels"), document.getElementById("leaders"));
+    this.labels = new Labels($("labels"), $("leaders"));
+    this.marks = new Marks(scene, this.picture, this.flat);
+    this.chosen = new Chosen(scene);
+    this.traces = new Traces($("traces"), scene, this.chosen);
+    this.hover = new Hover(this);
     this.sample = null;
-    this.picked = -1; // number of the taxel asked about
+    this.layer = { name: "" };
+    this.picked = -1; // number of the taxel told about beside the map
     this.fresh = false; // a sample that is not drawn yet
     this.received = 0;
     this.moved = 0; // when the camera or the robot last did [ms]
@@ -37,6 +45,7 @@ class Page {
     this.still = 0;
     this.stats = { drawn: 0, bytes: 0, samples: 0, complete: 0, times: [] };
     this.controls = new Controls(this);
+    this.pointer = new Pointer(this);
     this.link = connect(this);
     new ResizeObserver(() => this.resize()).observe(this.stage);
     new ResizeObserver(() => this.resize()).observe(this.flat.canvas);
@@ -63,12 +72,14 @@ class Page {
     if (arrays.poses && arrays.poses.some((x, i) => x !== this.picture.poses[i])) {
       this.picture.poses.set(arrays.poses);
       this.picture.forget();
+      this.marks.showChosen(this.chosen, true);
       this.moved = performance.now(); // a robot in motion is drawn quickly
     }
     const values = this.smoother.carry(arrays.values);
     this.picture.setValues(arrays.values, values);
     this.flat.setValues(arrays.values, values);
-    this.setOutlines(header.touches, arrays);
+    this.traces.history.add(header.time ?? NaN, arrays.felt ?? arrays.values);
+    this.marks.showTouches(message);
     this.controls.sampleCame(header);
     this.writing ??= setTimeout(() => this.write(), WRITE);
     this.redraw();
@@ -78,66 +89,53 @@ class Page {
   write() {
     this.writing = null;
     this.controls.sampleChanged(this.sample.header);
+    this.traces.show(this.flat.part);
+    this.hover.ask();
+    if (this.picked >= 0) this.link.ask({ do: "pick", ...this.taxel(this.picked) });
   }
 
-  setOutlines(touches, arrays) {
-    const points = this.arrays["sheet.points"], normals = this.arrays["sheet.normals"], uv = this.arrays["sheet.uv"];
-    const round = [], flat = [];
-    for (const touch of touches) {
-      const part = this.header.parts.find((one) => one.name === touch.part);
-      const model = this.picture.model(part.link), tint = colour(touch.colour);
-      const ends = arrays[touch.outline], shares = arrays[`${touch.outline}.share`], line = [];
-      for (let k = 0; k < shares.length; k += 2) {
-        const seg = [];
-        for (let e = k; e < k + 2; e++) {
-          const s = shares[e] / 65535, a = ends[2 * e], b = ends[2 * e + 1];
-          const mix = (array, width, i) => array[width * a + i] * (1 - s) + array[width * b + i] * s;
-          const p = [0, 1, 2].map((i) => mix(points, 3, i) + (LIFT * mix(normals, 4, i)) / 127);
-          seg.push(...place(model, p).slice(0, 3));
-          line.push(mix(uv, 2, 0), mix(uv, 2, 1));
-        }
-        round.push(...seg, ...tint);
-      }
-      if (part === this.flat.part) flat.push({ colour: touch.colour, ends: line, halo: true });
-      const foot = place(model, touch.centre), up = turn(model, touch.normal);
-      const tip = [0, 1, 2].map((i) => foot[i] + ARROW * up[i]);
-      round.push(foot[0], foot[1], foot[2], ...tip, ...tint);
-      const trail = (touch.path || []).map((p) => place(model, p).map((x, i) => x + (i < 3 ? 0.004 * up[i] : 0)));
-      for (let k = 1; k < trail.length; k++) round.push(...trail[k - 1].slice(0, 3), ...trail[k].slice(0, 3), ...tint);
-    }
-    if (this.picked >= 0) this.ring(round, flat);
-    this.picture.touches.set(round);
-    this.flat.setLines(flat);
+  // Choose what is at a taxel, and tell of it beside the map; beside the skin, nothing.
+  choose(number, reach, add) {
+    const taxels = number < 0 ? [] : this.chosen.reached(number, reach);
+    if (!add) this.chosen.replace(taxels);
+    else if (taxels.length) this.chosen.toggle(taxels);
+    if (number >= 0 || !add) this.pick(number);
+    this.chosenChanged();
   }
 
-  // A ring around the taxel that was picked, on the body and on the flat map.
-  ring(round, flat) {
-    const k = this.picked, points = this.arrays["taxel.points"], uv = this.arrays["taxel.uv"];
-    const part = this.header.parts.find((one) => one.name === this.taxel(k).part);
-    const model = this.picture.model(part.link), tint = colour(INK);
-    const up = unit([...this.arrays["taxel.normals"].subarray(4 * k, 4 * k + 3)]);
-    const right = unit(cross(up, Math.abs(up[0]) < 0.6 ? [1, 0, 0] : [0, 1, 0])), ahead = cross(up, right), line = [];
-    for (let c = 0; c < 12; c++) {
-      const ends = [c, c + 1].map((at) => [Math.cos((at * Math.PI) / 6), Math.sin((at * Math.PI) / 6)]);
-      const radius = 0.55 * part.spacing;
-      for (const [x, y] of ends) {
-        const p = [0, 1, 2].map((i) => points[3 * k + i] + radius * (x * right[i] + y * ahead[i]) + LIFT * up[i]);
-        round.push(...place(model, p).slice(0, 3));
-      }
-      round.push(...tint);
-      for (const [x, y] of ends) line.push(uv[2 * k] + radius * x, uv[2 * k + 1] + radius * y);
-    }
-    if (part === this.flat.part) flat.push({ colour: INK, ends: line, halo: true });
+  // Choose what a lasso on the flat map encloses.
+  enclose(numbers, add) {
+    if (add) this.chosen.add(numbers);
+    else this.chosen.replace(numbers);
+    this.chosenChanged();
+  }
+
+  chosenChanged() {
+    if (!this.chosen.count) this.pick(-1);
+    this.marks.showChosen(this.chosen);
+    this.traces.show(this.flat.part);
+    this.controls.words.showCount(this.chosen.count);
+    this.redraw();
   }
 
   pick(number) {
     this.picked = number;
-    if (this.sample) this.setOutlines(this.sample.header.touches, this.sample.arrays);
-    this.redraw(true);
+    if (number < 0) $("pick").hidden = true;
+    else this.link.ask({ do: "pick", ...this.taxel(number) });
+  }
+
+  isPicked({ part, taxel }) {
+    const picked = this.taxel(this.picked);
+    return picked && picked.part === part && picked.taxel === taxel;
+  }
+
+  askLayer(name) {
+    this.link.ask({ do: "layer", to: name });
   }
 
   setLayer(layer) {
     const categories = layer.categories.length > 0;
+    this.layer = layer;
     for (const one of [this.picture, this.flat]) {
       one.setTable(layer.table, !categories);
       one.categories = categories;
@@ -148,7 +146,7 @@ class Page {
   }
 
   setStyle(style) {
-    this.picture.style = this.flat.style = style;
+    this.picture.style = this.flat.style = $("style").value = style;
     this.picture.forget();
     this.redraw(true);
   }
@@ -159,15 +157,29 @@ class Page {
     this.redraw(true);
   }
 
-  showFlat(name) {
+  // The flat map of a part; one that was asked for by name stays.
+  showFlat(name, stays = false) {
+    if (stays) $("map-part").value = name;
     if (this.flat.part.name === name) return;
     this.flat.show(name);
     this.controls.mapChanged(this.flat.part);
-    if (this.sample) this.setOutlines(this.sample.header.touches, this.sample.arrays);
+    this.traces.show(this.flat.part);
+    if (this.sample) this.marks.showTouches(this.sample);
     this.redraw(true);
   }
 
-  cameraMoved() {
+  // Bring what is touched close; false where nothing is.
+  focus() {
+    const touches = this.sample ? this.sample.header.touches : [];
+    if (!touches.length) return false;
+    const models = touches.map(({ part }) => this.picture.model(this.header.parts.find(({ name }) => name === part).link));
+    this.camera.focus(touches.map(({ centre }, k) => place(models[k], centre).slice(0, 3)), touches.map(({ normal }, k) => turn(models[k], normal)));
+    this.cameraMoved();
+    return true;
+  }
+
+  cameraMoved(name = "") {
+    $("view").value = name;
     this.moved = performance.now();
     this.redraw();
   }
@@ -210,18 +222,22 @@ class Page {
       return { key, text: touch.text, colour: touch.colour, at: [x * width, y * height], hidden };
     });
     const inside = touches.filter(({ at: [x, y] }) => x >= 0 && y >= 0 && x <= width && y <= height);
-    this.labels.show(inside, { width, height, taken: document.getElementById("bar").offsetTop - 12 });
+    this.labels.show(inside, { width, height, taken: $("bar").offsetTop - 12 });
+  }
+
+  partOf(number) {
+    return partOf(this.header, number);
   }
 
   // Part and dense row of a taxel by its number among all.
   taxel(number) {
-    const part = this.header.parts.find(({ taxels: [first, count] }) => number >= first && number < first + count);
+    const part = this.partOf(number);
     return part && { part: part.name, taxel: number - part.taxels[0] };
   }
 }
 
 async function start() {
-  if (document.getElementById("reel")) {
+  if ($("reel")) {
     const reel = await stored("reel");
     return new Page(await stored("scene"), (page) => new Film(reel, page));
   }
@@ -232,9 +248,8 @@ async function start() {
 }
 
 function failed(error) {
-  const status = document.getElementById("status");
-  status.className = "warn";
-  status.textContent = `cannot show the robot: ${error.message}`;
+  $("status").className = "warn";
+  $("status").textContent = `cannot show the robot: ${error.message}`;
 }
 
 start().then((page) => (window.skinmap = page), failed); // for tests and for the curious

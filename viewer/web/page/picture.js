@@ -93,7 +93,11 @@ export class Picture extends Pieces {
     if (this.changed && !this.placed) this.place(camera);
     if (this.changed && this.software) {
       this.rest.draw({ codes: this.codes, values: this.values, table: this.tableBytes, unknown: this.unknownBytes });
-      this.rest.drawLines(this.chosen.segments, camera.matrix, 2 * camera.ratio, false);
+      if (this.traced !== this.chosen.segments) {
+        this.traced = this.chosen.segments;
+        this.rest.setStill(this.traced, camera.matrix, 2 * camera.ratio);
+      }
+      this.rest.drawStill();
       this.rest.drawLines(this.touches.segments, camera.matrix, 3 * camera.ratio, true);
       return;
     }
@@ -161,6 +165,7 @@ export class Picture extends Pieces {
     this.into(this.rooms.kept);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, colours);
     this.rest.take(width, height, colours, places, this.arrays["sheet.faces"]);
+    this.traced = null; // rings lie elsewhere in this picture
   }
 
   // The sheets' faces with corners of their own, and the list of which vertices these are.
@@ -261,6 +266,7 @@ export class Picture extends Pieces {
     if (tested) gl.disable(gl.DEPTH_TEST);
     gl.disable(gl.CULL_FACE);
     gl.depthMask(false); // a halo never hides the line that it belongs to
+    this.chosen.draw({ ...common, width: 4, nearer: 5e-5, halo: [1, 1, 1, 1] });
     this.chosen.draw({ ...common, width: 2, nearer: 1e-4, halo: [0, 0, 0, 0] });
     this.touches.draw({ ...common, width: 6, nearer: 2e-4, halo: [1, 1, 1, 1] });
     this.touches.draw({ ...common, width: 3, nearer: 4e-4, halo: [0, 0, 0, 0] });

@@ -8,6 +8,7 @@ export class Rest {
   constructor(canvas) {
     this.canvas = canvas;
     this.paper = canvas.getContext("2d", { alpha: false });
+    this.still = null;
     canvas.hidden = true;
   }
 
@@ -64,6 +65,21 @@ export class Rest {
     }
     this.paper.putImageData(this.image, 0, 0);
     this.canvas.hidden = false;
+  }
+
+  // Lines that stay while nothing moves: traced once, and laid over each sample.
+  setStill(segments, matrix, width) {
+    this.still = null;
+    if (!segments.length) return;
+    const { paper } = this, { width: w, height: h } = this.canvas;
+    this.still = new OffscreenCanvas(w, h);
+    this.paper = this.still.getContext("2d");
+    this.drawLines(segments, matrix, width, true);
+    this.paper = paper;
+  }
+
+  drawStill() {
+    if (this.still) this.paper.drawImage(this.still, 0, 0);
   }
 
   hide() {

@@ -1,0 +1,100 @@
+// What is written beside the picture: the state of the source, colours, touches, a taxel, notices.
+
+import { readable } from "./labels.js";
+import { $, made, words } from "./dom.js";
+import { facts } from "./describe.js";
+
+const NOTICE = 4000; // that a notice stays [ms]
+const TOLD = 8000; // how long a problem stands there [ms]
+const css = ([r, g, b]) => `rgb(${r} ${g} ${b})`;
+
+export class Words {
+  constructor(header) {
+    this.open = false;
+    this.problem = "";
+    $("robot").textContent = header.robot;
+    document.title = `${header.robot} · Skinmap`;
+    $("count").textContent = `${header.parts.reduce((n, part) => n + part.taxels[1], 0).toLocaleString("en")} taxels`;
+  }
+
+  // A short line for some seconds.
+  say(text) {
+    $("notice").textContent = text;
+    $("notice").hidden = false;
+    clearTimeout(this.leaving);
+    this.leaving = setTimeout(() => ($("notice").hidden = true), NOTICE);
+  }
+
+  tell(problem, state, about) {
+    this.problem = problem;
+    clearTimeout(this.forgetting);
+    this.forgetting = setTimeout(() => this.showState((this.problem = "", state()), about()), TOLD);
+  }
+
+  connected(open) {
+    this.open = open;
+    this.problem = "";
+  }
+
+  showState(state, about) {
+    const said = [];
+    let warn = true;
+    if (!this.open) said.push("not connected; trying again");
+    else if (state.error) said.push(`the source failed: ${state.error}`);
+    else if (this.problem || about.problem) said.push(this.problem || about.problem);
+    else if (about.stale) said.push("stale: nothing comes from the source");
+    else {
+      warn = false;
+      if (about.rate != null) said.push(`${about.rate.toFixed(0)} samples/s`);
+      if (about.latency != null) said.push(`latency ${(1e3 * about.latency).toFixed(0)} ms`);
+      if (about.dropped) said.push(`${about.dropped} left out`);
+      if (state.ended) said.push("at its end");
+      if (state.paused) said.push("paused");
+    }
+    $("status").textContent = said.join(" · ");
+    $("status").className = warn ? "warn" : "";
+  }
+
+  showLayer(layer) {
+    $("bar-title").textContent = layer.title;
+    $("bar-unit").textContent = layer.unit;
+    $("bar-scale").hidden = layer.categories.length > 0;
+    $("bar-colours").style.background = `linear-gradient(to top, ${layer.table.map(css).join(",")})`;
+    const [low, high] = layer.limits;
+    $("bar-ticks").replaceChildren(...[1, 0.5, 0].map((share) => made("li", `${Number((low + share * (high - low)).toPrecision(3))}`)));
+    $("bar-names").replaceChildren(...layer.categories.map((name, k) => {
+      const item = made("li"), swatch = made("i");
+      swatch.style.background = css(layer.table[k]);
+      item.append(swatch, name);
+      return item;
+    }));
+  }
+
+  showMap(part) {
+    $("map-about").textContent = `${words(part.name)}: ${part.taxels[1]} taxels, ${part.patches} ${part.patches === 1 ? "patch" : "patches"}`;
+  }
+
+  showTouches(touches) {
+    $("touches-head").textContent = touches.length ? (touches.length === 1 ? "1 touch" : `${touches.length} touches`) : "no touch";
+    $("touch-list").replaceChildren(...touches.map((touch) => {
+      const item = made("li"), name = made("b", touch.text);
+      const area = touch.area === null ? "" : `, ${(1e4 * touch.area).toFixed(1)} cm²`;
+      const force = touch.force === null ? "" : `, ${touch.force.toFixed(1)} N`;
+      name.style.color = readable(touch.colour);
+      item.append(name, made("span", `${words(touch.part)}${area}${force}`));
+      return item;
+    }));
+  }
+
+  // All of a taxel, name by name.
+  showTaxel(about) {
+    const rows = facts(about).flat().map(([name, text]) => [name || "part", text]);
+    if (about.health !== null) rows.push(["health", about.health]);
+    $("pick-about").replaceChildren(...rows.flatMap(([name, text]) => [made("dt", name), made("dd", text)]));
+    $("pick").hidden = false;
+  }
+
+  showCount(count) {
+    $("chosen-count").textContent = count ? (count === 1 ? "1 taxel chosen" : `${count} taxels chosen`) : "";
+  }
+}
