@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from skinmap.errors import SkinError
+from skinmap.errors import SkinError, UnknownNameError
 from skinmap.live.moment import Moment
-from viewer.layer import check_values
+from viewer.layer import Layer, check_values
 from viewer.layers import LAYERS, Layers
 from viewer.playing.player import Player
 from viewer.web.packing import finite
@@ -35,6 +35,10 @@ class Client:
     ----------
     layer : str
         What it shows.
+    wanted : str
+        What it asked for last; a layer that is still being made comes later.
+    asked : dict of str to (str, int)
+        Part and taxel that it asked about last, by the kind of its question.
     sent, drawn : int
         Samples sent to it, and drawn by it.
     told : int
@@ -46,6 +50,8 @@ class Client:
     """
 
     layer: str
+    wanted: str = ""
+    asked: dict[str, tuple[str, int]] = field(default_factory=dict)
     sent: int = 0
     drawn: int = 0
     told: int = -1
@@ -80,7 +86,8 @@ class Hub:
         self._moment: Moment | None = None
         self._number = 0
         self._state: dict[str, Any] = {}
-        self._structures = False  # they have been found
+        self._structures: asyncio.Task[Layer] | None = None  # that finds them
+        self._making: set[asyncio.Task[None]] = set()  # layers, in threads
         self._written: dict[str, bytes] = {}  # samples of now, by layer
         self._wishes: dict[str, Callable[[Client, dict[str, Any]], None]] = {
             "drawn": self._drawn,
@@ -145,7 +152,7 @@ class Hub:
 
     async def _listen(self, connection: ServerConnection, client: Client) -> None:
         async for text in connection:
-            await self._obey(client, text)
+            self._obey(client, text)
 
     async def _send(self, connection: ServerConnection, client: Client) -> None:
         while True:
@@ -194,15 +201,15 @@ class Hub:
             for client in self.clients:
                 client.tell({"kind": "state", **state})
 
-    async def _obey(self, client: Client, text: str | bytes) -> None:
+    def _obey(self, client: Client, text: str | bytes) -> None:
         """Do what a page asks for; what makes no sense is answered with a line and forgotten."""
         try:
             wish = json.loads(text)
             name = wish["do"]
             if name == "layer":
-                await self._turn_to(client, str(wish["to"]))
+                self._ask_layer(client, str(wish["to"]))
             elif name in ("pick", "point"):
-                await self._describe(client, name, str(wish["part"]), int(wish["taxel"]))
+                self._describe(client, name, str(wish["part"]), int(wish["taxel"]))
             else:
                 self._wishes[name](client, wish)
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
@@ -210,27 +217,44 @@ class Hub:
         except SkinError as error:
             client.tell({"kind": "problem", "text": str(error)})
 
-    async def _turn_to(self, client: Client, layer: str) -> None:
-        made = await asyncio.to_thread(self.layers.get, layer)  # structures take a second
-        client.layer = layer
-        client.tell(layer_message(made))
-        client.told = -1
+    def _ask_layer(self, client: Client, name: str) -> None:
+        """Show another layer as soon as it is made: structures take a second, samples go on."""
+        if name not in LAYERS:
+            raise UnknownNameError("layer", name, LAYERS)
+        client.wanted = name
+        task = asyncio.create_task(self._turn_to(client, name))
+        self._making.add(task)
+        task.add_done_callback(self._making.discard)
+
+    async def _turn_to(self, client: Client, name: str) -> None:
+        made = await asyncio.to_thread(self.layers.get, name)
+        if client.wanted == name:  # nothing else was asked for meanwhile
+            client.layer = name
+            client.tell(layer_message(made))
+            client.told = -1
 
     def _drawn(self, client: Client, wish: dict[str, Any]) -> None:
         client.drawn = min(client.sent, max(client.drawn, int(wish["samples"])))
         client.wake.set()
 
-    async def _describe(self, client: Client, kind: str, part: str, taxel: int) -> None:
+    def _describe(self, client: Client, kind: str, part: str, taxel: int) -> None:
         """Tell of a taxel that was picked or is pointed at."""
-        about = (self.scene, self.layers, part, taxel, self._moment)
-        if self._structures:
-            client.tell({"kind": kind, **describe(*about, shown=client.layer)})
-            return
-        client.tell({"kind": kind, **describe(*about, shown=client.layer, structure=False)})
-        # In a thread, as structures take a second the first time: samples go on meanwhile.
-        full = await asyncio.to_thread(describe, *about, shown=client.layer)
-        client.tell({"kind": kind, **full})
-        self._structures = True
+        if self._structures is None:
+            # In a thread, as they take a second: samples go on, and who asked is answered again.
+            self._structures = asyncio.create_task(asyncio.to_thread(self.layers.get, "structures"))
+            self._structures.add_done_callback(lambda _: self._answer_again())
+        about = describe(
+            self.scene, self.layers, part, taxel, self._moment,
+            shown=client.layer, structure=self._structures.done(),
+        )  # fmt: skip
+        client.asked[kind] = (part, taxel)
+        client.tell({"kind": kind, **about})
+
+    def _answer_again(self) -> None:
+        """Structures are known now."""
+        for client in self.clients:
+            for kind, (part, taxel) in client.asked.items():
+                self._describe(client, kind, part, taxel)
 
     def _step(self, client: Client, wish: dict[str, Any]) -> None:
         if not self.player.step(max(-100, min(100, int(wish["by"])))):

@@ -91,28 +91,34 @@ export class Flat {
     this.scale = width / (2 * half[0]); // pixels a metre
     this.at = (u, v) => [width / 2 + (u - middle[0]) * this.scale, height / 2 - (v - middle[1]) * this.scale];
     this.image = new ImageData(width, height);
-    this.cells = new Uint32Array(this.image.data.buffer);
+    this.cells = new Uint32Array(this.image.data.buffer).fill(0xffffffff);
     this.places();
-    this.over = new OffscreenCanvas(width, height);
-    const pen = this.over.getContext("2d"), uv = this.arrays["sheet.uv"], [first, count] = this.part.taxels;
-    const radius = Math.min(this.part.dot * this.scale, 2.2 * ratio), taxels = this.arrays["taxel.uv"];
+    this.dots = this.drawDots(ratio);
+    this.border = this.drawBorder(ratio);
+    this.ready = this.stale = true;
+    this.ringed = false;
+  }
+
+  drawDots(ratio) {
+    const over = new OffscreenCanvas(this.canvas.width, this.canvas.height), pen = over.getContext("2d");
+    const uv = this.arrays["taxel.uv"], [first, count] = this.part.taxels, radius = Math.min(this.part.dot * this.scale, 2.2 * ratio);
     pen.fillStyle = this.header.colours.dot;
     for (let k = first; k < first + count; k++) {
       pen.beginPath();
-      pen.arc(...this.at(taxels[2 * k], taxels[2 * k + 1]), radius, 0, 2 * Math.PI);
+      pen.arc(...this.at(uv[2 * k], uv[2 * k + 1]), radius, 0, 2 * Math.PI);
       pen.fill();
     }
-    pen.strokeStyle = this.header.colours.rim;
-    pen.lineWidth = ratio;
-    const border = this.arrays["flat.border"], [start, size] = this.part.flat_border;
+    return over;
+  }
+
+  drawBorder(ratio) {
+    const over = new OffscreenCanvas(this.canvas.width, this.canvas.height), pen = over.getContext("2d");
+    const uv = this.arrays["sheet.uv"], ends = this.arrays["flat.border"], [start, size] = this.part.flat_border;
+    Object.assign(pen, { strokeStyle: this.header.colours.rim, lineWidth: ratio });
     pen.beginPath();
-    for (let k = start; k < start + size; k += 2) {
-      pen.moveTo(...this.at(uv[2 * border[k]], uv[2 * border[k] + 1]));
-      pen.lineTo(...this.at(uv[2 * border[k + 1]], uv[2 * border[k + 1] + 1]));
-    }
+    for (let k = start; k < start + size; k++) pen[(k - start) % 2 ? "lineTo" : "moveTo"](...this.at(uv[2 * ends[k]], uv[2 * ends[k] + 1]));
     pen.stroke();
-    this.ready = this.stale = true;
-    this.ringed = false;
+    return over;
   }
 
   // Rings around the chosen taxels of the part shown, drawn when others are chosen.
@@ -174,11 +180,12 @@ export class Flat {
     this.shown = codes.slice();
     this.stale = false;
     const sheet = this.style === "surface" && !this.categories;
-    this.cells.fill(packed(sheet ? [255, 255, 255] : GROUND));
     if (sheet) this.fillSheet();
+    else for (const pixel of this.pixels) this.cells[pixel] = packed(GROUND);
     this.paper.putImageData(this.image, 0, 0);
-    if (sheet) this.paper.drawImage(this.over, 0, 0);
+    if (sheet) this.paper.drawImage(this.dots, 0, 0);
     else this.drawDiscs(first, codes);
+    this.paper.drawImage(this.border, 0, 0);
     if (!this.ringed) this.drawRings(ratio);
     if (this.ringsOver) this.paper.drawImage(this.ringsOver, 0, 0);
     this.drawLines(ratio);

@@ -19,6 +19,7 @@ import { Traces } from "./traces.js";
 
 const REST = 300; // after so long without a change all edges are smoothed [ms]
 const WRITE = 100; // from a sample to its words beside the picture [ms]
+const UNKNOWN = 255; // the code of a taxel of which nothing is known
 
 class Page {
   constructor(scene, connect) {
@@ -89,6 +90,7 @@ class Page {
   write() {
     this.writing = null;
     this.controls.sampleChanged(this.sample.header);
+    this.controls.words.showMissing(this.sample.arrays.values.some((code) => code < UNKNOWN));
     this.traces.show(this.flat.part);
     this.hover.ask();
     if (this.picked >= 0) this.link.ask({ do: "pick", ...this.taxel(this.picked) });

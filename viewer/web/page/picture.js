@@ -95,10 +95,10 @@ export class Picture extends Pieces {
       this.rest.draw({ codes: this.codes, values: this.values, table: this.tableBytes, unknown: this.unknownBytes });
       if (this.traced !== this.chosen.segments) {
         this.traced = this.chosen.segments;
-        this.rest.setStill(this.traced, camera.matrix, 2 * camera.ratio);
+        this.rest.setStill(this.traced, camera.matrix, ...this.ringWidths(camera).map((width) => width * camera.ratio));
       }
       this.rest.drawStill();
-      this.rest.drawLines(this.touches.segments, camera.matrix, 3 * camera.ratio, true);
+      this.rest.drawLines(this.touches.segments, camera.matrix, 3 * camera.ratio, 6 * camera.ratio);
       return;
     }
     this.rest.hide();
@@ -266,13 +266,21 @@ export class Picture extends Pieces {
     if (tested) gl.disable(gl.DEPTH_TEST);
     gl.disable(gl.CULL_FACE);
     gl.depthMask(false); // a halo never hides the line that it belongs to
-    this.chosen.draw({ ...common, width: 4, nearer: 5e-5, halo: [1, 1, 1, 1] });
-    this.chosen.draw({ ...common, width: 2, nearer: 1e-4, halo: [0, 0, 0, 0] });
+    const [ring, around] = this.ringWidths(camera);
+    if (around) this.chosen.draw({ ...common, width: around, nearer: 5e-5, halo: [1, 1, 1, 1] });
+    this.chosen.draw({ ...common, width: ring, nearer: 1e-4, halo: [0, 0, 0, 0] });
     this.touches.draw({ ...common, width: 6, nearer: 2e-4, halo: [1, 1, 1, 1] });
     this.touches.draw({ ...common, width: 3, nearer: 4e-4, halo: [0, 0, 0, 0] });
     gl.depthMask(true);
     gl.enable(gl.CULL_FACE);
     gl.enable(gl.DEPTH_TEST);
+  }
+
+  // Of rings and the white around them [px]: thin and without white where taxels lie close in the picture.
+  ringWidths(camera) {
+    const metres = (2 * camera.distance * Math.tan(camera.angle / 2)) / (this.canvas.height / camera.ratio);
+    const gap = Math.min(...this.header.parts.map(({ spacing }) => spacing)) / metres;
+    return gap > 12 ? [2, 4] : [Math.max(1, gap / 6), 0];
   }
 
   // Number of the taxel under a point of the canvas [px], among all taxels; -1 where there is none.

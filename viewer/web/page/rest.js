@@ -68,13 +68,13 @@ export class Rest {
   }
 
   // Lines that stay while nothing moves: traced once, and laid over each sample.
-  setStill(segments, matrix, width) {
+  setStill(segments, matrix, width, around) {
     this.still = null;
     if (!segments.length) return;
     const { paper } = this, { width: w, height: h } = this.canvas;
     this.still = new OffscreenCanvas(w, h);
     this.paper = this.still.getContext("2d");
-    this.drawLines(segments, matrix, width, true);
+    this.drawLines(segments, matrix, width, around);
     this.paper = paper;
   }
 
@@ -86,8 +86,8 @@ export class Rest {
     this.canvas.hidden = true;
   }
 
-  // Segments as ribbons have them, seen through a matrix; the white halo lies under all of them.
-  drawLines(segments, matrix, width, halo) {
+  // Segments as ribbons have them, seen through a matrix; the white around them lies under all of them.
+  drawLines(segments, matrix, width, around) {
     if (!segments.length) return;
     const paths = new Map();
     for (let k = 0; k < segments.length; k += 9) {
@@ -96,7 +96,7 @@ export class Rest {
       this.trace(paths.get(tint), this.place(segments, k, matrix), this.place(segments, k + 3, matrix));
     }
     this.paper.lineCap = this.paper.lineJoin = "round";
-    for (const [style, wide] of halo ? [["#ffffff", 2 * width], [null, width]] : [[null, width]]) {
+    for (const [style, wide] of around ? [["#ffffff", around], [null, width]] : [[null, width]]) {
       for (const [tint, path] of paths) {
         Object.assign(this.paper, { strokeStyle: style || tint, lineWidth: wide });
         this.paper.stroke(path);

@@ -58,6 +58,7 @@ export class Words {
   showLayer(layer) {
     $("bar-title").textContent = layer.title;
     $("bar-unit").textContent = layer.unit;
+    this.missing = layer.missing;
     $("bar-scale").hidden = layer.categories.length > 0;
     $("bar-colours").style.background = `linear-gradient(to top, ${layer.table.map(css).join(",")})`;
     const [low, high] = layer.limits;
@@ -68,6 +69,11 @@ export class Words {
       item.append(swatch, name);
       return item;
     }));
+  }
+
+  // Why nothing is seen of a layer.
+  showMissing(known) {
+    $("bar-missing").textContent = known ? "" : this.missing;
   }
 
   showMap(part) {
@@ -88,9 +94,11 @@ export class Words {
 
   // All of a taxel, name by name.
   showTaxel(about) {
-    const rows = facts(about).flat().map(([name, text]) => [name || "part", text]);
-    if (about.health !== null) rows.push(["health", about.health]);
-    $("pick-about").replaceChildren(...rows.flatMap(([name, text]) => [made("dt", name), made("dd", text)]));
+    const rows = facts(about).map((line) => line.slice(0, 2).map(([name, text]) => [name || "part", text]));
+    rows.splice(2, 0, [["taxel", about.taxel], ["link", about.link]]);
+    if (about.health !== null) rows.push([["health", about.health]]);
+    const cell = ([name, text], _, { length }) => [made("dt", name), made("dd", text, { className: length < 2 ? "wide" : "" })];
+    $("pick-about").replaceChildren(...rows.flatMap((row) => row.flatMap(cell)));
     $("pick").hidden = false;
   }
 
