@@ -232,10 +232,11 @@ def goals(result: dict[str, Any]) -> list[dict[str, Any]]:
         ("--help [s]", result["help_s"], 0.3),
         (f"memory grown in {result['soak']['updates']:,} updates [MB]",
          result["soak"]["grown_mb"], 20.0),
-        ("oldest frame at 50 Hz [ms]", result["ages_at_50_hz"]["worst_ms"], 100.0),
-        ("oldest frame at 50 Hz, the camera turning [ms]",
-         result["ages_at_50_hz_turning"]["worst_ms"], 100.0),
     ]  # fmt: skip
+    for key, how in (("ages_at_50_hz", ""), ("ages_at_50_hz_turning", ", the camera turning")):
+        if "worst_ms" in result[key]:
+            what = f"oldest frame shown as live at 50 Hz{how} [ms]"
+            rows.append((what, result[key]["worst_ms"], 100.0))
     found = [
         {"what": what, "reached": reached, "asked": most, "met": bool(reached <= most)}
         for what, reached, most in rows

@@ -15,6 +15,7 @@ from viewer.interaction.controls import Controls
 from viewer.interaction.events import Events
 from viewer.interaction.mouse import Pace
 from viewer.playing.player import Player
+from viewer.playing.punctual import Punctual
 from viewer.scene import Scene
 
 IDLE = 0.02  # longest wait for a sample before keys and mouse are looked at again [s]
@@ -45,6 +46,8 @@ class Window:
     ) -> None:
         self.scene, self.player = scene, player
         self.drawn = 0
+        self.punctual = Punctual()
+        self._news = False  # whether a sample was taken that no picture on the screen shows
         plotter: Any = scene.plotter
         self.interactor = plotter.iren.interactor
         # The robot stays upright; shift is for choosing modules, not for moving the camera.
@@ -87,12 +90,27 @@ class Window:
             controls.say(" ".join(str(self.player.error).split()))
             controls.notice.stay()
         wanted = controls.tick() or moment is not None or self._turning or self._calm.due()
-        if wanted:
-            scene.update(self._stride())
-            self.drawn += scene.canvas.cache.draw()
+        self._news |= moment is not None
+        if wanted or scene.canvas.cache.held:
+            self._draw()
         if controls.files.recording is not None and self._movie.due():
             controls.files.recording.add(scene.frame())
         return bool(wanted)
+
+    def _draw(self) -> None:
+        """Draw, and show the picture unless its sample became too old meanwhile."""
+        scene, player, cache = self.scene, self.player, self.scene.canvas.cache
+        status = scene.canvas.status
+        status.mark(self.punctual.age if self.punctual.marked else None)
+        scene.update(self._stride())
+        if not (cache.draw(hold=True) or cache.held):
+            self._news = False  # it looks as before
+            return
+        if self.punctual.shows(player.age, rate=scene.moment.rate, news=self._news):
+            cache.present()
+            self.drawn += 1
+            status.shown(player.age)
+            self._news = False
 
     @property
     def _turning(self) -> bool:

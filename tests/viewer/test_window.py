@@ -532,3 +532,33 @@ def test_play_shows_moments_until_closed(icub, prepared, moments):
         yield Moment(1.0, {"torso": moments[0].pressures["torso"]})
 
     assert play(scene, played()) >= 1
+
+
+def test_picture_that_comes_too_late_is_held_back_and_then_marked(window, monkeypatch):
+    """Each picture takes 150 ms of a clock that stands still otherwise."""
+    player, scene = window.player, window.scene
+    now = [player._outlet.clock()]
+    monkeypatch.setattr(player._outlet, "clock", lambda: now[0])
+    cache, status = scene.canvas.cache, scene.canvas.status
+    draw, present, presented = cache.draw, cache.present, []
+
+    def slow(**how):
+        drawn = draw(**how)
+        now[0] += 0.15
+        return drawn
+
+    monkeypatch.setattr(cache, "draw", slow)
+    monkeypatch.setattr(cache, "present", lambda: (presented.append(cache.held), present()))
+    for count in range(4):
+        pressures = {p: np.full(len(one.skin), 10.0 + count) for p, one in scene.layers.items()}
+        player._outlet.show(Moment(100.0 + count, pressures), fresh=True)
+        monkeypatch.setattr(player, "_paused", False)
+        window.turn()
+        monkeypatch.setattr(player, "_paused", True)
+        assert len(presented) == max(0, count - 1)
+    assert "late: shown after 150 ms" in " ".join(status.texts)
+    assert (window.punctual.held, window.punctual.late) == (2, 2)
+    monkeypatch.setattr(cache, "draw", draw)
+    window.turn()  # halted: nothing is late
+    window.turn()
+    assert "late" not in " ".join(status.texts)

@@ -36,15 +36,33 @@ class RenderCache:
         self.renderers = renderers
         self._buffer: Any = None
         self._size: tuple[int, int] = (0, 0)
+        self.held = False  # whether the last picture was drawn, but is not on the screen yet
 
-    def draw(self, *, good: bool = False) -> bool:
+    def draw(self, *, good: bool = False, hold: bool = False) -> bool:
         """Bring the picture up to date; False where nothing had to be drawn.
 
         Parameters
         ----------
         good : bool
             Full detail also while the camera moves: for movies, which nobody waits for.
+        hold : bool
+            Keep it off the screen until `present`.
         """
+        drawn = self._draw(good, hold)
+        self.held |= drawn and hold
+        if drawn and hold:
+            self.window.WaitForCompletion()  # threads still draw: only now it is known when
+        if not hold:
+            self.present()
+        return drawn
+
+    def present(self) -> None:
+        """Put a picture on the screen that was held back."""
+        if self.held:
+            self.held = False
+            self.window.Frame()
+
+    def _draw(self, good: bool, hold: bool) -> bool:
         self._fit_buffer()
         moved = [one for one in self.renderers if self._prepare(one, good)]
         changed = [one for one in self.renderers if one.changed and one not in moved]
@@ -58,7 +76,7 @@ class RenderCache:
         for one in changed:
             self._copy(self._buffer, self.window.GetRenderFramebuffer(), one)
         self._absorb([one for one in changed if one.idle])
-        self._draw_live([*kept, *changed], [one for one in moved if one.whole])
+        self._draw_live([*kept, *changed], [one for one in moved if one.whole], unseen=hold)
         for one in (*moved, *changed):
             one.settle()
         return True
@@ -68,6 +86,7 @@ class RenderCache:
         for one in self.renderers:
             self._detail(one, quick=False)
         self.window.Render()
+        self.held = False
         self.forget()
 
     def forget(self) -> None:
@@ -130,14 +149,14 @@ class RenderCache:
             for coloured in one.idle:
                 coloured.kept = True
 
-    def _draw_live(self, over: list[Resting], whole: list[Resting]) -> None:
+    def _draw_live(self, over: list[Resting], whole: list[Resting], *, unseen: bool) -> None:
         """Draw what is live over what rests, and all of those of which nothing is kept."""
         hidden: list[vtkProp] = []
         for one in over:
             hidden += [*one.resting, *(x.actor for x in one.coloured if x.kept)]
             one.renderer.SetErase(False)
         try:
-            self._render([*over, *whole], hidden)
+            self._render([*over, *whole], hidden, unseen=unseen)
         finally:
             for one in over:
                 one.renderer.SetErase(True)

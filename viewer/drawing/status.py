@@ -12,6 +12,7 @@ from viewer.colours import FAINT, WARNING, rgb
 from viewer.drawing.overlays import Line, small_font
 from viewer.drawing.touch_list import known
 
+TOLD = 0.5  # between two figures of how old the pictures are [s]
 UP = 3.4  # of the line below the picture's upper end [font heights]
 
 
@@ -36,7 +37,9 @@ class Status:
         style = self._warning.actor.GetTextProperty()
         style.SetBackgroundColor(*rgb(WARNING))
         style.SetBackgroundOpacity(1.0)
-        self._text = ""
+        self._moment = Moment(0.0, {})
+        self._worst, self._since, self._told = 0.0, clock(), float("nan")
+        self._late = ""
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -48,14 +51,35 @@ class Status:
         self.stale = moment.stale
         if not moment.stale:
             self._fresh = self.clock()
-        words = []
+        self._moment = moment
+
+    def shown(self, age: float) -> None:
+        """A picture is on the screen whose sample is so old [s]: NaN where nothing is live."""
+        if not known(age):
+            self._worst, self._told = 0.0, float("nan")
+            return
+        self._worst = max(self._worst, age)
+        now = self.clock()
+        # The worst of a while: it says more than the last, and can be read.
+        if now - self._since >= TOLD or not known(self._told):
+            self._told, self._worst, self._since = self._worst, 0.0, now
+
+    def mark(self, age: float | None) -> None:
+        """Say in the next picture that it comes late, its sample so old [s]; None: it does not."""
+        self._late = "" if age is None else f" late: shown after {1e3 * age:.0f} ms "
+
+    @property
+    def _about(self) -> str:
+        """What is said of the stream."""
+        moment, words = self._moment, []
+        latency = self._told if known(self._told) else moment.latency
         if known(moment.rate):
             words.append(f"{moment.rate:.0f} samples/s")
-        if known(moment.latency):
-            words.append(f"shown after {1e3 * moment.latency:.0f} ms")
+        if known(latency):
+            words.append(f"shown after {1e3 * latency:.0f} ms")
         if moment.dropped:
             words.append(f"{moment.dropped:,} left out")
-        self._text = ",  ".join(words)
+        return ",  ".join(words)
 
     def write(self, left: float, font_px: int) -> None:
         """Bring both lines up to date."""
@@ -64,6 +88,7 @@ class Status:
         for line, size in ((self._line, small), (self._warning, font_px)):
             line.style(size, bold=line is self._warning)
             line.move(left, height - UP * font_px)
-        self._line.write("" if self.stale else self._text)
+        self._line.write("" if self.stale or self._late else self._about)
         silent = self.clock() - self._fresh
-        self._warning.write(f" no data for {silent:.1f} s " if self.stale else "", "#ffffff")
+        warning = f" no data for {silent:.1f} s " if self.stale else self._late
+        self._warning.write(warning, "#ffffff")

@@ -5,12 +5,18 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Callable
 
 from skinmap.live.moment import Moment
 
 
 class Outlet:
     """One moment at a time, with its number and age.
+
+    Parameters
+    ----------
+    clock : callable
+        Seconds of this machine.
 
     Attributes
     ----------
@@ -24,26 +30,28 @@ class Outlet:
         Largest age of a moment when it was taken to be drawn [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.clock = clock
         self.news = threading.Condition()
         self.moment: Moment | None = None
         self.number = 0
         self.oldest = 0.0
         self._taken = 0
         self._closed = False
-        self._arrived = math.nan  # when what is shown came, in perf_counter's seconds
+        self._arrived = math.nan  # when what is to be shown came, in the clock's seconds
+        self._drawn = math.nan  # when what was taken came
 
     @property
     def age(self) -> float:
-        """How long ago the sample arrived that is shown [s]; NaN before the first."""
-        return time.perf_counter() - self._arrived
+        """How long ago the sample arrived that was taken last [s]; NaN before the first."""
+        return self.clock() - self._drawn
 
     def show(self, moment: Moment, *, fresh: bool = False) -> None:
         """Put a moment there: one that has just come, or one of the past."""
         with self.news:
             if fresh:
                 late = moment.latency if math.isfinite(moment.latency) else 0.0
-                self._arrived = time.perf_counter() - late
+                self._arrived = self.clock() - late
             self.moment = moment
             self.tell()
 
@@ -58,7 +66,7 @@ class Outlet:
         with self.news:
             if self.number == self._taken:
                 return None
-            self._taken = self.number
+            self._taken, self._drawn = self.number, self._arrived
             if live and self.moment is not None and not self.moment.stale:
                 self.oldest = max(self.oldest, self.age)
             return self.moment

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
 from typing import Self
 
 from skinmap.errors import InvalidArrayError
@@ -39,11 +40,19 @@ class Player:
         What is played. An iterable is paced by the times of its moments.
     paused : bool
         Halt at the first moment.
+    clock : callable
+        Seconds of this machine, for the age of what is shown.
     """
 
-    def __init__(self, moments: Feed | Iterable[Moment], *, paused: bool = False) -> None:
+    def __init__(
+        self,
+        moments: Feed | Iterable[Moment],
+        *,
+        paused: bool = False,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
         self._feed = feed_of(moments)
-        self._outlet = Outlet()
+        self._outlet = Outlet(clock)
         self._news = self._outlet.news  # guards all below
         self._history = History()
         self._past = Past()
@@ -97,8 +106,10 @@ class Player:
 
     @property
     def age(self) -> float:
-        """How long ago the sample arrived that is shown [s]; NaN before the first."""
-        return self._outlet.age
+        """How long ago the sample arrived that was taken last [s]; NaN where nothing is live."""
+        shown = self.moment
+        live = shown is not None and not (shown.stale or self._paused or self._ended)
+        return self._outlet.age if live else math.nan
 
     @property
     def oldest(self) -> float:
