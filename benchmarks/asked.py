@@ -46,9 +46,10 @@ def judge(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        `area, what, unit, bound, asked, got, ratio, state, peer, peer_name, source, note`. The
-        ratio is above 1 where the figure is better than asked. `state` is "met", "falls short"
-        or "not measured"; `note` says why, or from where a figure comes that is not of this run.
+        `key, area, what, unit, bound, asked, got, spread, ratio, state, peer, peer_name, source,
+        note`. `key` names the figure for good. The ratio is above 1 where the figure is better
+        than asked. `state` is "met", "falls short" or "not measured"; `note` says why, or from
+        where a figure comes that is not of this run.
     """
     return [_judged(entry, result) for entry in asked()]
 
@@ -67,6 +68,7 @@ def _judged(entry: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, An
     elif not note:
         note = "its rows are missing" + (f": {entry['needs']}" if "needs" in entry else "")
     return {
+        "key": f"{entry['area']}.{entry['key']}",
         "area": entry["area"],
         "what": entry["what"],
         "unit": entry.get("unit", ""),

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from asked import HEADS, cells, summary
+from needs_page import bars
 
 STYLE = """
 body { font: 15px/1.45 sans-serif; color: #222; max-width: 1180px; margin: 2em auto }
@@ -106,7 +107,7 @@ def _curves(result: Mapping[str, Any]) -> list[str]:
 def _needs(result: Mapping[str, Any]) -> list[str]:
     rows = (result["areas"].get("needs", {}).get("rows") or {}).get("cases")
     text = "<p>Fresh processes, after the imports; bars are CPU time, dots are memory.</p>"
-    return ["<h2>Only what a scene needs</h2>", text, _picture(_bars(rows))] if rows else []
+    return ["<h2>Only what a scene needs</h2>", text, _picture(bars(rows))] if rows else []
 
 
 def _areas(result: Mapping[str, Any]) -> str:
@@ -186,23 +187,4 @@ def _flattening(rows: Sequence[Mapping[str, Any]]) -> Any:
     axis.set_ylabel("CPU time [s]")
     axis.grid(which="major", alpha=0.3)
     axis.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return figure
-
-
-def _bars(rows: Sequence[Mapping[str, Any]]) -> Any:
-    whats = list(dict.fromkeys(row["what"] for row in rows))
-    figure, axes = _subplots((len(whats) + 2) // 3, 3, size=(11.0, 3.0 * ((len(whats) + 2) // 3)))
-    for axis, what in zip(axes.flat, whats, strict=False):
-        own = [row for row in rows if row["what"] == what]
-        place = range(len(own))
-        axis.bar(place, [row["cpu_s"] for row in own], color="#9ecae1", width=0.6)
-        axis.set_xticks(place, [row["case"] for row in own], fontsize=8)
-        axis.set_title(what + (" [cell, mm]" if what == "mesh detail" else ""), fontsize=10)
-        axis.set_ylabel("CPU [s]", fontsize=8)
-        other = axis.twinx()
-        other.plot(place, [row["mb"] for row in own], "o-", color="#d1495b", ms=5, lw=1)
-        other.set_ylabel("memory [MB]", fontsize=8, color="#d1495b")
-        other.set_ylim(0, 1.25 * max(max(row["mb"] for row in own), 1.0))
-    for axis in axes.flat[len(whats) :]:
-        axis.set_axis_off()
     return figure

@@ -88,11 +88,10 @@ def compare(
     Returns
     -------
     list of dict
-        `area, name, unit, old, new, ratio` (new over old), `beyond_spread` (None where neither
+        `key, area, name, unit, old, new, ratio` (new over old), `beyond_spread` (None where neither
         run knows a spread) and `verdict`: "same", "better", "regression", "new" or "gone".
     """
-    before = {(row["area"], row["name"]): row for row in old["figures"]}
-    after = {(row["area"], row["name"]): row for row in new["figures"]}
+    before, after = ({row["key"]: row for row in run["figures"]} for run in (old, new))
     return [
         _row(before.get(key), after.get(key), threshold) for key in dict.fromkeys([*before, *after])
     ]
@@ -103,7 +102,7 @@ def _row(
 ) -> dict[str, Any]:
     either = new or old
     assert either is not None
-    row = {key: either[key] for key in ("area", "name", "unit")}
+    row = {key: either[key] for key in ("key", "area", "name", "unit")}
     row |= {"old": old and old["value"], "new": new and new["value"]}
     row |= {"ratio": None, "beyond_spread": None}
     if old is None or new is None:
