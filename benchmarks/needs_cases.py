@@ -53,14 +53,16 @@ def main() -> None:
 
 def _end_with(what: str, case: str, imports_mb: float) -> None:
     """Measure a case in this process and end it, without what the process before would do."""
+    code = 1
     try:
         map_libraries()
         print(json.dumps(measured(what, case) | {"imports_mb": imports_mb}), flush=True)
-    except Exception:
-        traceback.print_exc()
-        sys.stderr.flush()
-        os._exit(1)
-    os._exit(0)
+        code = 0
+    finally:
+        if code:
+            traceback.print_exc()
+            sys.stderr.flush()
+        os._exit(code)
 
 
 def measured(what: str, case: str) -> dict[str, float]:
