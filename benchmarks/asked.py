@@ -61,7 +61,6 @@ def _judged(entry: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, An
     if isinstance(limit, list):  # a path: what the peer reached
         limit = worst(find(rows, limit), bound)
     got = worst(find(rows, entry["path"]), bound)
-    low_high = next(iter(find(rows, entry.get("spread", ()))), None) if "spread" in entry else None
     state = "not measured"
     if got is not None and limit is not None:
         state = "met" if met(got, limit, bound) else "falls short"
@@ -75,7 +74,7 @@ def _judged(entry: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, An
         "bound": bound,
         "asked": limit,
         "got": got,
-        "spread": [low_high[0], low_high[-1]] if low_high else None,
+        "spread": _spread(entry, rows, got),
         "ratio": ratio(got, limit, bound),
         "state": state,
         "peer": worst(find(rows, entry["peer"]), bound) if "peer" in entry else None,
@@ -83,6 +82,16 @@ def _judged(entry: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, An
         "source": entry["source"],
         "note": note,
     }
+
+
+def _spread(entry: Mapping[str, Any], rows: Any, got: Any) -> list[float] | None:
+    """Lower and upper quartile of the row that counts."""
+    values = list(find(rows, entry["path"]))
+    spreads = list(find(rows, entry["spread"])) if "spread" in entry else []
+    if not spreads or len(spreads) != len(values):
+        return None
+    one = spreads[values.index(got)]
+    return [one[0], one[-1]]
 
 
 def _rows(entry: Mapping[str, Any], result: Mapping[str, Any]) -> tuple[Any, str]:

@@ -29,7 +29,9 @@ p.small { color: #555; font-size: 13px }
 """
 CLASSES = {"met": "good", "falls short": "short", "not measured": "not"}
 COLOURS = ("#1b6ca8", "#d1495b", "#2e933c", "#8d6a9f", "#e39c1c", "#00798c", "#555555")
-FAMILIES = ("meshing", "flattening", "histogram", "contacts", "drawing")
+FAMILIES = (
+    "meshing", "flattening", "neighbourhoods", "structures", "histogram", "contacts", "drawing",
+)  # fmt: skip
 
 
 def page_of(result: Mapping[str, Any]) -> str:

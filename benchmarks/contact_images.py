@@ -11,7 +11,7 @@ import warnings
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
-from timing import medians, spreads, take_turns
+from timing import medians, ratio_quartiles, spreads, take_turns
 
 from skinmap.flat.flat_map import FlatMap, flatten
 from skinmap.skin.skin import Skin, skin_from_points
@@ -102,6 +102,8 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
         "bytes": moved,
         "gigabytes_per_second": moved / times["copy"] * 1e-3,
         "times_bandwidth_bound": times["image"] / times["copy"],
+        "ratio_quartiles": ratio_quartiles(turns, {"times_bandwidth_bound": ("image", "copy")}),
+        "batch_quartiles_us_per_sample": spreads(turns, 1e6 / BATCH)["batch"],
         "paper_image_us": times["paper"],
         "paper_batch_us_per_sample": times["paper_batch"] / BATCH,
         "scipy_rebuilt_us": times["peer_rebuilt"],

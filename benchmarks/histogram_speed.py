@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from sklearn.cluster import KMeans
-from timing import medians, spreads, take_turns
+from timing import medians, ratio_quartiles, spreads, take_turns
 
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import Structures, find_structures
@@ -20,6 +20,19 @@ PAD_12 = [
 ]  # fmt: skip
 MODULES = 94
 BATCH = 200
+ONE_RATIOS = {  # of two tasks on one sample
+    "numpy_over_literal_loop": ("literal_loop", "numpy"),
+    "compiled_over_literal_loop": ("literal_loop", "compiled"),
+    "numpy_over_tight_loop": ("tight_loop", "numpy"),
+    "compiled_over_tight_loop": ("tight_loop", "compiled"),
+    "compiled_to_gather": ("compiled", "gather_compiled"),
+}
+BATCH_RATIOS = {
+    "batch_numpy_over_kmeans": ("kmeans_per_structure", "numpy"),
+    "batch_compiled_over_kmeans": ("kmeans_per_structure", "compiled"),
+    "batch_numpy_over_kmeans_predict_only": ("kmeans_predict_only", "numpy"),
+    "batch_compiled_over_kmeans_predict_only": ("kmeans_predict_only", "compiled"),
+}
 
 
 def tiling() -> np.ndarray:
@@ -142,18 +155,10 @@ def histogram_row(rotations: int, share: float, rounds: int) -> dict[str, Any]:
         "one_sample_quartiles_us": spreads(one_times, 1e6),
         "batch_quartiles_us_per_sample": spreads(batch_times, 1e6 / BATCH),
         "votes_that_differ": wrong,
-        "ratios": {
-            "numpy_over_literal_loop": one["literal_loop"] / one["numpy"],
-            "compiled_over_literal_loop": one["literal_loop"] / one["compiled"],
-            "numpy_over_tight_loop": one["tight_loop"] / one["numpy"],
-            "compiled_over_tight_loop": one["tight_loop"] / one["compiled"],
-            "compiled_to_gather": one["compiled"] / one["gather_compiled"],
-            "batch_numpy_over_kmeans": batch["kmeans_per_structure"] / batch["numpy"],
-            "batch_compiled_over_kmeans": batch["kmeans_per_structure"] / batch["compiled"],
-            "batch_numpy_over_kmeans_predict_only": batch["kmeans_predict_only"] / batch["numpy"],
-            "batch_compiled_over_kmeans_predict_only": batch["kmeans_predict_only"]
-            / batch["compiled"],
-        },
+        "ratio_quartiles": ratio_quartiles(one_times, ONE_RATIOS)
+        | ratio_quartiles(batch_times, BATCH_RATIOS),
+        "ratios": {name: one[a] / one[b] for name, (a, b) in ONE_RATIOS.items()}
+        | {name: batch[a] / batch[b] for name, (a, b) in BATCH_RATIOS.items()},
     }
 
 

@@ -20,7 +20,7 @@ from live_memory import soak
 from live_planted import finger, kept_share, read
 from live_planted import pairs as pairs_on
 from record import command, readable
-from timing import timed
+from timing import quartiles, timed
 
 import skinmap
 from skinmap.classify.classifier import TouchClassifier, classifiers
@@ -132,6 +132,7 @@ def contacts(skin: JoinedSkin, repeats: int) -> dict[str, Any]:
         "touches": int(np.median(counts)),
         "active_taxels": int(sum(len(track.taxels) for track in tracker.present)),
         "median_ms": float(np.median(cost)),
+        "quartiles_ms": quartiles(cost),
         "p95_ms": float(np.percentile(cost, 95)),
     }
 

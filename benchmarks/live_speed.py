@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 import numpy as np
+from timing import quartiles
 
 import skinmap
 from skinmap.classify.classifier import classifiers
@@ -54,7 +55,7 @@ def live_rows(quick: bool) -> list[dict[str, Any]]:
 
 def _alone(
     model: Any, skins: dict[str, PreparedSkin], middles: dict[str, list[Any]]
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """One sample of all parts, without a past, to the labels of all touches in it."""
     rest = {part: np.zeros(len(skin), np.uint8) for part, skin in skins.items()}
     times: list[float] = []
@@ -68,7 +69,8 @@ def _alone(
                     name_touches(model, skins[part], sample[None])
             times.append((time.process_time() - start) * 1e3)
     cost = np.array(times)
-    return {"mean": float(cost.mean()), "p95": float(np.percentile(cost, 95))}
+    p95 = float(np.percentile(cost, 95))
+    return {"mean": float(cost.mean()), "p95": p95, "quartiles": quartiles(cost)}
 
 
 def _live_row(

@@ -8,11 +8,12 @@ named so. One thread: set OMP_NUM_THREADS=1.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
-from statistics import median
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
+from timing import Quartiles, quartiles
 from timing import timed as timed_call
 
 from skinmap.errors import InvalidMeshError
@@ -142,31 +143,37 @@ def _pinched(faces: np.ndarray) -> int:
     return int((np.bincount(vertex) > 1).sum())
 
 
-def timed(mesher: Mesher, skin: Skin, repeats: int) -> tuple[np.ndarray, float]:
-    """Faces and the median CPU time [s]."""
+def timed(
+    meshers: Mapping[str, Mesher], skin: Skin, repeats: int
+) -> dict[str, tuple[np.ndarray, Quartiles]]:
+    """Faces and quartiles of the CPU time [s] of each, all in turns."""
 
-    def run() -> np.ndarray:
+    def run(mesher: Mesher) -> np.ndarray:
         try:
             return mesher(skin)
         except InvalidMeshError:
             return np.zeros((0, 3), np.int64)
 
-    runs = [timed_call(run) for _ in range(repeats)]
-    return runs[-1][0], median(cpu for _, cpu, _ in runs)
+    runs: dict[str, list[float]] = {name: [] for name in meshers}
+    faces = {}
+    for _ in range(repeats):
+        for name, mesher in meshers.items():
+            faces[name], cpu, _ = timed_call(partial(run, mesher))
+            runs[name].append(cpu)
+    return {name: (faces[name], quartiles(each)) for name, each in runs.items()}
 
 
 def meshing_rows(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
     """One row for each size and method, methods interleaved, each warmed up on a small skin."""
     meshers = installed()
     small = wavy_skin(400)
-    for mesher in meshers.values():
-        timed(mesher, small, 1)
+    timed(meshers, small, 1)
     rows = []
     for size in sizes:
         skin = wavy_skin(size)
-        for name, mesher in meshers.items():
-            faces, seconds = timed(mesher, skin, 1 if size >= ONCE else REPEATS)
-            rows.append({"method": name, "n": len(skin), **describe(faces), "cpu_s": seconds})
+        for name, (faces, cpu) in timed(meshers, skin, 1 if size >= ONCE else REPEATS).items():
+            row = {"method": name, "n": len(skin), **describe(faces), "cpu_s": cpu[1]}
+            rows.append(row | {"quartiles_s": cpu})
     return rows
 
 
@@ -185,11 +192,12 @@ def icub_rows() -> list[dict[str, Any]]:
     for name, mesher in {**installed(), "accurate": accurate}.items():
         total, complete, seconds = dict.fromkeys(describe(np.zeros((0, 3))), 0), 0, 0.0
         for skin in skins:
-            faces, cpu = timed(mesher, skin, 1 if name == "accurate" else REPEATS)
+            repeats = 1 if name == "accurate" else REPEATS
+            faces, cpu = timed({name: mesher}, skin, repeats)[name]
             found = describe(faces)
             total = {key: total[key] + value for key, value in found.items()}
             complete += found["used"] == len(skin)
-            seconds += cpu
+            seconds += cpu[1]
         rows.append({"method": name, "n": sum(map(len, skins)), "complete_parts": complete,
                      **total, "cpu_s": seconds})  # fmt: skip
     return rows

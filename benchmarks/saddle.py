@@ -86,6 +86,9 @@ def _rows_of_size(n: int, slow_peers: bool) -> list[dict[str, Any]]:
                 "peer": name not in OURS,
                 "seconds": seconds,
                 "C": seconds / unit,
+                "C_quartiles": quartiles(
+                    np.array(times[name]) / np.array(times[fastest][: len(times[name])])
+                ),
                 "quartiles_s": quartiles(times[name]),
                 **distortion(vertices, faces, uv),
             }

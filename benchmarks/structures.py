@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from sklearn.metrics import adjusted_rand_score
+from timing import quartiles
 
 import skinmap
 from skinmap.arrays import FloatArray
@@ -107,6 +108,7 @@ def time_row(name: str, skins: dict[str, Placed], bound: float) -> dict[str, Any
                 seconds.append(time.process_time() - start)
             tail = seconds[1:] or seconds
             row[f"cpu_s_{key}_rotations_{rotations}"] = round(float(np.median(tail)), 3)
+            row[f"quartiles_s_{key}_rotations_{rotations}"] = quartiles(tail)
         row["taxels"] = len(found.labels)
         row[f"structures_rotations_{rotations}"] = len(found.prototypes)
         row[f"rare_share_rotations_{rotations}"] = rare_share(found)

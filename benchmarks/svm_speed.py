@@ -6,13 +6,25 @@ from typing import Any
 
 import numpy as np
 from sklearn.svm import SVC
-from timing import medians, spreads, take_turns
+from timing import medians, ratio_quartiles, spreads, take_turns
 
 from skinmap.classify.additive import intersection_function
 from skinmap.classify.intersection import IntersectionSVC, intersection_kernel
 
 TRAIN, TEST = 2500, 2000
 BLOCK = 2**22  # numbers at a time in the plain kernel
+RATIOS = {  # of two tasks on all samples
+    "numpy": ("scikit_learn", "numpy"),
+    "compiled": ("scikit_learn", "compiled"),
+    "numpy_over_cityblock": ("scikit_learn_cityblock", "numpy"),
+    "compiled_over_cityblock": ("scikit_learn_cityblock", "compiled"),
+}
+ONE_RATIOS = {  # on one
+    "one_sample_numpy_over_cityblock": ("scikit_learn_cityblock", "numpy"),
+    "one_sample_numpy": ("scikit_learn", "numpy"),
+    "one_sample_compiled": ("scikit_learn", "compiled"),
+    "one_sample_estimator": ("scikit_learn", "estimator"),
+}
 
 
 def sum_of_minima(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -89,16 +101,10 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
         "one_sample_quartiles_us": spreads(single_times, 1e6),
         "largest_difference": float(gap),
         "labels_that_differ": int((ours.predict(z) != _labels(svc, z, support, ours, x)).sum()),
-        "ratios": {
-            "numpy": many["scikit_learn"] / many["numpy"],
-            "compiled": many["scikit_learn"] / many["compiled"],
-            "numpy_over_cityblock": many["scikit_learn_cityblock"] / many["numpy"],
-            "compiled_over_cityblock": many["scikit_learn_cityblock"] / many["compiled"],
-            "one_sample_numpy_over_cityblock": (single["scikit_learn_cityblock"] / single["numpy"]),
-            "one_sample_numpy": single["scikit_learn"] / single["numpy"],
-            "one_sample_compiled": single["scikit_learn"] / single["compiled"],
-            "one_sample_estimator": single["scikit_learn"] / single["estimator"],
-        },
+        "ratio_quartiles": ratio_quartiles(many_times, RATIOS)
+        | ratio_quartiles(single_times, ONE_RATIOS),
+        "ratios": {name: many[a] / many[b] for name, (a, b) in RATIOS.items()}
+        | {name: single[a] / single[b] for name, (a, b) in ONE_RATIOS.items()},
     }
 
 

@@ -84,6 +84,24 @@ def medians(times: Mapping[str, Times], scale: float = 1.0) -> dict[str, float]:
     return {name: scale * one.median for name, one in times.items()}
 
 
+def ratio_quartiles(
+    times: Mapping[str, Times], ratios: Mapping[str, tuple[str, str]]
+) -> dict[str, Quartiles]:
+    """Quartiles of ratios of CPU times, each of two tasks in the same turn.
+
+    Parameters
+    ----------
+    times : mapping of str to Times
+        As `take_turns` gives them.
+    ratios : mapping of str to (str, str)
+        A name, and the tasks above and below the line.
+    """
+    return {
+        name: quartiles(np.array(times[above].cpu) / np.array(times[below].cpu))
+        for name, (above, below) in ratios.items()
+    }
+
+
 def spreads(times: Mapping[str, Times], scale: float = 1.0) -> dict[str, dict[str, Any]]:
     """Quartiles of CPU and wall time of each task, in a unit of 1 / `scale` seconds."""
     return {name: one.row(scale) for name, one in times.items()}

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import viewer_speed
+from timing import quartiles
 
 
 def measure(quick: bool, *, updates: int = 200_000, turns: int | None = None) -> dict[str, Any]:
@@ -30,13 +31,21 @@ def measure(quick: bool, *, updates: int = 200_000, turns: int | None = None) ->
     if own is not None:
         taken = inspect.signature(own).parameters
         length = {} if quick else {"soak": updates, "updates": updates}
-        return dict(own(quick, **{k: v for k, v in length.items() if k in taken}))
+        return _with_spread(dict(own(quick, **{k: v for k, v in length.items() if k in taken})))
     with tempfile.TemporaryDirectory() as folder:
         sys.argv = ["viewer_speed", "--out", folder]
         sys.argv += ["--quick"] if quick else ["--soak", str(updates)]
         viewer_speed.main()
         text = (Path(folder) / "viewer.json").read_text(encoding="utf-8")
-    return dict(json.loads(text))
+    return _with_spread(dict(json.loads(text)))
+
+
+def _with_spread(found: dict[str, Any]) -> dict[str, Any]:
+    for row in found["first_picture"]:
+        if len(row.get("runs", ())) > 1:
+            each = [run["first_picture_s"] for run in row["runs"]]
+            row["first_picture_quartiles_s"] = quartiles(each)
+    return found
 
 
 def _at_most(turns: int) -> None:
