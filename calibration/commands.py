@@ -7,6 +7,8 @@ from importlib.util import find_spec
 
 import click
 
+from skinmap.cli.groups import NamedGroup
+
 # name: (module, its command there, one line for the list)
 COMMANDS = {
     "wrap": ("calibration.wrap_command", "command", "A flat board on its link, by a few anchors."),
@@ -19,7 +21,7 @@ COMMANDS = {
 }
 
 
-class LazyCommands(click.Group):
+class LazyCommands(NamedGroup):
     """Commands that are imported when they are called, not when they are listed."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:

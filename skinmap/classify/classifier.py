@@ -79,8 +79,8 @@ class TouchClassifier:
         if len(kinds) < 2 or count.min() < CALIBRATION_FOLDS:
             have = ", ".join(f"{n} {kind}" for kind, n in zip(kinds, count, strict=True))
             raise InvalidArrayError(
-                f"training needs two labels with {CALIBRATION_FOLDS} touches in contact each, "
-                f"got: {have or 'none'}"
+                f"training needs two labels or more, and of each {CALIBRATION_FOLDS} touches in "
+                f"contact; got: {have or 'none'}"
             )
         table = np.concatenate(rows)
         named = np.repeat(labels, [len(row) for row in rows])

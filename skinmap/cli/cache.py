@@ -8,10 +8,11 @@ from typing import Any
 import click
 
 from skinmap.cli.common import emit, json_option, profile_option, table
+from skinmap.cli.groups import NamedGroup
 from skinmap.errors import OutputError, UnknownNameError
 
 
-@click.group("cache")
+@click.group("cache", cls=NamedGroup)
 def command() -> None:
     """What is kept on disk between runs, and dropping it.
 

@@ -12,6 +12,8 @@ from importlib.metadata import entry_points
 import click
 
 from skinmap import __version__
+from skinmap.cli.groups import NamedGroup
+from skinmap.cli.interrupts import end_on_interrupt
 from skinmap.errors import SkinError
 
 # name: (module, one line for the list); the module holds a click command called `command`.
@@ -33,7 +35,7 @@ COMMANDS = {
 GROUP = "skinmap.commands"
 
 
-class LazyGroup(click.Group):
+class LazyGroup(NamedGroup):
     """Commands of ours by module, those of other packages by entry point."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -50,16 +52,6 @@ class LazyGroup(click.Group):
             loaded: click.Command = point.load()
             return loaded
         return None
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The command that the first word names; a misspelt one is answered with all there are."""
-        name = args[0]
-        if not name.startswith("-") and name not in self.list_commands(ctx):
-            known = ", ".join(self.list_commands(ctx))
-            raise click.UsageError(f"no command {name!r}; there is: {known}", ctx)
-        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands without importing those of ours."""
@@ -89,6 +81,7 @@ def main() -> None:
     """Run a command: exit 0 done, 2 bad input with one line, 1 a fault of ours."""
     debug = "--debug" in sys.argv[1:]
     warnings.showwarning = _warn
+    end_on_interrupt()
     try:
         cli.main(standalone_mode=False)
     except click.exceptions.Exit as stop:

@@ -71,7 +71,7 @@ def test_training_on_untouched_skin_is_refused(name, rng):
         Touch(one.skin, np.zeros_like(one.samples), one.label)
         for one in planted_touches(6, rng=rng)
     ]
-    with pytest.raises(InvalidArrayError, match=r"two labels with 5 touches .*, got: none"):
+    with pytest.raises(InvalidArrayError, match=r"two labels or more, and of each 5 .*; got: none"):
         classifiers.get(name)().fit(touches, rng=rng)
 
 

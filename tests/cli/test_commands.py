@@ -139,6 +139,7 @@ def test_same_seed_writes_the_same_recording(tmp_path):
         (("train", "gone.npz"), r"no file 'gone\.npz'"),
         (("classify", "gone.skinmodel", "gone.npz"), r"no file 'gone\.skinmodel'"),
         (("dance",), "no command 'dance'; there is: demo, inspect"),
+        (("calibrate", "wrp"), "no command 'wrp'; there is: wrap, batch"),
         (("inspect", "--size", "3"), "No such option"),
     ],
 )

@@ -1,0 +1,19 @@
+"""Groups of commands that answer a misspelt name with those that exist."""
+
+from __future__ import annotations
+
+import click
+
+
+class NamedGroup(click.Group):
+    """A group whose answer to an unknown command is one line with all there are."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that the first word names."""
+        name = args[0]
+        known = self.list_commands(ctx)
+        if not name.startswith("-") and name not in known:
+            raise click.UsageError(f"no command {name!r}; there is: {', '.join(known)}", ctx)
+        return super().resolve_command(ctx, args)
