@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import check_transform
 
@@ -39,7 +39,15 @@ class Chain:
 
     def __post_init__(self) -> None:
         dh = check_finite(np.reshape(self.dh, (-1, 4)), "dh", (None, 4))
-        joints = np.asarray(self.joints, np.int64)
+        joints = check_whole(self.joints, "joints")
+        if joints.min(initial=0) < 0:  # would count from the last angle
+            raise InvalidArrayError(f"joints of {self.name!r} are columns from 0, got {joints}")
+        taxels = np.asarray(self.taxels)
+        if taxels.shape[1:] != (3,) or taxels.dtype.kind not in "iuf":
+            raise InvalidArrayError(
+                f"taxels of {self.name!r} must be numbers of shape (n, 3), "
+                f"got {taxels.dtype} {taxels.shape}"
+            )
         if len(joints) > len(dh):
             raise InvalidArrayError(f"{len(joints)} joints for {len(dh)} rows of {self.name!r}")
         freeze(
@@ -47,7 +55,7 @@ class Chain:
             dh=dh,
             joints=joints,
             mount=check_transform(self.mount, "mount"),
-            taxels=np.asarray(self.taxels, np.float64),
+            taxels=taxels.astype(np.float64),
         )
 
     @property

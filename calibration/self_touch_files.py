@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.chains import Chain, TouchRecording
 from skinmap.archive import open_arrays
-from skinmap.arrays import FloatArray
+from skinmap.arrays import FloatArray, IntArray, check_finite, check_whole
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 
 PART = "part_"
@@ -72,9 +72,9 @@ def _recording(path: Path) -> TouchRecording:
     arrays = _read(path, "a recording of self-touch")
     try:
         chains = (str(arrays["chain1"]), str(arrays["chain2"]))
-        angles = arrays["q"]
+        angles = check_finite(arrays["q"], "q", (None, None))
         touched = tuple(
-            None if f"ids_{name}" not in arrays else _events(arrays, name, len(angles), path)
+            None if f"ids_{name}" not in arrays else _events(arrays, name, len(angles))
             for name in chains
         )
         return TouchRecording(path.stem, chains, angles, (touched[0], touched[1]))
@@ -84,17 +84,16 @@ def _recording(path: Path) -> TouchRecording:
         raise DataFormatError(str(error), path) from error
 
 
-def _events(
-    arrays: dict[str, FloatArray], name: str, m: int, path: Path
-) -> list[np.ndarray[tuple[int], np.dtype[np.int64]]]:
-    ids, bounds = arrays[f"ids_{name}"], arrays[f"ptr_{name}"]
+def _events(arrays: dict[str, FloatArray], name: str, m: int) -> list[IntArray]:
+    ids = check_whole(arrays[f"ids_{name}"], f"ids_{name}")
+    bounds = check_whole(arrays[f"ptr_{name}"], f"ptr_{name}")
     if bounds.shape != (m + 1,) or bounds[0] != 0 or bounds[-1] != len(ids):
-        raise DataFormatError(
-            f"ptr_{name} must rise from 0 to {len(ids)} in {m + 1} steps, got {bounds.shape}", path
+        raise InvalidArrayError(
+            f"ptr_{name} must rise from 0 to {len(ids)} in {m + 1} steps, got {bounds.shape}"
         )
     if (np.diff(bounds) < 0).any():
-        raise DataFormatError(f"ptr_{name} falls at {int(np.argmax(np.diff(bounds) < 0))}", path)
-    return [part.astype(np.int64) for part in np.split(ids, bounds[1:-1])]
+        raise InvalidArrayError(f"ptr_{name} falls at {int(np.argmax(np.diff(bounds) < 0))}")
+    return np.split(ids, bounds[1:-1])
 
 
 def _part(folder: Path, name: str) -> Chain:
@@ -102,9 +101,10 @@ def _part(folder: Path, name: str) -> Chain:
     arrays = _read(path, f"the part that carries the taxels of {name!r}")
     try:
         mount = np.eye(4)
-        mount[:3, 3] = arrays["mount"][:3]
-        mount[:3, :3] = Rotation.from_rotvec(arrays["mount"][3:]).as_matrix()
-        joints = arrays["joint_cols"].astype(np.int64)
+        placed = check_finite(arrays["mount"], "mount", (6,))
+        mount[:3, 3] = placed[:3]
+        mount[:3, :3] = Rotation.from_rotvec(placed[3:]).as_matrix()
+        joints = check_whole(arrays["joint_cols"], "joint_cols")
         return Chain(name, arrays["dh"], joints, mount, arrays["taxel_pos"])
     except KeyError as error:
         raise DataFormatError(f"a part lacks {error}", path) from error

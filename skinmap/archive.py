@@ -7,13 +7,16 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.lib.npyio import NpzFile
+from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError
 
 MAGIC = b"\x93NUMPY"
+MOST_LETTER = 0x10FFFF  # of Unicode; the surrogates below it stand for no letter either
 LARGEST = 2**32  # bytes unpacked: an hour of 4,326 taxels at 50 Hz has 0.8e9
 
 
@@ -38,7 +41,7 @@ def open_arrays(path: Path) -> Iterator[NpzFile]:
         if strange:
             raise DataFormatError(f"holds {strange[0]!r}, which is no array", path)
         file.seek(0)
-        with np.load(file, allow_pickle=False) as arrays, quiet_headers():
+        with _Arrays(file, allow_pickle=False) as arrays, quiet_headers():
             yield arrays
 
 
@@ -48,6 +51,19 @@ def quiet_headers() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         yield
+
+
+class _Arrays(NpzFile):
+    """An archive whose texts are texts: numpy hands on code points that Python fails on."""
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        array: NDArray[Any] = super().__getitem__(name)
+        if array.dtype.kind == "U" and array.dtype.itemsize:
+            number = np.dtype(np.uint32).newbyteorder(array.dtype.byteorder)
+            codes = np.ascontiguousarray(array).reshape(-1).view(number)
+            if ((codes > MOST_LETTER) | ((codes >= 0xD800) & (codes < 0xE000))).any():
+                raise ValueError(f"{name!r} holds code points that are no letters")
+        return array
 
 
 def _is_array(whole: zipfile.ZipFile, name: str) -> bool:

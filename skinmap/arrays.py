@@ -48,6 +48,8 @@ def check_finite(values: ArrayLike, name: str, shape: tuple[int | None, ...]) ->
         Wrong shape or type, or a value that is not finite (says which row).
     """
     try:
+        if np.iscomplexobj(values):  # numpy would drop half of each number with a mere warning
+            raise TypeError
         array = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InvalidArrayError(
@@ -98,6 +100,28 @@ def check_faces(faces: ArrayLike, n_vertices: int, name: str = "faces") -> IntAr
             f"vertices are 0..{n_vertices - 1}"
         )
     return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def check_whole(values: ArrayLike, name: str, shape: tuple[int | None, ...] = (None,)) -> IntArray:
+    """Convert to int64 of a given shape; floats count where they are whole.
+
+    Raises
+    ------
+    InvalidArrayError
+        Wrong shape or type, or a value with a fraction, NaN or beyond 2^53.
+    """
+    array = np.asarray(values)
+    if array.size and array.dtype.kind not in "iuf":
+        raise InvalidArrayError(f"{name} must be whole numbers, got {array.dtype}")
+    if array.dtype.kind == "f":
+        finite = check_finite(array, name, shape)
+        if ((finite != np.floor(finite)) | (np.abs(finite) > 2**53)).any():
+            raise InvalidArrayError(f"{name} must be whole numbers, got {array.dtype}")
+    if array.ndim != len(shape) or any(
+        want is not None and have != want for have, want in zip(array.shape, shape, strict=True)
+    ):
+        raise InvalidArrayError(f"{name} must have shape {_words(shape)}, got {array.shape}")
+    return array.astype(np.int64)
 
 
 def freeze(obj: object, **arrays: NDArray[Any]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.archive import open_arrays
-from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.arrays import FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 
 FORMAT = "skinmap-recording-1"
@@ -50,9 +50,9 @@ class Recording:
     owners: IntArray | None = None
 
     def __post_init__(self) -> None:
-        times = np.asarray(self.times, np.float64)
+        times = check_finite(self.times, "times", (None,))
         pressures = np.asarray(self.pressures)
-        events = np.asarray(self.events, np.int64)
+        events = check_whole(self.events, "events")
         if pressures.dtype != np.uint8 or pressures.ndim != 2:
             raise InvalidArrayError(
                 f"pressures must be uint8 of shape (t, n), got {pressures.dtype} {pressures.shape}"
@@ -64,9 +64,9 @@ class Recording:
             )
         if len(events) and not -1 <= events.min() <= events.max() < len(self.labels):
             raise InvalidArrayError(f"events must lie in -1..{len(self.labels) - 1}")
-        if not np.isfinite(times).all() or (np.diff(times) < 0).any():
-            raise InvalidArrayError("times must be finite and must not run backwards")
-        subjects = np.asarray(self.subjects, np.int64)
+        if (np.diff(times) < 0).any():
+            raise InvalidArrayError("times must not run backwards")
+        subjects = check_whole(self.subjects, "subjects")
         if len(subjects) == 0:
             subjects = np.zeros(len(self.labels), np.int64)
         if subjects.shape != (len(self.labels),):
@@ -76,11 +76,7 @@ class Recording:
         freeze(self, times=times, pressures=pressures, events=events, subjects=subjects)
         if self.owners is not None:
             wanted = (len(self.labels), pressures.shape[1])
-            if np.shape(self.owners) != wanted:
-                raise InvalidArrayError(
-                    f"owners must have shape {wanted}, got {np.shape(self.owners)}"
-                )
-            freeze(self, owners=np.asarray(self.owners, np.int64))
+            freeze(self, owners=check_whole(self.owners, "owners", wanted))
 
     def touches(self) -> Iterator[tuple[int, str, NDArray[np.uint8]]]:
         """Number, label and samples (k, n_taxels) of each touch event."""

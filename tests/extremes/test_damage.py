@@ -19,7 +19,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from skinmap import archive
-from skinmap.errors import DataFormatError
+from skinmap.errors import DataFormatError, InvalidArrayError
+from skinmap.touch.recording import Recording
 from viewer.interaction.view_file import load_view
 from viewer.web.hub import Client
 
@@ -175,3 +176,39 @@ def test_what_fuzzing_found_is_refused_with_a_line(folders, target, content, sai
     with warnings.catch_warnings(), pytest.raises(DataFormatError, match=said):
         warnings.simplefilter("error")
         TARGETS[target].read(path)
+
+
+@pytest.mark.parametrize(("name", "wrong"), [("events", 0.5), ("subjects", 1e300), ("times", 1j)])
+def test_recordings_of_other_kinds_of_numbers_are_refused(name, wrong):
+    arrays = {
+        "times": np.arange(2.0), "events": np.zeros(2, int), "subjects": np.zeros(1, int),
+        "pressures": np.zeros((2, 3), np.uint8),
+    }  # fmt: skip
+    Recording("a", labels=("poke",), **arrays)
+    with pytest.raises(InvalidArrayError, match=f"{name} must be .*numbers"):
+        Recording("a", labels=("poke",), **arrays | {name: arrays[name] + wrong})
+
+
+@pytest.mark.parametrize(
+    ("file", "member", "value", "said"),
+    [
+        ("A_B.npz", "ids_A", np.array([0.5] * 5), "ids_A must be whole numbers"),
+        ("A_B.npz", "ptr_A", np.array(3), r"ptr_A must have shape \(n,\), got \(\)"),
+        ("A_B.npz", "q", np.array(1.0), "q must have shape"),
+        ("A_B.npz", "chain1", np.array([2**31 - 1], "<i4").view("<U1").reshape(()), "no letters"),
+        ("part_A.npz", "joint_cols", np.array([1e300]), "joint_cols must be whole"),
+        ("part_A.npz", "joint_cols", np.array([-1]), "columns from 0"),
+        ("part_A.npz", "taxel_pos", np.zeros((3, 2)), r"numbers of shape \(n, 3\)"),
+        ("part_A.npz", "mount", 1j * np.zeros(6), "mount must be numbers"),
+    ],
+)
+def test_self_touch_of_strange_arrays_is_refused_with_a_line(tmp_path, file, member, value, said):
+    target = TARGETS["self-touch"]
+    target.lay_out(tmp_path)
+    (tmp_path / target.file).write_bytes(target.seeds()[0])
+    with np.load(tmp_path / file) as whole:
+        arrays = dict(whole)
+    np.savez(tmp_path / file, **arrays | {member: value})
+    with warnings.catch_warnings(), pytest.raises(DataFormatError, match=said):
+        warnings.simplefilter("error")
+        target.read(tmp_path / target.file)
