@@ -12,66 +12,107 @@ import json
 import os
 import resource
 import time
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scale_robots import robot, timed
+from scale_robots import Row, robot, timed
 
+from skinmap.parallel.local import LocalPool
 from skinmap.parallel.run import each_result
-from skinmap.parallel.workers import Workers, open_workers
+from skinmap.parallel.workers import Workers
 
 RESULTS = Path(__file__).parent / "results"
 GOAL = 1000  # robots
-BASIS = 2  # robots that the estimate is made from
-# Robots that are computed: as many as take some 30 s on two cores.
-SIZES = {"maps": (1, 10, 50, 200), "structures": (1, 10, 40), "evaluation": (1, 8), "wraps": (1, 8)}
-QUICK = {"maps": (1, 4), "structures": (1, 2), "evaluation": (1,), "wraps": (1,)}
+BASIS = 3  # robots that the estimate is made from, in one process: one cold, two warm
+SIZES = {"maps": (4, 60), "structures": (2, 8), "evaluation": (2, 6), "wraps": (2, 6)}
+QUICK = {"maps": (4,), "structures": (2,), "evaluation": (), "wraps": ()}
 
 
-def measure(stage: str, count: int, workers: Workers, basis: float) -> dict[str, Any]:
-    """So many robots through one stage, beside what `basis` seconds a robot foretold."""
-    start = time.perf_counter()
-    found = each_result(timed, ((stage, seed) for seed in range(count)), workers=workers)
-    rows = [row for _, row in found]
-    wall = time.perf_counter() - start
-    cpu = sum(row[1] for row in rows)
+@dataclass(frozen=True)
+class Estimate:
+    """CPU seconds of a new process before its first robot is begun, and of each robot.
+
+    The first robot's surplus (what is compiled and looked up once) counts as part of the start.
+    """
+
+    start: float
+    robot: float
+
+    def cpu(self, robots: int, processes: int) -> float:
+        """CPU seconds of so many robots on so many processes that are started for them."""
+        return processes * self.start + robots * self.robot
+
+    def wall(self, robots: int, processes: int) -> float:
+        """Seconds on as many cores that do nothing else."""
+        return self.cpu(robots, processes) / processes
+
+
+def sweep(stage: str, seeds: range, jobs: int) -> tuple[list[Row], float]:
+    """Robots by new processes; their rows, and the wall time."""
+    pool, start = LocalPool(jobs), time.perf_counter()
+    try:
+        tasks = ((stage, seed) for seed in seeds)
+        found = dict(each_result(timed, tasks, workers=Workers(jobs=jobs, pool=pool)))
+    finally:
+        pool.close()
+    return [found[place] for place in range(len(found))], time.perf_counter() - start
+
+
+def foretell(stage: str) -> Estimate:
+    """From robots with other seeds than those that are measured."""
+    rows, _ = sweep(stage, range(GOAL, GOAL + BASIS), 1)
+    each = float(np.mean([row.seconds for row in rows[1:]]))
+    return Estimate(rows[0].total - each, each)
+
+
+def measure(stage: str, count: int, jobs: int, basis: Estimate) -> dict[str, Any]:
+    """So many robots through one stage, beside what was foretold."""
+    rows, wall = sweep(stage, range(count), jobs)
+    totals: dict[int, float] = {}
+    for row in rows:
+        totals[row.process] = max(totals.get(row.process, 0.0), row.total)
+    cpu, told = sum(totals.values()), basis.cpu(count, len(totals))
     return {
         "robots": count,
-        "estimated_cpu_s": basis * count,
+        "processes": len(totals),
+        "estimated_cpu_s": told,
         "cpu_s": cpu,
-        "ratio": cpu / (basis * count),
+        "ratio": cpu / told,
+        "estimated_wall_s": told / jobs,
         "wall_s": wall,
-        "share_of_cores": cpu / (wall * workers.jobs),
-        "worker_peak_mb": max(row[2] for row in rows),
+        "worker_peak_mb": max(row.peak_mb for row in rows),
         "own_peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3,
-        "result_mean": float(np.mean([row[0] for row in rows])),
+        "result_mean": float(np.mean([row.result for row in rows])),
     }
 
 
 def run(sizes: dict[str, tuple[int, ...]], jobs: int) -> dict[str, Any]:
     """All stages: estimate, measurement, and the thousand robots that follow."""
     stages: dict[str, Any] = {}
-    with open_workers(Workers(jobs=jobs)) as workers:
-        for stage, counts in sizes.items():
-            # Other seeds than those measured; the first one warms up what is compiled and read.
-            warm = [timed((stage, GOAL + k))[1] for k in range(BASIS + 1)][1:]
-            basis = float(np.mean(warm))
-            rows = [measure(stage, count, workers, basis) for count in counts]
-            best = rows[-1]["cpu_s"] / rows[-1]["robots"]
-            stages[stage] = {
-                "cpu_s_a_robot": best,
-                "estimate_cpu_h_for_goal": best * GOAL / 3600.0,
-                "measured": rows,
-            }
-            print(f"{stage}: {best:.2f} s a robot, {best * GOAL / 60:.0f} min of CPU for {GOAL}")
-            for row in rows:
-                print(
-                    f"  {row['robots']:4d} robots: estimated {row['estimated_cpu_s']:7.1f} s, "
-                    f"measured {row['cpu_s']:7.1f} s ({row['ratio']:.2f}), wall "
-                    f"{row['wall_s']:6.1f} s, worker {row['worker_peak_mb']:.0f} MB"
-                )
+    for stage, counts in sizes.items():
+        basis = foretell(stage)
+        print(
+            f"{stage}: {basis.start:.1f} s to start, {basis.robot:.2f} s a robot; {GOAL} robots: "
+            f"{basis.wall(GOAL, jobs) / 60:.0f} min on {jobs} idle cores", flush=True,
+        )  # fmt: skip
+        rows = []
+        for count in counts:
+            row = measure(stage, count, jobs, basis)
+            rows.append(row)
+            print(
+                f"  {row['robots']:4d} robots: estimated {row['estimated_cpu_s']:7.1f} s of CPU, "
+                f"measured {row['cpu_s']:7.1f} s ({row['ratio']:.2f}), wall "
+                f"{row['wall_s']:6.1f} s, worker {row['worker_peak_mb']:.0f} MB", flush=True,
+            )  # fmt: skip
+        stages[stage] = {
+            "estimate": asdict(basis),
+            "goal_cpu_s": basis.cpu(GOAL, jobs),
+            "goal_wall_s": basis.wall(GOAL, jobs),
+            "measured": rows,
+        }
     return stages
 
 
@@ -79,7 +120,7 @@ def main() -> None:
     """Measure and write the record."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
-    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="two robots a stage, to build")
     options = parser.parse_args()
     os.environ["SKINMAP_CACHE"] = "off"  # a thousand different robots find nothing there
     record = {

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import resource
 import sys
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -103,13 +104,37 @@ def wraps(seed: int) -> float:
 STAGES = {"maps": maps, "structures": structures, "evaluation": evaluation, "wraps": wraps}
 
 
-def timed(task: tuple[str, int]) -> tuple[float, float, float]:
-    """One stage of one robot: its result, CPU time [s] and the process' peak memory [MB]."""
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What one robot took.
+
+    Attributes
+    ----------
+    result : float
+    seconds : float
+        CPU time of the robot itself.
+    total : float
+        CPU time of its process so far, imports and compilation too.
+    process : int
+    peak_mb : float
+        Of the process.
+    """
+
+    result: float
+    seconds: float
+    total: float
+    process: int
+    peak_mb: float
+
+
+def timed(task: tuple[str, int]) -> Row:
+    """One stage of one robot."""
     stage, seed = task
-    robot()  # read before the clock starts
+    robot()  # read before the clock starts, as what is only done once
     if stage == "wraps":
         cases()
     start = time.process_time()
     result = STAGES[stage](seed)
-    seconds = time.process_time() - start
-    return float(result), seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    now = time.process_time()
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    return Row(float(result), now - start, now, os.getpid(), peak)

@@ -58,6 +58,11 @@ class LocalPool:
 
     def drop(self, futures: Collection[Any]) -> None:
         """Give up tasks, those under way too."""
-        if futures and self._executor is not None:
+        if futures:
+            self.close()
+
+    def close(self) -> None:
+        """End the processes; otherwise the next pool of this program goes on with them."""
+        if self._executor is not None:
             self._executor.shutdown(wait=True, kill_workers=True)
             self._executor = None

@@ -46,6 +46,16 @@ def bent_skin(rows: int = 12, columns: int = 12, *, scale: float = 1.0, offset: 
     return skin_from_points(scale * points[keep] + offset, normals(rows, columns)[keep])
 
 
+def with_holes(modules: int) -> np.ndarray:
+    """(400,) which taxels of 20 x 20 are there: blocks of nine are missing from the middle."""
+    row, column = np.divmod(np.arange(400), 20)
+    keep = np.ones(400, bool)
+    for k in range(modules):
+        top, left = 3 + 6 * (k // 3), 2 + 6 * (k % 3)
+        keep &= ~((abs(row - top) < 2) & (abs(column - left) < 2))
+    return keep
+
+
 @cache
 def prepared() -> PreparedSkin:
     return PreparedSkin(bent_skin())

@@ -13,7 +13,7 @@ from skinmap.skin.skin import skin_from_points
 from skinmap.surface.surface_mesh import build_surface
 
 from .law import Law, Outside
-from .shapes import bent_skin, dome, lattice, normals
+from .shapes import bent_skin, dome, lattice, normals, with_holes
 
 WIDE = (1e-30, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9, 1e30)
 DOME, FACES = dome()
@@ -63,13 +63,9 @@ def unmeshed(skin: object, euler: int = 1) -> float:
 
 
 def without(modules: int) -> float:
-    """Blocks of nine taxels missing from the middle: each is a hole or is closed over."""
-    row, column = np.divmod(np.arange(400), 20)
-    keep = np.ones(400, bool)
-    for k in range(modules):
-        top, left = 3 + 6 * (k // 3), 2 + 6 * (k % 3)
-        keep &= ~((abs(row - top) < 2) & (abs(column - left) < 2))
-    return float((build_surface(bent_skin(20, 20, keep=keep)).taxel_patches != 0).sum())
+    """Taxels that no triangle of the first patch uses."""
+    skin = bent_skin(20, 20, keep=with_holes(modules))
+    return float((build_surface(skin).taxel_patches != 0).sum())
 
 
 def nan_at(row: int) -> np.ndarray:
