@@ -27,11 +27,15 @@ PUSH = """//VTK::PositionVC::Impl
   float bPB = gl_Position.z - aPB * gl_Position.w;
   gl_Position.z = (aPB + bPB / (gl_Position.w + %.6f)) * gl_Position.w;
 """
-LIGHT = """//VTK::Light::Impl
-  float headSB = max(0.0, normalVCVSOutput.z);
+# In the place of all of VTK's own lines there: the last of them discards what has no opacity, and
+# a shader that may discard has its depth written late.
+LIGHT = """  float headSB = max(0.0, normalVCVSOutput.z);
   float fillSB = max(0.0, dot(normalVCVSOutput, vec3(%.6f, %.6f, %.6f)));
   gl_FragData[0] = vec4(ambientColor + (%.6f * headSB + %.6f * fillSB) * diffuseColor, opacity);
 """
+
+
+FLAT = "  gl_FragData[0] = vec4(ambientColor + diffuseColor, opacity);\n"
 
 
 def shade(actor: pv.Actor, *, behind: float) -> None:
@@ -56,7 +60,14 @@ def shade(actor: pv.Actor, *, behind: float) -> None:
 def light(actor: pv.Actor) -> None:
     """Light an actor that has normals by the two fixed lights."""
     fill = np.array(FILL_FROM) / np.linalg.norm(FILL_FROM)
+    _colour_pixels(actor, LIGHT % (*fill, HEADLIGHT, FILL))
+
+
+def flat(actor: pv.Actor) -> None:
+    """Show an opaque actor without lighting in its own colours."""
+    _colour_pixels(actor, FLAT)
+
+
+def _colour_pixels(actor: pv.Actor, code: str) -> None:
     shader: Any = actor.GetShaderProperty()
-    shader.AddFragmentShaderReplacement(
-        "//VTK::Light::Impl", True, LIGHT % (*fill, HEADLIGHT, FILL), False
-    )
+    shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)

@@ -21,6 +21,7 @@ from viewer.drawing.body_view import BodyView
 from viewer.drawing.camera import Margins
 from viewer.drawing.flat_panel import FlatPanel
 from viewer.drawing.framing import Framing, Mode
+from viewer.drawing.joined import JoinedSheets
 from viewer.drawing.label_places import Box
 from viewer.drawing.legend import Legend
 from viewer.drawing.overlays import Line
@@ -116,6 +117,7 @@ class Canvas:
             )
             for part, one in layers.items()
         }
+        self.joined = JoinedSheets(self.plotter, self.skins, self.table)
         self.touch_view = TouchView(self.plotter, layers, self.font_px)
         self.rings = Rings(self.plotter)
         self.heading = Line(self.renderer, (0.02, 0.975), self.font_px, bold=True)
@@ -139,6 +141,7 @@ class Canvas:
         props = list(self.body.actors.values())
         for view in self.skins.values():
             props += view.actors
+        props.append(self.joined.actor)
         body = Resting(self.renderer, props, self._detail)
         panel = []
         if self.panel is not None:
@@ -150,6 +153,7 @@ class Canvas:
         self.body.detail(quick)
         for view in self.skins.values():
             view.detail(quick)
+        self.joined.refresh()
 
     def _add_panel(self, maps: Mapping[str, FlatMap]) -> FlatPanel:
         self.plotter.subplot(0, 1)
@@ -173,6 +177,7 @@ class Canvas:
         self.body.move(poses)
         for view in self.skins.values():
             view.move(poses[view.layer.skin.link])
+        self.joined.refresh()
         self.framing.move()
         self.changed = self._moved = True
 
@@ -248,11 +253,14 @@ class Canvas:
     def _show_skins(self, content: Content) -> None:
         layer, moment = content.layer, content.moment
         self.table.use(layer, faded=moment.stale and layer.live and not layer.categories)
+        changed = 0
         for part, view in self.skins.items():
             values = layer.values(part, moment)
             if view.show(layer, content.style, values):
+                changed += 1
                 view.signs = signs_of(content.data, part, values)
                 view.drawing.sign(*view.signs)
+        self.joined.choose(changed)
         if self.panel is not None:
             view = self.skins[self.panel.part]
             self.panel.colour(layer, content.style, view.field, view.values)

@@ -33,18 +33,18 @@ class Coloured:
         self.kept, self.idle = False, 0
         self._time: Hashable = None
         # Bound once: PyVista checks the spelling of each attribute asked of its actors.
-        self._visible, self._times = actor.GetVisibility, times(actor)
-        self._mapper, self._matrix = actor.GetMapper, actor.GetUserMatrix
+        self._visible, self._stamps = actor.GetVisibility, Stamps(actor)
+        self._times, self._matrix = self._stamps.times, actor.GetUserMatrix
 
     def look(self) -> tuple[Hashable, bool]:
         """Its shape, None while hidden, and whether anything of it changed since `settle`."""
         if not self._visible():
             self.kept = False
             return None, False
-        matrix, points = self._matrix(), self._mapper().GetInput().GetPoints()
+        matrix, changed = self._matrix(), self._times() != self._time
+        points = self._stamps.points()
         # VTK counts its time stamps up for all objects: others have others.
         shape = points and points.GetMTime(), matrix and matrix.GetMTime()
-        changed = self._times() != self._time
         if changed:
             self.kept, self.idle = False, 0
         return shape, changed
@@ -99,7 +99,7 @@ class Resting:
         self.moved, self.changed, self.going = True, True, False
         self.quick, self.whole, self.waited = False, False, False
         plain = [actor for actor in candidates if is_plain(actor)]
-        self._plain = [(actor, actor.GetVisibility, times(actor)) for actor in plain]
+        self._plain = [(actor, actor.GetVisibility, Stamps(actor).times) for actor in plain]
         self._coloured = [Coloured(actor) for actor in candidates if not is_plain(actor)]
         self._numbers = {id(actor) for actor in candidates}
         self._others: tuple[int, list[Any]] = (-1, [])
@@ -185,19 +185,33 @@ def is_plain(actor: Any) -> bool:
     return not actor.GetMapper().GetScalarVisibility()
 
 
-def times(actor: Any) -> Callable[[], Hashable]:
+class Stamps:
     """What tells whether an actor looks as before: the time stamps of all that it is made of.
 
     VTK's own `GetRedrawMTime` asks the same, but brings the actor's pipeline up to date for it:
     of all actors of a robot, in each picture, that costs more than a part of the skin does.
+    Methods are bound once: PyVista checks the spelling of each attribute asked of its objects.
+
+    Parameters
+    ----------
+    actor : vtkActor
     """
-    own, mapper = actor.GetMTime, actor.GetMapper
 
-    def look() -> Hashable:
-        drawn = mapper()
-        return own(), drawn.GetMTime(), drawn.GetInput().GetMTime()
+    def __init__(self, actor: Any) -> None:
+        self._own, self._get_mapper = actor.GetMTime, actor.GetMapper
+        self._mapper: Any = None
+        self._data: Any = None
 
-    return look
+    def times(self) -> Hashable:
+        """The stamps of actor, mapper and mesh."""
+        mapper = self._get_mapper()
+        if mapper is not self._mapper:
+            self._mapper = mapper
+            self._mapper_time, self._get_data = mapper.GetMTime, mapper.GetInput
+        data = self._get_data()
+        if data is not self._data:
+            self._data, self._data_time, self.points = data, data.GetMTime, data.GetPoints
+        return self._own(), self._mapper_time(), self._data_time()
 
 
 def _look(prop: Any) -> Hashable:

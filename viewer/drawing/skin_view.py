@@ -68,6 +68,7 @@ class SkinView:
 
     def move(self, pose: FloatArray) -> None:
         """Stand on the link placed by `pose` (4, 4)."""
+        self.pose = pose
         for actor in self.actors:
             actor.user_matrix = pose
 
@@ -83,6 +84,12 @@ class SkinView:
         self.drawing.show(layer, style, self.field, values)
         self._shown = layer, style
         return True
+
+    def join(self, joined: bool) -> None:
+        """Leave the sheet to who draws those of all parts, or draw it here."""
+        self.drawing.joined = joined
+        if self._shown is not None:
+            self.drawing.show(*self._shown, self.field, self.values)
 
     def detail(self, quick: bool) -> None:
         """Draw fewer triangles, for while the picture moves, or all of them."""

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLookupTable
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from viewer.colours import DOT, INK, SHEET, UNKNOWN, rgb
-from viewer.drawing.body_shading import light
+from viewer.drawing.body_shading import flat, light
 from viewer.drawing.places import DISC_SHARE, Places, polygons
 from viewer.drawing.polydata import make_mesh
 from viewer.drawing.refinement import unsplit
@@ -83,7 +83,6 @@ class TaxelDrawing:
         self.ground = self._add(plotter, empty, None)
         self.ground.prop.color = SHEET
         self.sheet = self._add(plotter, empty, "point")
-        self.sheet.mapper.SetInterpolateScalarsBeforeMapping(True)
         self.cells = self._add(plotter, empty, "cell")
         self.discs = self._add(plotter, empty, "cell")
         self.dots = self._add(plotter, empty, None)
@@ -95,6 +94,7 @@ class TaxelDrawing:
             actor.prop.lighting = False
         self.coarse = False  # whether a triangle between taxels is too small to be drawn as four
         self.quick = False  # whether it moves, and speed counts more than detail
+        self.joined = False  # whether the sheet is drawn with those of other parts, as one
         self._places: Places | None = None
         self._made: dict[tuple[int, str], pv.PolyData] = {}
         self._drawn: dict[pv.Actor, tuple[int, str]] = {}
@@ -115,27 +115,13 @@ class TaxelDrawing:
         """About how far taxels are from each other [m]."""
         return self._at().disc / DISC_SHARE
 
+    @property
+    def sheet_kind(self) -> str:
+        """Which sheet is drawn: "fine" or "coarse"."""
+        return "coarse" if self.coarse or self.quick else "fine"
+
     def _add(self, plotter: pv.Plotter, mesh: pv.PolyData, scalars: str | None) -> pv.Actor:
-        actor = pv.Actor(mapper=pv.DataSetMapper(mesh))
-        mapper: Any = actor.mapper
-        if scalars is None:
-            mapper.SetScalarVisibility(False)
-        else:
-            mapper.SetLookupTable(self.table.vtk)
-            mapper.SetUseLookupTableScalarRange(True)
-            mapper.SetColorModeToMapScalars()
-            mapper.SetScalarVisibility(True)
-            if scalars == "point":
-                mapper.SetScalarModeToUsePointData()
-            else:
-                mapper.SetScalarModeToUseCellData()
-        prop = actor.prop
-        # Matt, lightly shaded: the colour must stay readable as a value.
-        prop.ambient, prop.diffuse, prop.specular = 0.5, 0.52, 0.0
-        prop.interpolation = "Gouraud"
-        plotter.add_actor(actor, reset_camera=False, render=False)
-        prop.culling = "back"
-        return actor
+        return new_actor(plotter, mesh, self.table, scalars)
 
     def turn_to(self, places: Places) -> None:
         """Draw another part, or the same one elsewhere."""
@@ -149,6 +135,7 @@ class TaxelDrawing:
                 light(actor)  # VTK's own lights cost twice as much
             else:  # VTK adds both also where no light falls
                 actor.prop.ambient, actor.prop.diffuse = 0.0, 1.0
+                flat(actor)
 
     def show(self, layer: Layer, style: str, field: FloatArray | None, values: FloatArray) -> None:
         """Colour the taxels by values (n,), a sheet between them by its field (v,).
@@ -158,18 +145,19 @@ class TaxelDrawing:
         places = self._at()
         smooth = style == "surface" and not layer.categories
         self.ground.SetVisibility(style == "discs")
-        self.sheet.SetVisibility(smooth)
+        self.sheet.SetVisibility(smooth and not self.joined)
         self.cells.SetVisibility(style == "surface" and bool(layer.categories))
         self.discs.SetVisibility(style == "discs")
         self.dots.SetVisibility(style == "surface")
-        sheet = "coarse" if self.coarse or self.quick else "fine"
         if style == "discs":
-            self._dataset(self.ground, f"{sheet} ground")
+            self._dataset(self.ground, f"{self.sheet_kind} ground")
             write(self._dataset(self.discs, "discs"), values[places.taxels])
             return
         self._dataset(self.dots, "quick dots" if self.quick else "dots")
+        if field is not None and self.joined:
+            return
         if field is not None:
-            mesh = self._dataset(self.sheet, f"{sheet} sheet")
+            mesh = self._dataset(self.sheet, f"{self.sheet_kind} sheet")
             write(mesh, field[places.vertex[: mesh.n_points]])
         else:
             write(self._dataset(self.cells, "cells"), values[places.owner])
@@ -205,40 +193,79 @@ class TaxelDrawing:
         return self._made[key]
 
 
+def new_actor(
+    plotter: pv.Plotter, mesh: pv.PolyData, table: ColourTable, scalars: str | None
+) -> pv.Actor:
+    """An actor of one colour, or coloured by the values of "point" or "cell"."""
+    actor = pv.Actor(mapper=pv.DataSetMapper(mesh))
+    mapper: Any = actor.mapper
+    if scalars is None:
+        mapper.SetScalarVisibility(False)
+    else:
+        mapper.SetLookupTable(table.vtk)
+        mapper.SetUseLookupTableScalarRange(True)
+        mapper.SetColorModeToMapScalars()
+        mapper.SetScalarVisibility(True)
+        if scalars == "point":
+            mapper.SetScalarModeToUsePointData()
+            mapper.SetInterpolateScalarsBeforeMapping(True)
+        else:
+            mapper.SetScalarModeToUseCellData()
+    prop = actor.prop
+    # Matt, lightly shaded: the colour must stay readable as a value.
+    prop.ambient, prop.diffuse, prop.specular = 0.5, 0.52, 0.0
+    prop.interpolation = "Gouraud"
+    plotter.add_actor(actor, reset_camera=False, render=False)
+    prop.culling = "back"
+    return actor
+
+
+def new_sheet(places: Places, kind: str) -> tuple[FloatArray, IntArray]:
+    """Points (k, 3) and triangles of a "fine" or "coarse" sheet [m]."""
+    faces = places.faces if kind == "fine" else unsplit(places.faces)
+    return places.points[: int(faces.max(initial=-1)) + 1], faces
+
+
 def _make(places: Places, kind: str) -> pv.PolyData:
     if kind.endswith(("sheet", "ground")):
-        faces = places.faces if kind.startswith("fine") else unsplit(places.faces)
-        count = int(faces.max(initial=-1)) + 1
-        mesh = make_mesh(places.points[:count], faces)
-        _set_normals(mesh, places.normals[:count])
+        points, faces = new_sheet(places, kind.split()[0])
+        mesh, count = make_mesh(points, faces), len(points)
+        set_normals(mesh, places.normals[:count])
         if kind.endswith("ground"):
             return mesh
-        mesh.point_data[VALUES] = np.full(count, np.nan, np.float32)
-        mesh.set_active_scalars(VALUES, preference="point")
-        return mesh
+        return with_values(mesh)
     if kind == "cells":
         mesh, count = make_mesh(places.cell_points, places.cells), len(places.cells)
-        _set_normals(mesh, places.cell_normals)
+        set_normals(mesh, places.cell_normals)
     else:
         radius = places.disc if kind == "discs" else places.dot
         corners, count = 4 if kind.startswith("quick") else 6, len(places.centres)
         mesh = polygons(places.centres, places.facing, radius, corners)
-        _set_normals(mesh, np.repeat(places.facing, corners, axis=0))
+        set_normals(mesh, np.repeat(places.facing, corners, axis=0))
     if not kind.endswith("dots"):
         mesh.cell_data[VALUES] = np.full(count, np.nan, np.float32)
         mesh.set_active_scalars(VALUES, preference="cell")
     return mesh
 
 
-def _set_normals(mesh: pv.PolyData, normals: FloatArray) -> None:
+def with_values(mesh: pv.PolyData) -> pv.PolyData:
+    """The mesh with a place for the values of its points."""
+    mesh.point_data[VALUES] = np.full(mesh.n_points, np.nan, np.float32)
+    mesh.set_active_scalars(VALUES, preference="point")
+    return mesh
+
+
+def set_normals(mesh: pv.PolyData, normals: FloatArray) -> None:
+    """Give the points of a mesh their normals (n, 3)."""
     mesh.point_data["Normals"] = normals.astype(np.float32)
     mesh.point_data.active_normals_name = "Normals"
 
 
 def write(mesh: pv.PolyData, values: FloatArray) -> None:
     """Replace the values of points or cells in place, if they are others than before."""
-    data = mesh.point_data if VALUES in mesh.point_data else mesh.cell_data
-    array: Any = data[VALUES]
-    new = values.astype(np.float32)
-    if not np.array_equal(np.asarray(array), new, equal_nan=True):
+    # VTK's own array and a view of it: PyVista's look-ups take ten times as long as the rest.
+    data: Any = mesh.GetPointData().GetArray(VALUES) or mesh.GetCellData().GetArray(VALUES)
+    array, new = vtk_to_numpy(data), values.astype(np.float32)
+    if not np.array_equal(array.view(np.int32), new.view(np.int32)):
         array[:] = new
+        data.Modified()
