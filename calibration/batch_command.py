@@ -11,12 +11,13 @@ import click
 from calibration.options import (
     FILE,
     accept_option,
+    effort_options,
     format_option,
     out_option,
     sigma_option,
     units_option,
 )
-from skinmap.cli.common import emit, json_option, progress, seed_option, table
+from skinmap.cli.common import emit, json_option, profile_option, progress, seed_option, table
 from skinmap.cli.workers import worker_options, workers_options
 
 NOT_OK = 3
@@ -29,8 +30,10 @@ NOT_OK = 3
 @out_option("a folder with taxels.csv and report.html for each patch")
 @format_option()
 @accept_option("Write taxels and exit 0 whatever the status.")
+@effort_options
 @workers_options
 @seed_option
+@profile_option("calibrate")
 @json_option
 def command(
     table_file: Path,
@@ -39,6 +42,9 @@ def command(
     out: Path,
     formats: tuple[str, ...],
     accept: bool,
+    starts: int,
+    steps: int,
+    wrap_detail_mm: float,
     seed: int,
     as_json: bool,
     **options: Any,
@@ -54,11 +60,13 @@ def command(
     Example:  skinmap calibrate batch patches.csv --jobs 4 --resume patches.resume -o patches
     """
     from calibration.batch_job import batch_tasks, calibrate_batch, read_batch
+    from calibration.effort import Effort
     from skinmap.io.output import staged_folder
 
     spread = worker_options(options)
     rows = read_batch(table_file, units, sigma_mm)
-    tasks = batch_tasks(rows, seed=seed, formats=formats, accept=accept)
+    effort = Effort(starts, steps, 1e-3 * wrap_detail_mm)
+    tasks = batch_tasks(rows, seed=seed, formats=formats, accept=accept, effort=effort)
     with (
         staged_folder(out) as stage,
         spread.open("calibrate batch") as workers,

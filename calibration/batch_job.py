@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from calibration.anchor_table import load_wrap
+from calibration.effort import FULL, Effort
 from calibration.patch_job import WrapTask
 from calibration.tables import UNITS
 from skinmap.errors import DataFormatError, SkinError
@@ -45,11 +46,12 @@ class BatchRow:
     units: str
     sigma_mm: float
 
-    def load(self) -> WrapTask:
+    def load(self, effort: Effort) -> WrapTask:
         """Its files."""
         return load_wrap(
-            self.layout, self.mesh, self.anchors, units=self.units, sigma_mm=self.sigma_mm
-        )
+            self.layout, self.mesh, self.anchors, units=self.units, sigma_mm=self.sigma_mm,
+            effort=effort,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -122,12 +124,17 @@ def _row(words: Mapping[str, str], path: Path, line: int, units: str, sigma_mm: 
 
 
 def batch_tasks(
-    rows: Iterable[BatchRow], *, seed: int, formats: Sequence[str], accept: bool
+    rows: Iterable[BatchRow],
+    *,
+    seed: int,
+    formats: Sequence[str],
+    accept: bool,
+    effort: Effort = FULL,
 ) -> Iterator[PatchTask]:
     """Tasks of the rows, each read when a worker is free for it."""
     for row in rows:
         try:
-            evidence: WrapTask | str = row.load()
+            evidence: WrapTask | str = row.load(effort)
         except SkinError as error:
             evidence = str(error)
         yield PatchTask(row.name, evidence, seed, tuple(formats), accept)

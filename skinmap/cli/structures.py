@@ -78,10 +78,10 @@ def command(
 
     if not 0 < tolerance_mm < math.inf:
         raise click.UsageError(f"--tolerance-mm must be above 0, got {tolerance_mm}")
-    wanted = _radius(radius_mm)
+    wanted = read_radius(radius_mm)
     loaded, names = open_robot(robot, parts)
     skins = {name: PreparedSkin(loaded.skin(name)) for name in names}
-    radius = _auto_radius(skins) if wanted is None else wanted
+    radius = auto_radius_of(skins) if wanted is None else wanted
     hoods = [_neighbourhoods(skin, radius, int(rotations), distance) for skin in skins.values()]
     found = find_structures(
         concatenate(hoods), tolerance=tolerance_mm * 1e-3, rotations=int(rotations)
@@ -120,7 +120,7 @@ def command(
         click.echo(str(Path(out or ".") / file))
 
 
-def _radius(text: str) -> float | None:
+def read_radius(text: str) -> float | None:
     """The radius asked for [m], None for auto."""
     if text == "auto":
         return None
@@ -133,7 +133,8 @@ def _radius(text: str) -> float | None:
     return radius * 1e-3
 
 
-def _auto_radius(skins: Mapping[str, PreparedSkin]) -> float:
+def auto_radius_of(skins: Mapping[str, PreparedSkin]) -> float:
+    """Between two rings of the lattice [m]."""
     from skinmap.neighbours.radius import auto_radius
     from skinmap.neighbours.structures import RADIUS
 

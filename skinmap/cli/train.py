@@ -37,7 +37,10 @@ from skinmap.cli.common import (
     show_default=True,
     help="Model to write.",
 )
-@click.option("--radius-mm", type=float, help="Histograms: of a neighbourhood.  [default: 8]")
+@click.option(
+    "--radius-mm",
+    help="Histograms: of a neighbourhood, or auto, as structures has it.  [default: 8]",
+)
 @click.option("--words", type=int, help="Codewords of a structure, or of images.")
 @click.option("--rotations", type=int, help="Histograms: turns of a structure, 1, 4 or 6.")
 @click.option("--distance", help="Histograms: euclidean, or geodesic (along the skin).")
@@ -73,14 +76,22 @@ def command(
     from skinmap.classify.model_file import save_classifier
     from skinmap.classify.tuned import tuned_classifier
     from skinmap.cli.classify import prepare_skins
+    from skinmap.cli.structures import auto_radius_of, read_radius
     from skinmap.io.output import staged_file
     from skinmap.io.recordings import load_recordings
+    from skinmap.neighbours.structures import RADIUS
 
     knobs = _own_knobs(knobs)
+    auto = knobs.get("radius_mm") == "auto"
+    if knobs.get("radius_mm") is not None:
+        knobs["radius_mm"] = round(1e3 * (read_radius(knobs["radius_mm"]) or RADIUS), 9)
     untrained = tuned_classifier(classifier, knobs)
     recordings = load_recordings(recording)
     loaded, _ = open_robot(robot, ())
     skins = prepare_skins(loaded, recordings)
+    if auto:
+        knobs["radius_mm"] = 1e3 * auto_radius_of(skins)
+        untrained = tuned_classifier(classifier, knobs)
     rng = np.random.default_rng(seed)
     split = split_touches(skins, recordings, parts or tuple(skins), rng=rng)
     with staged_file(output) as stage:
