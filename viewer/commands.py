@@ -132,6 +132,18 @@ def summary(result: dict[str, object], out: Path) -> str:
     show_default=True,
     help="What is drawn of the body: all, links with the parts' skin, nothing.",
 )
+@click.option(
+    "--detail",
+    type=click.FloatRange(0.1, 100.0),
+    metavar="PX",
+    help="Vertices of links are drawn so far apart, in pixels; 1.5 without. More is quicker.",
+)
+@click.option(
+    "--contour-rate",
+    type=click.FloatRange(0.1, 1000.0),
+    metavar="HZ",
+    help="How often contours of touches are found anew; with each sample without.",
+)
 @click.option("--view-file", type=FILE, help="Saved view to begin with; the window saves there.")
 @click.option("--screenshot", type=FILE, help="Write a picture; needs no screen.")
 @click.option("--movie", type=FILE, help="Write a movie (.mp4 or .gif); needs no screen.")

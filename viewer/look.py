@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from skinmap.errors import SkinMismatchError
 from viewer.drawing.body import check_links
+from viewer.drawing.body_view import GOOD_PX
+from viewer.drawing.kept_contours import EVERY
 from viewer.drawing.lazy_maps import LazyMaps
 from viewer.interaction.saving import apply_view
 from viewer.interaction.selection import Selection
@@ -30,6 +32,8 @@ class Look:
     view : SavedView or None
     follow : bool
         Whether a movie's camera turns to the touches; otherwise it keeps its view.
+    detail, contour_rate : float
+        As `viewer.scene.Scene` takes them.
     """
 
     layer: str | None = None
@@ -38,6 +42,8 @@ class Look:
     links: str = "all"
     view: SavedView | None = None
     follow: bool = False
+    detail: float = GOOD_PX
+    contour_rate: float = EVERY
 
 
 def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen: bool) -> Scene:
@@ -62,6 +68,8 @@ def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen
         links=drawn_links(session, look),
         window_size=size,
         off_screen=off_screen,
+        detail=look.detail,
+        contour_rate=look.contour_rate,
     )
     if look.view is not None:
         selection = Selection()

@@ -27,10 +27,12 @@ from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.prepared import PreparedSkin
 from viewer.display import require_opengl
 from viewer.drawing.body import Links
+from viewer.drawing.body_view import GOOD_PX
 from viewer.drawing.camera import View
 from viewer.drawing.canvas import TURN_STEP, Canvas, Content
 from viewer.drawing.content_checks import check_moment, check_part, check_taxels, check_touches
 from viewer.drawing.framing import Mode
+from viewer.drawing.kept_contours import EVERY
 from viewer.drawing.lazy_maps import LazyMaps, SomeMaps
 from viewer.drawing.posing import posed
 from viewer.drawing.skin_layer import SkinLayer, build_layer
@@ -71,6 +73,16 @@ class Scene(Shown):
         One of `viewer.layers.LAYERS`.
     style : {"surface", "discs"}
         A coloured surface with a dot for each taxel, or a coloured disc for each.
+    detail : float
+        Links are drawn with vertices so far apart [px], in a picture of the whole robot.
+    contour_rate : float
+        How often the contours of touches are found anew, at most [1/s]; with each sample by
+        default.
+
+    Raises
+    ------
+    UnknownNameError, InvalidArrayError
+        A part, link, layer or style that does not exist; a number out of its range.
     """
 
     def __init__(
@@ -88,6 +100,8 @@ class Scene(Shown):
         data: Layers | None = None,
         layer: str = "pressure",
         style: str = "surface",
+        detail: float = GOOD_PX,
+        contour_rate: float = EVERY,
     ) -> None:
         require_opengl(window=not off_screen)
         self.robot = robot
@@ -107,8 +121,9 @@ class Scene(Shown):
         self.history = History(sizes)
         maps = SomeMaps(flat_maps, shown)
         self.canvas = Canvas(
-            robot, self.layers, maps, self.poses, links, window_size, off_screen, camera
-        )
+            robot, self.layers, maps, self.poses, links, window_size, off_screen, camera,
+            detail=detail, contour_rate=contour_rate,
+        )  # fmt: skip
 
     @classmethod
     def load(

@@ -53,6 +53,7 @@ def run_view(options: Mapping[str, Any]) -> dict[str, Any]:
         links=options["links"],
         view=view,
         follow=options["follow"],
+        **{name: options[name] for name in ("detail", "contour_rate") if options[name] is not None},
     )
     wanted = Wanted(
         screenshot=options["screenshot"],

@@ -12,6 +12,7 @@ import numpy as np
 import pyvista as pv
 
 from skinmap.arrays import FloatArray
+from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.skin.robot import Robot
 from viewer.drawing.body import Links, check_links, drawable
@@ -42,6 +43,8 @@ class BodyView:
         T_root_link.
     parts : iterable of str
         Parts shown: "skin" takes the links that carry them.
+    detail : float
+        Side of a cell of the good meshes [px].
     """
 
     def __init__(
@@ -51,16 +54,18 @@ class BodyView:
         links: Links,
         poses: Mapping[str, FloatArray],
         parts: tuple[str, ...] = (),
+        detail: float = GOOD_PX,
     ) -> None:
+        check_detail(detail)
         self.robot, self.poses = robot, poses
         self.links = check_links(robot, links, parts)
         corners = {link: box_corners(robot.mesh(link).vertices) for link in self.links}
         self._pixel = _size(corners, poses) / min(plotter.window_size)
-        self.meshes = {link: self._reduced(link, GOOD_PX) for link in self.links}
+        self.meshes = {link: self._reduced(link, detail) for link in self.links}
         self._good = {link: _mapper(mesh) for link, mesh in self.meshes.items()}
         # Made at once: made when the camera first turns, they would hold that picture up. Kept:
         # PyVista would wrap a mesh that nobody holds anew whenever its mapper is asked for it.
-        self._coarse = {link: self._reduced(link, QUICK_PX) for link in self.links}
+        self._coarse = {link: self._reduced(link, max(detail, QUICK_PX)) for link in self.links}
         self._quick = {link: _mapper(mesh) for link, mesh in self._coarse.items()}
         self.actors = {link: pv.Actor(mapper=self._good[link]) for link in self.links}
         self.quick = False
@@ -140,6 +145,19 @@ def _mapper(mesh: pv.PolyData) -> pv.DataSetMapper:
     mapper = pv.DataSetMapper(mesh)
     mapper.SetScalarVisibility(False)
     return mapper
+
+
+def check_detail(detail: float) -> float:
+    """How large the cells are within which vertices of links become one, in pixels.
+
+    Raises
+    ------
+    InvalidArrayError
+        A size that is not above 0, or not finite.
+    """
+    if not 0.0 < detail < float("inf"):
+        raise InvalidArrayError(f"detail must be a size above 0 pixels, got {detail}")
+    return float(detail)
 
 
 def box_corners(points: FloatArray) -> FloatArray:

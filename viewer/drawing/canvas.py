@@ -17,11 +17,12 @@ from skinmap.live.moment import Moment
 from skinmap.live.touches import NamedTouch
 from skinmap.skin.robot import Robot
 from viewer.drawing.body import Links
-from viewer.drawing.body_view import BodyView
+from viewer.drawing.body_view import GOOD_PX, BodyView
 from viewer.drawing.camera import Margins
 from viewer.drawing.flat_panel import FlatPanel
 from viewer.drawing.framing import Framing, Mode
 from viewer.drawing.joined import JoinedSheets
+from viewer.drawing.kept_contours import EVERY, KeptContours
 from viewer.drawing.label_places import Box
 from viewer.drawing.legend import Legend
 from viewer.drawing.overlays import Line
@@ -84,7 +85,7 @@ class Canvas:
         For the panel; without any there is none.
     poses : mapping of str to (4, 4) float
         T_root_link.
-    links, window_size, off_screen, camera
+    links, window_size, off_screen, camera, detail, contour_rate
         As for `viewer.scene.Scene`.
     """
 
@@ -98,15 +99,18 @@ class Canvas:
         window_size: tuple[int, int],
         off_screen: bool,
         camera: Mode,
+        *,
+        detail: float = GOOD_PX,
+        contour_rate: float = EVERY,
     ) -> None:
         self.layers, self.poses = layers, poses
         self.changed, self._moved, self._unsure = True, False, True
-        self._foot = FOOT
+        self._foot, self.contours = FOOT, KeptContours(contour_rate)
         self.font_px = font_for(window_size[1])
         self.plotter = new_plotter(window_size, off_screen, panel=bool(maps))
         self.renderer = self.plotter.renderer
         self.table = ColourTable()
-        self.body = BodyView(self.plotter, robot, links, poses, tuple(layers))
+        self.body = BodyView(self.plotter, robot, links, poses, tuple(layers), detail)
         self.skins = {
             part: SkinView(
                 self.plotter,
@@ -118,7 +122,7 @@ class Canvas:
             for part, one in layers.items()
         }
         self.joined = JoinedSheets(self.plotter, self.skins, self.table)
-        self.touch_view = TouchView(self.plotter, layers, self.font_px)
+        self.touch_view = TouchView(self.plotter, layers, self.font_px, self.contours)
         self.rings = Rings(self.plotter)
         self.heading = Line(self.renderer, (0.02, 0.975), self.font_px, bold=True)
         self.legend, self.status = Legend(self.renderer), Status(self.renderer)
@@ -157,7 +161,7 @@ class Canvas:
 
     def _add_panel(self, maps: Mapping[str, FlatMap]) -> FlatPanel:
         self.plotter.subplot(0, 1)
-        panel = FlatPanel(self.plotter, self.layers, maps, self.table, self.font_px)
+        panel = FlatPanel(self.plotter, self.layers, maps, self.table, self.font_px, self.contours)
         self.plotter.subplot(0, 0)
         panel.show(next(iter(maps)))
         return panel
@@ -275,6 +279,7 @@ class Canvas:
 
     def _show_touches(self, content: Content) -> None:
         touches = content.touches
+        self.contours.begin(content.moment.time)
         self.touch_view.show(touches, self.poses)
         names = tuple((touch.part, touch.label, touch.identity) for touch in touches)
         if names != self._aimed:

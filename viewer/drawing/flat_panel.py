@@ -12,6 +12,7 @@ from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.live.touches import NamedTouch
 from viewer.colours import FAINT, PANEL, RIM, TRACES, class_colour
+from viewer.drawing.kept_contours import KeptContours
 from viewer.drawing.overlays import Line, small_font
 from viewer.drawing.places import Places, flat_places, raised
 from viewer.drawing.polydata import make_lines
@@ -20,7 +21,7 @@ from viewer.drawing.rings import Rings
 from viewer.drawing.skin_layer import SkinLayer
 from viewer.drawing.taxel_drawing import ColourTable, TaxelDrawing
 from viewer.drawing.touch_list import TouchList
-from viewer.drawing.touch_marks import Ground, TouchMarks, centre_on, outline_on, trail_on
+from viewer.drawing.touch_marks import Ground, TouchMarks, centre_on, trail_on
 from viewer.drawing.traces import History, TracePlot
 from viewer.layer import Layer
 
@@ -49,6 +50,8 @@ class FlatPanel:
         The body's colours.
     font_px : int
         Height of the letters [px].
+    contours : KeptContours
+        The body's too.
     """
 
     def __init__(
@@ -58,8 +61,9 @@ class FlatPanel:
         flat_maps: Mapping[str, FlatMap],
         table: ColourTable,
         font_px: int,
+        contours: KeptContours,
     ) -> None:
-        self.layers, self.flat_maps = layers, flat_maps
+        self.layers, self.flat_maps, self.contours = layers, flat_maps, contours
         self.renderer = plotter.renderer
         self.renderer.SetBackground(*pv.Color(PANEL).float_rgb)
         self.renderer.parallel_projection = True
@@ -202,7 +206,7 @@ class FlatPanel:
         solids: list[tuple[FloatArray, IntArray, str]] = []
         for touch in here:
             lines += trail_on(ground, touch, LINE_RISE)
-            outline = outline_on(ground, layer, touch, touches, LINE_RISE)
+            outline = self.contours.of(ground, layer, touch, touches, LINE_RISE)
             lines.append((outline, class_colour(touch.label)))
             solids += centre_on(ground, touch)
         self.marks.show(lines, solids)

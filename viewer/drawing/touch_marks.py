@@ -17,7 +17,7 @@ from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.live.touches import NamedTouch
 from viewer.colours import class_colour, rgb
 from viewer.drawing.contours import outline
-from viewer.drawing.outlines import OutlineLayer, touch_field
+from viewer.drawing.outlines import OutlineLayer
 from viewer.drawing.places import LIFT, Places, tangents
 from viewer.drawing.polydata import make_mesh
 from viewer.drawing.refinement import boundary_edges
@@ -127,11 +127,8 @@ def tint(colour: str) -> NDArray[np.uint8]:
     return np.rint(rgb(colour) * 255).astype(np.uint8)
 
 
-def outline_on(
-    ground: Ground, layer: SkinLayer, touch: NamedTouch, others: Sequence[NamedTouch], lift: float
-) -> FloatArray:
-    """(k, 2, 3) outline of a touch on a surface [m]."""
-    values, level = touch_field(layer, touch, others)
+def contour_on(ground: Ground, values: FloatArray, level: float, lift: float) -> FloatArray:
+    """(k, 2, 3) where values (v,) of the fine surface cross a level, on a surface [m]."""
     places = ground.places
     line = outline(places.faces, ground.border, values[places.vertex], level)
     return line.points(places.points + lift * places.normals)

@@ -13,12 +13,13 @@ from skinmap.live.touches import NamedTouch
 from viewer.colours import class_colour
 from viewer.drawing.camera import Target, project
 from viewer.drawing.framing import Framing
+from viewer.drawing.kept_contours import KeptContours
 from viewer.drawing.label_places import Box
 from viewer.drawing.labels import Label, LabelLayer
 from viewer.drawing.places import LIFT
 from viewer.drawing.skin_layer import LINE_LIFT, SkinLayer
 from viewer.drawing.touch_list import caption
-from viewer.drawing.touch_marks import Ground, TouchMarks, arrow, outline_on, trail_on
+from viewer.drawing.touch_marks import Ground, TouchMarks, arrow, trail_on
 
 LABELS = 8  # at most, of the largest touches: more cannot be read at one look
 
@@ -33,10 +34,18 @@ class TouchView:
     layers : mapping of str to SkinLayer
     font_px : int
         Height of the letters [px].
+    contours : KeptContours
+        The flat map's too.
     """
 
-    def __init__(self, plotter: pv.Plotter, layers: Mapping[str, SkinLayer], font_px: int) -> None:
-        self.layers, self.renderer = layers, plotter.renderer
+    def __init__(
+        self,
+        plotter: pv.Plotter,
+        layers: Mapping[str, SkinLayer],
+        font_px: int,
+        contours: KeptContours,
+    ) -> None:
+        self.layers, self.renderer, self.contours = layers, plotter.renderer, contours
         self.marks = TouchMarks(plotter)
         self.labels = LabelLayer(plotter.renderer, round(1.1 * font_px))
         self.targets: list[Target] = []
@@ -56,7 +65,10 @@ class TouchView:
             ground = self._ground(touch.part)
             for points, colour in (
                 *trail_on(ground, touch, LINE_LIFT),
-                (outline_on(ground, layer, touch, touches, LINE_LIFT), class_colour(touch.label)),
+                (
+                    self.contours.of(ground, layer, touch, touches, LINE_LIFT),
+                    class_colour(touch.label),
+                ),
             ):
                 placed = transform_points(pose, points.reshape(-1, 3)).reshape(-1, 2, 3)
                 lines.append((placed, colour))
