@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -107,7 +107,7 @@ def command(
     budgets = _budgets(tasks, budgets_ms, max_errors)
     loaded, wanted = open_robot(robot, parts)
     with _folder(out) as stage:
-        measured = _measure(tasks, loaded, wanted, range(seed, seed + seeds))
+        measured = _measure(tasks, loaded, wanted, range(seed, seed + seeds), budgets)
         for task in tasks:
             failures += measured[task].failures
         found = {name: one.points for name, one in measured.items() if one.points}
@@ -211,16 +211,24 @@ def _limits(
 
 
 def _measure(
-    tasks: Mapping[str, TradeTask], robot: Any, parts: tuple[str, ...], seeds: range
+    tasks: Mapping[str, TradeTask],
+    robot: Any,
+    parts: tuple[str, ...],
+    seeds: range,
+    budgets: Mapping[str, Budget],
 ) -> dict[str, Measured]:
+    from skinmap.trade.front import recommend
     from skinmap.trade.runner import measure, steps
+
+    def measured(name: str, advance: Callable[[str], None]) -> Measured:
+        return measure(
+            tasks[name], robot, parts, seeds=seeds, progress=advance,
+            choose=lambda points: recommend(points, budgets[name]),
+        )  # fmt: skip
 
     total = sum(steps(_count(task), len(seeds)) for task in tasks.values())
     with progress(total, "trade") as advance:
-        return {
-            name: measure(task, robot, parts, seeds=seeds, progress=advance)
-            for name, task in tasks.items()
-        }
+        return {name: measured(name, advance) for name in tasks}
 
 
 def _count(task: TradeTask) -> int:

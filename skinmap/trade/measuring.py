@@ -45,7 +45,7 @@ def first_time() -> Iterator[None]:
         _first.reset(token)
 
 
-def cpu_seconds(work: Callable[[], T]) -> tuple[float, T]:
+def cpu_seconds(work: Callable[[], T], *, least: float = LEAST) -> tuple[float, T]:
     """CPU time of one call, the least of several after one to warm up, and what it returned.
 
     What others do on the machine only ever adds to the time of a call (caches, a shared core's
@@ -55,6 +55,8 @@ def cpu_seconds(work: Callable[[], T]) -> tuple[float, T]:
     ----------
     work : callable
         Without arguments; does the same each time.
+    least : float
+        Seconds of timed calls at least; more where single calls differ much.
     """
     started = time.process_time()
     result = work()
@@ -70,7 +72,7 @@ def cpu_seconds(work: Callable[[], T]) -> tuple[float, T]:
             started = time.process_time()
             result = work()
             times.append(time.process_time() - started)
-            if len(times) >= calls and sum(times) >= LEAST:
+            if len(times) >= calls and sum(times) >= least:
                 break
     finally:
         if collecting:

@@ -18,12 +18,12 @@ class Point:
     task : str
     setting : mapping of str to value
     seconds : float
-        CPU time of one unit of work, the median over the runs.
+        CPU time of one unit of work: the mean over the seeds of the median over their runs.
     error : float
         In `unit`, the mean over the seeds.
     unit : str
     seconds_spread, error_spread : float
-        Standard deviation over the seeds; 0 of a single one.
+        Standard deviation over all runs and over the seeds; 0 of a single one.
     memory_mb : float
     runs : int
         How many.

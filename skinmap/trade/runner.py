@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import time
 from collections.abc import Callable, Sequence
@@ -24,8 +25,12 @@ QUICK = 0.3  # seconds: a setting whose run takes less is measured
 QUICK_TURNS = 2  # times a round
 DEAR = 2.0  # seconds: a setting whose run takes more is measured with
 DEAR_SEEDS = 2  # seeds only
+RUNS = 12  # of the setting that is chosen, or
+RUNS_SECONDS = 4.0  # of runs beyond its rounds
+CHOICES = 3  # how often another one may turn out best after that
 logger = logging.getLogger(__name__)
 Progress = Callable[[str], None]
+Choose = Callable[[Sequence[Point]], Point]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +62,7 @@ def measure(
     *,
     seeds: Sequence[int],
     settings: Sequence[Setting] | None = None,
+    choose: Choose | None = None,
     progress: Progress | None = None,
 ) -> Measured:
     """Measure settings of a task.
@@ -64,9 +70,10 @@ def measure(
     The first setting runs once untimed, so that what all settings load is not counted as the
     first one's memory. Then comes one round a seed. The first round has the settings in their
     order, each with an eye on memory; later ones in an order drawn anew, so that no setting
-    always meets the machine in the same state. A setting that fails is left out of later rounds
-    and reported; so is a task that fails as a whole. Times are scaled to the pace of the machine
-    at the quietest moment of the measurement (`skinmap.trade.pace`).
+    always meets the machine in the same state. The setting that is chosen then runs more often:
+    the quickest of many is often one that was lucky. A setting that fails is left out of later
+    rounds and reported; so is a task that fails as a whole. Times are scaled to the pace of the
+    machine at the quietest moment of the measurement (`skinmap.trade.pace`).
 
     Parameters
     ----------
@@ -77,6 +84,8 @@ def measure(
         One repetition each.
     settings : sequence of mapping, optional
         Other ones than the task's own.
+    choose : callable, optional
+        Given the points, the one that matters; a `SkinError` says that there is none.
     progress : callable, optional
         Called `steps` times with what comes next.
     """
@@ -90,11 +99,15 @@ def measure(
                 for setting in (task.settings() if settings is None else settings)
             ]
             rounds = _Rounds(task, chosen, report)
+            kept = []
             for place, seed in enumerate(seeds):
                 prepared = task.prepare(robot, parts, seed=seed)
+                kept.append((seed, prepared))
                 if place == 0:
                     rounds.load(prepared, seed)
                 rounds.measure(prepared, seed, place)
+            if choose is not None:
+                rounds.confirm(kept, choose)
             return Measured(rounds.points(), list(rounds.failures.values()))
         except Exception as error:
             logger.info("task %s failed", task.name, exc_info=True)
@@ -137,6 +150,28 @@ class _Rounds:
             self._attempt(prepared, number, seed)
         for number in set(numbers) - told:
             self._say(number)
+
+    def confirm(self, kept: Sequence[tuple[int, Any]], choose: Choose) -> None:
+        """Run the chosen setting more often, and what is chosen instead after that."""
+        done: set[int] = set()
+        while len(done) < CHOICES and len(self.failures) < len(self.settings):
+            try:
+                point = choose(self.points())
+            except SkinError:  # no setting will do, which whoever chooses will say
+                return
+            number = self.settings.index(point.setting)
+            if number in done:
+                return
+            done.add(number)
+            self._repeat(number, kept[: DEAR_SEEDS if self.cost[number] > DEAR else None])
+
+    def _repeat(self, number: int, kept: Sequence[tuple[int, Any]]) -> None:
+        started = time.process_time()
+        for seed, prepared in itertools.cycle(kept):
+            spent = time.process_time() - started
+            if len(self.found[number]) >= RUNS or spent >= RUNS_SECONDS or number in self.failures:
+                return
+            self._attempt(prepared, number, seed)
 
     def _first(self, prepared: Any, number: int, seed: int) -> None:
         """Run a setting for the first time; notes its memory and what a run costs."""
@@ -211,15 +246,15 @@ def _ordered(task: TradeTask, setting: Setting) -> Setting:
 def _point(
     task: TradeTask, setting: Setting, samples: Sequence[Sample], memory_mb: float, pace: float
 ) -> Point:
-    # What the run would have taken at the quietest moment of the measurement.
-    seconds = np.array([one.outcome.seconds * pace / one.pace for one in samples])
-    seeds = np.array([one.seed for one in samples])
-    found = np.array([one.outcome.error for one in samples])
-    errors = np.array([found[seeds == seed].mean() for seed in np.unique(seeds)])
+    # What the runs would have taken at the quietest moment of the measurement.
+    seconds = [one.outcome.seconds * pace / one.pace for one in samples]
+    seeds = [one.seed for one in samples]
+    times = _by_seed(seconds, seeds)
+    errors = _by_seed([one.outcome.error for one in samples], seeds)
     return Point(
         task.name,
         dict(setting),
-        float(np.median(seconds)),
+        float(np.mean(times)),
         float(np.mean(errors)),
         task.unit,
         float(np.std(seconds, ddof=1)) if len(seconds) > 1 else 0.0,
@@ -232,6 +267,12 @@ def _point(
             for name in samples[0].outcome.beside
         },
     )
+
+
+def _by_seed(values: Sequence[float], seeds: Sequence[int]) -> list[float]:
+    """The median of each seed's values: some seeds ran more often than others."""
+    pairs = list(zip(seeds, values, strict=True))
+    return [float(np.median([v for s, v in pairs if s == seed])) for seed in dict.fromkeys(seeds)]
 
 
 def reason(error: Exception) -> str:

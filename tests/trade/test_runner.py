@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from skinmap.errors import ImpossibleBudgetError
 from skinmap.trade import measuring, runner
 from skinmap.trade.measuring import cpu_seconds, first_time, grown_mb, untimed
 from skinmap.trade.pace import pace_seconds
@@ -68,6 +69,34 @@ def test_dear_settings_are_measured_with_two_seeds_and_progress_still_adds_up(to
         assert point.error == pytest.approx(
             1.05 * toys["planted"].figures[point.setting["level"]][1]
         )
+
+
+def test_the_chosen_setting_runs_more_often_until_it_stays_the_one(toys, monkeypatch):
+    monkeypatch.setattr(runner, "QUICK", -1.0)
+    task = toys["planted"]()
+    turns: list[str] = []
+
+    def choose(points):
+        turns.append("low" if len(turns) == 0 else "high")  # another one turns out best
+        return next(point for point in points if point.setting["level"] == turns[-1])
+
+    found = measure(task, None, ("part",), seeds=SEEDS, choose=choose)
+    runs = {point.setting["level"]: point.runs for point in found.points}
+    assert turns == ["low", "high", "high"]
+    assert runs == {"low": 12, "middle": 3, "high": 12, "silly": 3}
+    # Each seed as often as the others, or the figures would lean to one.
+    extra = task.calls[1 + 3 * len(task.figures) :]
+    assert [seed for _, seed in extra] == [0, 1, 2] * 6
+
+
+def test_nothing_to_choose_is_no_failure(toys):
+    def choose(points):
+        raise ImpossibleBudgetError("nothing keeps it")
+
+    found = measure(toys["planted"](), None, ("part",), seeds=SEEDS, choose=choose)
+    assert len(found.points) == 4
+    assert not found.failures
+    assert not measure(toys["empty"](), None, ("p",), seeds=SEEDS, choose=choose).points
 
 
 def test_what_all_settings_load_is_no_memory_of_the_first(toys):
