@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import shutil
 from collections.abc import Callable, Iterator
@@ -26,6 +27,7 @@ ARGUMENTS = [
 ]
 DRAWN = "body[data-drawn]:not([data-drawn='0'])"
 SMALL = {"width": 640, "height": 480}  # software draws it in a third of the time of 1024x768
+WIDE = {"width": 800, "height": 600}  # the panel stands beside the body
 
 
 @pytest.fixture(scope="session")
@@ -83,7 +85,7 @@ class Tab:
     """One open page and what happened in it."""
 
     def __init__(self, chromium, url: str, **options) -> None:
-        self.context = chromium.new_context(viewport=SMALL, **options)
+        self.context = chromium.new_context(**{"viewport": SMALL, **options})
         self.page = self.context.new_page()
         self.requests: list[str] = []
         self.faults: list[str] = []
@@ -99,6 +101,10 @@ class Tab:
     def wait(self, selector: str = DRAWN, state: str = "visible") -> None:
         self.page.wait_for_selector(selector, state=state, timeout=20_000)
 
+    def until(self, expression: str) -> None:
+        """Wait until an expression holds in the page; not possible where the policy stands."""
+        self.page.wait_for_function(expression, timeout=20_000)
+
     def pixels(self) -> np.ndarray:
         """(h, w, 3) of the robot's picture alone."""
         shot = self.page.locator("#picture").screenshot(type="png")
@@ -106,6 +112,15 @@ class Tab:
 
     def step(self) -> None:
         self.page.locator("#on").click()
+
+    @contextlib.contextmanager
+    def held(self, *keys: str) -> Iterator[None]:
+        """While keys are held down."""
+        for key in keys:
+            self.page.keyboard.down(key)
+        yield
+        for key in keys:
+            self.page.keyboard.up(key)
 
 
 @pytest.fixture(scope="session")
@@ -121,7 +136,13 @@ def chromium() -> Iterator:
         browser.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def open_tab(chromium) -> Callable[..., Tab]:
     """Opens an address in a page of its own."""
     return lambda url, **options: Tab(chromium, url, **options)
+
+
+@pytest.fixture(scope="session")
+def open_desk(open_tab) -> Callable[..., Tab]:
+    """The same, wide enough for the panel beside the body, and open to questions of the test's."""
+    return lambda url, **options: open_tab(url, viewport=WIDE, bypass_csp=True, **options)

@@ -50,11 +50,15 @@ def test_a_played_touch_is_named_coloured_and_listed(tab):
 
 def test_a_click_on_the_flat_map_shows_the_channel(tab, icub):
     flat = tab.page.locator("#flat")
-    box = flat.bounding_box()
-    # The map fills its place, but the chest has a hole in its middle: some of these are taxels.
-    places = [(share * box["width"], 0.5 * box["height"]) for share in (0.2, 0.3, 0.4)]
-    numbers = tab.page.evaluate("(all) => all.map(([x, y]) => skinmap.flat.taxelAt(x, y))", places)
-    number, (x, y) = next((n, place) for n, place in zip(numbers, places, strict=True) if n >= 0)
+    number = 100  # on the chest, which is the first part
+    x, y = tab.page.evaluate(
+        """(number) => {
+          const { flat, arrays } = skinmap, uv = arrays["taxel.uv"];
+          return flat.at(uv[2 * number], uv[2 * number + 1])
+            .map((place) => (place * flat.canvas.clientWidth) / flat.canvas.width);
+        }""",
+        number,
+    )
     flat.click(position={"x": x, "y": y})
     channel = int(icub.skin("torso").channels[number])
     tab.wait(f"#pick-about dt:text-is('channel') + dd:text-is('{channel}')")

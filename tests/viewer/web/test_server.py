@@ -130,6 +130,36 @@ def test_wishes_that_make_no_sense_are_answered_with_one_line(live):
         assert next_of(page, "pick")["taxel"] == 3
 
 
+def test_a_step_past_the_end_is_answered_with_a_notice(start, live):
+    server = start()
+    player = server.hub.player
+    with live(port=server.port, path=f"/{server.guard.token}/{LIVE}") as page:
+        next_sample(page)
+        for _ in range(2):
+            page.send('{"do": "step", "by": 1}')
+        for _ in range(200):
+            if player.ended:
+                break
+            player.wait(player.number, 0.1)
+        assert player.ended
+        page.send('{"do": "step", "by": 1}')
+        assert next_of(page, "notice")["text"] == "no further sample that way"
+
+
+def test_samples_of_other_layers_bring_the_pressures_for_traces(live, moments):
+    with live() as page:
+        page.send('{"do": "layer", "to": "patches"}')
+        page.send('{"do": "drawn", "samples": 1}')
+        while True:
+            header, arrays = next_sample(page)
+            if header["layer"] == "patches":
+                break
+            assert "felt" not in arrays
+            page.send('{"do": "drawn", "samples": 2}')
+        assert arrays["felt"].size == arrays["values"].size
+        assert arrays["felt"].max() == 0  # at rest
+
+
 def test_a_large_message_ends_the_connection_and_nothing_else(live):
     with live() as page, live() as other:
         page.send("x" * (LARGEST + 1))

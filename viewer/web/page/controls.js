@@ -1,6 +1,6 @@
 // Choices, player and keys: what people ask for, and what the server says beside samples.
 
-import { listen } from "./keys.js";
+import { KEYS, listen } from "./keys.js";
 import { $, words } from "./dom.js";
 import { applyView, download, upload, viewOf } from "./view.js";
 import { Words } from "./words.js";
@@ -62,6 +62,10 @@ export class Controls {
 
   // What keys do.
 
+  keyNames() {
+    return KEYS.flatMap(([names]) => names);
+  }
+
   jump(seconds) {
     if (!this.state.seekable) this.say("a live source cannot be led through time");
     else this.ask({ do: "seek", to: Math.max(0, (this.state.position ?? 0) + seconds) });
@@ -70,6 +74,7 @@ export class Controls {
   changeSpeed(factor) {
     const to = this.state.speed * factor, known = [...$("speed").options].some(({ value }) => Number(value) === to);
     if (!this.state.seekable || !known) return this.say("no other speed");
+    this.state.speed = to; // the next press may come before the answer
     this.ask({ do: "speed", to });
     this.say(`speed ${to}`);
   }
@@ -121,8 +126,12 @@ export class Controls {
     this.followTouches(this.about.touches ?? []);
   }
 
+  view() {
+    return viewOf(this.page);
+  }
+
   saveView() {
-    this.kept = viewOf(this.page);
+    this.kept = this.view();
     this.say(`view saved in ${download(this.kept)}`);
   }
 

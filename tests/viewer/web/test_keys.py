@@ -1,0 +1,183 @@
+"""Keys, help, camera and saved views in a real browser."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from viewer.interaction.keys import KEYS, MOUSE
+from viewer.interaction.presets import preset
+from viewer.interaction.view_file import load_view
+
+PAGE_NAMES = {"space": " ", "bracketleft": "[", "bracketright": "]", "plus": "+", "minus": "-"}
+# What a page leaves to the browser or has no file for, and what it cannot do as the window does.
+NOT_HERE = {"s", "o", "x", "e", "q", "Tab", "a"}
+
+
+@pytest.fixture(scope="module")
+def shown(open_desk, start) -> Iterator:
+    made = open_desk(start().url, accept_downloads=True)
+    made.wait()
+    yield made
+    assert made.faults == []
+    made.context.close()
+
+
+@pytest.fixture
+def tab(shown):
+    for key in ("Home", "c", "1", "r", "Escape"):
+        shown.page.keyboard.press(key)
+    shown.until("skinmap.layer.name === 'pressure'")
+    return shown
+
+
+def test_help_lists_the_window_s_keys_in_its_words(tab):
+    tab.page.keyboard.press("h")
+    tab.wait("#help")
+    listed = dict(
+        tab.page.eval_on_selector_all(
+            "#help dt", "all => all.map(one => [one.textContent, one.nextSibling.textContent])"
+        )
+    )
+    known = tab.page.evaluate("skinmap.controls.keyNames()")
+    for key in KEYS:
+        if not key.names or key.names[0] in NOT_HERE:
+            continue
+        name = PAGE_NAMES.get(key.names[0], key.names[0])
+        assert name in known or f"Arrow{name}" in known, key
+        if key.text and key.shown != "1 to 8":
+            assert listed[key.shown] == key.text
+    assert listed["map"] == dict(MOUSE)["map"]
+    box, stage = (tab.page.locator(name).bounding_box() for name in ("#help", "#stage"))
+    assert box["y"] >= stage["y"]
+    assert box["y"] + box["height"] <= stage["y"] + stage["height"]
+    tab.page.keyboard.press("h")
+    tab.wait("#help", state="hidden")
+
+
+def test_keys_lead_the_recording(tab):
+    page = tab.page
+    page.keyboard.press("ArrowRight")
+    tab.wait(".label")
+    page.keyboard.press("ArrowLeft")
+    tab.wait(".label", state="detached")
+    page.keyboard.press("ArrowUp")  # the touch is a second later
+    tab.wait(".label")
+    page.keyboard.press("Home")
+    tab.wait(".label", state="detached")
+    page.keyboard.press("+")
+    tab.wait("#notice:text-is('speed 2')")
+    page.keyboard.press("-")
+    tab.wait("#notice:text-is('speed 1')")
+    page.keyboard.press("l")
+    tab.wait("#loop:checked")
+    page.keyboard.press("l")
+    tab.wait("#loop:not(:checked)")
+
+
+def test_keys_choose_layer_style_and_map(tab):
+    page = tab.page
+    page.keyboard.press("4")
+    tab.until("skinmap.layer.name === 'structures'")
+    page.keyboard.press("d")
+    assert page.locator("#style").input_value() == "discs"
+    page.keyboard.press("d")
+    before = page.locator("#map-about").inner_text()
+    page.keyboard.press("n")
+    assert page.locator("#map-about").inner_text() != before
+    page.keyboard.press("n")
+    assert page.locator("#map-about").inner_text() == before
+
+
+def test_presets_look_from_where_the_window_s_do(tab):
+    from viewer.drawing.camera import View
+
+    first = View(*tab.page.evaluate("skinmap.header.front"))
+    for key, name in {"f": "front", "b": "back", "[": "left", "]": "right", "t": "top"}.items():
+        tab.page.keyboard.press(key)
+        np.testing.assert_allclose(
+            tab.page.evaluate("skinmap.camera.direction"),
+            preset(name, first).direction,
+            atol=1e-12,  # the same angles in double precision
+        )
+        assert tab.page.locator("#view").input_value() == name
+
+
+def test_focus_brings_the_touch_to_the_middle_and_close(tab):
+    tab.page.keyboard.press("g")
+    assert tab.page.locator("#notice").inner_text() == "nothing is touched"
+    tab.step()
+    tab.wait(".label")
+    far = tab.page.evaluate("skinmap.camera.distance")
+    tab.page.keyboard.press("g")
+    assert tab.page.evaluate("skinmap.camera.distance") < 0.8 * far
+    x, y = tab.page.evaluate(
+        """() => {
+          const touch = skinmap.sample.header.touches[0], { camera, picture, header } = skinmap;
+          const m = picture.model(header.parts.find(({ name }) => name === touch.part).link);
+          const [x, y, z] = touch.centre;
+          return camera.project([0, 1, 2].map((i) => m[i] * x + m[4 + i] * y + m[8 + i] * z + m[12 + i]));
+        }"""
+    )
+    assert (x, y) == pytest.approx((0.5, 0.5), abs=1e-6)  # poses are in single precision
+
+
+def test_a_saved_view_is_a_file_of_the_window_s_and_comes_back(tab, tmp_path):
+    page = tab.page
+    for key in ("4", "d", "t"):
+        page.keyboard.press(key)
+    tab.until("skinmap.layer.name === 'structures'")
+    page.evaluate("skinmap.enclose([5, 6, 7], false)")
+    at = page.evaluate("[...skinmap.camera.matrix]")
+    with page.expect_download() as download:
+        page.keyboard.press("v")
+    path = tmp_path / download.value.suggested_filename
+    download.value.save_as(path)
+    view = load_view(path)
+    assert (path.name, view.robot, view.layer) == ("skinmap-view.json", "iCub", "structures")
+    assert (view.style, view.selection) == ("discs", {"torso": (5, 6, 7)})
+    for key in ("1", "d", "r", "c"):
+        page.keyboard.press(key)
+    tab.until("skinmap.layer.name === 'pressure'")
+    page.keyboard.press("V")
+    tab.until("skinmap.layer.name === 'structures'")
+    np.testing.assert_allclose(
+        page.evaluate("[...skinmap.camera.matrix]"), at, atol=1e-6
+    )  # matrices in single precision
+    assert page.evaluate("[skinmap.picture.style, ...skinmap.chosen.numbers]") == ["discs", 5, 6, 7]
+    page.keyboard.press("d")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("{", "no saved view: not JSON text"),
+        ({"format": "x"}, 'no saved view: "format": "skinmap-view" expected'),
+        ({"version": 9}, "view of version 9; this Skinmap reads version 1"),
+        ({"robot": "Baxter"}, "the view was saved of 'Baxter', this robot is 'iCub'"),
+        ({"layer": "heat"}, "no layer 'heat'"),
+        ({"selection": {"torso": [100000]}}, "the view's selection names taxel 100000"),
+        ({"selection": {"wing": [0]}}, "no part in this scene 'wing'"),
+        ({"camera": {"position": [1, 2]}}, "damaged view: camera"),
+    ],
+)
+def test_a_view_of_something_else_is_told_and_changes_nothing(tab, tmp_path, change, message):
+    page = tab.page
+    page.keyboard.press("2")
+    tab.until("skinmap.layer.name === 'raw'")
+    content = change
+    if isinstance(change, dict):
+        saved = page.evaluate("skinmap.controls.view()")
+        content = json.dumps(saved | {"layer": "binary"} | change)
+    path = Path(tmp_path / "view.json")
+    path.write_text(content)
+    with page.expect_file_chooser() as chooser:
+        page.click("#view-load")
+    chooser.value.set_files(path)
+    tab.wait(f"#notice:has-text({json.dumps(message)})")
+    assert "\n" not in page.locator("#notice").inner_text()
+    assert page.evaluate("skinmap.layer.name") == "raw"
