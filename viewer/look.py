@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from skinmap.errors import SkinMismatchError
+from skinmap.skin.robot import Robot
 from viewer.drawing.body import check_links
 from viewer.drawing.body_view import GOOD_PX
 from viewer.drawing.kept_contours import EVERY
@@ -54,10 +55,8 @@ def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen
     UnknownNameError, SkinMismatchError
         A layer that does not exist, or a view of another robot.
     """
-    if look.view is not None and look.view.robot != session.robot.name:
-        raise SkinMismatchError(
-            f"the view was saved of {look.view.robot!r}, this robot is {session.robot.name!r}"
-        )
+    if look.view is not None:
+        check_view(look.view, session.robot)
     data = Layers(session.skins, covariances=session.covariances, healths=session.healths)
     scene = Scene(
         session.robot,
@@ -81,6 +80,14 @@ def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen
     if look.style is not None:
         scene.set_style(look.style)
     return scene
+
+
+def check_view(view: SavedView, robot: Robot) -> None:
+    """Raise SkinMismatchError for a view of another robot."""
+    if view.robot != robot.name:
+        raise SkinMismatchError(
+            f"the view was saved of {view.robot!r}, this robot is {robot.name!r}"
+        )
 
 
 def drawn_links(session: Session, look: Look) -> tuple[str, ...] | None:

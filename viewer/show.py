@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +13,7 @@ from viewer.export.gltf import write_gltf
 from viewer.export.html_page import write_html
 from viewer.export.movie import MOVIE_FPS, write_movie
 from viewer.filming import Best, movie_frames, show
-from viewer.layers import Layers
-from viewer.look import Look, drawn_links, new_scene
+from viewer.look import Look, new_scene
 from viewer.playing.player import Player
 from viewer.session import Session
 
@@ -134,50 +131,3 @@ def open_window(
     finally:
         loop.close()
     return {"robot": session.robot.name, "parts": list(session.parts), "drawn": drawn}
-
-
-def serve_web(
-    session: Session, look: Look, *, host: str, port: int, seconds: float | None
-) -> dict[str, Any]:
-    """Serve the scene to a browser until it is interrupted, or for so many seconds.
-
-    Raises
-    ------
-    UnreachableError
-        The port is in use, or the address is not this machine's.
-    """
-    import click
-
-    from viewer.web.server import serve
-
-    loop = session.live()
-    with Player(loop) as player:
-        player.speed = session.speed
-        with serve(
-            session.robot,
-            session.skins,
-            player,
-            host=host,
-            port=port,
-            layers=Layers(session.skins, covariances=session.covariances, healths=session.healths),
-            layer=look.layer or "pressure",
-            style=look.style or "surface",
-            angles=look.angles or None,
-            links=drawn_links(session, look),
-        ) as server:
-            click.echo(server.url, err=True)
-            if session.model is None:
-                session.train(loop, lambda line: click.echo(line, err=True))
-            with contextlib.suppress(KeyboardInterrupt):
-                _wait(player, math.inf if seconds is None else seconds)
-            address = server.url
-    if player.error is not None:
-        raise player.error
-    return {"robot": session.robot.name, "parts": list(session.parts), "address": address}
-
-
-def _wait(player: Player, seconds: float) -> None:
-    """Until a source fails, or for so long; one that ended is still looked at."""
-    end = time.monotonic() + seconds
-    while player.error is None and (left := end - time.monotonic()) > 0:
-        player.wait(player.number, min(left, 1.0))

@@ -66,7 +66,7 @@ def run_view(options: Mapping[str, Any]) -> dict[str, Any]:
     if wanted.files:
         return write_files(session, look, wanted)
     if options["web"]:
-        from viewer.show import serve_web
+        from viewer.web.serving import serve_web
 
         return serve_web(
             session, look, host=options["host"], port=options["port"], seconds=wanted.seconds

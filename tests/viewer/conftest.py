@@ -27,6 +27,7 @@ ARGUMENTS = [
 ]
 DRAWN = "body[data-drawn]:not([data-drawn='0'])"
 SMALL = {"width": 640, "height": 480}  # software draws it in a third of the time of 1024x768
+PATIENCE = 60_000  # [ms]: a machine may be busy
 WIDE = {"width": 800, "height": 600}  # the panel stands beside the body
 
 
@@ -99,11 +100,11 @@ class Tab:
         self.answer = self.page.goto(url)
 
     def wait(self, selector: str = DRAWN, state: str = "visible") -> None:
-        self.page.wait_for_selector(selector, state=state, timeout=20_000)
+        self.page.wait_for_selector(selector, state=state, timeout=PATIENCE)
 
     def until(self, expression: str) -> None:
         """Wait until an expression holds in the page; not possible where the policy stands."""
-        self.page.wait_for_function(expression, timeout=20_000)
+        self.page.wait_for_function(expression, timeout=PATIENCE)
 
     def pixels(self) -> np.ndarray:
         """(h, w, 3) of the robot's picture alone."""

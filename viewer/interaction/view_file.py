@@ -63,7 +63,14 @@ def save_view(view: SavedView, path: Path) -> Path:
     OutputError
         The folder does not exist or cannot be written to.
     """
-    content = {
+    with staged_file(path) as stage:
+        stage.write_text(json.dumps(content_of(view), indent=2) + "\n", encoding="utf-8")
+    return path
+
+
+def content_of(view: SavedView) -> dict[str, Any]:
+    """What is written of a view."""
+    return {
         "format": FORMAT,
         "version": VERSION,
         "robot": view.robot,
@@ -79,9 +86,6 @@ def save_view(view: SavedView, path: Path) -> Path:
         "part": view.part,
         "selection": {part: list(taxels) for part, taxels in view.selection.items()},
     }
-    with staged_file(path) as stage:
-        stage.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    return path
 
 
 def load_view(path: Path) -> SavedView:

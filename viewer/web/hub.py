@@ -6,7 +6,7 @@ import asyncio
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
 
 AHEAD = 2  # samples on their way to a page that it has not drawn yet
+UNFIT = ("short", "long", "refused")  # counts of samples that do not fit the skin
 WAIT = 0.1  # how long the player is waited for before it is asked for its state [s]
 
 
@@ -73,11 +74,22 @@ class Hub:
     scene : WebScene
     player : Player
     layers : Layers
+    first : mapping
+        Layer, style and saved view that a page shows first.
+    counts : callable, optional
+        What became of the source's samples, by the names of `skinmap.live.counts.Counts`.
     """
 
-    def __init__(self, scene: WebScene, player: Player, layers: Layers) -> None:
+    def __init__(
+        self,
+        scene: WebScene,
+        player: Player,
+        layers: Layers,
+        first: Mapping[str, Any],
+        counts: Callable[[], Mapping[str, int]] | None = None,
+    ) -> None:
         self.scene, self.player, self.layers = scene, player, layers
-        self.first = {"layer": "pressure", "style": "surface"}
+        self.first, self._counts = first, counts
         self.clients: set[Client] = set()
         self.samples_sent = 0
         self.samples_written = 0  # one is written for all pages that show the same layer
@@ -190,8 +202,14 @@ class Hub:
             "speed": player.speed,
             "loop": bool(player.loop),
             "ended": player.ended,
-            "error": None if player.error is None else str(player.error),
+            "error": None if player.error is None else " ".join(str(player.error).split()),
+            "unfit": self._unfit(),
         }
+
+    def _unfit(self) -> int:
+        """Samples that were left out, as they do not follow the layout of the skin."""
+        counts = {} if self._counts is None else self._counts()
+        return sum(counts.get(name, 0) for name in UNFIT)
 
     def _tell_state(self) -> None:
         """Tell all pages when the player stands differently than they know, not at each sample."""

@@ -14,7 +14,7 @@ import logging
 import socket
 import threading
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -23,6 +23,7 @@ from skinmap.errors import SkinWarning, UnreachableError
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared import PreparedSkin
 from viewer.drawing.body import Links
+from viewer.interaction.view_file import SavedView, content_of
 from viewer.layers import Layers
 from viewer.playing.player import Player
 from viewer.web.files import page_files
@@ -56,6 +57,8 @@ def serve(
     style: str = "surface",
     angles: Mapping[str, float] | None = None,
     links: Links = None,
+    view: SavedView | None = None,
+    counts: Callable[[], Mapping[str, int]] | None = None,
     clients: int = CLIENTS,
 ) -> WebServer:
     """Start to serve a robot; the player is started and stays the caller's to close.
@@ -81,6 +84,10 @@ def serve(
         Joint angles [rad]; the robot's natural pose by default.
     links : iterable of str, optional
         Links to draw; all that have a mesh by default.
+    view : SavedView, optional
+        That a page begins with.
+    counts : callable, optional
+        What became of the source's samples: a `TouchLoop`'s `totals`.
     clients : int
         Pages at once.
 
@@ -95,11 +102,12 @@ def serve(
     layers.get(layer)
     listening = bind(host, port)
     try:
-        hub = Hub(make_scene(robot, skins, angles=angles, links=links), player, layers)
+        first = {"layer": layer, "style": style, "view": None if view is None else content_of(view)}
+        scene = make_scene(robot, skins, angles=angles, links=links)
+        hub = Hub(scene, player, layers, first, counts)
     except BaseException:
         listening.close()
         raise
-    hub.first = {"layer": layer, "style": style}
     guard = Guard(host, listening.getsockname()[1], new_token() if token is None else token)
     if not is_loopback(host):
         warnings.warn(

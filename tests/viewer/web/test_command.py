@@ -5,17 +5,14 @@ from __future__ import annotations
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
 
 import pytest
-from click.testing import CliRunner
 
 import skinmap
-from skinmap.cli.main import cli
 
 ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/[\w-]{32}/")
 BEGUN = 60  # longest wait for the address: imports and skins come first [s]
@@ -78,17 +75,6 @@ def command(opengl) -> Iterator[Callable[..., Child]]:
         child.process.communicate()
 
 
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    """A model that takes no time to train, and the recording it was trained on."""
-    folder = tmp_path_factory.mktemp("model")
-    touches, path = folder / "touches.mcap", folder / "small.skinmodel"
-    words = ["simulate", "icub", *SKIN, "--per-gesture", "10", "-o", str(touches)]
-    assert CliRunner().invoke(cli, words).exit_code == 0
-    assert CliRunner().invoke(cli, ["train", str(touches), "-o", str(path)]).exit_code == 0
-    return path
-
-
 def view(*words: str) -> tuple[str, ...]:
     return ("view", "icub", "--web", "--links", "skin", *SKIN, *words)
 
@@ -121,27 +107,4 @@ def test_the_simulator_is_seen_picked_and_ended_by_ctrl_c(command, open_tab):
     flat.click(position=place)
     channel = skinmap.load_robot("icub").skin("left_foot").channels[0]
     tab.wait(f"#pick-about dt:text-is('channel') + dd:text-is('{channel}')")
-    end(child, tab)
-
-
-def test_a_recording_is_played_with_the_names_of_a_model(command, open_tab, model):
-    recording = model.with_name("touches.mcap")
-    child = command(*view("--source", str(recording), "--model", str(model), "--loop"))
-    tab = open_tab(child.address())
-    tab.wait(".label")
-    tab.page.wait_for_function("Number(document.getElementById('time').max) > 5")
-    assert tab.page.locator("#time").is_enabled()
-    tab.wait(".label:has-text('%')")  # a name with its confidence
-    end(child, tab)
-
-
-def test_a_live_stream_is_shown(command, open_tab, model):
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        address = f"zmq:127.0.0.1:{free.getsockname()[1]}"
-    command("simulate", "icub", *SKIN, "--publish", address)
-    child = command(*view("--source", address, "--model", str(model)))
-    tab = open_tab(child.address())
-    tab.wait(".label")
-    assert tab.page.locator("#time").is_disabled()
-    assert "live" in tab.page.locator("#clock").inner_text()
     end(child, tab)

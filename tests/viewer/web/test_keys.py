@@ -11,7 +11,7 @@ import pytest
 
 from viewer.interaction.keys import KEYS, MOUSE
 from viewer.interaction.presets import preset
-from viewer.interaction.view_file import load_view
+from viewer.interaction.view_file import SavedView, load_view
 
 PAGE_NAMES = {"space": " ", "bracketleft": "[", "bracketright": "]", "plus": "+", "minus": "-"}
 # What a page leaves to the browser or has no file for, and what it cannot do as the window does.
@@ -117,10 +117,11 @@ def test_focus_brings_the_touch_to_the_middle_and_close(tab):
     assert tab.page.evaluate("skinmap.camera.distance") < 0.8 * far
     x, y = tab.page.evaluate(
         """() => {
-          const touch = skinmap.sample.header.touches[0], { camera, picture, header } = skinmap;
-          const m = picture.model(header.parts.find(({ name }) => name === touch.part).link);
-          const [x, y, z] = touch.centre;
-          return camera.project([0, 1, 2].map((i) => m[i] * x + m[4 + i] * y + m[8 + i] * z + m[12 + i]));
+          const { picture, camera, header, sample } = skinmap;
+          const { part, centre: [x, y, z] } = sample.header.touches[0];
+          const m = picture.model(header.parts.find(({ name }) => name === part).link);
+          const at = (i) => m[i] * x + m[4 + i] * y + m[8 + i] * z + m[12 + i];
+          return camera.project([0, 1, 2].map(at));
         }"""
     )
     assert (x, y) == pytest.approx((0.5, 0.5), abs=1e-6)  # poses are in single precision
@@ -181,3 +182,18 @@ def test_a_view_of_something_else_is_told_and_changes_nothing(tab, tmp_path, cha
     tab.wait(f"#notice:has-text({json.dumps(message)})")
     assert "\n" not in page.locator("#notice").inner_text()
     assert page.evaluate("skinmap.layer.name") == "raw"
+
+
+def test_a_page_begins_with_the_view_it_is_given(open_desk, start):
+    view = SavedView(
+        "iCub", (1.0, 0.5, 0.4), (0.0, 0.0, 0.1), (0.0, 0.0, 1.0), 22.0,
+        layer="distortion", style="discs", part="left_arm", selection={"left_arm": (3, 4)},
+    )  # fmt: skip
+    tab = open_desk(start(view=view).url)
+    tab.until("skinmap.layer.name === 'distortion'")
+    said = tab.page.evaluate("skinmap.controls.view()")
+    assert (said["style"], said["part"]) == ("discs", "left_arm")
+    assert said["selection"] == {"left_arm": [3, 4]}
+    np.testing.assert_allclose(said["camera"]["position"], view.position, atol=1e-9)
+    assert tab.faults == []
+    tab.context.close()

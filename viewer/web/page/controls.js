@@ -173,10 +173,7 @@ export class Controls {
       pick: () => this.page.isPicked(message) && this.words.showTaxel(message),
       point: () => this.page.hover.tell(message),
       notice: () => this.say(message.text),
-      problem: () => {
-        this.words.tell(message.text, () => this.state, () => this.about);
-        this.write();
-      },
+      problem: () => this.words.tell(message.text, () => this.write()),
     };
     kinds[message.kind]?.();
   }
@@ -241,6 +238,6 @@ export class Controls {
   }
 
   write() {
-    this.words.showState(this.state, this.about);
+    this.words.showState(this.state, this.about, this.page.delay);
   }
 }

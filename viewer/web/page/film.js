@@ -59,7 +59,7 @@ export class Film {
   state() {
     const { moments, now, paused, speed, loop } = this, single = moments.length < 2;
     return {
-      single, paused, speed, loop, seekable: !single, error: null, ended: false,
+      single, paused, speed, loop, seekable: !single, error: null, ended: false, unfit: 0,
       position: this.time(now), duration: single ? null : this.time(moments.length - 1),
     };
   }

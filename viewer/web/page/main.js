@@ -39,6 +39,8 @@ class Page {
     this.layer = { name: "" };
     this.picked = -1; // number of the taxel told about beside the map
     this.fresh = false; // a sample that is not drawn yet
+    this.came = 0; // when it did [ms]
+    this.delay = 0; // from a sample to its picture, smoothed [ms]
     this.received = 0;
     this.moved = 0; // when the camera or the robot last did [ms]
     this.wanted = false; // a picture is asked for
@@ -69,6 +71,7 @@ class Page {
     if (!this.sample) this.moved = performance.now(); // the first picture is drawn quickly
     this.sample = message;
     this.received += 1;
+    if (!this.fresh) this.came = performance.now();
     this.fresh = true;
     if (arrays.poses && arrays.poses.some((x, i) => x !== this.picture.poses[i])) {
       this.picture.poses.set(arrays.poses);
@@ -204,6 +207,7 @@ class Page {
     if (this.fresh) {
       this.fresh = false;
       this.stats.drawn += 1;
+      this.delay += 0.1 * (performance.now() - this.came - this.delay);
       this.stats.complete ||= performance.now();
       this.stats.times.push(performance.now());
       if (this.stats.times.length > 600) this.stats.times.shift();

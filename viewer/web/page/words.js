@@ -6,6 +6,7 @@ import { facts } from "./describe.js";
 
 const NOTICE = 4000; // that a notice stays [ms]
 const TOLD = 8000; // how long a problem stands there [ms]
+const SILENT = 500; // from one look at the clock to the next while nothing comes [ms]
 const css = ([r, g, b]) => `rgb(${r} ${g} ${b})`;
 
 export class Words {
@@ -25,10 +26,14 @@ export class Words {
     this.leaving = setTimeout(() => ($("notice").hidden = true), NOTICE);
   }
 
-  tell(problem, state, about) {
+  tell(problem, write) {
     this.problem = problem;
     clearTimeout(this.forgetting);
-    this.forgetting = setTimeout(() => this.showState((this.problem = "", state()), about()), TOLD);
+    this.forgetting = setTimeout(() => {
+      this.problem = "";
+      write();
+    }, TOLD);
+    write();
   }
 
   connected(open) {
@@ -36,19 +41,25 @@ export class Words {
     this.problem = "";
   }
 
-  showState(state, about) {
+  showState(state, about, delay) {
     const said = [];
     let warn = true;
+    clearTimeout(this.again);
+    if (!about.stale) Object.assign(this, { fresh: performance.now(), fitted: state.unfit });
     if (!this.open) said.push("not connected; trying again");
     else if (state.error) said.push(`the source failed: ${state.error}`);
     else if (this.problem || about.problem) said.push(this.problem || about.problem);
-    else if (about.stale) said.push("stale: nothing comes from the source");
-    else {
+    else if (about.stale) {
+      const unfit = state.unfit - this.fitted;
+      said.push(`no data for ${((performance.now() - this.fresh) / 1000).toFixed(1)} s`);
+      if (unfit > 0) said.push(`${unfit.toLocaleString("en")} samples do not fit this skin`);
+      this.again = setTimeout(() => this.showState(state, about, delay), SILENT);
+    } else {
       warn = false;
       if (about.rate != null) said.push(`${about.rate.toFixed(0)} samples/s`);
-      if (about.latency != null) said.push(`latency ${(1e3 * about.latency).toFixed(0)} ms`);
-      if (about.dropped) said.push(`${about.dropped} left out`);
-      if (state.ended) said.push("at its end");
+      if (about.latency != null) said.push(`shown after ${(1e3 * about.latency + delay).toFixed(0)} ms`);
+      if (about.dropped) said.push(`${about.dropped.toLocaleString("en")} left out`);
+      if (state.ended) said.push("ended");
       if (state.paused) said.push("paused");
     }
     $("status").textContent = said.join(" · ");

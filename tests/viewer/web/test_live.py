@@ -1,0 +1,139 @@
+"""Sources as `skinmap view --web` opens them: a recording, a live stream, and what goes wrong."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from skinmap.cli.main import cli
+from skinmap.live.publish import open_publisher
+from skinmap.live.skins import fingerprint
+from skinmap.live.source import StreamInfo
+from viewer.look import Look
+from viewer.playing.player import Player
+from viewer.session import Session
+from viewer.web.serving import served, wait
+
+PART = "left_foot"
+RATE = 50.0
+
+
+class Stream:
+    """Somebody who publishes samples of a part until closed: pressed in the middle all the time."""
+
+    def __init__(self, address: str, robot, part: str = PART, *, short: bool = False) -> None:
+        skin = robot.skin(part)
+        gap = np.linalg.norm(skin.positions - skin.positions.mean(axis=0), axis=1)
+        pressed = np.where(gap < gap.min() + 0.015, 180.0, 0.0).astype(np.float32)
+        info = StreamInfo(
+            "foot", (part,), (len(skin),), RATE, robot=robot.name, clock="local",
+            fingerprints={part: fingerprint(robot, part)},
+        )  # fmt: skip
+        self._values = pressed[None, :-1] if short else pressed[None]
+        self._publisher = open_publisher(address, info, topics=("pressure",))
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._stop.wait(1 / RATE):
+            times = np.array([time.perf_counter()])
+            self._publisher._send_samples("pressure", times, self._values)
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._publisher.close()
+
+
+@pytest.fixture
+def address() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return f"zmq:127.0.0.1:{free.getsockname()[1]}"
+
+
+@pytest.fixture
+def publish(address, icub) -> Iterator[Callable[..., Stream]]:
+    made: list[Stream] = []
+
+    def begin(**how) -> Stream:
+        for old in made:
+            old.close()
+        made[:] = [Stream(address, icub, **how)]
+        return made[0]
+
+    yield begin
+    for stream in made:
+        stream.close()
+
+
+@pytest.fixture
+def session(icub, prepared, opengl) -> Callable[[str], Session]:
+    def make(source: str) -> Session:
+        return Session(icub, (PART,), source=source, skins={PART: prepared(PART)})
+
+    return make
+
+
+def test_a_recording_is_played_and_gets_its_names(session, open_tab, tmp_path):
+    recording = tmp_path / "touches.npz"
+    words = ["simulate", "icub", "--part", PART, "--per-gesture", "3", "-o", str(recording)]
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    playing = session(str(recording))
+    playing.loop = True
+    with served(playing, Look(links="skin"), print) as (server, _):
+        tab = open_tab(server.url)
+        tab.wait(".label:has-text('%')")  # a name with its confidence, from the model trained here
+        assert float(tab.page.locator("#time").get_attribute("max")) > 5
+        assert tab.page.locator("#time").is_enabled()
+        assert tab.faults == []
+        tab.context.close()
+
+
+def test_what_becomes_of_a_live_stream_is_told_and_the_page_stays(
+    session, publish, open_tab, address, monkeypatch
+):
+    monkeypatch.setattr(Session, "train", lambda *_: None)
+    publish()
+    with served(session(address), Look(links="skin"), print) as (server, player):
+        tab = open_tab(server.url)
+        tab.wait(".label")
+        assert tab.page.locator("#time").is_disabled()
+        assert tab.page.locator("#clock").inner_text() == "live"
+        tab.wait("#status:has-text('samples/s'):has-text('shown after')")
+
+        publish(short=True)  # it loses a taxel
+        tab.wait("#status.warn:has-text('no data for'):has-text('samples do not fit this skin')")
+        publish()
+        tab.wait("#status:not(.warn):has-text('samples/s')")
+        publish().close()  # it stops
+        tab.wait("#status.warn:has-text('no data for')")
+        assert "fit" not in tab.page.locator("#status").inner_text()
+        publish(part="right_foot")  # another skin
+        tab.wait("#status.warn:has-text('the source failed:'):has-text('sends another skin now')")
+        assert tab.page.locator("#status").inner_text().count("\n") == 0
+        tab.wait(".label")  # the last picture stays
+
+        said: list[str] = []
+        wait(player, 0.2, said.append)
+        (line,) = said
+        assert "the source failed" in line
+        assert "Ctrl-C" in line
+        other = open_tab(server.url)  # who comes later is told, too
+        other.wait("#status.warn:has-text('the source failed')")
+        assert tab.faults == other.faults == []
+        other.context.close()
+        tab.context.close()
+
+
+def test_a_player_that_only_ends_is_waited_for_without_a_word(moments):
+    said: list[str] = []
+    with Player(list(moments)) as player:
+        wait(player, 0.1, said.append)
+    assert said == []

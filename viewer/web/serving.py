@@ -1,0 +1,112 @@
+"""`skinmap view --web`: a session's source in pages, until Ctrl-C."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from viewer.interaction.view_file import SavedView
+from viewer.layers import Layers
+from viewer.look import Look, check_view, drawn_links
+from viewer.playing.player import Player
+from viewer.session import Session
+from viewer.web.guard import LOOPBACK
+from viewer.web.server import WebServer, serve
+
+
+def serve_web(
+    session: Session, look: Look, *, host: str, port: int, seconds: float | None
+) -> dict[str, Any]:
+    """Serve the scene to a browser until it is interrupted, or for so many seconds.
+
+    Raises
+    ------
+    UnreachableError
+        The port is in use, or the address is not this machine's.
+    SkinMismatchError
+        A view of another robot.
+    SkinError
+        What the source failed with, after the end: its last picture stays until then.
+    """
+    import click
+
+    def tell(line: str) -> None:
+        click.echo(line, err=True)
+
+    with served(session, look, tell, host=host, port=port) as (server, player):
+        tell(server.url)
+        with contextlib.suppress(KeyboardInterrupt):
+            wait(player, math.inf if seconds is None else seconds, tell)
+        address = server.url
+    if player.error is not None:
+        raise player.error
+    return {"robot": session.robot.name, "parts": list(session.parts), "address": address}
+
+
+@contextlib.contextmanager
+def served(
+    session: Session,
+    look: Look,
+    tell: Callable[[str], None],
+    *,
+    host: str = LOOPBACK,
+    port: int = 0,
+) -> Iterator[tuple[WebServer, Player]]:
+    """The server and the player of a session's source, both ended with the context.
+
+    Parameters
+    ----------
+    session : Session
+    look : Look
+    tell : callable
+        Told in a line what goes wrong beside.
+    host, port
+        As for `viewer.web.server.serve`.
+    """
+    view = first_view(session, look)
+    loop = session.live()
+    with Player(loop) as player:
+        player.speed = session.speed
+        with serve(
+            session.robot,
+            session.skins,
+            player,
+            host=host,
+            port=port,
+            layers=Layers(session.skins, covariances=session.covariances, healths=session.healths),
+            layer=look.layer or "pressure",
+            style=look.style or "surface",
+            angles=look.angles or None,
+            links=drawn_links(session, look),
+            view=view,
+            counts=loop.totals,
+        ) as server:
+            if session.model is None:
+                session.train(loop, tell)
+            yield server, player
+
+
+def first_view(session: Session, look: Look) -> SavedView | None:
+    """The saved view that pages begin with; layer and style that were asked for stand."""
+    if look.view is None:
+        return None
+    check_view(look.view, session.robot)
+    return replace(
+        look.view, layer=look.layer or look.view.layer, style=look.style or look.view.style
+    )
+
+
+def wait(player: Player, seconds: float, tell: Callable[[str], None]) -> None:
+    """For so long, or until somebody interrupts; what failed or ended is still looked at."""
+    end = time.monotonic() + seconds
+    told = False
+    while (left := end - time.monotonic()) > 0:
+        if player.error is not None and not told:
+            told = True
+            why = " ".join(str(player.error).split())
+            tell(f"the source failed: {why}; the page stays until Ctrl-C")
+        player.wait(player.number, min(left, 1.0))
