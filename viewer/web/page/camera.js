@@ -21,7 +21,7 @@ export class Camera {
 
   home() {
     const [azimuth, elevation] = this.header.front.map(radians);
-    Object.assign(this, { azimuth, elevation, middle: [...this.header.middle], zoom: 1 });
+    Object.assign(this, { azimuth, elevation, middle: [...this.header.middle], zoom: 1, far: null });
     this.update();
   }
 
@@ -36,9 +36,8 @@ export class Camera {
 
   // Look at a middle from a distance [m].
   set(azimuth, elevation, middle, distance) {
-    Object.assign(this, { azimuth, middle: [...middle], zoom: 1 });
+    Object.assign(this, { azimuth, middle: [...middle], zoom: 1, far: distance });
     this.elevation = Math.max(-STEEPEST, Math.min(STEEPEST, elevation));
-    this.zoom = this.distance / distance;
     this.update();
   }
 
@@ -60,8 +59,12 @@ export class Camera {
     return [c * Math.cos(this.azimuth), c * Math.sin(this.azimuth), Math.sin(this.elevation)];
   }
 
-  // Distance from which the box of the robot fills the picture, leaving a margin for labels.
   get distance() {
+    return (this.far ?? this.whole()) / this.zoom;
+  }
+
+  // Distance from which the box of the robot fills the picture, leaving a margin for labels.
+  whole() {
     const towards = this.direction, right = unit(cross([0, 0, 1], towards)), up = cross(towards, right);
     const half = scale(this.header.size, 0.5);
     let needed = 0;
@@ -74,7 +77,7 @@ export class Camera {
         dot(p, towards) + (1.3 * Math.abs(dot(p, right))) / (t * this.aspect),
       );
     }
-    return needed / this.zoom;
+    return needed;
   }
 
   turn(dx, dy) {
