@@ -17,7 +17,7 @@ from record import RESULTS
 
 TABLE = Path(__file__).parent / "asked.toml"
 BOUNDS = ("most", "least", "equals")
-HEADS = ("asked for", "asked", "got", "ratio", "", "peer", "asked in")
+HEADS = ("asked for", "asked", "got", "spread", "ratio", "", "peer", "asked in")
 
 
 def asked() -> list[dict[str, Any]]:
@@ -162,6 +162,7 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         what + (f" ({row['note']})" if row["note"] else ""),
         sign + number(row["asked"]),
         number(row["got"]),
+        " to ".join(map(number, row["spread"])) if row["spread"] else "",
         "" if row["ratio"] is None else f"{row['ratio']:.3g}x",
         row["state"],
         peer,
@@ -173,7 +174,7 @@ def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
     """The table as text, area after area, and a count at the end."""
     lines = []
     table = [HEADS, *map(cells, rows)]
-    widths = [min(max(len(line[k]) for line in table), 78 if k == 0 else 34) for k in range(6)]
+    widths = [min(max(len(line[k]) for line in table), 78 if k == 0 else 34) for k in range(7)]
     heads = "  ".join(name.ljust(width) for name, width in zip(HEADS, widths, strict=False))
     area = None
     for row in rows:

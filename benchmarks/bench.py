@@ -1,8 +1,9 @@
 """All areas in one go, at most 20 minutes on 2 cores: `make bench` (ARGS=--quick: 3 minutes).
 
 Each area runs in a process of its own, one after the other, with one thread; one that fails or
-takes too long is reported and the others go on. Writes benchmarks/results/bench.json and
-bench.html, and prints what the issues asked for beside what came out.
+takes too long is reported and the others go on (exit code 1 at the end). Writes
+benchmarks/results/{bench,needs}.json, bench.html and docs/{benchmarks,needs}.md, and prints what
+the issues asked for beside what came out. What is quick or of some areas goes to build/bench.
 """
 
 from __future__ import annotations
@@ -25,9 +26,11 @@ from asked import judge, table_text
 from figures import figures_of
 from record import RESULTS, about, write
 
-QUICK = RESULTS.parents[1] / "build" / "bench" / "bench_quick.json"  # no figures to keep
+KEPT = RESULTS / "bench.json"
+BUILD = RESULTS.parents[1] / "build" / "bench"  # of runs with no figures to keep
 HERE = Path(__file__).resolve().parent
 PROGRAM = HERE / "bench.py"  # what a child runs
+HEAD = ("format", "commit", "form", "python", "versions", "machine", "threads")
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
@@ -41,18 +44,33 @@ def main(arguments: list[str] | None = None) -> int:
     os.environ.update(ONE_THREAD)
     # Ended from outside, it still ends the area that runs.
     signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
-    target = options.out or (QUICK if options.quick else RESULTS / "bench.json")
+    whole = set(options.only) == set(areas.NAMES) and not options.quick
+    target = options.out or (KEPT if whole else BUILD / f"bench_{form}.json")
     result = measure_all(options.only, form, target)
-    page = target.with_suffix(".html")
-    from bench_page import page_of
-
-    page.write_text(page_of(result), encoding="utf-8")
+    page = write_pages(result, target)
     print(table_text(result["asked"]))
     print(f"\n{result['seconds']:.0f} s in all; written to {target} and {page.name}")
     for name, area in result["areas"].items():
         if "failed" in area:
             print(f"FAILED {name}: {area['failed']}")
     return 1 if any("failed" in area for area in result["areas"].values()) else 0
+
+
+def write_pages(result: dict[str, Any], target: Path) -> Path:
+    """The page beside a result; of the result that is kept, the pages in docs too."""
+    from bench_doc import write_doc
+    from bench_page import page_of
+    from needs_page import write_page
+
+    page = target.with_suffix(".html")
+    page.write_text(page_of(result), encoding="utf-8")
+    if target == KEPT:
+        write_doc(result)
+        if rows := result["areas"].get("needs", {}).get("rows"):
+            needs = {key: one for key, one in result.items() if key in HEAD} | rows
+            write(RESULTS / "needs.json", needs)
+            write_page(needs)
+    return page
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -17,8 +17,9 @@ body { padding: 0 1em }
 h1 { font-size: 1.6em } h2 { margin-top: 2em; border-bottom: 1px solid #ccc }
 table { border-collapse: collapse; width: 100%; font-size: 13px }
 table.asked { table-layout: fixed }
-.asked th:nth-child(1) { width: 42% } .asked th:nth-child(6) { width: 21% }
-.asked th:nth-child(n+2):nth-child(-n+4) { text-align: right }
+.asked th:nth-child(1) { width: 37% } .asked th:nth-child(4) { width: 12% }
+.asked th:nth-child(6) { width: 9% } .asked th:nth-child(7) { width: 17% }
+.asked th:nth-child(n+2):nth-child(-n+5) { text-align: right }
 th, td { text-align: left; padding: 3px 8px; border-bottom: 1px solid #e4e4e4; vertical-align: top }
 th { background: #f3f4f6 } td.number { text-align: right; white-space: nowrap }
 tr.short td { background: #fdecea } tr.not td { color: #777 }
@@ -80,11 +81,12 @@ def _table(result: Mapping[str, Any], area: str) -> str:
     for row in result["asked"]:
         if row["area"] != area:
             continue
-        what, asked, got, ratio, state, peer, source = map(html.escape, cells(row))
+        what, asked, got, spread, ratio, state, peer, source = map(html.escape, cells(row))
         good = " met" if row["state"] == "met" else ""
         lines.append(
             f'<tr class="{CLASSES[row["state"]]}"><td>{what}</td><td class="number">{asked}</td>'
-            f'<td class="number">{got}</td><td class="number">{ratio}</td>'
+            f'<td class="number">{got}</td><td class="number">{spread}</td>'
+            f'<td class="number">{ratio}</td>'
             f'<td class="state{good}">{state}</td><td>{peer}</td><td>{source}</td></tr>'
         )
     return f'<table class="asked"><tr>{heads}</tr>{"".join(lines)}</table>'

@@ -9,29 +9,32 @@ from the file alone).
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
-from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from needs_cases import ALL_LAYERS, GROUPS, IMPORTS, LAYERS
+from forked import Cases
+from needs_cases import ALL_LAYERS, AS_READ, GROUPS, IMPORTS, LAYERS
 from record import RESULTS, command
 from timing import quartiles
 
 TURNS = 5
-LONGEST = 600.0  # wall time of all cases of a turn [s]
+PROGRAM = Path(__file__).with_name("needs_cases.py")
 PARTS = (1, 3, 13)
 TAXELS = (1_000, 3_000, 10_000, 30_000)
-CELLS_MM = (16.0, 8.0, 4.0, 2.0, 1.0, "as read")
+CELLS_MM = (16, 8, 4, 2, 1, AS_READ)
 # What is measured, its cases, and its words in the page.
 WHATS: dict[str, tuple[tuple[Any, ...], str]] = {
     "parts loaded": (PARTS, "Taxels, normals and links of so many parts of the iCub"),
     "parts prepared": (PARTS, "The same with surface meshes and flat maps"),
     "parts shown": (PARTS, "The same in a scene, on the links that carry them; first picture"),
     "taxels": (TAXELS, "One sheet of so many taxels, meshed and flattened"),
-    "mesh detail": (CELLS_MM, "All links of the iCub in cells of so many mm; first picture"),
+    "mesh detail": (
+        CELLS_MM,
+        "All links of the iCub in cells of so many mm, or as read; first picture",
+    ),
     "layers": (
         (*LAYERS, ALL_LAYERS),
         "The right forearm in a scene, one layer shown or four in turn; pictures",
@@ -55,11 +58,11 @@ def measure(quick: bool, *, turns: int = TURNS) -> dict[str, Any]:
     }
     cases = [(what, case) for what, every in chosen.items() for case in every]
     runs: dict[tuple[str, str], list[dict[str, float]]] = {key: [] for key in cases}
-    for _ in range(1 if quick else turns):
-        for group in IMPORTS:
-            own = [key for key in cases if GROUPS[key[0]] == group]
-            for key, found in zip(own, _fresh(group, own), strict=True):
-                runs[key].append(found)
+    with ExitStack() as stack:
+        groups = {name: stack.enter_context(Cases(PROGRAM, name)) for name in IMPORTS}
+        for _ in range(1 if quick else turns):
+            for what, case in cases:
+                runs[what, case].append(groups[GROUPS[what]].ask(what, case))
     return {"cases": [_row(*key, found) for key, found in runs.items()]}
 
 
@@ -79,16 +82,6 @@ def _row(what: str, case: str, runs: list[dict[str, float]]) -> dict[str, Any]:
         "spread_mb": mb if several else None,
         "turns": len(runs),
     }
-
-
-def _fresh(group: str, cases: Sequence[tuple[str, str]]) -> list[dict[str, float]]:
-    program = Path(__file__).with_name("needs_cases.py")
-    child = [sys.executable, str(program), group, json.dumps(cases)]
-    done = subprocess.run(child, capture_output=True, text=True, timeout=LONGEST)
-    if done.returncode:
-        said = done.stderr.strip().splitlines() or ["it said nothing"]
-        raise RuntimeError("; ".join(said[-2:]))
-    return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
 
 
 def main() -> None:

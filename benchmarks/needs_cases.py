@@ -1,29 +1,21 @@
-"""The cases of needs.py: each is prepared, then timed, in a process forked after the imports.
+"""The cases of needs.py, each in a process forked after the imports of its group.
 
-`python benchmarks/needs_cases.py GROUP '[["parts loaded", "1"], ...]'` prints one line of JSON a
-case. What is forked has the imports of its group and no more, so no case helps the next. A forked
-process maps the libraries' pages anew as it runs through them, which is no memory that a case
-needs: all are mapped before.
+`echo '["parts loaded", "1"]' | python benchmarks/needs_cases.py skins` prints one line of JSON.
 """
 
 from __future__ import annotations
 
-import ctypes
-import json
-import os
-import resource
 import sys
-import traceback
 from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module
-from pathlib import Path
+from typing import Any
 
+from forked import peak_mb, serve
 from timing import timed
 
-POPULATE_READ = 22  # MADV_POPULATE_READ of Linux's asm-generic/mman-common.h
 SIZE = (1024, 768)  # of a picture [px]
 LAYERS = ("pressure", "patches", "distortion", "structures")
 ALL_LAYERS = "all four"
+AS_READ = "as read"  # the links, not reduced
 SKINS = (
     "icub_models", "igl", "scipy.sparse.csgraph", "scipy.spatial", "trimesh", "yourdfpy", "meshing",
     "skinmap.flat.flat_map", "skinmap.io.manifest", "skinmap.touch.prepared",
@@ -37,35 +29,7 @@ GROUPS = {
 }  # fmt: skip
 
 
-def main() -> None:
-    """Import, then fork for each case."""
-    group, cases = sys.argv[1], json.loads(sys.argv[2])
-    for module in IMPORTS[group]:
-        import_module(module)
-    imports_mb = peak_mb()
-    for what, case in cases:
-        if not (pid := os.fork()):
-            _end_with(what, case, imports_mb)
-        _, status = os.waitpid(pid, 0)
-        if status:
-            raise SystemExit(f"{what}, {case}: exit {os.waitstatus_to_exitcode(status)}")
-
-
-def _end_with(what: str, case: str, imports_mb: float) -> None:
-    """Measure a case in this process and end it, without what the process before would do."""
-    code = 1
-    try:
-        map_libraries()
-        print(json.dumps(measured(what, case) | {"imports_mb": imports_mb}), flush=True)
-        code = 0
-    finally:
-        if code:
-            traceback.print_exc()
-            sys.stderr.flush()
-        os._exit(code)
-
-
-def measured(what: str, case: str) -> dict[str, float]:
+def measured(what: str, case: str) -> dict[str, Any]:
     """Time and memory of one case, in this process."""
     run = MAKE[what](case)
     before = peak_mb()
@@ -73,22 +37,6 @@ def measured(what: str, case: str) -> dict[str, float]:
     counted = "triangles" if what == "mesh detail" else "taxels"
     mb = max(peak_mb() - before, 0.0)
     return {counted: size, "cpu_s": cpu, "wall_s": wall, "mb": mb}
-
-
-def map_libraries() -> None:
-    """Map all pages of the libraries in use (Linux 5.14; elsewhere their pages count as memory)."""
-    madvise = ctypes.CDLL(None).madvise
-    madvise.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int)
-    for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
-        fields = line.split()
-        if len(fields) > 5 and fields[1].startswith("r") and fields[5].startswith("/"):
-            first, last = (int(one, 16) for one in fields[0].split("-"))
-            madvise(first, last - first, POPULATE_READ)
-
-
-def peak_mb() -> float:
-    """Largest resident size of this process so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def _loaded(case: str) -> Callable[[], int]:
@@ -159,7 +107,7 @@ def _detail(case: str) -> Callable[[], int]:
 
     def run() -> int:
         robot = skinmap.load_robot("icub")
-        if case == "as read":
+        if case == AS_READ:
             read = {link: robot.mesh(link) for link in robot.body.visible_links}
             meshes = {link: make_mesh(one.vertices, one.faces) for link, one in read.items()}
         else:
@@ -184,4 +132,4 @@ MAKE: Mapping[str, Callable[[str], Callable[[], int]]] = {
 
 
 if __name__ == "__main__":
-    main()
+    serve(IMPORTS[sys.argv[1]], measured)

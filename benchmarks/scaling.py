@@ -1,22 +1,19 @@
 """Time and memory from 1,000 to 1,000,000 taxels, the peers beside us in the same processes.
 
-Each point of a curve is measured in a process of its own, which shows its memory (the largest
-resident size above that after the imports and the input). All curves go on to a size before any
+Each point of a curve is measured in a process of its own, forked after the imports, which shows its
+memory (the largest resident size above that after the input). All curves go on to a size before any
 goes on to the next. A point that would take longer than its share, more memory than is free, or
 more than what is left of the time of all, by what the size before took, is left out and says so.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from forked import CaseError, Cases
 
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 DECADES = (1_000, 10_000, 100_000, 1_000_000)
@@ -33,7 +30,7 @@ LONGEST = 60.0  # CPU time of one point, its input included [s]; a longer one is
 BUDGET = 240.0  # CPU time of all points [s]
 GROWTH = 1.2  # exponent by which the next size's time is foreseen from the last one's
 FREE_SHARE = 0.7  # of the memory that is free a point may be foreseen to take
-HANGS = 20.0  # times LONGEST that a point may take by the wall clock on a busy machine
+PROGRAM = Path(__file__).with_name("scaling_cases.py")
 
 
 def measure(quick: bool, *, longest: float = LONGEST, budget: float = BUDGET) -> dict[str, Any]:
@@ -48,14 +45,15 @@ def measure(quick: bool, *, longest: float = LONGEST, budget: float = BUDGET) ->
     """
     rows: list[dict[str, Any]] = []
     last: dict[str, tuple[int, float, float]] = {}  # taxels, CPU time, memory of a curve so far
-    for n in SIZES[:1] if quick else SIZES:
-        for curve in (name for name, sizes in CURVES.items() if n in sizes):
-            left = budget - sum(row.get("point_cpu_s", 0.0) for row in rows)
-            reason = too_much(n, *last[curve], longest=min(longest, left)) if curve in last else ""
-            found = [{"left_out": reason}] if reason else point(curve, n)
-            rows += [{"curve": curve, "taxels": n, "peer": False} | row for row in found]
-            if not reason and "left_out" not in found[0]:
-                last[curve] = n, found[0]["point_cpu_s"], found[0]["point_mb"]
+    with Cases(PROGRAM) as cases:
+        for n in SIZES[:1] if quick else SIZES:
+            for curve in (name for name, sizes in CURVES.items() if n in sizes):
+                left = min(longest, budget - sum(row.get("point_cpu_s", 0.0) for row in rows))
+                reason = too_much(n, *last[curve], longest=left) if curve in last else ""
+                found = [{"left_out": reason}] if reason else point(cases, curve, n)
+                rows += [{"curve": curve, "taxels": n, "peer": False} | row for row in found]
+                if "left_out" not in found[0]:
+                    last[curve] = n, found[0]["point_cpu_s"], found[0]["point_mb"]
     return {"curves": in_order(rows), "exponents": exponents(rows), "budget_s": budget}
 
 
@@ -80,32 +78,17 @@ def free_mb() -> float:
     return float(fields["MemAvailable"].split()[0]) / 1024
 
 
-def point(curve: str, n: int) -> list[dict[str, Any]]:
+def point(cases: Cases, curve: str, n: int) -> list[dict[str, Any]]:
     """Rows of one curve at one size, one for each of ours and each peer; or what went wrong.
 
     The first has besides what the whole point took: `point_cpu_s` and `point_mb`.
     """
-    program = str(Path(__file__).with_name("scaling_cases.py"))
-    before = _children_seconds()
     try:
-        done = subprocess.run(
-            [sys.executable, program, curve, str(n)],
-            capture_output=True, text=True, timeout=HANGS * LONGEST,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return [{"left_out": "took too long"}]
-    spent = _children_seconds() - before
-    if done.returncode:
-        said = (done.stderr.strip().splitlines() or [f"ended with {done.returncode}"])[-1]
-        return [{"left_out": said[:200], "point_cpu_s": spent}]
-    told = json.loads(done.stdout.splitlines()[-1])
-    told["rows"][0] |= {"point_cpu_s": spent, "point_mb": told["mb"]}
+        told = cases.ask(curve, n)
+    except CaseError as error:
+        return [{"left_out": str(error)}]
+    told["rows"][0] |= {"point_cpu_s": told["case_cpu_s"], "point_mb": told["case_mb"]}
     return list(told["rows"])
-
-
-def _children_seconds() -> float:
-    times = os.times()
-    return times.children_user + times.children_system
 
 
 def in_order(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

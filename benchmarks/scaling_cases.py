@@ -1,20 +1,25 @@
 """What each curve of scaling.py measures at a size: ours, and the peer beside it.
 
-`python benchmarks/scaling_cases.py CURVE N` measures one point in this process.
+`echo '["meshing", 1000]' | python benchmarks/scaling_cases.py` measures a point in a process that
+is forked after the imports.
 """
 
 from __future__ import annotations
 
-import json
-import resource
-import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from forked import peak_mb, serve
 from timing import Times, take_turns
 
-TURNS = ((10_000, 5), (100_000, 3))  # up to so many taxels, so many turns; one above
+TURNS = ((10_000, 5), (30_000, 3), (100_000, 2))  # up to so many taxels, so many turns; one above
+IMPORTS = (
+    "meshing", "saddle", "structures", "histogram_speed", "viewer_scenes", "igl", "pymeshlab",
+    "pyvista.plotting", "scipy.sparse.csgraph", "scipy.spatial", "sklearn.neighbors",
+    "skinmap.flat.disc_map", "skinmap.live.identity", "skinmap.live.joined", "skinmap.touch.votes",
+    "viewer.scene",
+)  # fmt: skip
 WARM = 1_000  # taxels of the warm-up
 SLOW_S = 3.0  # CPU time of a first call from which further turns are left out
 Tasks = dict[str, Callable[[], object]]
@@ -206,10 +211,7 @@ PREPARED = ("contacts", "drawing", "histograms")  # their memory is that of what
 
 
 def child(curve: str, n: int) -> dict[str, Any]:
-    """`rows` of one point, measured here, and the largest size of the process [MB], `mb`.
-
-    Ours come first, as the largest memory only grows.
-    """
+    """`rows` of one point; ours come first, as the largest memory only grows."""
     for run in CASES[curve](WARM)[0].values():  # imports and compiled code are no cost of a size
         run()
     start = peak_mb()
@@ -221,17 +223,17 @@ def child(curve: str, n: int) -> dict[str, Any]:
         memory[name] = max(peak_mb() - before, 0.0)
         before = max(before, peak_mb())
     slow = max(sum(one.cpu) for one in first.values()) > SLOW_S
-    turns = 1 if slow else next((count for most, count in TURNS if n <= most), 2)
+    turns = 1 if slow else next((count for most, count in TURNS if n <= most), 1)
     calls = max(1, 200_000 // n) if curve in BRIEF else 3 if curve == "drawing" and not slow else 1
     tasks = {name: (run, calls) for name, run in ({} if slow else ours).items()}
     tasks |= {name: (run, calls if curve in BRIEF else 1) for name, run in peers.items()}
-    times = first | take_turns(tasks, turns, warm=0 if slow else 1)
+    times = first | take_turns(tasks, turns, warm=int(n < TURNS[-1][0]))
     rows = [_row(name, n, name in peers, one) for name, one in times.items()]
     for row in rows[: len(ours)]:
         name = row["curve"]
         row["peak_mb"] = memory[name]
         row |= {"flips": AFTER[name]()} if name in AFTER else {}
-    return {"rows": rows, "mb": peak_mb()}
+    return {"rows": rows}
 
 
 def _row(name: str, n: int, peer: bool, times: Times) -> dict[str, Any]:
@@ -247,10 +249,5 @@ def _row(name: str, n: int, peer: bool, times: Times) -> dict[str, Any]:
     }
 
 
-def peak_mb() -> float:
-    """Largest resident size of this process so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-
 if __name__ == "__main__":
-    print(json.dumps(child(sys.argv[1], int(sys.argv[2]))))
+    serve(IMPORTS, child)

@@ -39,18 +39,14 @@ def test_every_question_has_a_group_of_imports_and_a_case_to_run():
 
 
 def test_cases_run_in_processes_of_their_own_and_tell_time_and_memory():
-    from needs import _fresh
+    from forked import CaseError, Cases
+    from needs import PROGRAM
 
-    cases = [("parts loaded", "1"), ("parts loaded", "3")]
-    one, three = _fresh("skins", cases)
+    with Cases(PROGRAM, "skins") as cases:
+        one, three = (cases.ask("parts loaded", str(n)) for n in (1, 3))
+        with pytest.raises(CaseError, match=r"parts loaded, many: ValueError"):
+            cases.ask("parts loaded", "many")
     assert one["taxels"] == 250
     assert three["taxels"] > one["taxels"]
     assert min(one["cpu_s"], three["cpu_s"]) > 0
     assert min(one["mb"], three["mb"]) >= 0
-
-
-def test_a_case_that_fails_is_named():
-    from needs import _fresh
-
-    with pytest.raises(RuntimeError, match=r"parts loaded, many: exit 1"):
-        _fresh("skins", [("parts loaded", "many")])
