@@ -61,6 +61,7 @@ bench: $(READY)  ## all areas beside their peers, asked and got (20 min), to ben
 	$(BIN)/python benchmarks/bench.py $(ARGS)
 
 bench-compare: $(READY)  ## two results of `make bench`: make bench-compare OLD=a.json NEW=b.json
+	@test -n "$(OLD)" -a -n "$(NEW)" || { echo "make bench-compare OLD=a.json NEW=b.json"; exit 2; }
 	@$(BIN)/python benchmarks/compare.py "$(OLD)" "$(NEW)" $(ARGS)
 
 bench-needs: $(READY)  ## time and memory against what is asked for, to benchmarks/results and docs/needs.md

@@ -18,6 +18,7 @@ from asked import number
 from record import FORMAT
 
 THRESHOLD = 1.25
+FIGURE = {"key", "area", "name", "unit", "value", "better", "spread"}
 SAME = ("system", "processor", "cores", "memory_gb")  # of the machine
 
 
@@ -55,13 +56,22 @@ def load(path: Path) -> dict[str, Any]:
     """A file of `make bench`."""
     try:
         result = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise NotComparableError(f"cannot read {path}: {error.strerror}") from None
+    except ValueError as error:
         raise NotComparableError(f"cannot read {path}: {error}") from None
     found = result.get("format") if isinstance(result, dict) else None
     if found != FORMAT:
         raise NotComparableError(f"{path} has format {found!r}; this program reads {FORMAT}")
     if "figures" not in result:
         raise NotComparableError(f"{path} is of one area; `make bench` writes what is compared")
+    try:
+        whole = all(row.keys() >= FIGURE for row in result["figures"])
+        whole = whole and result["machine"].keys() >= {*SAME} and isinstance(result["form"], str)
+    except (AttributeError, KeyError, TypeError):
+        whole = False
+    if not whole:
+        raise NotComparableError(f"{path} is damaged: figures, machine or form are not whole")
     return dict(result)
 
 

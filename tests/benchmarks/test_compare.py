@@ -103,6 +103,9 @@ def test_files_of_other_machines_are_refused_with_a_warning(run):
     [
         (lambda result: result.update(format=99), "has format 99; this program reads 1"),
         (lambda result: result.pop("figures"), "is of one area"),
+        (lambda result: result.pop("machine"), "is damaged: figures, machine or form"),
+        (lambda result: result["figures"][0].pop("key"), "is damaged: figures, machine or form"),
+        (lambda result: result.update(figures=[1]), "is damaged: figures, machine or form"),
         (lambda result: result.update(form="full"), "of the short form, the other of the full"),
     ],
 )
