@@ -23,7 +23,10 @@ from typing import Any
 
 import areas
 from asked import judge, table_text
+from bench_doc import write_doc
+from bench_page import page_of
 from figures import figures_of
+from needs_page import write_page
 from record import RESULTS, about, write
 
 KEPT = RESULTS / "bench.json"
@@ -58,10 +61,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 def write_pages(result: dict[str, Any], target: Path) -> Path:
     """The page beside a result; of the result that is kept, the pages in docs too."""
-    from bench_doc import write_doc
-    from bench_page import page_of
-    from needs_page import write_page
-
     page = target.with_suffix(".html")
     page.write_text(page_of(result), encoding="utf-8")
     if target == KEPT:

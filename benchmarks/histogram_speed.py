@@ -144,6 +144,7 @@ def histogram_row(rotations: int, share: float, rounds: int) -> dict[str, Any]:
         rounds,
     )
     one, batch = medians(one_times, 1e6), medians(batch_times, 1e6 / BATCH)
+    ratios = ratio_quartiles(one_times, ONE_RATIOS) | ratio_quartiles(batch_times, BATCH_RATIOS)
     wrong = _different_votes(plain, fast, book, structures, samples)
     return {
         "taxels": len(points),
@@ -155,10 +156,8 @@ def histogram_row(rotations: int, share: float, rounds: int) -> dict[str, Any]:
         "one_sample_quartiles_us": spreads(one_times, 1e6),
         "batch_quartiles_us_per_sample": spreads(batch_times, 1e6 / BATCH),
         "votes_that_differ": wrong,
-        "ratio_quartiles": ratio_quartiles(one_times, ONE_RATIOS)
-        | ratio_quartiles(batch_times, BATCH_RATIOS),
-        "ratios": {name: one[a] / one[b] for name, (a, b) in ONE_RATIOS.items()}
-        | {name: batch[a] / batch[b] for name, (a, b) in BATCH_RATIOS.items()},
+        "ratio_quartiles": ratios,
+        "ratios": {name: middle for name, (_, middle, _) in ratios.items()},
     }
 
 

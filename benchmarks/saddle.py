@@ -66,7 +66,6 @@ def _rows_of_size(n: int, slow_peers: bool) -> list[dict[str, Any]]:
             seconds, maps[name] = _cpu(run)
             times[name].append(seconds)
     fastest = min(factors, key=lambda name: median(times[name]))
-    unit = median(times[fastest])
     rows: list[dict[str, Any]] = [
         {
             "n": n,
@@ -79,16 +78,16 @@ def _rows_of_size(n: int, slow_peers: bool) -> list[dict[str, Any]]:
     ]
     for name, uv in maps.items():
         seconds = median(times[name])
+        # Of the same turns: a busy machine slows both.
+        ratios = quartiles(np.array(times[name]) / np.array(times[fastest][: len(times[name])]))
         rows.append(
             {
                 "n": n,
                 "method": name,
                 "peer": name not in OURS,
                 "seconds": seconds,
-                "C": seconds / unit,
-                "C_quartiles": quartiles(
-                    np.array(times[name]) / np.array(times[fastest][: len(times[name])])
-                ),
+                "C": ratios[1],
+                "C_quartiles": ratios,
                 "quartiles_s": quartiles(times[name]),
                 **distortion(vertices, faces, uv),
             }

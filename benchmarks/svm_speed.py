@@ -88,6 +88,7 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
         rounds,
     )
     many, single = medians(many_times, 1e6), medians(single_times, 1e6)
+    ratios = ratio_quartiles(many_times, RATIOS) | ratio_quartiles(single_times, ONE_RATIOS)
     gap = np.abs(ours.decision_function(z) - peer(z)).max()
     return {
         "counts": "real" if real else "whole",
@@ -101,10 +102,8 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
         "one_sample_quartiles_us": spreads(single_times, 1e6),
         "largest_difference": float(gap),
         "labels_that_differ": int((ours.predict(z) != _labels(svc, z, support, ours, x)).sum()),
-        "ratio_quartiles": ratio_quartiles(many_times, RATIOS)
-        | ratio_quartiles(single_times, ONE_RATIOS),
-        "ratios": {name: many[a] / many[b] for name, (a, b) in RATIOS.items()}
-        | {name: single[a] / single[b] for name, (a, b) in ONE_RATIOS.items()},
+        "ratio_quartiles": ratios,
+        "ratios": {name: middle for name, (_, middle, _) in ratios.items()},
     }
 
 
