@@ -57,7 +57,7 @@ lint: $(READY)  ## style, formatting, types, import order
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: $(READY)  ## all areas beside their peers, asked and got (20 min), to benchmarks/results/bench.html (ARGS=--quick: 3 min)
+bench: $(READY)  ## all areas beside their peers, asked and got (20 min), to benchmarks/results/bench.html (ARGS=--quick: 4 min)
 	$(BIN)/python benchmarks/bench.py $(ARGS)
 
 bench-compare: $(READY)  ## two results of `make bench`: make bench-compare OLD=a.json NEW=b.json

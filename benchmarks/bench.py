@@ -1,4 +1,4 @@
-"""All areas in one go, at most 20 minutes on 2 cores: `make bench` (ARGS=--quick: 3 minutes).
+"""All areas in one go, at most 20 minutes on 2 cores: `make bench` (ARGS=--quick: 4 minutes).
 
 Each area runs in a process of its own, one after the other, with one thread; one that fails or
 takes too long is reported and the others go on (exit code 1 at the end). Writes
@@ -75,7 +75,7 @@ def write_pages(result: dict[str, Any], target: Path) -> Path:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
     size = parser.add_mutually_exclusive_group()
-    size.add_argument("--quick", action="store_true", help="whether all of it runs (3 minutes)")
+    size.add_argument("--quick", action="store_true", help="whether all of it runs (4 minutes)")
     size.add_argument("--full", action="store_true", help="the full form of each area (an hour)")
     parser.add_argument("--only", nargs="+", choices=areas.NAMES, default=areas.NAMES)
     parser.add_argument("--out", type=Path, help="JSON to write; the page stands beside it")
