@@ -99,7 +99,8 @@ def measure_all(names: Sequence[str], form: str, keep: Path | None = None) -> di
     began = time.perf_counter()
     for area in areas.AREAS:
         if area.name in names:
-            print(f"{area.name}: {area.about} ...", file=sys.stderr, flush=True)
+            place = f"{len(result['areas']) + 1} of {len(names)}"
+            print(f"{area.name} ({place}): {area.about} ...", file=sys.stderr, flush=True)
             found = measure_one(area, form)
             result["areas"][area.name] = found
             state = found.get("failed") or "done"
