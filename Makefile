@@ -1,11 +1,13 @@
 # Variables: PYTHON (interpreter that makes .venv), UV (empty: use venv and pip even where uv is
-# present), OUT (where the demo writes), ARGS (passed on to the demo or to pytest), DIST (wheels),
+# present), OUT (where the demo writes), ARGS (passed on to the demo or to pytest), JOBS (processes
+# that test), DIST (wheels),
 # FUZZ_EXAMPLES, FUZZ_SECONDS and TARGETS (of `make fuzz`: examples of each kind of damage, how long
 # it follows coverage, and of which readers).
 PYTHON ?= python3
 OUT ?= build/demo
 DIST ?= dist
 ARGS ?=
+JOBS ?= 2
 TARGETS ?=
 FUZZ_EXAMPLES ?= 5000
 FUZZ_SECONDS ?= 60
@@ -29,7 +31,7 @@ demo: $(READY)  ## touches named on the iCub's body, written to build/demo (or O
 
 test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
 	@$(BIN)/python scripts/system_packages.py --browser
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(ARGS)
 
 fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each kind, then FUZZ_SECONDS by coverage
 	HYPOTHESIS_PROFILE=fuzz FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(BIN)/python -m pytest tests -m fuzz $(ARGS)
