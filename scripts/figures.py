@@ -216,7 +216,12 @@ def _read(results: Path, name: str) -> Any:
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     lines = [heads, ["---"] * len(heads), *rows]
-    return [f"| {' | '.join(line)} |".replace("|  |", "| |").replace("| ---", "|---").replace("--- |", "---|") for line in lines]
+    return [
+        f"| {' | '.join(line)} |".replace("|  |", "| |")
+        .replace("| ---", "|---")
+        .replace("--- |", "---|")
+        for line in lines
+    ]
 
 
 if __name__ == "__main__":

@@ -58,6 +58,13 @@ def check(words: list[str], result: Result) -> None:
         for one in printed:
             faults = sorted(found.iter_errors(one), key=str)
             assert not faults, f"{name} --json against docs/schemas: {faults[0].message}"
+            new = set(one) - top_keys(found.schema)
+            assert not new, f"{name} --json has keys that docs/schemas does not: {sorted(new)}"
+
+
+def top_keys(schema: Any) -> set[str]:
+    """All keys that an object may have at its top; a live source prints several kinds of it."""
+    return {key for one in schema.get("anyOf", [schema]) for key in one["properties"]}
 
 
 def watch(monkeypatch: Any) -> None:

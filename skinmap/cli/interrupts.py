@@ -15,7 +15,12 @@ IMPORTING = "<frozen importlib._bootstrap>"
 
 
 def end_on_interrupt() -> None:
-    """Raise `KeyboardInterrupt` on Ctrl-C, once no import is going on."""
+    """Raise `KeyboardInterrupt` on Ctrl-C, once no import is going on.
+
+    A shell's background job is started with Ctrl-C ignored, and goes on ignoring it.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        return
     signal.signal(signal.SIGINT, _interrupted)
     signal.signal(signal.SIGALRM, _interrupted)
 

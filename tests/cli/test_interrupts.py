@@ -44,3 +44,12 @@ def test_interrupt_in_an_import_that_catches_everything_still_ends(ours, tmp_pat
 def test_interrupt_elsewhere_ends_at_once(ours):
     with pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)
+
+
+def test_background_job_goes_on_ignoring_it():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        end_on_interrupt()
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -9,14 +9,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
 
 import skinmap
+from skinmap.cli.main import cli
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PLUGINS = DOCS / "examples" / "plugins"
 TUTORIALS = sorted((DOCS / "tutorials").glob("*.py"))
+SCHEMAS = sorted((DOCS / "schemas").glob("*.json"))
 PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
 USE = """
 import sys
@@ -103,13 +106,46 @@ def test_local_links_of_a_page_lead_to_files(page):
             assert (page.parent / link.partition("#")[0]).exists(), link
 
 
-@pytest.mark.parametrize("file", sorted((DOCS / "schemas").glob("*.json")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("file", SCHEMAS, ids=lambda path: path.stem)
 def test_schema_is_one_and_every_key_of_it_is_in_the_page(file):
     from jsonschema import Draft202012Validator
 
     schema = json.loads(file.read_text())
     Draft202012Validator.check_schema(schema)
     page = (DOCS / "json.md").read_text()
-    missing = [key for key in schema["properties"] if f"`{key}`" not in page]
+    kinds = schema.get("anyOf", [schema])
+    missing = [key for kind in kinds for key in kind["properties"] if f"`{key}`" not in page]
     assert not missing
     assert not Draft202012Validator(schema).is_valid({})  # some keys are always there
+
+
+def test_every_command_with_json_has_a_schema():
+    names = [name for name, command in commands(cli) if takes_json(command)]
+    missing = {"-".join(name) for name in names} - {file.stem for file in SCHEMAS}
+    assert not missing
+
+
+def commands(group, above=()):
+    """All commands by the words that call them."""
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        if isinstance(command, click.Group):
+            yield from commands(command, (*above, name))
+        else:
+            yield (*above, name), command
+
+
+def takes_json(command):
+    return any("--json" in parameter.opts for parameter in command.params)
+
+
+@pytest.mark.parametrize(
+    "kept", sorted((ROOT / "benchmarks" / "results").glob("evaluation_*.json"))
+)
+def test_kept_evaluations_keep_their_schema(kept):
+    """The long protocols run in no test; what they printed is kept."""
+    from jsonschema import Draft202012Validator
+
+    schema = json.loads((DOCS / "schemas" / "evaluate.json").read_text())
+    Draft202012Validator(schema).validate(json.loads(kept.read_text()))
