@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import re
 import runpy
@@ -20,6 +21,7 @@ DOCS = ROOT / "docs"
 PLUGINS = DOCS / "examples" / "plugins"
 TUTORIALS = sorted((DOCS / "tutorials").glob("*.py"))
 SCHEMAS = sorted((DOCS / "schemas").glob("*.json"))
+THEORY = sorted((DOCS / "theory").glob("*.md"))
 PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
 USE = """
 import sys
@@ -149,3 +151,22 @@ def test_kept_evaluations_keep_their_schema(kept):
 
     schema = json.loads((DOCS / "schemas" / "evaluate.json").read_text())
     Draft202012Validator(schema).validate(json.loads(kept.read_text()))
+
+
+def test_every_folder_with_formulas_has_a_page_of_theory():
+    folders = [path.parent for path in (ROOT / "skinmap").glob("*/__init__.py")]
+    plain = {"cli", "parallel"}  # commands; tasks handed out, whose estimate is in docs/scale.md
+    names = {folder.name for folder in folders} - plain | {"calibration", "viewer"}
+    assert names == {page.stem for page in THEORY}
+
+
+@pytest.mark.parametrize("page", THEORY, ids=lambda path: path.stem)
+def test_theory_names_code_that_exists_and_sources_with_a_year(page):
+    text = page.read_text()
+    for name in re.findall(r"`((?:skinmap|calibration|viewer)(?:\.[a-z_]+)+)`", text):
+        assert importlib.util.find_spec(name) is not None, name
+    sources = text.partition("## Sources")[2].partition("The interface")[0]
+    for source in re.split(r"^- ", sources, flags=re.MULTILINE)[1:]:
+        assert re.search(r"\b(1[89]|20)\d\d\b|as under|documentation", source), source
+    for year in re.findall(r"\([A-Z][^()]*? (\d{4})\)", text):
+        assert year in sources or "as under" in sources, year
