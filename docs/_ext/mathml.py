@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from docutils import nodes
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
     from sphinx.writers.html5 import HTML5Translator
 
+NORM = re.compile("<mo[^>]*>‖</mo>")
 logger = logging.getLogger(__name__)
 
 
@@ -20,10 +22,12 @@ def _mathml(node: nodes.Element, *, block: bool) -> str:
     """A formula's MathML; one that cannot be converted is a warning that names it."""
     tex = node.astext()
     try:
-        return str(tex2mathml(tex, as_block=block))
+        made = str(tex2mathml(tex, as_block=block))
     except MathError as error:
         logger.warning("formula %r: %s", tex, error, location=node)
         return ""
+    # The left bar of a norm would grow with what follows it, and the right one would not.
+    return NORM.sub('<mo stretchy="false">‖</mo>', made)
 
 
 def visit_inline(self: HTML5Translator, node: nodes.math) -> None:

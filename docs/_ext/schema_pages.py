@@ -13,7 +13,7 @@ def schemas_text(folder: Path) -> str:
     texts = []
     for file in sorted(folder.glob("*.json")):
         schema = json.loads(file.read_text())
-        texts += [f"## {schema['title']}", "", schema.get("description", ""), ""]
+        texts += [f"## `{schema['title']}`", "", schema.get("description", ""), ""]
         texts += [f"Schema: {{download}}`{file.name} <../schemas/{file.name}>`", ""]
         for one in schema.get("anyOf", [schema]):  # a line of a live source is one of several
             texts += ["| key | type | |", "|---|---|---|"]

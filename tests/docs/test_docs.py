@@ -8,6 +8,7 @@ import re
 import runpy
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import click
@@ -23,6 +24,7 @@ TUTORIALS = sorted((DOCS / "tutorials").glob("*.py"))
 SCHEMAS = sorted((DOCS / "schemas").glob("*.json"))
 THEORY = sorted((DOCS / "theory").glob("*.md"))
 PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
+BUILD = "import sys; from setuptools import build_meta; build_meta.build_wheel(sys.argv[1])"
 USE = """
 import sys
 sys.path.insert(0, sys.argv[1])
@@ -81,17 +83,16 @@ def test_readmes_manifest_is_that_of_the_example():
 
 
 def test_reader_and_source_of_the_example_are_installed_and_run(tmp_path):
-    have_pip = subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True)
-    if have_pip.returncode:
-        pytest.skip("no pip in this environment to install the example with")
+    """The wheel is unpacked as an installer would; pip itself costs five times as much."""
     source, target = tmp_path / "source", tmp_path / "installed"
     source.mkdir()  # a copy: building leaves folders beside the source
     for file in PLUGINS.glob("*.*"):
         (source / file.name).write_text(file.read_text())
-    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
-    command += ["--no-build-isolation", "--target", str(target), str(source)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    build = [sys.executable, "-c", BUILD, str(tmp_path)]
+    done = subprocess.run(build, cwd=source, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
+    (wheel,) = tmp_path.glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(target)
     run = [sys.executable, "-c", USE, str(target)]
     result = subprocess.run(run, capture_output=True, text=True, timeout=300)
     assert result.returncode == 0, result.stderr
