@@ -71,6 +71,19 @@ def dead(share: float) -> Any:
     return lambda x, rng: np.where(rng.random(x.shape[1]) < share, 0, x).astype(np.uint8)
 
 
+def unplugged(modules: float) -> Any:
+    """So many boards of seven taxels that read nothing, anywhere on the planted lattice."""
+    row, column = np.divmod(np.arange(120), 12)
+    places = np.column_stack([column + 0.5 * (row % 2), row * np.sqrt(0.75)])
+
+    def change(x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        middles = places[rng.choice(120, int(modules), replace=False)]
+        away = np.linalg.norm(places[:, None] - middles[None], axis=2)
+        return np.where((away < 1.1).any(axis=1), 0, x).astype(np.uint8)
+
+    return change
+
+
 def gained(gain: float) -> Any:
     return lambda x, rng: np.clip(gain * x.astype(float), 0, 255).astype(np.uint8)
 
@@ -144,10 +157,11 @@ CLASSIFY = [
             outside,
             unit,
         )
-        for name in ("contact-geometry", "histogram")
+        for name in ("contact-geometry", "histogram", "paper", "raw-rbf", "fusion")
         for axis, make, inside, outside, unit in (
             ("noise", noisy, (0.0, 2.0, 4.0), (), "counts"),
             ("dead taxels", dead, (0.0, 0.02, 0.05), (), "of the taxels"),
+            ("missing modules", unplugged, (0, 1, 3), (), "of seven taxels of 120"),
             (
                 "saturation",
                 gained,

@@ -4,16 +4,32 @@ from __future__ import annotations
 
 import re
 
-from . import calibrations, classifying, contacts, flat_maps, samples, surfaces
+from . import (
+    calibrations,
+    classifying,
+    contacts,
+    flat_maps,
+    following,
+    kept,
+    missing,
+    mounts,
+    places,
+    samples,
+    surfaces,
+)
 from .law import Law, Measured, decade
 
 CHAPTERS = {
     "Triangles and surface meshes": surfaces.LAWS,
+    "Where taxels are": places.LAWS,
     "Flat maps, geodesics, structures": flat_maps.LAWS,
     "Contacts, images, histograms": contacts.LAWS,
+    "Missing modules, dead and full taxels": missing.LAWS,
     "Classifiers and the simulator": classifying.CLASSIFY,
-    "Calibration": calibrations.LAWS,
+    "Calibration": calibrations.LAWS + mounts.LAWS,
     "Live samples and taxel tables": samples.LAWS,
+    "The live loop, contacts and baselines": following.LAWS,
+    "What is written and read again": kept.LAWS,
     "The viewer's colours": classifying.VIEWER,
 }
 LAWS = [law for laws in CHAPTERS.values() for law in laws]
