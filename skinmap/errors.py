@@ -18,6 +18,7 @@ DAMAGED_ARCHIVE: tuple[type[Exception], ...] = (
     AttributeError,
     OSError,
     EOFError,
+    OverflowError,  # a shape of numbers that no integer of the machine holds
     RuntimeError,  # a flipped bit says that a member is encrypted, or compressed in an unknown way
     SyntaxError,
     zipfile.BadZipFile,

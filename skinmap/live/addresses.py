@@ -42,6 +42,9 @@ class Address:
         return f"tcp://{host}:{self.port}"
 
 
+DIGITS = 5  # of the highest port; Python refuses to read thousands of them
+
+
 def parse_address(text: str) -> Address:
     """Read "PORT" or "HOST:PORT"; an IPv6 host stands in brackets.
 
@@ -52,7 +55,7 @@ def parse_address(text: str) -> Address:
     """
     host, _, port = text.rpartition(":")
     host = host.removeprefix("[").removesuffix("]") if host.startswith("[") else host
-    digits = port.isascii() and port.isdigit()
+    digits = port.isascii() and port.isdigit() and len(port) <= DIGITS
     known = all(letter.isalnum() or letter in ".-_*:%" for letter in host)
     if not digits or not 1 <= int(port) <= 65535 or not known or host.startswith("-"):
         raise InvalidArrayError(f"{text!r} is no address; expected PORT or HOST:PORT, such as 5555")

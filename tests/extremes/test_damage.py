@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 from skinmap import archive
 from skinmap.errors import DataFormatError, InvalidArrayError
+from skinmap.live.addresses import parse_address
 from skinmap.touch.recording import Recording
 from viewer.interaction.view_file import load_view
 from viewer.web.hub import Client
@@ -158,6 +159,12 @@ def test_old_names_of_types_are_read_without_a_word(tmp_path):
         assert arrays["head"].tolist() == [b"ab"]
 
 
+def npy(shape: str) -> bytes:
+    """The head of an array of some shape, and nothing else."""
+    head = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}}}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head.encode()
+
+
 @pytest.mark.parametrize(
     ("target", "content", "said"),
     [
@@ -165,6 +172,7 @@ def test_old_names_of_types_are_read_without_a_word(tmp_path):
         ("module-layout", b"slots_mm = [[0, 0]]\ncentre = inf", "not a module layout"),
         ("module-layout", b"slots_mm = [[0, 1e3], [%s, 0]]" % (b"9" * 400), "not a module layout"),
         ("module-layout-csv", b"slot,x_mm\n" + b"1" * 200_000, "not a module layout"),
+        ("samples-npy", npy("(99999999999999999999, 2)"), "too large"),
         ("anchors", b"channel,x,y,z\n99999999999999999999,0,0,0\n", "whole numbers from 0"),
         ("batch", b"name,layout,mesh,anchors\n" + b"a" * 200_000, "not CSV: field larger"),
     ],
@@ -212,3 +220,8 @@ def test_self_touch_of_strange_arrays_is_refused_with_a_line(tmp_path, file, mem
     with warnings.catch_warnings(), pytest.raises(DataFormatError, match=said):
         warnings.simplefilter("error")
         target.read(tmp_path / target.file)
+
+
+def test_ports_of_thousands_of_digits_are_no_addresses():
+    with pytest.raises(InvalidArrayError, match="is no address"):
+        parse_address("1" * 5000)

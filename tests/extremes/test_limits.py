@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from limits.law import Law, Measured, Outside, decade, measure
+from limits.law import Law, Measured, Outside, measure, one_digit
 from limits.page import LAWS, page, same_on_all_machines
 
 PAGE = Path(__file__).parents[2] / "docs" / "limits.md"
@@ -54,10 +54,11 @@ def test_another_reaction_than_the_stated_one_is_named():
 
 
 @pytest.mark.parametrize(
-    ("value", "said"), [(0, "0"), (1, "1e0"), (0.99, "1e0"), (3e-7, "1e-6"), (2.0, "1e1")]
+    ("value", "said"),
+    [(0, "0"), (1, "1"), (0.99, "1"), (3e-7, "3e-07"), (2.1, "3"), (0.31, "0.4"), (45, "5e+01")],
 )
-def test_deviations_are_rounded_up_to_a_decade(value, said):
-    assert decade(value) == said
+def test_deviations_are_rounded_up_to_one_digit(value, said):
+    assert one_digit(value) == said
 
 
 def test_only_what_was_found_may_differ_between_machines():

@@ -104,9 +104,12 @@ def measure(law: Law) -> Measured:
     return Measured(law, worst, tuple(one.check() for one in law.outside))
 
 
-def decade(value: float) -> str:
-    """A deviation rounded up to a power of ten: other machines differ in digits."""
-    return "0" if value == 0 else f"1e{math.ceil(math.log10(value)):d}"
+def one_digit(value: float) -> str:
+    """A deviation rounded up to one digit: other machines differ in the rest."""
+    if value == 0:
+        return "0"
+    unit = 10.0 ** math.floor(math.log10(value))
+    return f"{math.ceil(value / unit * (1 - 1e-9)) * unit:.1g}"
 
 
 def _outcome(run: Callable[[], Any]) -> tuple[str, str]:

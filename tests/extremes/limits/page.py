@@ -17,7 +17,7 @@ from . import (
     samples,
     surfaces,
 )
-from .law import Law, Measured, decade
+from .law import Law, Measured, one_digit
 
 CHAPTERS = {
     "Triangles and surface meshes": surfaces.LAWS,
@@ -39,7 +39,7 @@ Written by `make limits` from the laws of `tests/extremes/limits`; the test suit
 and refuses a page that says something else. A range names the least and the largest value that was
 tried, at steps in between; a list names each. Beyond the range nothing is promised except where the
 last column says what comes of it: an error or warning by name, or what comes back. "Found" is the
-largest deviation that was measured, rounded up to a power of ten; it may differ between machines,
+largest deviation that was measured, rounded up to one digit; it may differ between machines,
 "allowed" may not. Planted and simulated data, as everywhere in the suite.
 """
 COLUMNS = ("function", "axis", "what holds", "within", "allowed", "found", "outside")
@@ -77,5 +77,5 @@ def _row(found: Measured) -> tuple[str, ...]:
     return (
         f"`{law.function}`", law.axis, law.law, law.range(),
         (f"{law.bound:g}: {law.why}" if law.bound else f"exact: {law.why}") if tried else "",
-        decade(found.worst) if tried else "", outside,
+        one_digit(found.worst) if tried else "", outside,
     )  # fmt: skip
