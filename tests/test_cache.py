@@ -1,5 +1,6 @@
 """The cache: right whatever happens to it, bounded, and safe when two processes write."""
 
+import errno
 import json
 import os
 import resource
@@ -174,6 +175,21 @@ def test_folder_that_cannot_be_made_costs_time_only(monkeypatch):
     with pytest.warns(CacheWarning, match=r"cannot write the cache /proc/skinmap-cache"):
         assert same(cached("thing", ["x"], maker), ARRAYS)
     assert same(cached("thing", ["x"], maker), ARRAYS)  # said once
+
+
+def test_folder_that_became_read_only_is_read_and_costs_time_only(folder, monkeypatch):
+    cached("thing", ["x"], Maker())
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    for name in ("tempfile.mkstemp", "os.utime", "os.unlink", "os.remove"):
+        monkeypatch.setattr(name, refuse)
+    known, other = Maker(), Maker()
+    assert same(cached("thing", ["x"], known), ARRAYS)
+    assert known.made == 0
+    with pytest.warns(CacheWarning, match="cannot write the cache"):
+        assert same(cached("thing", ["y"], other), ARRAYS)
 
 
 def test_folder_that_others_may_write_to_is_not_used(folder):
