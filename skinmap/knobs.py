@@ -102,6 +102,8 @@ KNOBS: Mapping[str, Mapping[str, Allowed]] = {
         "style": Allowed(("surface", "discs")),
         "links": Allowed(("all", "skin", "none")),
         "layer": Allowed(any_name=True),
+        "detail": _number(0.1, 100.0),
+        "contour_rate": _number(0.1, 1000.0),
     },
 }
 

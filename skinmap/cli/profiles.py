@@ -101,14 +101,20 @@ def _say_profile(ctx: click.Context) -> None:
     measured = " ".join(word for word in (profile.robot, profile.part) if word)
     name = f"profile {profile.path}" + (f" ({measured})" if measured else "")
     said = ", ".join(f"{knob} {value}" for knob, value in took.items())
-    given = [knob for knob in ctx.meta[PROFILE][1].values() if knob not in took]
-    over = f"; given here: {', '.join(given)}" if given else ""
-    nothing = "nothing in it" if given else "no knob of it concerns this command"
+    won = [knob for knob in ctx.meta[PROFILE][1].values() if knob not in took]
+    over = f"; given here: {', '.join(won)}" if won else ""
+    nothing = "nothing in it" if won else "no knob of it concerns this command"
     click.echo(f"{name}: {said or nothing}{over}", err=True)
-    robot = str(ctx.params.get("robot") or "")
-    if robot and profile.robot and Path(robot).resolve() != Path(profile.robot).resolve():
+    robots = ctx.params.get("robots") or (ctx.params.get("robot"),)
+    others = [one for one in robots if one and profile.robot and not _same(one, profile.robot)]
+    if others:
         click.echo(
-            f"Warning: the profile was measured on {profile.robot}, this is {robot}: "
+            f"Warning: the profile was measured on {profile.robot}, this is {', '.join(others)}: "
             "times and errors may differ from those predicted",
             err=True,
         )
+
+
+def _same(one: str, other: str) -> bool:
+    """Whether two words name one robot: as they are, or as paths."""
+    return Path(one).resolve() == Path(other).resolve()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 
 import click
 import pytest
@@ -13,6 +14,7 @@ from skinmap import __version__
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.knobs import KNOBS, Allowed
+from skinmap.trade.task import tasks
 
 # Those that write profiles.
 WITHOUT = {"trade"}
@@ -104,9 +106,82 @@ def test_every_command_can_use_what_it_takes(words, tmp_path):
 
 def test_every_knob_is_an_option_somewhere():
     options = {name for command in COMMANDS.values() for name in options_of(command)}
-    tables = (KNOBS["calibrate"], KNOBS["view"])
-    knobs = {f"--{name.replace('_', '-')}" for table in tables for name in table}
-    assert not knobs - options
+    knobs = {name for table in KNOBS.values() for name in table}
+    assert not {f"--{name.replace('_', '-')}" for name in knobs} - options
+
+
+@pytest.mark.parametrize("task", list(KNOBS))
+def test_every_knob_of_a_task_may_stand_in_a_profile_and_its_values_too(task):
+    measured = tasks.get(task)
+    assert {knob.name for knob in measured.knobs} <= set(KNOBS[task])
+    settings = measured.settings()
+    for knob in measured.knobs:  # each is measured at two values, one of which may be left unsaid
+        values = {setting.get(knob.name) for setting in settings}
+        assert len(values) >= 2, knob.name
+    for name, value in {(n, v) for setting in settings for n, v in setting.items()}:
+        assert KNOBS[task][name].allows(value), (name, value)
+
+
+# What a user's profile says, and the parameters of the commands that obey it.
+CHOSEN = """
+[flatten]
+meshing = "fast"
+method = "slim"
+iterations = 3
+precision = "float32"
+[classify]
+classifier = "histogram"
+radius_mm = 6.5
+words = 4
+rotations = 1
+distance = "geodesic"
+search = "plain"
+precision = "float32"
+[calibrate]
+starts = 1
+steps = 6
+wrap_detail_mm = 8.0
+[view]
+style = "discs"
+links = "none"
+detail = 12.0
+contour_rate = 4.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "given", "table"),
+    [
+        ("flatten", "icub", "flatten"),
+        ("train", "recording.npz", "classify"),
+        ("calibrate wrap", "--layout {f} --mesh {f} --anchors {f} -o out", "calibrate"),
+        ("calibrate batch", "{f} -o out", "calibrate"),
+        ("view", "icub", "view"),
+    ],
+)
+def test_the_settings_of_a_profile_reach_the_command(words, given, table, tmp_path):
+    path = tmp_path / "p.toml"
+    path.write_text(HEAD + CHOSEN)
+    arguments = [*given.format(f=path).split(), "--profile", str(path)]
+    wanted = tomllib.loads(CHOSEN)[table]
+    with COMMANDS[words].make_context(words, arguments) as ctx:
+        found = {name: ctx.params[name] for name in wanted}
+    # Options may be words; numbers are read by the command.
+    assert {n: str(v) for n, v in found.items()} == {n: str(v) for n, v in wanted.items()}
+
+
+@pytest.mark.parametrize("command", ["flatten kaspar", "structures kaspar"])
+def test_a_profile_of_another_robot_is_taken_with_a_warning(command, tmp_path):
+    path = tmp_path / "p.toml"
+    path.write_text(HEAD + '[flatten]\nmethod = "fast"\n')
+    words = [*command.split(), "--part", "right_hand", "--profile", str(path), "--json"]
+    found = CliRunner().invoke(cli, words, catch_exceptions=False)
+    assert json.loads(found.stdout)["profile"]["file"] == str(path)
+    said = [line for line in found.stderr.splitlines() if line.startswith("Warning: ")]
+    assert said == [
+        "Warning: the profile was measured on icub, this is kaspar: times and errors may differ "
+        "from those predicted"
+    ]
 
 
 def test_the_command_line_wins_over_the_profile(tmp_path):
@@ -148,7 +223,6 @@ def test_what_trade_writes_is_read_back(tmp_path):
     from skinmap.profile import read_profile
     from skinmap.trade.points import Point
     from skinmap.trade.profile_file import Origin, write_profile
-    from skinmap.trade.task import tasks
 
     points = [
         Point(name, dict(setting), 0.125, 1.5, tasks.get(name).unit)

@@ -7,7 +7,10 @@ import pytest
 
 import skinmap
 from skinmap.knobs import KNOBS
-from skinmap.trade.task import defaults, tasks
+from skinmap.touch.contacts import ACTIVE
+from skinmap.trade.measuring import untimed
+from skinmap.trade.task import tasks
+from viewer import trade_task
 from viewer.trade_task import ViewTask, colour_difference, view_task
 
 
@@ -25,11 +28,37 @@ def test_colour_difference_is_a_share_of_full_scale():
     assert colour_difference(half, black) == pytest.approx(np.sqrt(0.5), abs=1e-12)
 
 
-def test_the_richest_picture_has_no_error_and_a_poorer_one_has():
-    prepared = view_task.prepare(skinmap.load_robot("baxter-forearm"), ("forearm",), seed=0)
-    richest = view_task.run(prepared, defaults(view_task.knobs), seed=0)
-    bare = view_task.run(prepared, {"style": "surface", "links": "none"}, seed=0)
-    assert richest.error == 0.0
-    assert richest.seconds > 0
-    # The body covers a share of the picture and is darker than what is behind it.
-    assert 0.5 < bare.error < 50.0
+@pytest.fixture
+def prepared(monkeypatch):
+    """Short touches on a forearm without a body, in small pictures."""
+    monkeypatch.setattr(trade_task, "SIZE", (320, 240))
+    monkeypatch.setattr(trade_task, "STEPS", 4)
+    return view_task.prepare(skinmap.load_robot("baxter-forearm"), ("forearm",), seed=0)
+
+
+def test_a_poorer_picture_has_an_error_and_the_truth_itself_none(prepared):
+    with untimed():
+        errors = {
+            name: view_task.run(prepared, setting, seed=0).error
+            for name, setting in (
+                ("truth", trade_task.RICHEST),
+                ("bare", {"links": "none"}),
+                ("coarse", {"detail": 12.0}),
+                ("seldom", {"detail": trade_task.FINE, "contour_rate": 1.0}),
+            )
+        }
+    assert errors["truth"] == 0.0
+    # Contours of 0.1 s ago change some lines and cells of 12 pixels the body's edges; a body left
+    # out is more of the picture than either.
+    assert 0.0 < errors["seldom"] < errors["bare"]
+    assert 0.0 < errors["coarse"] < errors["bare"] < 50.0
+
+
+def test_every_moment_has_a_touch_that_lies_where_it_is_felt(prepared):
+    assert len(prepared.moments) == 4 * trade_task.STEPS
+    times = [moment.time for moment in prepared.moments]
+    assert times == sorted(times)
+    for moment in prepared.moments:
+        [touch] = moment.touches
+        values = moment.pressures["forearm"]
+        assert values[touch.taxels].min() >= ACTIVE > np.delete(values, touch.taxels).max()
