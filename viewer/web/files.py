@@ -1,4 +1,4 @@
-"""The page's own files: served one by one, or its scripts joined into one."""
+"""The page's own files, and its scripts joined into one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ EXPORT = re.compile(r"^export (?=(?:async )?(?:const|function|class) ([\w$]+))",
 
 @cache
 def page_files() -> dict[str, tuple[str, bytes]]:
-    """Type and content of each of the page's files by name: nothing else is ever served."""
+    """Type and content of each of the page's files by name."""
     folder = resources.files("viewer.web") / "page"
     files = {entry.name: entry for entry in folder.iterdir() if entry.is_file()}
     found = {
@@ -24,6 +24,16 @@ def page_files() -> dict[str, tuple[str, bytes]]:
     }
     found[""] = found.pop("index.html")
     return found
+
+
+@cache
+def served_files() -> dict[str, tuple[str, bytes]]:
+    """Type and content of what is served, by name: all scripts as one, so that one answer brings
+    them, and nothing else ever.
+    """
+    served = {n: file for n, file in page_files().items() if not n.endswith(".js")}
+    kind = page_files()[f"{START}.js"][0]
+    return served | {f"{START}.js": (kind, joined_scripts().encode())}
 
 
 def page_text(name: str) -> str:

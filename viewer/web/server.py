@@ -26,7 +26,7 @@ from viewer.drawing.body import Links
 from viewer.interaction.view_file import SavedView, content_of
 from viewer.layers import Layers
 from viewer.playing.player import Player
-from viewer.web.files import page_files
+from viewer.web.files import served_files
 from viewer.web.guard import LIVE, LOOPBACK, Guard, Refusal, is_loopback, new_token, page_headers
 from viewer.web.hub import Hub
 from viewer.web.scene_data import make_scene
@@ -251,8 +251,8 @@ class WebServer:
             return None
         if asked == SCENE:
             kind, content = "application/octet-stream", self.hub.scene.packed
-        elif asked in page_files():
-            kind, content = page_files()[asked]
+        elif asked in served_files():
+            kind, content = served_files()[asked]
         else:
             return _respond(connection, HTTPStatus.NOT_FOUND, b"nothing here\n")
         return _respond(connection, HTTPStatus.OK, content, kind, request.headers["Host"])

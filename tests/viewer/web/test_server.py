@@ -11,7 +11,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skinmap.errors import InvalidArrayError, SkinWarning, UnknownNameError, UnreachableError
 from skinmap.live.moment import Moment
-from viewer.web.files import page_files
+from viewer.web.files import page_files, served_files
 from viewer.web.guard import LIVE
 from viewer.web.packing import unpack
 from viewer.web.server import LARGEST, bind
@@ -39,7 +39,7 @@ def refused(live, **options) -> int:
 
 
 def test_every_file_is_served_with_the_token_and_refused_without(server, get):
-    for name in [*page_files(), "scene.bin"]:
+    for name in [*served_files(), "scene.bin"]:
         status, content, headers = get(f"/{server.guard.token}/{name}")
         assert (status, len(content)) == (200, int(headers["Content-Length"]))
         assert "default-src 'none'" in headers["Content-Security-Policy"]
