@@ -9,27 +9,30 @@ more than what is left of the time of all, by what the size before took, is left
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from forked import CaseError, Cases
+from scaling_cases import turns_at, warm_at
 
-SIZES = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
+SIZES = (1_000, 3_000, 10_000, 30_000, 100_000, 1_000_000)
 DECADES = (1_000, 10_000, 100_000, 1_000_000)
 CURVES: Mapping[str, Sequence[int]] = {
-    "meshing": SIZES,
     "fast": SIZES,
-    "balanced": SIZES,
-    "structures": DECADES,
-    "histograms": DECADES,
+    "meshing": SIZES,
     "contacts": DECADES,
     "drawing": DECADES,
+    "histograms": DECADES,
+    "structures": DECADES,
+    "balanced": SIZES,  # last, as time may run out
 }
-LONGEST = 60.0  # CPU time of one point, its input included [s]; a longer one is left out
-BUDGET = 240.0  # CPU time of all points [s]
-GROWTH = 1.2  # exponent by which the next size's time is foreseen from the last one's
+LONGEST = 80.0  # CPU time of one point, its input included [s]; a longer one is left out
+BUDGET = 280.0  # CPU time of all points [s]
+GROWTH = 1.1  # exponent by which the next size's time is foreseen from the last one's
 FREE_SHARE = 0.7  # of the memory that is free a point may be foreseen to take
+POINT = ("point_cpu_s", "point_fixed_cpu_s", "point_mb")
 PROGRAM = Path(__file__).with_name("scaling_cases.py")
 
 
@@ -44,28 +47,55 @@ def measure(quick: bool, *, longest: float = LONGEST, budget: float = BUDGET) ->
         CPU time of one point and of all [s].
     """
     rows: list[dict[str, Any]] = []
-    last: dict[str, tuple[int, float, float]] = {}  # taxels, CPU time, memory of a curve so far
+    last: dict[str, Last] = {}  # of a curve
+    spent = 0.0
     with Cases(PROGRAM) as cases:
         for n in SIZES[:1] if quick else SIZES:
             for curve in (name for name, sizes in CURVES.items() if n in sizes):
-                left = min(longest, budget - sum(row.get("point_cpu_s", 0.0) for row in rows))
-                reason = too_much(n, *last[curve], longest=left) if curve in last else ""
+                left = min(longest, budget - spent)
+                reason = last[curve].too_much(n, left) if curve in last else ""
                 found = [{"left_out": reason}] if reason else point(cases, curve, n)
                 rows += [{"curve": curve, "taxels": n, "peer": False} | row for row in found]
                 if "left_out" not in found[0]:
-                    last[curve] = n, found[0]["point_cpu_s"], found[0]["point_mb"]
+                    last[curve] = Last(n, *(found[0][key] for key in POINT))
+                    spent += last[curve].seconds
     return {"curves": in_order(rows), "exponents": exponents(rows), "budget_s": budget}
 
 
-def too_much(n: int, before: int, seconds: float, mb: float, *, longest: float) -> str:
-    """Why a size is left out, from what the size before took; "" where it is not."""
-    seconds = seconds * (n / before) ** GROWTH
-    if seconds > longest:
-        return f"would take about {seconds:.0f} s of {max(longest, 0.0):.0f} s left for it"
-    mb, free = mb * n / before, free_mb()
-    if mb > FREE_SHARE * free:
-        return f"would need about {mb:,.0f} MB where {free:,.0f} MB are free"
-    return ""
+@dataclass(frozen=True, slots=True)
+class Last:
+    """What the size before took.
+
+    Attributes
+    ----------
+    taxels : int
+    seconds, fixed : float
+        CPU time of the point, and of that what is the same at every size [s].
+    mb : float
+        Largest size of its process [MB].
+    """
+
+    taxels: int
+    seconds: float
+    fixed: float
+    mb: float
+
+    def too_much(self, n: int, left: float) -> str:
+        """Why n taxels are left out where `left` seconds are left; "" where they are not."""
+        grown = n / self.taxels
+        passes = (calls_at(n) / calls_at(self.taxels)) * grown**GROWTH
+        seconds = self.fixed + (self.seconds - self.fixed) * passes
+        if seconds > left:
+            return f"would take about {seconds:.0f} s of {max(left, 0.0):.0f} s left for it"
+        mb, free = self.mb * grown, free_mb()
+        if mb > FREE_SHARE * free:
+            return f"would need about {mb:,.0f} MB where {free:,.0f} MB are free"
+        return ""
+
+
+def calls_at(n: int) -> int:
+    """Calls of each task at a size."""
+    return 1 + warm_at(n) + turns_at(n)
 
 
 def free_mb() -> float:
@@ -81,13 +111,14 @@ def free_mb() -> float:
 def point(cases: Cases, curve: str, n: int) -> list[dict[str, Any]]:
     """Rows of one curve at one size, one for each of ours and each peer; or what went wrong.
 
-    The first has besides what the whole point took: `point_cpu_s` and `point_mb`.
+    The first has besides what the whole point took: `POINT`.
     """
     try:
         told = cases.ask(curve, n)
     except CaseError as error:
         return [{"left_out": str(error)}]
-    told["rows"][0] |= {"point_cpu_s": told["case_cpu_s"], "point_mb": told["case_mb"]}
+    whole = (told[key] for key in ("case_cpu_s", "fixed_cpu_s", "case_mb"))
+    told["rows"][0] |= dict(zip(POINT, whole, strict=True))
     return list(told["rows"])
 
 

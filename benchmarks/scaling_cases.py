@@ -6,13 +6,15 @@ is forked after the imports.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from forked import peak_mb, serve
 from timing import Times, take_turns
 
+PEERS_TO = 100_000  # taxels, beyond which the time is ours alone
 TURNS = ((10_000, 5), (30_000, 3), (100_000, 2))  # up to so many taxels, so many turns; one above
 IMPORTS = (
     "meshing", "saddle", "structures", "histogram_speed", "viewer_scenes", "igl", "pymeshlab",
@@ -33,35 +35,36 @@ def meshing(n: int) -> tuple[Tasks, Tasks]:
     from skinmap.surface.surface_mesh import build_surface
 
     skin = wavy_skin(n)
-    peers = {name: run for name, run in installed().items() if name.startswith("pymeshlab")}
+    peers = installed() if n <= PEERS_TO else {}
     return (
         {"meshing": lambda: build_surface(skin)},
-        {f"meshing, {name}": lambda run=run: run(skin) for name, run in peers.items()},
+        {
+            f"meshing, {name}": lambda run=run: run(skin)
+            for name, run in peers.items()
+            if name.startswith("pymeshlab")
+        },
     )
 
 
 def flattening(n: int, method: str) -> tuple[Tasks, Tasks]:
-    """A flat map of a saddle; libigl's LSCM up to 100,000 vertices, else one factorisation."""
-    from saddle import distortion, factor_cases, peer_cases, saddle
+    """A flat map of a saddle; libigl's LSCM beside `fast`."""
+    from saddle import distortion, peer_cases, saddle
 
     from skinmap.flat.disc_map import map_disc
     from skinmap.geometry.topology import boundary_loops
 
     vertices, faces = saddle(n)
-    loop = boundary_loops(faces)[0]
 
     def ours() -> None:
         uv = map_disc(vertices, faces, method=method).uv
         # No part of what is timed.
         AFTER[f"flattening, {method}"] = lambda: distortion(vertices, faces, uv)["flips"]
 
-    peer = "libigl LSCM" if n <= 100_000 else "scipy"
-    cases: Mapping[str, Any] = (peer_cases if n <= 100_000 else factor_cases)(vertices, faces, loop)
-    said = "libigl LSCM" if n <= 100_000 else "one factorisation (SciPy)"
-    return (
-        {f"flattening, {method}": ours},
-        {f"flattening, {said}": cases[peer]} if method == "fast" and peer in cases else {},
-    )
+    peers: Tasks = {}
+    if method == "fast" and n <= PEERS_TO:
+        cases = peer_cases(vertices, faces, boundary_loops(faces)[0])
+        peers = {"flattening, libigl LSCM": cases["libigl LSCM"]}
+    return {f"flattening, {method}": ours}, peers
 
 
 def structures(n: int) -> tuple[Tasks, Tasks]:
@@ -214,6 +217,7 @@ def child(curve: str, n: int) -> dict[str, Any]:
     """`rows` of one point; ours come first, as the largest memory only grows."""
     for run in CASES[curve](WARM)[0].values():  # imports and compiled code are no cost of a size
         run()
+    fixed = time.process_time()
     start = peak_mb()
     ours, peers = CASES[curve](n)
     before = start if curve in PREPARED else peak_mb()
@@ -223,17 +227,27 @@ def child(curve: str, n: int) -> dict[str, Any]:
         memory[name] = max(peak_mb() - before, 0.0)
         before = max(before, peak_mb())
     slow = max(sum(one.cpu) for one in first.values()) > SLOW_S
-    turns = 1 if slow else next((count for most, count in TURNS if n <= most), 1)
+    turns = 1 if slow else turns_at(n)
     calls = max(1, 200_000 // n) if curve in BRIEF else 3 if curve == "drawing" and not slow else 1
     tasks = {name: (run, calls) for name, run in ({} if slow else ours).items()}
     tasks |= {name: (run, calls if curve in BRIEF else 1) for name, run in peers.items()}
-    times = first | take_turns(tasks, turns, warm=int(n < TURNS[-1][0]))
+    times = first | take_turns(tasks, turns, warm=warm_at(n))
     rows = [_row(name, n, name in peers, one) for name, one in times.items()]
     for row in rows[: len(ours)]:
         name = row["curve"]
         row["peak_mb"] = memory[name]
         row |= {"flips": AFTER[name]()} if name in AFTER else {}
-    return {"rows": rows}
+    return {"rows": rows, "fixed_cpu_s": fixed}
+
+
+def turns_at(n: int) -> int:
+    """Turns of a size, the first call apart."""
+    return next((count for most, count in TURNS if n <= most), 1)
+
+
+def warm_at(n: int) -> int:
+    """Calls before the turns."""
+    return int(n < TURNS[-1][0])
 
 
 def _row(name: str, n: int, peer: bool, times: Times) -> dict[str, Any]:

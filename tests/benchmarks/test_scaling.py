@@ -24,7 +24,12 @@ def measured(monkeypatch):
             if curve == "fast" and n == 3_000:
                 raise scaling.CaseError("fast, 3000: not enough memory")
             row = {"curve": curve, "cpu_s": n * 1e-6}
-            return {"rows": [row], "case_cpu_s": self.seconds * n / 1e3, "case_mb": 100.0}
+            return {
+                "rows": [row],
+                "case_cpu_s": self.seconds * n / 1e3,
+                "case_mb": 100.0,
+                "fixed_cpu_s": 0.0,
+            }
 
     monkeypatch.setattr(scaling, "Cases", Planted)
     return scaling.measure
