@@ -17,8 +17,9 @@ body { padding: 0 1em }
 h1 { font-size: 1.6em } h2 { margin-top: 2em; border-bottom: 1px solid #ccc }
 table { border-collapse: collapse; width: 100%; font-size: 13px }
 table.asked { table-layout: fixed }
-.asked th:nth-child(1) { width: 37% } .asked th:nth-child(4) { width: 12% }
-.asked th:nth-child(6) { width: 9% } .asked th:nth-child(7) { width: 17% }
+.asked th:nth-child(1) { width: 34% } .asked th:nth-child(4) { width: 12% }
+.asked th:nth-child(6) { width: 9% } .asked th:nth-child(7) { width: 16% }
+.asked th:nth-child(8) { width: 7% } .asked td:nth-child(8) { white-space: nowrap }
 .asked th:nth-child(n+2):nth-child(-n+5) { text-align: right }
 th, td { text-align: left; padding: 3px 8px; border-bottom: 1px solid #e4e4e4; vertical-align: top }
 th { background: #f3f4f6 } td.number { text-align: right; white-space: nowrap }
@@ -169,6 +170,8 @@ def _scaling(rows: Sequence[Mapping[str, Any]]) -> Any:
             axis.set_xlim(700, 1.5e6)
             axis.grid(which="major", alpha=0.3)
         line[0].legend(fontsize=8, frameon=False)
+        if not line[1].lines:  # within what the input took
+            line[1].set_axis_off()
     for axis in axes[-1]:
         axis.set_xlabel("taxels")
     return figure
