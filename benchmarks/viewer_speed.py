@@ -203,8 +203,8 @@ def web_rows() -> Any:
     """
     try:
         page: Any = import_module("viewer_web")
-        page.OPENINGS, page.SECONDS, page.WAYS = 1, 2.0, ()
-        return page.measure()
+        page.WAYS = ()
+        return page.measure(True)
     except ModuleNotFoundError as error:
         return f"not measured: {error}"
 
