@@ -49,7 +49,8 @@ def main(arguments: list[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     whole = set(options.only) == set(areas.NAMES) and not options.quick
     target = options.out or (KEPT if whole else BUILD / f"bench_{form}.json")
-    result = measure_all(options.only, form, target)
+    measure_all(options.only, form, target)
+    result = json.loads(target.read_text(encoding="utf-8"))  # what the pages say is in the file
     page = write_pages(result, target)
     print(table_text(result["asked"]))
     print(f"\n{result['seconds']:.0f} s in all; written to {target} and {page.name}")
@@ -66,9 +67,9 @@ def write_pages(result: dict[str, Any], target: Path) -> Path:
     if target == KEPT:
         write_doc(result)
         if rows := result["areas"].get("needs", {}).get("rows"):
-            needs = {key: one for key, one in result.items() if key in HEAD} | rows
-            write(RESULTS / "needs.json", needs)
-            write_page(needs)
+            needs = RESULTS / "needs.json"
+            write(needs, {key: one for key, one in result.items() if key in HEAD} | rows)
+            write_page(json.loads(needs.read_text(encoding="utf-8")))
     return page
 
 
@@ -84,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def measure_all(names: Sequence[str], form: str, keep: Path | None = None) -> dict[str, Any]:
+def measure_all(names: Sequence[str], form: str, keep: Path) -> dict[str, Any]:
     """Every area's rows, what they are judged by, and the figures that `compare.py` compares.
 
     Parameters
@@ -92,7 +93,7 @@ def measure_all(names: Sequence[str], form: str, keep: Path | None = None) -> di
     names : sequence of str
         Areas to run.
     form : {"short", "full", "quick"}
-    keep : Path, optional
+    keep : Path
         Written after each area, so that a run that is broken off leaves what it had.
     """
     result: dict[str, Any] = about(form) | {"areas": {}}
@@ -105,8 +106,7 @@ def measure_all(names: Sequence[str], form: str, keep: Path | None = None) -> di
             result["areas"][area.name] = found
             state = found.get("failed") or "done"
             _judge(result, time.perf_counter() - began)
-            if keep is not None:
-                write(keep, result)
+            write(keep, result)
             print(f"  {state} ({found['seconds']:.0f} s)", file=sys.stderr, flush=True)
     return result
 
