@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 from skinmap.errors import MissingLibraryError
+from skinmap.live.moment import Moment
 from skinmap.live.touches import NamedTouch
 from viewer.display import require_opengl
 
 PARTS = ("torso", "left_arm")
+RATE, COUNT = 50.0, 200  # of the samples of a wandering press
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
 ARGUMENTS = [
     "--no-sandbox",
@@ -80,6 +82,75 @@ def press(icub) -> Callable[..., tuple[np.ndarray, NamedTouch]]:
         return pressures, NamedTouch(part, active, skin.positions[taxel], label, 0.98)
 
     return make
+
+
+class Hands:
+    """Somebody at a window: mouse and keys go through VTK's interactor. Places are pixels."""
+
+    def __init__(self, window) -> None:
+        self.window = window
+
+    def wait_until(self, condition) -> None:
+        for _ in range(2000):
+            if condition():
+                return
+            self.window.player.wait(self.window.player.number, 0.01)
+        raise AssertionError("nothing happened")
+
+    def mouse(self, event, x, y, *, shift=False, control=False) -> None:
+        self.window.interactor.SetEventInformation(round(x), round(y), int(control), int(shift))
+        self.window.interactor.InvokeEvent(event)
+
+    def key(self, name) -> None:
+        self.window.interactor.SetKeySym(name)
+        self.window.interactor.InvokeEvent("KeyPressEvent")
+        self.window.turn()
+
+    def hover(self, x, y) -> None:
+        self.mouse("MouseMoveEvent", x, y)
+        self.window.controls.pointing.hurry()
+        self.window.turn()
+
+    def drag(self, places, **keys) -> None:
+        self.mouse("MouseMoveEvent", *places[0])
+        self.mouse("LeftButtonPressEvent", *places[0], **keys)
+        for place in places[1:]:
+            self.mouse("MouseMoveEvent", *place, **keys)
+        self.mouse("LeftButtonReleaseEvent", *places[-1], **keys)
+        self.window.turn()
+
+    def click(self, x, y, **keys) -> None:
+        self.drag([(x, y)], **keys)
+
+    def seen_taxels(self, part="torso"):
+        """Taxels in full view of the camera, and where they are in the window (n, 2) [px]."""
+        from viewer.drawing.camera import project
+
+        scene = self.window.scene
+        target = self.window.controls.pointing._target(part)
+        renderer = scene.plotter.renderers[0]
+        places = project(renderer, target.positions)
+        way = np.array(renderer.GetActiveCamera().GetPosition()) - target.positions
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        facing = np.einsum("ij,ij->i", target.normals, way) > 0.6
+        open_ = [
+            not self.window.controls.pointing._hidden(p, n)
+            for p, n in zip(target.positions, target.normals, strict=True)
+        ]
+        return np.flatnonzero(facing & np.array(open_)), places
+
+    def map_places(self):
+        """Taxel of each vertex of the flat map shown, and its place in the window (k, 2) [px]."""
+        from viewer.drawing.camera import project
+
+        panel = self.window.scene.panel
+        targets = self.window.controls.pointing._map_targets(panel.part)
+        uv = np.column_stack([targets.uv, np.zeros(len(targets.uv))])
+        return targets.taxels, project(panel.renderer, uv) + np.array(panel.renderer.GetOrigin())
+
+    def picture(self):
+        self.window.scene.canvas.cache.forget()
+        return self.window.scene.frame()
 
 
 class Tab:
@@ -147,3 +218,66 @@ def open_tab(chromium) -> Callable[..., Tab]:
 def open_desk(open_tab) -> Callable[..., Tab]:
     """The same, wide enough for the panel beside the body, and open to questions of the test's."""
     return lambda url, **options: open_tab(url, viewport=WIDE, bypass_csp=True, **options)
+
+
+@pytest.fixture(scope="package")
+def wandering(icub) -> list[Moment]:
+    """Four seconds on the chest: a press that wanders, one taxel further with each sample."""
+    n = {part: len(icub.skin(part)) for part in PARTS}
+    made = []
+    for k in range(COUNT):
+        pressures = {part: np.zeros(count) for part, count in n.items()}
+        pressures["torso"][k] = 200.0
+        made.append(Moment(k / RATE, pressures))
+    return made
+
+
+@pytest.fixture(scope="package")
+def drawn(opengl, icub, prepared) -> Iterator:
+    """One scene for all windows; each window lets go of it again."""
+    from viewer.drawing.lazy_maps import LazyMaps
+    from viewer.layers import Layers
+    from viewer.scene import Scene
+
+    skins = {part: prepared(part) for part in PARTS}
+    made = Scene(
+        icub,
+        {part: skin.mesh for part, skin in skins.items()},
+        LazyMaps(skins),
+        links=("chest", "l_upper_arm"),
+        window_size=(800, 600),
+        data=Layers(skins),
+    )
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def window(drawn, wandering, tmp_path) -> Iterator:
+    """A window on the wandering press, halted at its first sample."""
+    from viewer.playing.player import Player
+    from viewer.window import Window
+
+    player = Player(wandering, paused=True)
+    made = Window(drawn, player, folder=tmp_path)
+    drawn.set_layer("pressure")
+    drawn.set_style("surface")
+    drawn.show_flat_map("torso")
+    drawn.look(drawn.front.azimuth)
+    made.controls.pointing.clear()
+    player.start()
+    Hands(made).wait_until(lambda: player.moment is not None)
+    made.turn()
+    yield made
+    made.controls.files.end_movie()
+    made.controls.pointing.leave()
+    made.controls.pointing.clear()
+    made.events.close()
+    made.controls.remove()
+    player.close()
+
+
+@pytest.fixture
+def hands(window) -> Hands:
+    """Somebody at that window."""
+    return Hands(window)

@@ -28,9 +28,7 @@ def page_files() -> dict[str, tuple[str, bytes]]:
 
 @cache
 def served_files() -> dict[str, tuple[str, bytes]]:
-    """Type and content of what is served, by name: all scripts as one, so that one answer brings
-    them, and nothing else ever.
-    """
+    """What is served, by name: the same with all scripts as one, for one answer to bring them."""
     served = {n: file for n, file in page_files().items() if not n.endswith(".js")}
     kind = page_files()[f"{START}.js"][0]
     return served | {f"{START}.js": (kind, joined_scripts().encode())}
