@@ -129,12 +129,14 @@ def fit(
     focal = height / 2 / np.tan(np.radians(VIEW_ANGLE / 2))  # [px]
     room = np.array([width - margins.left - margins.right, height - margins.top - margins.bottom])
     aim = np.array([margins.left - margins.right, margins.bottom - margins.top]) / 2
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    columns = np.ascontiguousarray(points.T)
+    least, most = columns.min(axis=1), columns.max(axis=1)
+    centre, distance = (least + most) / 2, 3.0 * float((most - least).max())
     axes = np.stack([right, up, forward])
-    distance = 3.0 * float(np.ptp(points, axis=0).max())
+    across, depth = axes[:2] @ columns, axes[2] @ columns
     for _ in range(6):  # perspective makes size and middle depend on each other; this converges
-        x, y, z = axes @ (points - centre).T
-        flat = focal * np.stack([x, y]) / (z + distance)
+        middle = axes @ centre
+        flat = focal * (across - middle[:2, None]) / (depth + (distance - middle[2]))
         low, high = flat.min(axis=1), flat.max(axis=1)
         shift = (low + high) / 2 * distance / focal
         centre = centre + shift[0] * right + shift[1] * up

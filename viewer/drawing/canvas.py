@@ -219,10 +219,11 @@ class Canvas:
         self.status.write(0.02 * self.renderer.GetSize()[0], self.font_px)
         camera = self.renderer.GetActiveCamera()
         seen = (camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewAngle())
-        self._unsure |= self.changed or self._moved or seen != self._seen
+        moving = self._moved or seen != self._seen
+        self._unsure |= self.changed or moving
         # While the body moves, what hides a centre is not searched for: it would cost too much.
         look = self._unsure and not self._moved
-        self.touch_view.write_labels(self.framing, self._avoided(), look=look)
+        self.touch_view.write_labels(self.framing, self._avoided(), look=look, moving=moving)
         self._unsure = self._unsure and not look
         self._seen, self.changed, self._moved = seen, False, False
 

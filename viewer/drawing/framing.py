@@ -22,6 +22,7 @@ from viewer.drawing.label_places import Coverage
 from viewer.drawing.occlusion import Blocks
 
 Mode = Literal["auto", "still", "free"]
+BRIEF = 4  # pictures of a turning camera for which labels avoid the body where it was
 
 
 class Framing:
@@ -60,6 +61,7 @@ class Framing:
         self._body, self._outline, self._points = body, outline, points
         self._targets: Sequence[Target] = ()
         self._busy: Coverage | None = None
+        self._turned = 0  # pictures since then in which the camera turned
         self._fitted: tuple[View, tuple[int, int]] | None = None
 
     def move(self) -> None:
@@ -85,7 +87,7 @@ class Framing:
     def turn(self, step: float) -> None:
         """Turn by at most `step` [deg] towards the goal, the whole body in the picture."""
         if self.mode == "free":
-            self._busy = None
+            self._turned += 1
             return
         self.view = self.view.towards(self.goal, step)
         size = self.renderer.GetSize()
@@ -94,13 +96,15 @@ class Framing:
         camera = self.renderer.GetActiveCamera()
         fit(camera, self.view, self._outline(), size, self.margins)
         self.renderer.ResetCameraClippingRange()
-        self._fitted, self._busy = (self.view, size), None
+        self._fitted = self.view, size
+        self._turned += 1
 
-    def busy(self) -> Coverage:
-        """Where the body is in the picture."""
-        if self._busy is None:
-            places = project(self.renderer, self._points())
-            self._busy = Coverage(places, self.renderer.GetSize())
+    def busy(self, *, moving: bool = False) -> Coverage:
+        """Where the body is in the picture; while it moves, as it was a few pictures before."""
+        size = self.renderer.GetSize()
+        old = self._turned >= (BRIEF if moving else 1)
+        if self._busy is None or old or self._busy.size != size:
+            self._busy, self._turned = Coverage(project(self.renderer, self._points()), size), 0
         return self._busy
 
     def hidden(self, target: Target) -> bool:

@@ -27,8 +27,8 @@ from viewer.drawing.taxel_drawing import (
 )
 
 LEAST = 4  # parts, with fewer of which it is not worth it
-SHARE = 0.5  # of the parts that change from which on they are drawn as one
-CALM = 25  # pictures in which fewer change before each part is drawn by itself again
+MANY, FEW = 0.5, 0.25  # share of the parts that change: drawn as one from the first on
+CALM = 3  # pictures with fewer than FEW before each part is drawn by itself again
 
 
 class JoinedSheets:
@@ -65,8 +65,8 @@ class JoinedSheets:
             How many parts have other colours than in the picture before.
         """
         smooth = all(view.field is not None for view in self.views)
-        many = changed >= max(LEAST, SHARE * len(self.views))
-        self._calm = 0 if many else self._calm + 1
+        many = changed >= max(LEAST, MANY * len(self.views))
+        self._calm = 0 if changed >= FEW * len(self.views) else self._calm + 1
         on = smooth and (many or (self.on and self._calm < CALM))
         if on != self.on:
             self.on = on

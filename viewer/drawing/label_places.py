@@ -34,7 +34,7 @@ class Coverage:
     """
 
     def __init__(self, points: FloatArray, size: tuple[int, int], cell: int = 12) -> None:
-        self.cell = cell
+        self.cell, self.size = cell, size
         columns, rows = (-(-side // cell) for side in size)
         place = np.floor(points / cell).astype(np.int64)
         inside = ((place >= 0) & (place < [columns, rows])).all(axis=1)

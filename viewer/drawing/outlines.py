@@ -6,6 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pyvista as pv
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+from vtkmodules.vtkCommonCore import vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from skinmap.arrays import FloatArray
 from skinmap.live.touches import NamedTouch
@@ -74,9 +77,13 @@ class OutlineLayer:
             for part, colour in zip(segments, colours, strict=True)
         ]
         count = len(points) // 2
-        cells = np.column_stack([np.full(count, 2), np.arange(2 * count).reshape(-1, 2)])
         self.lines.Initialize()
-        self.lines.points = points.astype(np.float32)
-        self.lines.lines = cells.ravel()
-        self.lines.cell_data["colour"] = np.concatenate(tints)
-        self.lines.cell_data.active_scalars_name = "colour"
+        # VTK's own ways: PyVista's checks take longer than all the rest.
+        places, cells = vtkPoints(), vtkCellArray()
+        places.SetData(numpy_to_vtk(points.astype(np.float32), deep=True))
+        cells.SetData(2, numpy_to_vtkIdTypeArray(np.arange(2 * count), deep=True))
+        self.lines.SetPoints(places)
+        self.lines.SetLines(cells)
+        colour = numpy_to_vtk(np.concatenate(tints), deep=True)
+        colour.SetName("colour")
+        self.lines.GetCellData().SetScalars(colour)

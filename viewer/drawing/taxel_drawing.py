@@ -148,7 +148,9 @@ class TaxelDrawing:
         self.sheet.SetVisibility(smooth and not self.joined)
         self.cells.SetVisibility(style == "surface" and bool(layer.categories))
         self.discs.SetVisibility(style == "discs")
-        self.dots.SetVisibility(style == "surface")
+        # Specks of a pixel: they are missed only in a picture that rests.
+        specks = self.quick and self.coarse
+        self.dots.SetVisibility(style == "surface" and not specks)
         if style == "discs":
             self._dataset(self.ground, f"{self.sheet_kind} ground")
             write(self._dataset(self.discs, "discs"), values[places.taxels])

@@ -83,7 +83,9 @@ class TouchView:
         self._tips = np.array(tips).reshape(-1, 3)
         self.marks.show(lines, solids)
 
-    def write_labels(self, framing: Framing, avoid: Sequence[Box], *, look: bool) -> None:
+    def write_labels(
+        self, framing: Framing, avoid: Sequence[Box], *, look: bool, moving: bool = False
+    ) -> None:
         """Place the labels in the picture; `look` finds out anew which centres are hidden.
 
         Without it they stay as they were found last, but what turned away is hidden at once.
@@ -110,7 +112,7 @@ class TouchView:
             (float(x) - reach, float(y) - reach, float(x) + reach, float(y) + reach)
             for x, y in project(self.renderer, self._tips)
         ]
-        self.labels.show(labels, [*avoid, *tips], framing.busy() if labels else None)
+        self.labels.show(labels, [*avoid, *tips], framing.busy(moving=moving) if labels else None)
 
     def _turned_away(self, row: int) -> bool:
         """Whether the skin under a touch faces away from the camera."""
