@@ -2,6 +2,7 @@
 
 const STRIDE = 2; // shorter moves add no corner [px]
 const LEAST = 3; // corners that enclose anything
+const CLICK = 4; // a line that stays so near to its beginning is a click [px]
 
 export class Lasso {
   constructor(x, y) {
@@ -13,9 +14,10 @@ export class Lasso {
     if (Math.hypot(x - lastX, y - lastY) >= STRIDE) this.corners.push([x, y]);
   }
 
-  // Whether it encloses anything: a click does not.
+  // Whether it encloses anything: a click does not, wherever a line ends.
   get drawn() {
-    return this.corners.length >= LEAST;
+    const [[x0, y0]] = this.corners;
+    return this.corners.length >= LEAST && this.corners.some(([x, y]) => Math.hypot(x - x0, y - y0) >= CLICK);
   }
 
   // Whether a point lies inside, by the even-odd rule: the line may cross itself.

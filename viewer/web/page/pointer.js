@@ -91,9 +91,8 @@ export class Pointer {
       this.lasso = null;
       this.trace(null);
       if (!lasso) return;
-      const [x, y] = pixel(event, canvas), [x0, y0] = lasso.corners[0];
-      if (lasso.drawn && Math.hypot(x - x0, y - y0) + lasso.corners.length >= CLICK) page.enclose(page.flat.enclosed(lasso), event.shiftKey);
-      else this.click(page.flat.taxelAt(x, y), event);
+      if (lasso.drawn) page.enclose(page.flat.enclosed(lasso), event.shiftKey);
+      else this.click(page.flat.taxelAt(...pixel(event, canvas)), event);
     };
     canvas.onpointercancel = () => this.trace((this.lasso = null));
     canvas.onpointerleave = () => page.hover.leave();
