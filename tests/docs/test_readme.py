@@ -1,4 +1,4 @@
-"""README.md says what the runs printed: its figures come from benchmarks/results, its words exist."""
+"""README.md says what the runs printed: figures come from benchmarks/results, words exist."""
 
 from __future__ import annotations
 
