@@ -65,6 +65,16 @@ def test_tutorial_runs_and_draws_the_pictures_of_its_page(script, tmp_path, monk
     assert capsys.readouterr().out.strip()
 
 
+def test_every_picture_is_shown_by_a_page():
+    pages = [*PAGES, *TUTORIALS]
+    shown = {
+        (page.parent / link).resolve()
+        for page in pages
+        for link in re.findall(r"!\[[^]]*\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
+    }
+    assert set((DOCS / "pictures").rglob("*.png")) <= shown
+
+
 def test_robot_of_the_example_is_meshed_whole():
     robot = skinmap.load_robot(str(DOCS / "examples" / "robot" / "robot.toml"))
     skin = robot.skin("forearm")
