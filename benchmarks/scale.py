@@ -12,6 +12,7 @@ import json
 import os
 import resource
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -89,9 +90,8 @@ def measure(stage: str, count: int, jobs: int, basis: Estimate) -> dict[str, Any
     }
 
 
-def run(sizes: dict[str, tuple[int, ...]], jobs: int) -> dict[str, Any]:
-    """All stages: estimate, measurement, and the thousand robots that follow."""
-    stages: dict[str, Any] = {}
+def run(sizes: dict[str, tuple[int, ...]], jobs: int) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Each stage: estimate, measurement, and the thousand robots that follow."""
     for stage, counts in sizes.items():
         basis = foretell(stage)
         print(
@@ -107,35 +107,44 @@ def run(sizes: dict[str, tuple[int, ...]], jobs: int) -> dict[str, Any]:
                 f"measured {row['cpu_s']:7.1f} s ({row['ratio']:.2f}), wall "
                 f"{row['wall_s']:6.1f} s, worker {row['worker_peak_mb']:.0f} MB", flush=True,
             )  # fmt: skip
-        stages[stage] = {
-            "estimate": asdict(basis),
-            "goal_cpu_s": basis.cpu(GOAL, jobs),
-            "goal_wall_s": basis.wall(GOAL, jobs),
-            "measured": rows,
-        }
-    return stages
+        yield (
+            stage,
+            {
+                "estimate": asdict(basis),
+                "goal_cpu_s": basis.cpu(GOAL, jobs),
+                "goal_wall_s": basis.wall(GOAL, jobs),
+                "measured": rows,
+            },
+        )
 
 
 def main() -> None:
     """Measure and write the record."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--only", choices=SIZES, help="one stage, into the record of the others")
     parser.add_argument("--quick", action="store_true", help="two robots a stage, to build")
     options = parser.parse_args()
     os.environ["SKINMAP_CACHE"] = "off"  # a thousand different robots find nothing there
-    record = {
+    record: dict[str, Any] = {
         "goal_robots": GOAL,
         "taxels": sum(len(robot().skin(part)) for part in robot().parts),
         "robots_are": "simulated: varied iCubs",
         "jobs": options.jobs,
         "versions": {name: version(name) for name in ("skinmap", "numpy", "scipy")},
         "quick": options.quick,
-        "stages": run(QUICK if options.quick else SIZES, options.jobs),
+        "stages": {},
     }
-    name = "scale_quick.json" if options.quick else "scale.json"
-    folder = Path("build") if options.quick else RESULTS
-    folder.mkdir(exist_ok=True)
-    (folder / name).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    path = Path("build/scale_quick.json") if options.quick else RESULTS / "scale.json"
+    path.parent.mkdir(exist_ok=True)
+    sizes = QUICK if options.quick else SIZES
+    if options.only:
+        sizes = {options.only: sizes[options.only]}
+        if path.exists():  # the other stages as they were measured
+            record["stages"] = json.loads(path.read_text(encoding="utf-8"))["stages"]
+    for stage, found in run(sizes, options.jobs):
+        record["stages"][stage] = found
+        path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
