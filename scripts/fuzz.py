@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import hashlib
 import io
 import multiprocessing
 import os
@@ -104,13 +105,19 @@ def fuzz(name: str, folder: Path, seconds: int) -> None:
             "-verbosity=0",
         ]  # fmt: skip
         atheris.Setup(
-            [__file__, *options, str(folder / "kept")], lambda data: _one(target, data, place)
+            [__file__, *options, str(folder / "kept")],
+            lambda data: _one(target, data, place, folder),
         )
         atheris.Fuzz()
 
 
-def _one(target: object, data: bytes, place: Path) -> None:
-    target.try_one(data, place)  # type: ignore[attr-defined]
+def _one(target: object, data: bytes, place: Path, folder: Path) -> None:
+    try:
+        target.try_one(data, place)  # type: ignore[attr-defined]
+    except Exception:
+        # libFuzzer keeps inputs when the interpreter exits, which a forked one does not do.
+        (folder / f"crash-{hashlib.sha1(data).hexdigest()}").write_bytes(data)
+        raise
 
 
 if __name__ == "__main__":
