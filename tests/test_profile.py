@@ -110,7 +110,7 @@ _words = re.findall(r"\S+", GOOD)
 _bits = st.sampled_from([*_words, "[", "]]", "=", '"', "\n", "nan", "1e999", "{a={a={}}}", "'\\"])
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     st.one_of(
         st.binary(max_size=200),

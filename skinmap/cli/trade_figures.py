@@ -52,7 +52,7 @@ def trade_figure(
         [1e3 * chosen.seconds], [chosen.error], "*", color=RED, markersize=16, zorder=4,
         label="recommended",
     )  # fmt: skip
-    _scales(axis, points)
+    scale_axes(axis, points)
     axis.set_xlabel(f"CPU time: {task.work} [ms]")
     axis.set_ylabel(f"error [{task.unit}]")
     figure.suptitle(
@@ -124,7 +124,7 @@ def _draw(axis: Any, points: Sequence[Point], **style: Any) -> None:
             bar.set_alpha(0.35)
 
 
-def _scales(axis: Any, points: Sequence[Point]) -> None:
+def scale_axes(axis: Any, points: Sequence[Point]) -> None:
     """A logarithmic axis of time, and of errors that differ much; room for numbers."""
     low, high = min(p.seconds for p in points) * 1e3, max(p.seconds for p in points) * 1e3
     axis.set_xscale("log")

@@ -92,6 +92,12 @@ def steady_pace(monkeypatch):
 
 
 @pytest.fixture
+def unwatched(monkeypatch):
+    """No look at the process's memory, which takes longer than planted work does."""
+    monkeypatch.setattr("skinmap.trade.runner.grown_mb", lambda run: (0.0, run()))
+
+
+@pytest.fixture
 def plugged(monkeypatch):
     """A function that plugs planted tasks in as other distributions would, and nothing else."""
 

@@ -62,13 +62,13 @@ def test_every_setting_of_flattening_runs(kaspar):
 
 def test_classifying_is_the_same_for_the_same_seed_and_not_for_another(kaspar, monkeypatch):
     monkeypatch.setattr(classifying, "LEARNT", 6)
-    monkeypatch.setattr(classifying, "TESTED", 10)
+    monkeypatch.setattr(classifying, "TESTED", 4)
     setting = {"classifier": "histogram", "words": 4}
     with untimed():
         drawn = [classify_task.prepare(kaspar, ("right_hand",), seed=seed) for seed in (1, 1, 2)]
         runs = [
             classify_task.run(prepared, setting, seed=seed)
-            for prepared, seed in zip(drawn, (1, 1, 2), strict=True)
+            for prepared, seed in zip(drawn, (1, 1), strict=False)
         ]
     assert runs[0].error == runs[1].error
     assert not np.array_equal(drawn[0].tested[0].samples, drawn[2].tested[0].samples)

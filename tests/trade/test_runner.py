@@ -17,6 +17,7 @@ from skinmap.trade.task import Knob, Outcome, around, product
 SEEDS = range(3)
 
 
+@pytest.mark.usefixtures("unwatched")
 def test_planted_figures_come_out_with_their_spread(toys):
     found = measure(toys["planted"](), None, ("part",), seeds=SEEDS)
     assert not found.failures
@@ -31,6 +32,7 @@ def test_planted_figures_come_out_with_their_spread(toys):
         assert (point.unit, point.memory_mb, point.beside) == ("mm", 1.0, {"extra": 7.0})
 
 
+@pytest.mark.usefixtures("unwatched")
 def test_a_round_a_seed_with_settings_in_an_order_drawn_anew(toys, monkeypatch):
     monkeypatch.setattr(runner, "QUICK", -1.0)
     task = toys["planted"]()
@@ -46,6 +48,7 @@ def test_a_round_a_seed_with_settings_in_an_order_drawn_anew(toys, monkeypatch):
     assert {point.runs for point in found.points} == {5}
 
 
+@pytest.mark.usefixtures("unwatched")
 def test_quick_settings_run_several_times_a_round_and_not_in_a_row(toys, monkeypatch):
     monkeypatch.setattr(runner, "QUICK", np.inf)
     monkeypatch.setattr(runner, "DEAR", np.inf)
@@ -59,6 +62,7 @@ def test_quick_settings_run_several_times_a_round_and_not_in_a_row(toys, monkeyp
         assert apart >= len(toys["planted"].figures)
 
 
+@pytest.mark.usefixtures("unwatched")
 def test_dear_settings_are_measured_with_two_seeds_and_progress_still_adds_up(toys, monkeypatch):
     monkeypatch.setattr(runner, "QUICK", -1.0)
     monkeypatch.setattr(runner, "DEAR", -1.0)
@@ -71,6 +75,7 @@ def test_dear_settings_are_measured_with_two_seeds_and_progress_still_adds_up(to
         )
 
 
+@pytest.mark.usefixtures("unwatched")
 def test_the_chosen_setting_runs_more_often_until_it_stays_the_one(toys, monkeypatch):
     monkeypatch.setattr(runner, "QUICK", -1.0)
     task = toys["planted"]()
@@ -89,6 +94,7 @@ def test_the_chosen_setting_runs_more_often_until_it_stays_the_one(toys, monkeyp
     assert [seed for _, seed in extra] == [0, 1, 2] * 6
 
 
+@pytest.mark.usefixtures("unwatched")
 def test_nothing_to_choose_is_no_failure(toys):
     def choose(points):
         raise ImpossibleBudgetError("nothing keeps it")
@@ -113,6 +119,7 @@ def test_what_all_settings_load_is_no_memory_of_the_first(toys):
     assert all(point.memory_mb < 32.0 for point in points)
 
 
+@pytest.mark.usefixtures("unwatched")
 def test_times_are_scaled_to_the_quietest_moment(toys, monkeypatch):
     paces = iter(np.tile([1e-3, 1e-3, 2e-3, 2e-3], 100).tolist())
     monkeypatch.setattr(runner, "pace_seconds", lambda: next(paces))
@@ -125,6 +132,7 @@ def test_times_are_scaled_to_the_quietest_moment(toys, monkeypatch):
     assert 0.5 * seconds <= point.seconds <= seconds
 
 
+@pytest.mark.usefixtures("unwatched")
 def test_a_failing_setting_is_reported_and_the_others_are_measured(toys):
     found = measure(toys["failing"](), None, ("part",), seeds=SEEDS)
     assert [point.setting["level"] for point in found.points] == ["low", "middle"]
@@ -132,6 +140,7 @@ def test_a_failing_setting_is_reported_and_the_others_are_measured(toys):
     assert reasons == {"high": "no triangle to stand on", "silly": "ZeroDivisionError: by nought"}
 
 
+@pytest.mark.usefixtures("unwatched")
 @pytest.mark.parametrize(
     ("task", "reason"),
     [
@@ -145,6 +154,7 @@ def test_a_task_that_cannot_be_measured_is_reported(toys, task, reason):
     assert {one.reason for one in found.failures} == {reason}
 
 
+@pytest.mark.usefixtures("unwatched")
 def test_an_unknown_knob_is_named(toys):
     found = measure(toys["planted"](), None, ("part",), seeds=SEEDS, settings=[{"depth": 3}])
     assert "no knob of task 'planted' 'depth'; there is: level, rounds" in found.failures[0].reason
@@ -159,6 +169,7 @@ def test_an_interruption_is_no_failure_of_a_setting(toys):
         measure(Interrupted(), None, ("part",), seeds=SEEDS)
 
 
+@pytest.mark.usefixtures("unwatched")
 def test_progress_is_reported_as_often_as_announced(toys):
     said: list[str] = []
     measure(toys["planted"](), None, ("part",), seeds=SEEDS, progress=said.append)

@@ -18,7 +18,22 @@ from skinmap.errors import (
     UnknownNameError,
 )
 
+pytestmark = pytest.mark.usefixtures("unwatched", "sketched")
 SMALL = ("kaspar", "--part", "right_hand")
+
+
+@pytest.fixture
+def sketched(request, monkeypatch):
+    """Plots that are quickly drawn, but in the tests that look at them."""
+    if "drawn" not in request.fixturenames:
+        monkeypatch.setattr(
+            "skinmap.cli.trade_figures.trade_figure", lambda *arguments: arguments[-1].touch()
+        )
+
+
+@pytest.fixture
+def drawn():
+    """Real plots."""
 
 
 def trade(*arguments: str):
@@ -76,7 +91,7 @@ def test_budgets_choose_the_planted_setting(plugged, arguments, level):
     assert best["setting"] == {"level": level}
 
 
-def test_out_holds_a_plot_and_a_profile_that_reads_back(plugged, tmp_path):
+def test_out_holds_a_plot_and_a_profile_that_reads_back(plugged, drawn, tmp_path):
     plugged("planted")
     out = tmp_path / "out"
     result = trade(*SMALL, "--seeds", 2, "--budget-ms", 50, "--out", out)
