@@ -135,7 +135,7 @@ def _picture(figure: Any) -> str:
     from matplotlib import pyplot
 
     stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=130)
+    figure.savefig(stream, format="png", dpi=100)
     pyplot.close(figure)
     data = base64.b64encode(stream.getvalue()).decode("ascii")
     return f'<figure><img alt="plot" src="data:image/png;base64,{data}"></figure>'

@@ -122,6 +122,7 @@ def measure_size(
         "megabytes_in_10_minutes": megabytes * MINUTES / (count / RATE / 60),
         "goal_megabytes": MOST_MB,
         "uncompressed_megabytes": count * source.info.channels / 1e6,
+        "uncompressed_megabytes_in_10_minutes": 60 * RATE * MINUTES * source.info.channels / 1e6,
         "open_cpu_s": opened,
         "read_all_cpu_s": played,
     }
