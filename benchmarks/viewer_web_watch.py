@@ -74,13 +74,14 @@ def watch(browser: Any, url: str, seconds: float) -> dict[str, float]:
     """Figures of our page, which counts its updates and bytes itself."""
     page = browser.new_page(viewport=SIZE)
     page.add_init_script(PROBE)
-    complete = _opened(page, url, lambda: page.wait_for_selector(DRAWN, timeout=PATIENCE))
-    found = _counted(page, "skinmap.stats.drawn", seconds)
+    found = _opened(page, url, lambda: page.wait_for_selector(DRAWN, timeout=PATIENCE))
+    found["complete_by_its_clock_s"] = page.evaluate("skinmap.stats.complete") / 1e3
+    found |= _counted(page, "skinmap.stats.drawn", seconds)
     bytes_, samples = page.evaluate("[skinmap.stats.bytes, skinmap.stats.samples]")
     page.evaluate(OURS)
     found |= _verified(page, "skinmap.stats.drawn", seconds)
     page.close()
-    return {"complete_s": complete, "bytes_per_sample": bytes_ / max(samples, 1), **found}
+    return {"bytes_per_sample": bytes_ / max(samples, 1), **found}
 
 
 def watch_peer(browser: Any, url: str, seconds: float) -> dict[str, float]:
@@ -88,23 +89,25 @@ def watch_peer(browser: Any, url: str, seconds: float) -> dict[str, float]:
     page = browser.new_page(viewport=SIZE)
     page.add_init_script(HEARD + PROBE)
     # The body's links and ten parts are drawn, each by a call of its own.
-    complete = _opened(
-        page, url, lambda: page.wait_for_function("peer.calls > 40", timeout=PATIENCE)
-    )
-    found = _counted(page, "peer.drawn", seconds)
+    found = _opened(page, url, lambda: page.wait_for_function("peer.calls > 40", timeout=PATIENCE))
+    found |= _counted(page, "peer.drawn", seconds)
     found |= _verified(page, "peer.drawn", seconds)
     page.close()
-    return {"complete_s": complete, **found}
+    return found
 
 
-def _opened(page: Any, url: str, wait: Callable[[], Any]) -> float:
-    """Seconds until a page shows all."""
-    started = time.perf_counter()
+def _opened(page: Any, url: str, wait: Callable[[], Any]) -> dict[str, float]:
+    """Seconds until a page shows all, and CPU time of Chromium and of this process meanwhile."""
+    started, browser, own = time.perf_counter(), browser_seconds(os.getpid()), time.process_time()
     page.goto(url)
     wait()
-    complete = time.perf_counter() - started
+    found = {
+        "complete_s": time.perf_counter() - started,
+        "complete_chromium_cpu_s": browser_seconds(os.getpid()) - browser,
+        "complete_server_cpu_s": time.process_time() - own,
+    }
     page.wait_for_timeout(1000)
-    return complete
+    return found
 
 
 def _counted(page: Any, counter: str, seconds: float) -> dict[str, float]:

@@ -168,22 +168,6 @@ export class Picture extends Pieces {
     this.traced = null; // rings lie elsewhere in this picture
   }
 
-  // The sheets' faces with corners of their own, and the list of which vertices these are.
-  faceCorners() {
-    const gl = this.gl, a = this.arrays, faces = a["sheet.faces"], n = faces.length;
-    const points = new Float32Array(3 * n), normals = new Int8Array(4 * n), list = new Uint32Array((4 * n) / 3);
-    for (let k = 0; k < n; k++) {
-      const v = faces[k];
-      for (let i = 0; i < 3; i++) {
-        points[3 * k + i] = a["sheet.points"][3 * v + i];
-        normals[4 * k + i] = a["sheet.normals"][4 * v + i];
-      }
-      list[4 * ((k / 3) | 0) + (k % 3)] = v;
-    }
-    this.list("faces", list, 4);
-    return this.array("places", { position: [this.buffer(points), 3, gl.FLOAT], normal: [this.buffer(normals), 4, gl.BYTE, true] });
-  }
-
   // Fill the canvas with a room's picture; live with the values of now.
   show(room, live) {
     const gl = this.gl;
