@@ -152,7 +152,7 @@ CLASSIFY = [
             "share of planted touches misnamed",
             lambda v, name=name, make=make: misnamed(name, make(v)),
             0.1,
-            "three of 24 at most",
+            "two of 24 at most",
             inside,
             outside,
             unit,

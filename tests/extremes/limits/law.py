@@ -46,7 +46,8 @@ class Law:
     ----------
     function : str
     axis : str
-        "scale", "offset", "size", "noise", "saturation", "dead taxels", "missing modules", "input".
+        "scale", "offset", "size", "noise", "saturation", "dead taxels", "missing modules", "input";
+        of streams "late samples", "gaps", "jitter" and the like; of searches "start".
     law : str
         One clause.
     measure : function of a value
