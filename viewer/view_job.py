@@ -11,6 +11,7 @@ import click
 
 from skinmap.cli.common import open_robot
 from skinmap.errors import InvalidArrayError, OutputError, UnknownNameError
+from viewer.commands import LAYERS
 from viewer.display import has_display, require_opengl
 
 MOVIES = (".mp4", ".gif")
@@ -33,12 +34,9 @@ def run_view(options: Mapping[str, Any]) -> dict[str, Any]:
     require_opengl()
     from viewer.drawing.taxel_drawing import check_style
     from viewer.interaction.view_file import load_view
-    from viewer.layers import LAYERS
     from viewer.look import Look
     from viewer.show import Wanted, open_window, write_files
 
-    if options["layer"] is not None and options["layer"] not in LAYERS:
-        raise UnknownNameError("layer", options["layer"], LAYERS)
     if options["style"] is not None:
         check_style(options["style"])
     view_file: Path | None = options["view_file"]
@@ -97,6 +95,8 @@ def _session(options: Mapping[str, Any]) -> Any:
 
 def _check(options: Mapping[str, Any]) -> None:
     """What can be told to be wrong before anything is loaded."""
+    if options["layer"] is not None and options["layer"] not in LAYERS:
+        raise UnknownNameError("layer", options["layer"], LAYERS)
     files = {name: options[name] for name in ("screenshot", "movie", "gltf", "html")}
     for name, path in files.items():
         if path is not None and not path.parent.is_dir():
