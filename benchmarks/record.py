@@ -61,7 +61,10 @@ def versions(names: Iterable[str]) -> dict[str, str]:
 def commit() -> str:
     """The commit that is measured, `-dirty` where files differ from it."""
     command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    try:
+        run = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:  # there is no git
+        return "unknown"
     return run.stdout.strip() or "unknown"
 
 
