@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 QUICK = 0.3  # seconds: a setting whose run takes less is measured
 QUICK_TURNS = 2  # times a round
-DEAR = 2.0  # seconds: a setting whose run takes more is measured with
-DEAR_SEEDS = 2  # seeds only
 RUNS = 12  # of the setting that is chosen, or
 RUNS_SECONDS = 4.0  # of runs beyond its rounds
 CHOICES = 3  # how often another one may turn out best after that
@@ -140,7 +138,7 @@ class _Rounds:
                 self._first(prepared, number, seed)
             turns, told = [], set(numbers)
         else:
-            turns = [n for n in numbers if place < DEAR_SEEDS or self.cost[n] <= DEAR]
+            turns = list(numbers)
         quick = [number for number in numbers if self.cost[number] < QUICK]
         turns += quick * (QUICK_TURNS - 1)
         for number in np.random.default_rng([seed, place]).permutation(turns).tolist():
@@ -148,8 +146,6 @@ class _Rounds:
                 told.add(number)
                 self._say(number)
             self._attempt(prepared, number, seed)
-        for number in set(numbers) - told:
-            self._say(number)
 
     def confirm(self, kept: Sequence[tuple[int, Any]], choose: Choose) -> None:
         """Run the chosen setting more often, and what is chosen instead after that."""
@@ -163,7 +159,7 @@ class _Rounds:
             if number in done:
                 return
             done.add(number)
-            self._repeat(number, kept[: DEAR_SEEDS if self.cost[number] > DEAR else None])
+            self._repeat(number, kept)
 
     def _repeat(self, number: int, kept: Sequence[tuple[int, Any]]) -> None:
         started = time.process_time()

@@ -51,7 +51,6 @@ def test_a_round_a_seed_with_settings_in_an_order_drawn_anew(toys, monkeypatch):
 @pytest.mark.usefixtures("unwatched")
 def test_quick_settings_run_several_times_a_round_and_not_in_a_row(toys, monkeypatch):
     monkeypatch.setattr(runner, "QUICK", np.inf)
-    monkeypatch.setattr(runner, "DEAR", np.inf)
     task = toys["planted"]()
     found = measure(task, None, ("part",), seeds=SEEDS)
     assert {point.runs for point in found.points} == {runner.QUICK_TURNS * len(SEEDS)}
@@ -60,19 +59,6 @@ def test_quick_settings_run_several_times_a_round_and_not_in_a_row(toys, monkeyp
         # Were it done setting after setting, equal ones would stand together.
         apart = sum(one != other for one, other in itertools.pairwise(turn))
         assert apart >= len(toys["planted"].figures)
-
-
-@pytest.mark.usefixtures("unwatched")
-def test_dear_settings_are_measured_with_two_seeds_and_progress_still_adds_up(toys, monkeypatch):
-    monkeypatch.setattr(runner, "QUICK", -1.0)
-    monkeypatch.setattr(runner, "DEAR", -1.0)
-    said: list[str] = []
-    found = measure(toys["planted"](), None, ("part",), seeds=SEEDS, progress=said.append)
-    assert len(said) == steps(len(toys["planted"].figures), len(SEEDS))
-    for point in found.points:  # the mean of 1 and 1.1
-        assert point.error == pytest.approx(
-            1.05 * toys["planted"].figures[point.setting["level"]][1]
-        )
 
 
 @pytest.mark.usefixtures("unwatched")
