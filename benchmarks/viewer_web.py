@@ -64,7 +64,7 @@ def noisy(skins: dict[str, PreparedSkin]) -> Iterator[Moment]:
         yield Moment(step / RATE, pressures, moment.touches, rate=RATE)
 
 
-def measure(quick: bool, *, openings: int | None = None) -> dict[str, Any]:
+def measure(quick: bool = False, *, openings: int | None = None) -> dict[str, Any]:
     """Figures of both pages, and what was asked for beside what ours reached.
 
     Parameters
