@@ -265,7 +265,9 @@ class Canvas:
                 changed += 1
                 view.signs = signs_of(content.data, part, values)
                 view.drawing.sign(*view.signs)
-        self.joined.choose(changed)
+        if self.joined.choose(changed):
+            # Nothing moves, though other actors show the same: no coarse picture in between.
+            self.cache.forget()
         if self.panel is not None:
             view = self.skins[self.panel.part]
             self.panel.colour(layer, content.style, view.field, view.values)

@@ -28,7 +28,8 @@ from viewer.drawing.taxel_drawing import (
 
 LEAST = 4  # parts, with fewer of which it is not worth it
 MANY, FEW = 0.5, 0.25  # share of the parts that change: drawn as one from the first on
-CALM = 3  # pictures with fewer than FEW before each part is drawn by itself again
+CALM = 250  # pictures with fewer than FEW before each part is drawn by itself again: a change
+# of ways draws the whole body anew
 
 
 class JoinedSheets:
@@ -56,8 +57,8 @@ class JoinedSheets:
         self._points: list[FloatArray] = []
         self._mesh: Any = None
 
-    def choose(self, changed: int) -> None:
-        """Take the place of the parts' own sheets, or give it back.
+    def choose(self, changed: int) -> bool:
+        """Take the place of the parts' own sheets, or give it back; whether it did either.
 
         Parameters
         ----------
@@ -68,12 +69,14 @@ class JoinedSheets:
         many = changed >= max(LEAST, MANY * len(self.views))
         self._calm = 0 if changed >= FEW * len(self.views) else self._calm + 1
         on = smooth and (many or (self.on and self._calm < CALM))
-        if on != self.on:
+        turned = on != self.on
+        if turned:
             self.on = on
             self.actor.SetVisibility(on)
             for view in self.views:
                 view.join(on)
         self.refresh()
+        return turned
 
     def refresh(self) -> None:
         """Follow places, detail and colours of the parts."""

@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 
 from viewer.drawing import joined
-from viewer.drawing.joined import CALM
 
 PARTS = ("torso", "left_arm")
+CALM = 3
+
+
+@pytest.fixture(autouse=True)
+def soon_calm(monkeypatch):
+    monkeypatch.setattr(joined, "CALM", CALM)
 
 
 @pytest.fixture
@@ -78,3 +83,18 @@ def test_sheets_part_again_when_few_change_or_discs_are_shown(two_will_do):
     scene.refresh()
     assert scene.canvas.joined.on
     calm(scene)
+
+
+def test_change_of_ways_shows_no_coarse_picture(two_will_do):
+    scene = two_will_do
+    press(scene, 3)
+    scene.refresh()
+    scene.look(scene.front.azimuth)
+    calm(scene)
+    press(scene, 4)
+    scene.refresh()
+    assert scene.canvas.joined.on
+    assert not scene.canvas.cache.renderers[0].quick
+    shown = scene.frame()
+    scene.canvas.cache.forget()
+    np.testing.assert_array_equal(shown, scene.frame())
