@@ -91,7 +91,7 @@ class Window:
             controls.notice.stay()
         wanted = controls.tick() or moment is not None or self._turning or self._calm.due()
         self._news |= moment is not None
-        if wanted or scene.canvas.cache.held:
+        if wanted or scene.canvas.cache.held or self.punctual.marked:
             self._draw()
         if controls.files.recording is not None and self._movie.due():
             controls.files.recording.add(scene.frame())
@@ -101,7 +101,8 @@ class Window:
         """Draw, and show the picture unless its sample became too old meanwhile."""
         scene, player, cache = self.scene, self.player, self.scene.canvas.cache
         status = scene.canvas.status
-        status.mark(self.punctual.age if self.punctual.marked else None)
+        late = self.punctual.marked and not math.isnan(player.age)  # what is halted is not late
+        status.mark(self.punctual.age if late else None)
         scene.update(self._stride())
         if not (cache.draw(hold=True) or cache.held):
             self._news = False  # it looks as before
