@@ -218,7 +218,7 @@ BROKEN = {
 }
 
 
-@pytest.mark.parametrize(("message", "broken"), BROKEN.items(), ids=lambda value: str(value)[:30])
+@pytest.mark.parametrize(("message", "broken"), BROKEN.items(), ids=[*BROKEN])
 def test_check_classifier_finds_what_is_broken(message, broken):
     with pytest.raises(BrokenPluginError, match=message):
         check_classifier(broken)
