@@ -31,6 +31,7 @@ FEW = 25  # examples of each target in the suite; `make fuzz` takes 5,000
 NO_READERS = {
     "skinmap.live.lsl_settings.load_lsl": "loads a library",
     "skinmap.live.response_files.load_responses": "load_response, by entry point",
+    "skinmap.classify.tuned.read_size": "a word of a setting, tested with the command",
     "skinmap.cli.flat_job.read_channels": "words of a command line, tested with the command",
     "skinmap.classify.tuned.read_size": "a word of a profile, tested with the knobs",
     "skinmap.io.text.read_text": "under every reader of text",

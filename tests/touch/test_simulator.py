@@ -127,7 +127,7 @@ def test_load_recordings_refuses_what_is_none(tmp_path, plate, rng):
         ([0, 1], np.zeros((2, 3)), [0, 0], "uint8"),
         ([0], np.zeros((2, 3), np.uint8), [0, 0], "must have shape"),
         ([1, 0], np.zeros((2, 3), np.uint8), [0, 0], "backwards"),
-        ([0, np.nan], np.zeros((2, 3), np.uint8), [0, 0], "finite"),
+        ([0, np.nan], np.zeros((2, 3), np.uint8), [0, 0], "NaN or infinity, first in row 1"),
         ([0, 1], np.zeros((2, 3), np.uint8), [0, 1], "events must lie"),
     ],
 )

@@ -143,7 +143,8 @@ def hub() -> Hub:
     skins = {"left_hand": PreparedSkin(skinmap.load_robot("icub").skin("left_hand"))}
     made = object.__new__(Hub)  # without the body's meshes, which pages only read
     player = Player([], paused=True)
-    Hub.__init__(made, SimpleNamespace(skins=skins), player, Layers(skins))  # type: ignore[arg-type]
+    scene: Any = SimpleNamespace(skins=skins)
+    Hub.__init__(made, scene, player, Layers(skins), {"layer": "pressure"})
     return made
 
 
