@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from damage import messages
 from damage.catalogue import TARGETS
-from damage.messages import hub
 from damage.mutations import MEMBER, accidents, mutate, packed, spread
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -31,9 +31,9 @@ FEW = 25  # examples of each target in the suite; `make fuzz` takes 5,000
 NO_READERS = {
     "skinmap.live.lsl_settings.load_lsl": "loads a library",
     "skinmap.live.response_files.load_responses": "load_response, by entry point",
-    "skinmap.classify.tuned.read_size": "a word of a setting, tested with the command",
     "skinmap.cli.flat_job.read_channels": "words of a command line, tested with the command",
     "skinmap.classify.tuned.read_size": "a word of a profile, tested with the knobs",
+    "skinmap.cli.structures.read_radius": "a word of a command line, tested with the command",
     "skinmap.io.text.read_text": "under every reader of text",
     "skinmap.io.manifest.load_fields": "under read_manifest",
     "viewer.inputs.read_responses": "load_response, by name",
@@ -119,7 +119,7 @@ def test_members_that_are_no_arrays_are_refused(tmp_path):
 )
 def test_wishes_that_no_number_holds_are_answered(wish):
     client = Client("pressure")
-    asyncio.run(hub()._obey(client, wish.replace("HUGE", "9" * 400)))
+    asyncio.run(messages.wish(client, wish.replace("HUGE", "9" * 400)))
     assert "asked for something unknown" in client.letters["problem"]
 
 

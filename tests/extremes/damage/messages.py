@@ -148,11 +148,16 @@ def hub() -> Hub:
     return made
 
 
+async def wish(client: Client, text: str | bytes) -> None:
+    """What a page asks for, in the loop that its answers may need."""
+    hub()._obey(client, text)
+
+
 def obey(message: bytes) -> None:
     """A wish of a page: done, or answered with a line; never the end of the connection."""
     client = Client("pressure")
     for text in (message, message.decode("utf-8", "replace")):
-        asyncio.run(hub()._obey(client, text))
+        asyncio.run(wish(client, text))
     for letter in client.letters.values():
         json.loads(letter, parse_constant=lambda word: 1 / 0)  # a page's JSON has no NaN
 
