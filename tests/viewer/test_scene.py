@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -173,6 +175,28 @@ def test_body_fits_in_the_picture_beside_the_panel(at_rest):
     for border in (rows, columns):
         # The background's colour is rounded to 8 bits twice.
         assert np.abs(border - bare).max() <= 1
+
+
+def test_corners_of_a_plain_box_are_in_the_picture(opengl):
+    from viewer.drawing.camera import project
+    from viewer.scene import Scene
+
+    example = Path(__file__).parents[2] / "docs" / "examples" / "robot" / "robot.toml"
+    scene = Scene.load(example, window_size=(640, 480))
+    try:
+        body, size = scene.canvas.body, scene.canvas.renderer.GetSize()
+        corners = [
+            transform_points(scene.poses[link], np.asarray(mesh.points, np.float64))
+            for link, mesh in body.meshes.items()
+        ]
+        for azimuth in range(0, 360, 30):
+            scene.look(azimuth)
+            scene.frame(360.0)
+            places = project(scene.canvas.renderer, np.concatenate(corners))
+            assert (places > 0).all(), azimuth
+            assert (places < size).all(), azimuth
+    finally:
+        scene.close()
 
 
 def test_fifty_updates_add_no_actor(at_rest, press):

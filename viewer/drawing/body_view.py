@@ -26,7 +26,8 @@ GOOD_PX, QUICK_PX = 1.5, 13.0  # side of a cell within which vertices become one
 FINEST = 0.5e-3  # and no smaller [m]: a close-up of a hand shows no more
 BEHIND = 1.0e-3  # the body is drawn this far behind its place: no cover tears the skin on it [m]
 QUICK_BEHIND = 0.6  # the same for quick meshes, in their cells
-EVERY = 7  # one point of so many is enough to say where the body is in the picture
+EVERY = 7  # one point of so many is enough to say where the body is in the picture, but of a
+SMALL = 1000  # mesh with fewer
 
 
 class BodyView:
@@ -109,7 +110,7 @@ class BodyView:
         if "all" in self._placed:
             return self._placed["all"]
         links = [
-            transform_points(self.poses[link], np.asarray(mesh.points[::EVERY], np.float64))
+            transform_points(self.poses[link], thinned(mesh.points))
             for link, mesh in self.meshes.items()
         ]
         skins = [transform_points(self.poses[x.skin.link], x.points) for x in layers.values()]
@@ -120,7 +121,7 @@ class BodyView:
         """(k, 3) points that can lie on the outline of body and skins from anywhere [m]."""
         if not self._outlines:
             for link, mesh in self.meshes.items():
-                self._outlines[link] = silhouette(np.asarray(mesh.points[::EVERY], np.float64))
+                self._outlines[link] = silhouette(thinned(mesh.points))
             for part, layer in layers.items():
                 self._outlines[f"{layer.skin.link}/{part}"] = silhouette(layer.points)
         if "outline" not in self._placed:
@@ -139,6 +140,11 @@ class BodyView:
             for layer in layers.values()
         ]
         return front_view(np.concatenate([np.zeros((1, 3)), *normals]))
+
+
+def thinned(points: FloatArray) -> FloatArray:
+    """Some of the points (n, 3) of a mesh, all of a small one: each may be a corner."""
+    return np.asarray(points[:: EVERY if len(points) > SMALL else 1], np.float64)
 
 
 def _mapper(mesh: pv.PolyData) -> pv.DataSetMapper:
