@@ -47,9 +47,13 @@ def open_arrays(path: Path) -> Iterator[NpzFile]:
 
 @contextmanager
 def quiet_headers() -> Iterator[None]:
-    """Silence about names of types that numpy would rather not see in the header of an array."""
+    """Silence about headers of arrays that numpy reads, but would rather see written otherwise.
+
+    Names of types of its first versions, and shapes as Python 2 wrote them.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
+        warnings.filterwarnings("ignore", "Reading `.npy` or `.npz` file required", UserWarning)
         yield
 
 

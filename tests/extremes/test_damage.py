@@ -114,6 +114,15 @@ def test_members_that_are_no_arrays_are_refused(tmp_path):
         pass
 
 
+def test_arrays_that_python_2_wrote_are_read_without_a_warning(tmp_path):
+    head = b"{'descr': '<f8', 'fortran_order': False, 'shape': (3L,), }\n"
+    member = archive.MAGIC + b"\x01\x00" + len(head).to_bytes(2, "little") + head
+    with zipfile.ZipFile(tmp_path / "t.npz", "w") as whole:
+        whole.writestr("a.npy", member + np.arange(3.0).tobytes())
+    with archive.open_arrays(tmp_path / "t.npz") as arrays:
+        assert arrays["a"].tolist() == [0.0, 1.0, 2.0]
+
+
 @pytest.mark.parametrize(
     "wish", ['{"do": "drawn", "samples": 1e999}', '{"do": "seek", "to": HUGE}']
 )
