@@ -20,7 +20,7 @@ from timing import timed
 from units import unit_rows
 
 from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
-from calibration.target import make_target
+from calibration.patch.link_surface import make_target
 
 TRUTH = "taxels of the built-in iCub; evidence simulated"
 WRAPS = (  # anchors, scale and jitter of the layout [m], goals for median and p95 [mm]

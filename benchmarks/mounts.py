@@ -17,12 +17,12 @@ import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
-from calibration.chains import Chain, TouchRecording
-from calibration.mount import MountFit, fit_mount
-from calibration.response import ResponseCalibration
-from calibration.self_touch import SelfTouchFit, self_touch
-from calibration.self_touch_files import load_self_touch
-from calibration.wrench import fit_wrench
+from calibration.files.self_touch_files import load_self_touch
+from calibration.mount.chains import Chain, TouchRecording
+from calibration.mount.rigid_mount import MountFit, fit_mount
+from calibration.mount.self_touch import SelfTouchFit, self_touch
+from calibration.mount.wrench import fit_wrench
+from calibration.response.response import ResponseCalibration
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_points
 

@@ -11,7 +11,7 @@ from patches import Case
 from scipy.spatial.transform import Rotation
 
 from calibration import register_scan
-from calibration.target import OFFSET, make_target
+from calibration.patch.link_surface import OFFSET, make_target
 from skinmap.arrays import FloatArray
 from skinmap.geometry.proximity import closest_on_mesh
 

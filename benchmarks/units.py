@@ -10,7 +10,7 @@ from patches import Case, far_apart
 from scipy.spatial.transform import Rotation
 
 from calibration import wrap_layout
-from calibration.target import rounded
+from calibration.patch.link_surface import rounded
 from skinmap.arrays import FloatArray
 
 MADE = 60  # meshes made besides the links

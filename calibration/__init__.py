@@ -6,25 +6,23 @@ The names below are loaded on first use, so that `import calibration` costs next
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import Any
 
 _PUBLIC = {
-    "MountFit": "calibration.mount",
-    "PatchCalibration": "calibration.patch",
-    "ResponseCalibration": "calibration.response",
-    "ScanRegistration": "calibration.scan",
-    "SelfTouchFit": "calibration.self_touch",
-    "Status": "calibration.patch",
-    "Touch": "calibration.touch",
-    "TouchSession": "calibration.touch_session",
-    "fit_mount": "calibration.mount",
-    "fit_wrench": "calibration.wrench",
-    "locate_by_touch": "calibration.touch",
-    "register_scan": "calibration.scan",
-    "self_touch": "calibration.self_touch",
-    "wrap_layout": "calibration.wrap",
+    "MountFit": "calibration.mount.rigid_mount",
+    "PatchCalibration": "calibration.patch.patch_calibration",
+    "ResponseCalibration": "calibration.response.response",
+    "ScanRegistration": "calibration.scan.registration",
+    "SelfTouchFit": "calibration.mount.self_touch",
+    "Status": "calibration.patch.patch_calibration",
+    "Touch": "calibration.patch.touch",
+    "TouchSession": "calibration.patch.touch_session",
+    "fit_mount": "calibration.mount.rigid_mount",
+    "fit_wrench": "calibration.mount.wrench",
+    "locate_by_touch": "calibration.patch.touch",
+    "register_scan": "calibration.scan.registration",
+    "self_touch": "calibration.mount.self_touch",
+    "wrap_layout": "calibration.patch.wrap",
 }
 __all__ = list(_PUBLIC)
 
@@ -37,15 +35,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted([*globals(), *_PUBLIC])
-
-
-class _Package(ModuleType):
-    """The package itself: its `self_touch` is the function, not the module that holds it."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        # What the import system does with every module of a package that it has loaded.
-        if not (name in _PUBLIC and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibration.effort import DETAIL, STARTS, STEPS, Effort
+from calibration.patch.solver_budget import DETAIL, STARTS, STEPS, Effort
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidMeshError
 from skinmap.trade.measuring import cpu_seconds
@@ -88,8 +88,8 @@ class CalibrateTask:
 
     def run(self, prepared: list[Planted], setting: Setting, *, seed: int) -> Outcome:
         """Calibrate the patches; seconds of the largest, and the median error of all taxels."""
-        from calibration.target import make_target
-        from calibration.wrap import wrap_layout
+        from calibration.patch.link_surface import make_target
+        from calibration.patch.wrap import wrap_layout
 
         used = {**defaults(self.knobs), **setting}
         detail = float(used["wrap_detail_mm"]) / MM

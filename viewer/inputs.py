@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.response_file import load_response
+from calibration.response.response_file import load_response
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.classifier import DEFAULT, TouchClassifier, classifiers
 from skinmap.classify.descriptors import Touch

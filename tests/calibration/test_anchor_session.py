@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration.anchor_session import AnchorSession
-from calibration.anchor_table import Anchor, read_anchor_table, write_anchor_table
-from calibration.tables import BoardTable
+from calibration.commands.anchor_session import AnchorSession
+from calibration.files.anchor_table import Anchor, read_anchor_table, write_anchor_table
+from calibration.files.tables import BoardTable
 from skinmap.errors import InvalidArrayError
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from calibration import fit_mount
-from calibration.mount import point_covariance
+from calibration.mount.rigid_mount import point_covariance
 from skinmap.errors import InvalidArrayError, UnknownNameError
 
 

@@ -7,9 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 from calibration.commands import calibrate
-from calibration.gain import KNOTS, BranchFollower, Gain, ReferenceLoads, fit_gain
-from calibration.response import Health, ResponseCalibration
-from calibration.response_file import load_response, save_response
+from calibration.response.gain import KNOTS, BranchFollower, Gain, ReferenceLoads, fit_gain
+from calibration.response.response import Health, ResponseCalibration
+from calibration.response.response_file import load_response, save_response
 from skinmap.errors import (
     DataFormatError,
     InvalidArrayError,

@@ -10,11 +10,11 @@ from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from calibration import self_touch
-from calibration.chains import Chain, TouchRecording
 from calibration.commands import calibrate
-from calibration.pairing import side_of
-from calibration.self_touch import taxel_covariance
-from calibration.self_touch_files import load_self_touch
+from calibration.files.self_touch_files import load_self_touch
+from calibration.mount.chains import Chain, TouchRecording
+from calibration.mount.pairing import side_of
+from calibration.mount.self_touch import taxel_covariance
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.readers import read_taxels

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from calibration.target import OFFSET, make_target, rounded
+from calibration.patch.link_surface import OFFSET, make_target, rounded
 
 
 def single(vertices, unit):

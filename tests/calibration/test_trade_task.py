@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skinmap
-from calibration.effort import Effort
+from calibration.patch.solver_budget import Effort
 from calibration.trade_task import MOST_MODULES, CalibrateTask, calibrate_task
 from skinmap.errors import InvalidArrayError
 from skinmap.knobs import KNOBS

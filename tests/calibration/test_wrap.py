@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from calibration import Status, wrap_layout
-from calibration.held_out import held_out_errors
-from calibration.next_places import best_next
+from calibration.patch.held_out import held_out_errors
+from calibration.patch.next_places import best_next
 from skinmap.errors import InvalidArrayError, InvalidMeshError, SkinError
 
 TIGHT = 0.1e-3  # anchors as good as a measuring arm's [m]

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration import fit_wrench
 from calibration.commands import calibrate
-from calibration.mount_files import read_wrenches
+from calibration.files.mount_files import read_wrenches
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.readers import read_taxels

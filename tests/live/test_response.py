@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calibration.gain import ReferenceLoads
-from calibration.response import ResponseCalibration
-from calibration.response_file import save_response
+from calibration.response.gain import ReferenceLoads
+from calibration.response.response import ResponseCalibration
+from calibration.response.response_file import save_response
 from skinmap.classify.trained_skin import remember
 from skinmap.errors import InvalidArrayError, MissingFileError, SkinMismatchError, UnknownNameError
 from skinmap.live.joined import JoinedSkin

@@ -145,6 +145,6 @@ def test_layers_refuse_what_they_do_not_know(layers, prepared):
 
 
 def test_states_are_those_of_the_response_calibration_and_stale():
-    from calibration.response import Health
+    from calibration.response.response import Health
 
     assert set(STATES) == set(Health) | {"stale"}

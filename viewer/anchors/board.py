@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from calibration.anchor_session import AnchorSession
-from calibration.patch_job import MM
+from calibration.commands.anchor_session import AnchorSession
+from calibration.commands.patch_job import MM
 from skinmap.arrays import FloatArray
 from skinmap.geometry.proximity import median_spacing
 from viewer.anchors.marks import (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.options import (
+from calibration.commands.options import (
     FILE,
     accept_option,
     effort_options,
@@ -21,7 +21,7 @@ from calibration.options import (
 from skinmap.cli.common import emit, json_option, profile_option, seed_option
 
 if TYPE_CHECKING:
-    from calibration.anchor_session import AnchorSession
+    from calibration.commands.anchor_session import AnchorSession
 
 
 @click.command("anchors", short_help="Click where taxels are, and see the patch wrapped.")
@@ -71,8 +71,8 @@ def anchors(
     require_opengl()
     if screenshot is None and not has_display():
         raise click.UsageError("there is no display here: give --anchors and --screenshot")
-    from calibration.anchor_session import AnchorSession
-    from calibration.effort import Effort
+    from calibration.commands.anchor_session import AnchorSession
+    from calibration.patch.solver_budget import Effort
 
     session = AnchorSession.load(
         layout_file, mesh_file, anchors_file,

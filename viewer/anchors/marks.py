@@ -16,7 +16,7 @@ from vtkmodules.vtkRenderingCore import (
     vtkTextActor,
 )
 
-from calibration.anchor_session import AnchorSession
+from calibration.commands.anchor_session import AnchorSession
 from skinmap.arrays import FloatArray, IntArray
 from viewer.colours import INK, rgb
 from viewer.drawing.overlays import Line

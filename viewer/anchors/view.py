@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.anchor_session import AnchorSession
-from calibration.patch_job import MM
+from calibration.commands.anchor_session import AnchorSession
+from calibration.commands.patch_job import MM
 from skinmap.errors import SkinError
 from viewer.anchors.board import BoardPanel
 from viewer.anchors.link import LinkPicture

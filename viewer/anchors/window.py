@@ -8,7 +8,7 @@ from typing import Any
 
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 
-from calibration.anchor_session import Solution, solve
+from calibration.commands.anchor_session import Solution, solve
 from viewer.anchors.view import CalibrationView
 
 STILL = 4  # a mouse that moved less than this between press and release has clicked [px]

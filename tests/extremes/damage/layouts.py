@@ -8,9 +8,9 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-from calibration.anchor_table import load_link, load_wrap, read_anchor_table
-from calibration.batch_job import read_batch
-from calibration.tables import (
+from calibration.commands.batch_job import read_batch
+from calibration.files.anchor_table import load_link, load_wrap, read_anchor_table
+from calibration.files.tables import (
     read_anchors,
     read_board,
     read_numbers,
@@ -178,7 +178,7 @@ def own(path: Path) -> TaxelTable:
 
 ROBOT = {"one.urdf": lambda: URDF, "hand.ply": lambda: PLY, "left_hand.csv": HAND.read_bytes}
 ON_BOARD = {"board.csv": BOARD.encode}
-CAL = "calibration.tables"
+CAL = "calibration.files.tables"
 
 TARGETS = [
     Target("taxels-csv", "t.csv", lambda: [HAND.read_bytes(), calibrated()], own,
@@ -204,22 +204,22 @@ TARGETS = [
     *(Target(f"mesh-{kind}", f"m.{kind}", lambda kind=kind: [mesh(kind)], read_mesh,
              ("skinmap.io.urdf.read_mesh",)) for kind in MESHES),
     Target("link", "m.stl", lambda: [mesh("stl")], lambda p: load_link(p, 1e-3),
-           ("calibration.anchor_table.load_link",)),
+           ("calibration.files.anchor_table.load_link",)),
     Target("board", "board.csv", lambda: [BOARD.encode()], read_board, (f"{CAL}.read_board",)),
     Target("placed", "p.csv", lambda: [ANCHORS.encode()], read_placed, (f"{CAL}.read_placed",)),
     Target("anchors", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchors),
            (f"{CAL}.read_anchors", f"{CAL}.read_table"), ON_BOARD),
     Target("anchor-table", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchor_table),
-           ("calibration.anchor_table.read_anchor_table",), ON_BOARD),
+           ("calibration.files.anchor_table.read_anchor_table",), ON_BOARD),
     Target("wrap", "a.csv", lambda: [ANCHORS.encode()],
            lambda p: load_wrap(p.with_name("board.csv"), p.with_name("hand.ply"), p,
                                units="mm", sigma_mm=1.0),
-           ("calibration.anchor_table.load_wrap",), ON_BOARD | {"hand.ply": lambda: PLY}),
+           ("calibration.files.anchor_table.load_wrap",), ON_BOARD | {"hand.ply": lambda: PLY}),
     Target("touches", "t.csv", lambda: [TOUCHES.encode()], by_board(read_touches),
            (f"{CAL}.read_touches",), ON_BOARD),
     Target("points", "p.csv", lambda: [POINTS.encode()], read_points, (f"{CAL}.read_points",)),
     Target("batch", "b.csv", lambda: [BATCH], lambda p: read_batch(p, "mm", 1.0),
-           ("calibration.batch_job.read_batch",)),
+           ("calibration.commands.batch_job.read_batch",)),
     Target("numbers", "n.csv", lambda: [b"1,2,3\n4,5,6\n"], lambda p: read_numbers(p, None),
            (f"{CAL}.read_numbers",)),
 ]  # fmt: skip

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from calibration.mount_files import read_arrays, read_samples, read_wrenches
-from calibration.response import ResponseCalibration
-from calibration.response_file import load_response, save_response
-from calibration.self_touch_files import load_self_touch
+from calibration.files.mount_files import read_arrays, read_samples, read_wrenches
+from calibration.files.self_touch_files import load_self_touch
+from calibration.response.response import ResponseCalibration
+from calibration.response.response_file import load_response, save_response
 from skinmap.cache import Cache
 from skinmap.classify.check import planted_touches
 from skinmap.classify.classifier import classifiers
@@ -204,18 +204,19 @@ TARGETS = [
     *both("network", "t.npz", lambda: [network()], load_network,
           ("skinmap.classify.convolution.load_network",)),
     *both("response", "t.npz", lambda: [response()], load_response,
-          ("calibration.response_file.load_response",)),
+          ("calibration.response.response_file.load_response",)),
     *both("self-touch", "A_B.npz", lambda: [self_touch()], lambda p: load_self_touch([p]),
-          ("calibration.self_touch_files.load_self_touch",), PARTS),
+          ("calibration.files.self_touch_files.load_self_touch",), PARTS),
     *both("self-touch-part", "part_A.npz", lambda: [part(0)],
           lambda p: load_self_touch([p.with_name("A_B.npz")]), (),
           {"A_B.npz": self_touch, "part_B.npz": lambda: part(1)}),
     *both("wrenches", "w.npz", lambda: [wrenches()], read_wrenches,
-          ("calibration.mount_files.read_wrenches",)),
+          ("calibration.files.mount_files.read_wrenches",)),
     Target("wrenches-csv", "w.csv", lambda: [WRENCH], read_wrenches),
     *both("arrays", "s.npz", lambda: [zipped(samples=values(), loads=values())],
           lambda p: read_samples(p, ("samples", "loads")),
-          ("calibration.mount_files.read_samples", "calibration.mount_files.read_arrays")),
+          ("calibration.files.mount_files.read_samples",
+           "calibration.files.mount_files.read_arrays")),
     *both("cache", "c.npz", lambda: [zipped(vertices=np.eye(3), faces=np.eye(3, dtype=int))], kept),
     Target("samples-npy", "s.npy", lambda: [npy()], lambda p: read_arrays(p, "samples")),
 ]  # fmt: skip

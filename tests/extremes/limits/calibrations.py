@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from calibration import wrap_layout
-from calibration.response import ResponseCalibration
-from calibration.scan import _check_scan
-from calibration.touch import Touch, locate_by_touch
+from calibration.patch.touch import Touch, locate_by_touch
+from calibration.response.response import ResponseCalibration
+from calibration.scan.registration import _check_scan
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 
 from .law import Law, Outside

@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from calibration.drift import DriftTracker
-from calibration.gain import ReferenceLoads
-from calibration.response import ResponseCalibration
+from calibration.response.drift import DriftTracker
+from calibration.response.gain import ReferenceLoads
+from calibration.response.response import ResponseCalibration
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.live.counts import Counts
 from skinmap.live.identity import ContactTracker

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from calibration.response import ResponseCalibration
-from calibration.response_file import load_response, save_response
+from calibration.response.response import ResponseCalibration
+from calibration.response.response_file import load_response, save_response
 from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError
 from skinmap.io.mcap_recording import McapRecording
 from skinmap.io.mcap_track import read_track

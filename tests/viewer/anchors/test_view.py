@@ -9,8 +9,8 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 
-from calibration.anchor_session import AnchorSession
-from calibration.tables import BoardTable
+from calibration.commands.anchor_session import AnchorSession
+from calibration.files.tables import BoardTable
 from skinmap.cli.main import cli
 
 RADIUS, PITCH = 45e-3, 6.5e-3

@@ -1,0 +1,61 @@
+"""`skinmap calibrate`: one command for each kind of evidence, loaded when it is called."""
+
+from __future__ import annotations
+
+import importlib
+from importlib.util import find_spec
+
+import click
+
+from skinmap.cli.groups import NamedGroup
+
+# name: (module beside this one, its command there, one line for the list)
+COMMANDS = {
+    "wrap": ("wrap", "command", "A flat board on its link, by a few anchors."),
+    "batch": (
+        "batch",
+        "command",
+        "Many boards, on several cores or machines.",
+    ),
+    "touch": ("touch", "command", "By touches with a known probe."),
+    "selftouch": ("mounts", "selftouch", "By skin that touches skin."),
+    "scan": ("scan", "command", "A 3D scan of the link to its mesh."),
+    "wrench": ("mounts", "wrench", "By the lines of forces that were felt."),
+    "response": ("mounts", "response", "Baselines, gains, health of taxels."),
+}
+
+
+class LazyCommands(NamedGroup):
+    """Commands that are imported when they are called, not when they are listed."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order of a calibration's work."""
+        return [
+            name for name, (module, _, _) in COMMANDS.items() if find_spec(f"{__name__}.{module}")
+        ]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Load one command; None if there is none of that name."""
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        module, attribute, _ = COMMANDS[cmd_name]
+        command: click.Command | None = getattr(
+            importlib.import_module(f"{__name__}.{module}"), attribute, None
+        )
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, COMMANDS[name][2]) for name in self.list_commands(ctx)])
+
+
+@click.group(
+    cls=LazyCommands, name="calibrate", short_help="Where taxels are, how sure, and do they work."
+)
+def calibrate() -> None:
+    """Calibrate a skin: where every taxel is, how sure that is, and whether it works.
+
+    \b
+    Example:  skinmap calibrate wrap --layout board.csv --mesh link.stl --anchors anchors.csv -o out
+    """

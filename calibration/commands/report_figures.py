@@ -1,0 +1,167 @@
+"""Pictures of a calibrated patch: on its link, on its board, and what was measured against it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from calibration.patch.patch_calibration import PatchCalibration
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.cli.figures import picture_bytes, plain_figure
+from skinmap.cli.projection import View, draw_surface
+from skinmap.geometry.triangles import face_normals, unit
+
+MM = 1e3
+TURN = np.radians(50.0)  # of each of the two side views
+MARGIN = 12e-3  # round the patch: what of the link lies further is cut off [m]
+MOST_FACES = 30_000  # of the link: more cannot be seen at this size
+COLOURS = "viridis"
+MOST_NAMED = 24  # taxels with evidence that are named
+MOST_BARS = 40  # residuals drawn one by one
+
+
+def patch_picture(found: PatchCalibration, link: tuple[FloatArray, IntArray]) -> bytes:
+    """PNG of the patch on its link from three sides, coloured by the predicted error."""
+    sd = MM * found.predicted_sd
+    views = _views(found)
+    figure = plain_figure((4.0 * len(views) + 0.8, 4.4))
+    axes = figure.subplots(1, len(views))
+    paint = _paint(sd)
+    vertices, faces = link
+    near = _near(found, vertices, faces)
+    normals = face_normals(vertices, near)
+    grey = np.tile([0.80, 0.82, 0.85, 1.0], (len(near), 1))
+    for axis, view in zip(axes, views, strict=True):
+        # Visual meshes have faces of both turns: none is left out.
+        draw_surface(axis, view, MM * vertices[near], normals, grey, both_sides=True)
+        seen = found.normals @ view.out > 0.0
+        points = view.project(MM * found.positions)
+        colours = paint.to_rgba(sd[seen])
+        axis.scatter(*points[seen, :2].T, c=colours, s=14, linewidths=0, zorder=3)
+        low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+        axis.set_xlim(low[0] - MM * MARGIN, high[0] + MM * MARGIN)
+        axis.set_ylim(low[1] - MM * MARGIN, high[1] + MM * MARGIN)
+        axis.set_aspect("equal")
+        axis.set_title(view.name, fontsize=9)
+        axis.set_xlabel("mm", fontsize=8)
+        axis.tick_params(labelsize=7)
+    bar = figure.colorbar(paint, ax=axes, shrink=0.8)
+    bar.set_label("predicted error [mm]")
+    return picture_bytes(figure)
+
+
+def board_picture(
+    found: PatchCalibration,
+    layout: FloatArray,
+    channels: IntArray,
+    evidence: Mapping[str, IntArray],
+) -> bytes:
+    """PNG of the flat board coloured by the predicted error, with the evidence on it.
+
+    Parameters
+    ----------
+    found : PatchCalibration
+    layout : (n, 2) array of float
+        [m].
+    channels : (n,) array of int
+        Names of the taxels.
+    evidence : mapping of str to (k,) array of int
+        What is known ("anchors"), and at which taxels.
+    """
+    sd = MM * found.predicted_sd
+    wide, tall = np.ptp(layout, axis=0)
+    height = float(np.clip(7.5 * tall / max(wide, 1e-9), 2.5, 7.0))
+    figure = plain_figure((8.6, height + 1.4))
+    axis = figure.subplots()
+    places = MM * layout
+    paint = _paint(sd)
+    axis.scatter(*places.T, c=paint.to_rgba(sd), s=26, linewidths=0)
+    for name, taxels in evidence.items():
+        axis.scatter(
+            *places[taxels].T, s=110, facecolors="none", edgecolors="black", linewidths=1.4,
+            label=name,
+        )  # fmt: skip
+        for taxel in taxels[:MOST_NAMED]:
+            axis.annotate(
+                str(channels[taxel]), places[taxel], xytext=(6, 6), textcoords="offset points",
+                fontsize=8,
+            )  # fmt: skip
+    if len(found.next_taxels):
+        following = found.next_taxels
+        axis.scatter(
+            *places[following].T, s=130, marker="s", facecolors="none", edgecolors="#d3202f",
+            linewidths=1.6, label="measure next",
+        )  # fmt: skip
+        for rank, taxel in enumerate(following, start=1):
+            axis.annotate(
+                f"{rank}: {channels[taxel]}", places[taxel], xytext=(6, -13), fontsize=8,
+                textcoords="offset points", color="#d3202f",
+            )  # fmt: skip
+    axis.set_aspect("equal")
+    axis.margins(0.08)
+    axis.set_xlabel("mm on the board, seen from outside", fontsize=9)
+    axis.tick_params(labelsize=8)
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    figure.colorbar(paint, ax=axis, shrink=0.8).set_label("predicted error [mm]")
+    return picture_bytes(figure)
+
+
+def residual_picture(found: PatchCalibration) -> bytes:
+    """PNG of the residuals by kind, each divided by what was expected of it."""
+    kinds = {
+        name: np.linalg.norm(value, axis=1) if value.ndim == 2 else value
+        for name, value in found.residuals.items()
+        if value.size
+    }
+    figure = plain_figure((4.2 * max(1, len(kinds)), 3.0))
+    axes = figure.subplots(1, max(1, len(kinds)), squeeze=False)[0]
+    for axis, (name, values) in zip(axes, kinds.items(), strict=False):
+        if name == "strain":
+            axis.hist(100.0 * values, bins=50, color="#3b6ea8")
+            axis.set_xlabel("lengths against the board [%]")
+            axis.set_ylabel("pairs of taxels")
+        elif len(values) <= MOST_BARS:
+            axis.bar(np.arange(len(values)), values, color="#3b6ea8")
+            axis.set_xlabel(f"row of {name}")
+            axis.set_ylabel("residual / expected")
+        else:
+            axis.hist(values, bins=40, color="#3b6ea8")
+            axis.set_xlabel(f"{name}: residual / expected")
+            axis.set_ylabel("count")
+        axis.spines[["top", "right"]].set_visible(False)
+    return picture_bytes(figure)
+
+
+def _paint(values: FloatArray) -> Any:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    paint = ScalarMappable(Normalize(0.0, float(values.max())), COLOURS)
+    paint.set_array(values)
+    return paint
+
+
+def _views(found: PatchCalibration) -> list[View]:
+    """From the front of the patch and from both sides; its long axis up, or the link's z."""
+    looks = unit(found.normals.mean(axis=0))
+    _, _, axes = np.linalg.svd(found.positions - found.positions.mean(axis=0), full_matrices=False)
+    up = axes[0] - (axes[0] @ looks) * looks
+    up = unit(up if np.linalg.norm(up) > 0.1 else axes[1] - (axes[1] @ looks) * looks)
+    side = np.cross(up, looks)
+    names = {"from its left": -TURN, "from the front of the patch": 0.0, "from its right": TURN}
+    return [
+        View(name, np.cos(turn) * looks + np.sin(turn) * side, up) for name, turn in names.items()
+    ]
+
+
+def _near(found: PatchCalibration, vertices: FloatArray, faces: IntArray) -> IntArray:
+    """Faces of the link round the patch, no more than can be seen."""
+    low = found.positions.min(axis=0) - 5 * MARGIN
+    high = found.positions.max(axis=0) + 5 * MARGIN
+    middle = vertices[faces].mean(axis=1)
+    near = faces[((middle > low) & (middle < high)).all(axis=1)]
+    if len(near) == 0:  # huge triangles: all of them
+        near = faces
+    return near[:: max(1, len(near) // MOST_FACES)]

@@ -1,0 +1,106 @@
+"""`skinmap calibrate wrap`: a flat board on its link, by a few anchors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from calibration.commands.options import (
+    FILE,
+    accept_option,
+    effort_options,
+    format_option,
+    layout_option,
+    mesh_option,
+    out_option,
+    sigma_option,
+    units_option,
+)
+from skinmap.cli.common import emit, json_option, profile_option, progress, seed_option
+
+STEPS = 4
+REFUSED = "refused.html"  # the report of a result that is not ok and was not accepted
+
+
+@click.command("wrap")
+@layout_option
+@mesh_option
+@click.option(
+    "--anchors", "anchors_file", type=FILE, required=True,
+    help="Known places: CSV `channel,x,y,z[,sigma]`, at least three taxels.",
+)  # fmt: skip
+@units_option("all three files")
+@sigma_option("an anchor")
+@out_option("taxels.csv and report.html")
+@format_option()
+@accept_option("Write taxels and exit 0 whatever the status.")
+@effort_options
+@seed_option
+@profile_option("calibrate")
+@json_option
+def command(
+    layout_file: Path,
+    mesh_file: Path,
+    anchors_file: Path,
+    units: str,
+    sigma_mm: float,
+    out: Path,
+    formats: tuple[str, ...],
+    accept: bool,
+    starts: int,
+    steps: int,
+    wrap_detail_mm: float,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Lay a flat board on its link so that lengths hold and the anchors are where they were found.
+
+    Writes taxels.csv (metres, in the frame of the mesh, with covariances) and report.html. Where
+    the status is not ok, only refused.html is written and the exit code is 3, unless --accept.
+
+    \b
+    Example:  skinmap calibrate wrap --layout board.csv --mesh link.stl --anchors anchors.csv -o out
+    """
+    from calibration.files.anchor_table import load_wrap
+    from calibration.patch.solver_budget import Effort
+    from skinmap.io.output import staged_folder
+
+    effort = Effort(starts, steps, 1e-3 * wrap_detail_mm)
+    with staged_folder(out) as stage, progress(STEPS, "calibrate") as advance:
+        task = load_wrap(
+            layout_file, mesh_file, anchors_file, units=units, sigma_mm=sigma_mm, effort=effort
+        )
+        advance("wrap")
+        found, seconds = task.solve(seed)
+        advance("cross-validation")
+        held_out = task.held_out(found)
+        advance("report")
+        result = task.write(stage, found, held_out, seconds, formats=formats, accept=accept)
+    show(result, out, as_json)
+
+
+def show(result: dict[str, Any], out: Path, as_json: bool) -> None:
+    """One JSON object, or a few lines for people; exit 3 where the result was refused."""
+    if as_json:
+        emit(result)
+    else:
+        _tell(result, out)
+    if REFUSED in result["files"]:
+        raise SystemExit(3)
+
+
+def _tell(result: dict[str, Any], out: Path) -> None:
+    sd = result["predicted_sd_mm"]
+    click.echo(f"{result['status']}: {result['taxels']} taxels")
+    for reason in result["reasons"]:
+        click.echo(f"  {reason}")
+    for note in result["mesh_notes"]:
+        click.echo(f"  {note}")
+    click.echo(f"predicted error: median {sd['median']:.2f} mm, worst {sd['max']:.2f} mm")
+    if result["cross_validation_mm"] is not None:
+        click.echo(f"what is left out is missed by {result['cross_validation_mm']:.2f} mm")
+    click.echo(f"measure next: {', '.join(map(str, result['next']))}")
+    for file in result["files"]:
+        click.echo(str(out / file))

@@ -1,0 +1,1 @@
+"""Tables and archives that calibrations read and write."""

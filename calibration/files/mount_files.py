@@ -1,0 +1,179 @@
+"""Files of mounts and responses: touches with wrenches and samples in, taxels and mounts out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.files.tables import ENTRIES, read_numbers, read_placed, read_table
+from skinmap.archive import open_arrays, quiet_headers
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError
+from skinmap.io.export import write_icub
+from skinmap.io.icub import CHANNELS_PER_MODULE
+from skinmap.io.table import COLUMNS, COVARIANCE
+from skinmap.io.text import check_file
+from skinmap.skin.taxels import TaxelTable
+
+WRENCH = ("points", "frames", "forces", "moments")
+FRAME = tuple(f"t{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3, 4))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WrenchTouches:
+    """Touches with wrenches; taxels (n, 3) of the patch where there are any, and their channels."""
+
+    points: FloatArray
+    frames: FloatArray
+    forces: FloatArray
+    moments: FloatArray
+    taxels: FloatArray | None
+    channels: IntArray
+
+
+def read_arrays(path: Path, expected: str) -> dict[str, NDArray[Any]]:
+    """The arrays of an `.npz` file; of an `.npy` or `.csv` file, one called "samples".
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or not a file of plain arrays; a row of a `.csv` that has another number of
+        channels (says which line).
+    """
+    check_file(path, expected, most_bytes=2**32)
+    if path.suffix.lower() == ".csv":
+        return {"samples": read_numbers(path, None)}
+    try:
+        if path.suffix.lower() == ".npy":
+            with path.open("rb") as file, quiet_headers():
+                return {"samples": np.asarray(np.lib.format.read_array(file, allow_pickle=False))}
+        with open_arrays(path) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except DataFormatError:
+        raise
+    except DAMAGED_ARCHIVE as error:
+        raise DataFormatError(f"not {expected}: {error}", path) from error
+
+
+def read_wrenches(path: Path, unit: float = 1.0, taxels: Path | None = None) -> WrenchTouches:
+    """Touches with wrenches from an `.npz` or `.csv` file, taxels from a table of their own or it.
+
+    `.npz`: arrays `points (m, 3)`, `frames (m, 4, 4)`, `forces`, `moments`, and perhaps `taxels
+    (n, 3)`. `.csv`: columns `touch,x,y,z,fx,fy,fz,mx,my,mz`, and where the link moves before its
+    sensor `t11` to `t34`, the rows of each frame. Lengths are in `unit` metres, moments in newton
+    times it.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or an array or column is missing or not of numbers.
+    """
+    found = _wrench_rows(path) if path.suffix.lower() == ".csv" else _wrench_arrays(path)
+    found["frames"][..., :3, 3] *= unit
+    own, channels = found.get("taxels"), None
+    if taxels is not None:
+        channels, own, _ = read_placed(taxels)
+    return WrenchTouches(
+        found["points"] * unit,
+        found["frames"],
+        found["forces"],
+        found["moments"] * unit,
+        None if own is None else own * unit,
+        np.arange(0 if own is None else len(own)) if channels is None else channels,
+    )
+
+
+def _wrench_arrays(path: Path) -> dict[str, FloatArray]:
+    arrays = read_arrays(path, "touches with wrenches (.npz or .csv)")
+    _need(arrays, WRENCH, path)
+    try:
+        found = {name: np.array(arrays[name], np.float64) for name in arrays}
+        _ = found["frames"][..., :3, 3]
+    except (ValueError, TypeError, IndexError) as error:
+        raise DataFormatError(f"arrays must be numbers: {error}", path) from error
+    taxels = found.get("taxels")
+    if taxels is not None and (taxels.ndim != 2 or taxels.shape[1] != 3):
+        raise DataFormatError(f"taxels must have shape (n, 3), got {taxels.shape}", path)
+    return found
+
+
+def _wrench_rows(path: Path) -> dict[str, FloatArray]:
+    needed = ("x", "y", "z", "fx", "fy", "fz", "mx", "my", "mz")
+    names, values, _ = read_table(path, needed, FRAME, ("touch",))
+    lacks = [name for name in FRAME if name not in names]
+    if 0 < len(lacks) < len(FRAME):
+        raise DataFormatError(f"frames need all of t11 to t34, it lacks {', '.join(lacks)}", path)
+    frames = np.tile(np.eye(4), (len(values), 1, 1))
+    if not lacks:
+        frames[:, :3] = values[:, [names.index(name) for name in FRAME]].reshape(-1, 3, 4)
+    column = {name: values[:, names.index(name)] for name in needed}
+    triples = [np.column_stack([column[name] for name in needed[k : k + 3]]) for k in (0, 3, 6)]
+    return {"points": triples[0], "frames": frames, "forces": triples[1], "moments": triples[2]}
+
+
+def read_samples(path: Path, names: tuple[str, ...] = ("samples",)) -> dict[str, NDArray[Any]]:
+    """Samples (t, n), and loads of the same shape where they are asked for.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or it lacks one of the arrays.
+    """
+    arrays = read_arrays(path, f"samples (.npy, or .npz with {', '.join(names)})")
+    _need(arrays, names, path)
+    return arrays
+
+
+def _need(arrays: dict[str, NDArray[Any]], names: tuple[str, ...], path: Path) -> None:
+    lacks = [name for name in names if name not in arrays]
+    if lacks:
+        raise DataFormatError(
+            f"lacks {', '.join(lacks)}; there is: {', '.join(arrays) or 'nothing'}", path
+        )
+
+
+def write_taxels(
+    channels: IntArray, positions: FloatArray, covariance: FloatArray, path: Path
+) -> None:
+    """Write our taxel table with covariances [m2]; normals are zero, they are not calibrated."""
+    if not len(channels) == len(positions) == len(covariance):
+        raise InvalidArrayError("as many channels as positions and covariances are needed")
+    lines = [",".join((*COLUMNS, *COVARIANCE))]
+    for channel, place, own in zip(channels.tolist(), positions, covariance, strict=True):
+        numbers = (*place, 0.0, 0.0, 0.0, *(own[entry] for entry in ENTRIES))
+        lines.append(f"{channel},0,{','.join(repr(float(value)) for value in numbers)}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_tables(
+    channels: IntArray,
+    positions: FloatArray,
+    covariance: FloatArray,
+    path: Path,
+    *,
+    formats: Sequence[str] = (),
+) -> None:
+    """Write `path` as our table, and beside it as the iCub's `.txt` where `formats` has "icub"."""
+    write_taxels(channels, positions, covariance, path)
+    if "icub" in formats:
+        modules = channels // CHANNELS_PER_MODULE
+        table = TaxelTable(channels, modules, positions, np.zeros_like(positions))
+        write_icub(table, path.with_suffix(".txt"), name=path.stem)
+
+
+def write_mounts(mounts: dict[str, Any], path: Path) -> None:
+    """Write mounts T_link_patch [m] and what belongs to them as JSON with full digits."""
+    text = {"format": "skinmap-mounts-1", **_lists(mounts)}
+    path.write_text(json.dumps(text, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _lists(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _lists(item) for key, item in value.items()}
+    return value.tolist() if hasattr(value, "tolist") else value

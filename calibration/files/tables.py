@@ -1,0 +1,252 @@
+"""Tables that come in (boards, anchors, touches) and go out (calibrated taxels)."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calibration.patch.patch_calibration import PatchCalibration
+from calibration.patch.touch import Touch
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import DataFormatError
+from skinmap.io.export import write_icub
+from skinmap.io.icub import CHANNELS_PER_MODULE
+from skinmap.io.table import COLUMNS, COVARIANCE
+from skinmap.io.text import MOST_CHANNEL, parse_floats, read_text
+from skinmap.io.urdf import MESH_SUFFIXES, read_mesh
+from skinmap.skin.taxels import TaxelTable
+
+CHANNEL = ("channel", "taxel")  # how a first column may be called
+ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
+IGNORED = ("z", "nx", "ny", "nz")  # of a board in our own taxel format: it is flat
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BoardTable:
+    """A board: channels (n,), modules (n,) and its flat layout (n, 2) [m], seen from outside."""
+
+    channels: IntArray
+    modules: IntArray
+    layout: FloatArray
+
+    def rows(self, channels: IntArray, path: Path, lines: Sequence[int]) -> IntArray:
+        """Rows of the board that have some channels; says which line names one that it lacks."""
+        where = {int(channel): row for row, channel in enumerate(self.channels)}
+        for channel, line in zip(channels.tolist(), lines, strict=True):
+            if channel not in where:
+                raise DataFormatError(
+                    f"the board has no taxel {channel}, it has {len(self.channels)} of "
+                    f"{self.channels.min()}..{self.channels.max()}",
+                    path,
+                    line,
+                )
+        return np.array([where[channel] for channel in channels.tolist()], np.int64)
+
+
+def read_board(path: Path, unit: float = 1.0) -> BoardTable:
+    """A flat board: `channel,x,y`, with `module` where it is known.
+
+    Our own taxel tables do as well; their heights and normals are left aside.
+
+    Raises
+    ------
+    DataFormatError
+        A missing or unknown column, a word that is no number, a channel that comes twice.
+    """
+    names, values, lines = read_table(path, ("x", "y"), ("module", *IGNORED))
+    channels = check_channels(names, values, lines, path)
+    modules = values[:, names.index("module")] if "module" in names else np.zeros(len(values))
+    place = [names.index("x"), names.index("y")]
+    return BoardTable(channels, modules.astype(np.int64), values[:, place] * unit)
+
+
+def read_anchors(
+    path: Path, board: BoardTable, unit: float = 1.0
+) -> tuple[IntArray, FloatArray, FloatArray | None]:
+    """Anchors `channel,x,y,z[,sigma]`: rows of the board (k,), points (k, 3), sigmas (k,) [m].
+
+    Raises
+    ------
+    DataFormatError
+        A missing or unknown column, a word that is no number, a taxel that the board lacks
+        (says which line).
+    """
+    names, values, lines = read_table(path, ("x", "y", "z"), ("sigma",))
+    _check_whole(values[:, 0], lines, path)  # before the cast, which warns of what is too large
+    channels = values[:, 0].astype(np.int64)
+    rows = board.rows(channels, path, lines)
+    place = [names.index(name) for name in "xyz"]
+    sigma = values[:, names.index("sigma")] * unit if "sigma" in names else None
+    return rows, values[:, place] * unit, sigma
+
+
+def read_placed(path: Path, unit: float = 1.0) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Taxels `channel,x,y,z[,sigma]`: channels (n,), places (n, 3), sigmas (n,) or 0 [m].
+
+    Raises
+    ------
+    DataFormatError
+        A missing or unknown column, a word that is no number, a channel that comes twice.
+    """
+    names, values, lines = read_table(path, ("x", "y", "z"), ("module", "nx", "ny", "nz", "sigma"))
+    channels = check_channels(names, values, lines, path)
+    sigma = values[:, names.index("sigma")] if "sigma" in names else np.zeros(len(values))
+    return channels, values[:, [names.index(name) for name in "xyz"]] * unit, sigma * unit
+
+
+def read_touches(
+    path: Path, board: BoardTable, unit: float = 1.0, *, sigma: float = 1e-3
+) -> list[Touch]:
+    """Touches `touch,x,y,z,channel,value[,sigma]`: a row for each channel that felt one.
+
+    Rows of one number `touch` belong together and repeat the probe's place; the touches come in
+    the order of their numbers.
+
+    Raises
+    ------
+    DataFormatError
+        A missing column, a channel that the board lacks, a touch with two places (says which
+        line).
+    """
+    needed = ("x", "y", "z", "channel", "value")
+    names, values, lines = read_table(path, needed, ("sigma",), first=("touch",))
+    column = {name: values[:, place] for place, name in enumerate(names)}
+    for name in ("touch", "channel"):
+        _check_whole(column[name], lines, path)
+    rows = board.rows(column["channel"].astype(np.int64), path, lines)
+    points = np.column_stack([column[name] for name in "xyz"]) * unit
+    spread = column["sigma"] * unit if "sigma" in column else np.full(len(values), sigma)
+    touches = []
+    for number in np.unique(column["touch"]):
+        own = np.flatnonzero(column["touch"] == number)
+        apart = (points[own] != points[own[0]]).any(axis=1)
+        if apart.any():
+            line = lines[int(own[np.argmax(apart)])]
+            raise DataFormatError(f"touch {number:.0f} has two places", path, line)
+        touches.append(
+            Touch(points[own[0]], float(spread[own[0]]), rows[own], column["value"][own])
+        )
+    return touches
+
+
+def read_table(
+    path: Path, needed: Sequence[str], known: Sequence[str], first: Sequence[str] = CHANNEL
+) -> tuple[list[str], FloatArray, list[int]]:
+    """Names of the columns, values (n, columns) and the line of each row.
+
+    Raises
+    ------
+    DataFormatError
+        A missing or unknown column, a row of another length, a word that is no number.
+    """
+    reader = csv.reader(read_text(path).splitlines(keepends=True))
+    rows, lines = [], []
+    try:
+        names = [cell.strip().lower() for cell in next(reader, [])]
+        wrong = [name for name in names[1:] if name not in (*needed, *known)]
+        lacks = [name for name in needed if name not in names]
+        if not names or names[0] not in first or wrong or lacks or len(set(names)) < len(names):
+            raise DataFormatError(
+                f"expected the columns {first[0]},{','.join(needed)} and perhaps "
+                f"{','.join(known)}, got {','.join(names)[:200]!r}",
+                path,
+                1,
+            )
+        for row in reader:
+            if not row:
+                continue
+            if len(row) != len(names):
+                raise DataFormatError(
+                    f"expected {len(names)} columns, got {len(row)}", path, reader.line_num
+                )
+            rows.append(parse_floats(row, path, reader.line_num))
+            lines.append(reader.line_num)
+    except csv.Error as error:
+        raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
+    if not rows:
+        raise DataFormatError("the table has no row", path, 1)
+    return names, np.array(rows), lines
+
+
+def check_channels(
+    names: Sequence[str], values: FloatArray, lines: Sequence[int], path: Path
+) -> IntArray:
+    """Channels (n,) of the first column, each once; says which line names one again."""
+    for name in ("module", names[0]):
+        if name in names:
+            _check_whole(values[:, names.index(name)], lines, path)
+    channels = values[:, 0].astype(np.int64)
+    _, first, count = np.unique(channels, return_index=True, return_counts=True)
+    if (count > 1).any():
+        channel = channels[first[count > 1][0]]
+        second = int(np.flatnonzero(channels == channel)[1])
+        raise DataFormatError(f"channel {channel} comes more than once", path, lines[second])
+    return channels
+
+
+def _check_whole(values: FloatArray, lines: Sequence[int], path: Path) -> None:
+    wrong = (values != np.floor(values)) | (values < 0) | (values > MOST_CHANNEL)
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        raise DataFormatError(
+            f"channels and modules are whole numbers from 0, got {values[row]:g}", path, lines[row]
+        )
+
+
+def write_calibrated(board: BoardTable, found: PatchCalibration, path: Path) -> None:
+    """Write our taxel table with the covariance of each position in six more columns [m2]."""
+    lines = [",".join((*COLUMNS, *COVARIANCE))]
+    for row in np.argsort(board.channels, kind="stable"):
+        covariance = [found.covariance[row][entry] for entry in ENTRIES]
+        numbers = (*found.positions[row], *found.normals[row], *covariance)
+        text = ",".join(repr(float(value)) for value in numbers)
+        lines.append(f"{board.channels[row]},{board.modules[row]},{text}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def taxel_table(board: BoardTable, found: PatchCalibration, link: str = "") -> TaxelTable:
+    """The calibrated taxels as a table that every writer of taxels takes."""
+    return TaxelTable(board.channels, board.modules, found.positions, found.normals, link=link)
+
+
+def write_icub_table(board: BoardTable, found: PatchCalibration, path: Path, link: str) -> None:
+    """Write the iCub's positions; modules there are channel div 12, whatever the board says."""
+    word = "_".join(link.split()) or "skin"
+    twelfth = BoardTable(board.channels, board.channels // CHANNELS_PER_MODULE, board.layout)
+    write_icub(taxel_table(twelfth, found), path, name=word)
+
+
+def read_points(path: Path) -> FloatArray:
+    """Points (m, 3) of a scan: CSV `x,y,z`, or the vertices of a mesh file, in its own units."""
+    if path.suffix.lower() in MESH_SUFFIXES:
+        return read_mesh(path)[0]
+    return read_numbers(path, ("x", "y", "z"))
+
+
+def read_numbers(path: Path, columns: Sequence[str] | None) -> FloatArray:
+    """A table of numbers with these columns; a matrix of any size without a header if None.
+
+    Raises
+    ------
+    DataFormatError
+        Another header, rows of different lengths, a word that is no number (says which line).
+    """
+    lines = [line for line in enumerate(read_text(path).splitlines(), start=1) if line[1].strip()]
+    if columns is not None:
+        head = tuple(cell.strip() for cell in lines[0][1].split(",")) if lines else ()
+        if head != tuple(columns):
+            raise DataFormatError(f"expected the header {','.join(columns)}", path, 1)
+        lines = lines[1:]
+    rows = [parse_floats(text.split(","), path, line) for line, text in lines]
+    if not rows:
+        raise DataFormatError("the table has no row", path, 1)
+    width = len(columns or rows[0])
+    for row, (line, _) in zip(rows, lines, strict=True):
+        if len(row) != width:
+            raise DataFormatError(f"expected {width} columns, got {len(row)}", path, line)
+    return np.array(rows)

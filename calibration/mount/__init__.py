@@ -1,0 +1,1 @@
+"""Rigid patches on chains of joints: where they are mounted."""

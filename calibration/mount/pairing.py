@@ -1,0 +1,141 @@
+"""Which places of two skins met in an event of self-touch.
+
+An event names the active taxels of both sides, a patch of them on each. Two bodies pressed
+together share the middle of their contact far better than they share any single taxel: the closest
+two of many lie close under almost any mount. So connected active taxels are joined to one
+place, their middle, and the places of both sides that lie closest are the pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+from calibration.mount.chains import Chain, TouchRecording
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+
+LINK = 2.2  # times the spacing of the taxels: reaches over one silent taxel, not to another contact
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Side:
+    """Places where one chain may have been touched.
+
+    Attributes
+    ----------
+    places : (m, c, 3) float
+        In the frame of the patch [m].
+    filled : (m, c) bool
+        False where an event has fewer places.
+    """
+
+    places: FloatArray
+    filled: BoolArray
+
+
+def side_of(chain: Chain, touched: Sequence[IntArray] | None, m: int) -> Side:
+    """Middles of the connected active taxels of m events; a probe has its origin alone."""
+    if touched is None:
+        return Side(np.zeros((m, 1, 3)), np.ones((m, 1), np.bool_))
+    event = np.repeat(np.arange(m), [len(ids) for ids in touched])
+    ids = np.concatenate([np.asarray(ids, np.int64) for ids in touched])
+    known = np.isfinite(chain.taxels[ids]).all(axis=1)
+    event, ids = event[known], ids[known]
+    group = _connected(event, ids, chain.taxels)
+    _, first, group = np.unique(group, return_index=True, return_inverse=True)
+    size = np.bincount(group)
+    sums = np.stack([np.bincount(group, axis) for axis in chain.taxels[ids].T], axis=1)
+    middle = sums / size[:, None]
+    owner = event[first]
+    order = np.argsort(owner, kind="stable")
+    owner, middle = owner[order], middle[order]
+    rank = np.arange(len(owner)) - np.searchsorted(owner, owner)
+    places = np.zeros((m, int(rank.max(initial=0)) + 1, 3))
+    filled = np.zeros(places.shape[:2], np.bool_)
+    places[owner, rank] = middle
+    filled[owner, rank] = True
+    return Side(places, filled)
+
+
+def _connected(event: IntArray, ids: IntArray, taxels: FloatArray) -> IntArray:
+    """Number of the connected patch of each active taxel, over all events at once."""
+    used, local = np.unique(ids, return_inverse=True)
+    spacing = _spacing(taxels)
+    near = KDTree(taxels[used]).sparse_distance_matrix(
+        KDTree(taxels[used]), LINK * spacing, output_type="coo_matrix"
+    )
+    width = len(used)
+    touching = np.zeros((width, width), np.bool_)
+    touching[near.row, near.col] = True
+    rows, cols = [], []
+    start = np.searchsorted(event, np.arange(event.max(initial=-1) + 2))
+    for low, high in pairwise(start.tolist()):
+        own = local[low:high]
+        i, j = np.nonzero(touching[own[:, None], own])
+        rows.append(i + low)
+        cols.append(j + low)
+    i, j = np.concatenate(rows), np.concatenate(cols)
+    graph = coo_array((np.ones(len(i)), (i, j)), shape=(len(ids), len(ids)))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+
+
+def _spacing(taxels: FloatArray) -> float:
+    known = taxels[np.isfinite(taxels).all(axis=1)]
+    if len(known) < 2:
+        return 0.0
+    return float(np.median(KDTree(known).query(known, k=2)[0][:, 1]))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Contacts:
+    """A recording ready to be fitted to.
+
+    Attributes
+    ----------
+    recording : TouchRecording
+    sides : two Side
+    """
+
+    recording: TouchRecording
+    sides: tuple[Side, Side]
+
+    def __len__(self) -> int:
+        return len(self.recording)
+
+    def choose(self, T: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """The places of both sides (m, 3) in their patches that lie closest.
+
+        `T` holds T_base_patch (m, 4, 4) of both sides.
+        """
+        here, there = self.sides
+        first, second = (
+            _carry(pose, side.places) for pose, side in zip(T, self.sides, strict=True)
+        )
+        apart = np.sum((first[:, :, None] - second[:, None]) ** 2, axis=3)
+        apart[~(here.filled[:, :, None] & there.filled[:, None])] = np.inf
+        one, other = np.divmod(apart.reshape(len(apart), -1).argmin(axis=1), apart.shape[2])
+        row = np.arange(len(apart))
+        return here.places[row, one], there.places[row, other]
+
+    def subset(self, mask: BoolArray) -> Contacts:
+        """Some of the events."""
+        here, there = (Side(side.places[mask], side.filled[mask]) for side in self.sides)
+        return Contacts(self.recording.subset(mask), (here, there))
+
+
+def _carry(T: FloatArray, places: FloatArray) -> FloatArray:
+    """Places (m, c, 3) through T (m, 4, 4)."""
+    return np.asarray(places @ T[:, :3, :3].transpose(0, 2, 1) + T[:, None, :3, 3])
+
+
+def contacts_of(recording: TouchRecording, first: Chain, second: Chain) -> Contacts:
+    """Join the active taxels of every event to places."""
+    m = len(recording)
+    one, other = recording.touched
+    return Contacts(recording, (side_of(first, one, m), side_of(second, other, m)))

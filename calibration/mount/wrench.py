@@ -1,0 +1,235 @@
+"""Where a rigid patch is mounted: from forces that a force/torque sensor felt when it was touched.
+
+A force on one small place leaves a line in space: with the force f and the moment m about the
+sensor, every point r of it has r x f = m (Del Prete et al., "Skin spatial calibration using
+force/torque measurements", IROS 2011). The patch is put where its active taxels lie on their
+lines.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from calibration.mount.rigid_mount import CAUCHY, Loss, MountFit, check_frames
+from skinmap.arrays import FloatArray, check_finite, check_points
+from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.geometry.rigid import check_transform
+
+FEWEST = 6  # lines: each tells two numbers of six, and some are never independent
+LIGHTEST = 0.05  # [N]: lighter forces leave no line
+POINT_SIGMA = 3e-3  # where in its active taxels a patch was pressed [m]
+MOMENT_SIGMA = 5e-3  # of a six-axis sensor of a robot's arm [N m]
+FIRST, PROMISING = 12, 4  # steps from every start, and how many go on
+STEPS = 60
+SETTLED = 1e-10  # a step that moves nothing further is the last [m, rad]
+LENGTH = 1.1774  # median length of a normal vector in a plane, in standard deviations
+QUARTERS = (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)
+
+
+def fit_wrench(
+    points: ArrayLike,
+    frames: ArrayLike,
+    forces: ArrayLike,
+    moments: ArrayLike,
+    *,
+    initial: ArrayLike | None = None,
+    loss: Loss = "cauchy",
+    point_sigma: float = POINT_SIGMA,
+    moment_sigma: float = MOMENT_SIGMA,
+) -> MountFit:
+    """The mount T_link_patch that puts points on the lines of the forces that pressed them.
+
+    Parameters
+    ----------
+    points : (m, 3) array-like of float
+        Middle of the active taxels of each touch, in the frame of the patch [m].
+    frames : (m, 4, 4) array-like of float
+        T_sensor_link at each touch.
+    forces, moments : (m, 3) array-like of float
+        What the sensor felt more than untouched, in its frame [N, N m].
+    initial : (4, 4) array-like of float, optional
+        One more start beside those that are always tried.
+    loss : {"linear", "cauchy"}
+    point_sigma : float
+        Standard deviation of a point [m].
+    moment_sigma : float
+        Standard deviation of a moment [N m]: lines of light forces count less.
+
+    Returns
+    -------
+    MountFit
+        `residuals` are the distances from the lines.
+
+    Raises
+    ------
+    InvalidArrayError
+        Wrong shapes, NaN, frames that are not rigid, forces too light for a line (names the
+        rows), fewer than six touches, lines that are all parallel.
+    """
+    if loss not in get_args(Loss):
+        raise UnknownNameError("loss", loss, get_args(Loss))
+    p = check_points(points, "points")
+    T = check_frames(frames, len(p))
+    along, foot, sigma = _lines(forces, moments, T, point_sigma, moment_sigma)
+    starts = _starts(p, along, foot)
+    if initial is not None:
+        starts.append(check_transform(initial, "initial"))
+    for steps, kept in ((FIRST, PROMISING), (STEPS, 1)):
+        ends = [_descend(start, p, along, foot, sigma, steps, robust=False) for start in starts]
+        starts = sorted(ends, key=lambda end: _cost(end, p, along, foot, sigma))[:kept]
+    mount = starts[0]
+    if loss == "cauchy":
+        mount = _descend(mount, p, along, foot, sigma, STEPS, robust=True)
+    missed = np.linalg.norm(_misses(mount, p, along, foot), axis=1)
+    weight = _weights(missed / sigma) if loss == "cauchy" else np.ones(len(p))
+    covariance = _covariance(mount, p, along, foot, sigma, weight)
+    return MountFit(mount, {}, float(np.sqrt(np.mean(missed**2))), covariance, missed)
+
+
+def _lines(
+    forces: ArrayLike, moments: ArrayLike, T: FloatArray, point_sigma: float, moment_sigma: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Directions (m, 3) and feet (m, 3) of the lines in the link, and their sigmas (m,) [m]."""
+    f = check_finite(forces, "forces", (len(T), 3))
+    m = check_finite(moments, "moments", (len(T), 3))
+    for name, value in (("point_sigma", point_sigma), ("moment_sigma", moment_sigma)):
+        if not (np.isfinite(value) and value > 0):
+            raise InvalidArrayError(f"{name} must be above 0, got {value}")
+    if len(T) < FEWEST:
+        raise InvalidArrayError(f"a mount needs at least {FEWEST} lines, got {len(T)}")
+    size = np.linalg.norm(f, axis=1)
+    light = np.flatnonzero(size < LIGHTEST)
+    if len(light):
+        shown = ", ".join(map(str, light[:5].tolist())) + (" ..." if len(light) > 5 else "")
+        raise InvalidArrayError(
+            f"{len(light)} forces are below {LIGHTEST} N and leave no line: rows {shown}"
+        )
+    back = T[:, :3, :3].transpose(0, 2, 1)
+    foot = np.cross(f, m) / size[:, None] ** 2  # the point of the line next to the sensor
+    foot = np.einsum("mij,mj->mi", back, foot - T[:, :3, 3])
+    along = np.einsum("mij,mj->mi", back, f / size[:, None])
+    if np.linalg.svd(along, compute_uv=False)[1] < 1e-3 * np.sqrt(len(along)):
+        raise InvalidArrayError("all forces are parallel: the patch could slide along them")
+    return along, foot, np.hypot(point_sigma, moment_sigma / size)
+
+
+def _starts(p: FloatArray, along: FloatArray, foot: FloatArray) -> list[FloatArray]:
+    """The 24 turns by quarters, each with its best translation, and the linear solution."""
+    turns = {
+        tuple(np.rint(Rotation.from_euler("xyz", angles).as_matrix()).astype(int).ravel())
+        for angles in product(QUARTERS, repeat=3)
+    }
+    rotations = [np.reshape(turn, (3, 3)).astype(np.float64) for turn in sorted(turns)]
+    across = np.eye(3) - along[:, :, None] * along[:, None, :]
+    # Linear in the nine numbers of a matrix and the translation; a sheet leaves some free.
+    design = np.concatenate([np.einsum("mij,mk->mijk", across, p).reshape(-1, 3, 9), across], 2)
+    wanted = np.einsum("mij,mj->mi", across, foot)
+    free = np.linalg.lstsq(design.reshape(-1, 12), wanted.ravel(), rcond=1e-6)[0]
+    left, _, right = np.linalg.svd(free[:9].reshape(3, 3))
+    for flip in (1.0, -1.0):
+        turn = left @ np.diag([1.0, 1.0, flip]) @ right
+        if np.linalg.det(turn) > 0:
+            rotations.append(turn)
+    starts = []
+    for turn in rotations:
+        start = np.eye(4)
+        start[:3, :3] = turn
+        left_over = wanted - np.einsum("mij,mj->mi", across, p @ turn.T)
+        start[:3, 3] = np.linalg.lstsq(across.reshape(-1, 3), left_over.ravel(), rcond=None)[0]
+        starts.append(start)
+    return starts
+
+
+def _misses(mount: FloatArray, p: FloatArray, along: FloatArray, foot: FloatArray) -> FloatArray:
+    """Vectors (m, 3) from the lines to the points, across the lines [m]."""
+    apart = p @ mount[:3, :3].T + mount[:3, 3] - foot
+    return np.asarray(apart - along * np.einsum("mi,mi->m", along, apart)[:, None])
+
+
+def _cost(
+    mount: FloatArray, p: FloatArray, along: FloatArray, foot: FloatArray, sigma: FloatArray
+) -> float:
+    """Cauchy's loss of a mount, so that outliers do not choose between minima."""
+    missed = np.linalg.norm(_misses(mount, p, along, foot), axis=1) / sigma
+    return float(np.sum(np.log1p((missed / CAUCHY) ** 2)))
+
+
+def _weights(missed: FloatArray) -> FloatArray:
+    scale = max(float(np.median(missed)) / LENGTH, 1e-9)
+    return np.asarray(1.0 / (1.0 + (missed / (CAUCHY * scale)) ** 2))
+
+
+def _jacobian(mount: FloatArray, p: FloatArray, along: FloatArray) -> FloatArray:
+    """(m, 3, 6) of the misses to a left-multiplied rotation vector and the translation."""
+    arm = p @ mount[:3, :3].T
+    swept = np.cross(np.eye(3)[None], arm[:, None]).transpose(0, 2, 1)
+    whole = np.concatenate([swept, np.broadcast_to(np.eye(3), swept.shape)], axis=2)
+    return np.asarray(whole - along[:, :, None] * np.einsum("mi,mij->mj", along, whole)[:, None])
+
+
+def _descend(
+    start: FloatArray,
+    p: FloatArray,
+    along: FloatArray,
+    foot: FloatArray,
+    sigma: FloatArray,
+    steps: int,
+    *,
+    robust: bool,
+) -> FloatArray:
+    """Levenberg's damped steps from a start to the minimum near it."""
+    mount, damping = start.copy(), 1e-3
+    reach = max(float(np.linalg.norm(p - p.mean(axis=0), axis=1).max()), 1e-6)
+    scale = np.array([1 / reach] * 3 + [1.0] * 3)  # turns move points by their reach
+    weight = 1.0 / sigma**2
+    for _ in range(steps):
+        missed = _misses(mount, p, along, foot)
+        if robust:
+            weight = _weights(np.linalg.norm(missed, axis=1) / sigma) / sigma**2
+        jacobian = _jacobian(mount, p, along) * scale
+        weighted = jacobian * weight[:, None, None]
+        normal = np.tensordot(weighted, jacobian, axes=([0, 1], [0, 1]))
+        slope = np.tensordot(weighted, missed, axes=([0, 1], [0, 1]))
+        before = float(weight @ np.sum(missed**2, axis=1))
+        move = -scale * np.linalg.solve(normal + damping * np.diag(np.diag(normal)), slope)
+        moved = _moved(mount, move)
+        after = float(weight @ np.sum(_misses(moved, p, along, foot) ** 2, axis=1))
+        if after > before:
+            damping = min(10.0 * damping, 1e6)
+            if damping >= 1e6:
+                break
+            continue
+        mount, damping = moved, max(0.1 * damping, 1e-9)
+        if np.abs(move).max() < SETTLED:
+            break
+    return mount
+
+
+def _moved(mount: FloatArray, move: FloatArray) -> FloatArray:
+    out = mount.copy()
+    out[:3, :3] = Rotation.from_rotvec(move[:3]).as_matrix() @ mount[:3, :3]
+    out[:3, 3] += move[3:]
+    return out
+
+
+def _covariance(
+    mount: FloatArray,
+    p: FloatArray,
+    along: FloatArray,
+    foot: FloatArray,
+    sigma: FloatArray,
+    weight: FloatArray,
+) -> FloatArray:
+    """(6, 6) from the residuals' own spread, weighted as in `calibration.mount.rigid_mount`."""
+    jacobian = _jacobian(mount, p, along) / sigma[:, None, None]
+    missed = np.linalg.norm(_misses(mount, p, along, foot), axis=1) / sigma
+    slope = float(np.mean(weight**2))  # of w r in the two directions across a line
+    free = max(1.0, 2.0 * len(p) - 6.0) / len(p)
+    variance = float(np.mean((weight * missed) ** 2)) / free / slope**2
+    normal = np.einsum("mki,mkj->ij", jacobian, jacobian)
+    return np.asarray(variance * np.linalg.pinv(normal, hermitian=True))

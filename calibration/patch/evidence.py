@@ -1,0 +1,142 @@
+"""What comes in, checked at the border: layouts, links, anchors, and units that were mixed up."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.distance import pdist
+
+from calibration.patch.sheet_model import Evidence, at_taxels
+from skinmap.arrays import FloatArray, IntArray, check_faces, check_finite, check_points
+from skinmap.errors import InvalidArrayError, InvalidMeshError
+from skinmap.geometry.proximity import closest_on_mesh, median_spacing
+
+FEWEST = 3
+UNITS = {1e-3: "millimetres", 1e-2: "centimetres", 0.0254: "inches", 1.0: "metres"}
+RATIO = (0.5, 1.6)  # anchors' distances against the layout's: bent lengths are shorter
+IN_A_ROW = 0.05  # second singular value of the anchors against the first
+FAR = 0.03  # anchors lie on the cover, not further than this from the link [m]
+PITCH = (0.3e-3, 60e-3)  # of taxels on any board that one would wrap [m]
+
+Link = tuple[FloatArray, IntArray]
+
+
+def check_layout(layout: ArrayLike) -> FloatArray:
+    """A layout (n, 2) [m] of at least three taxels, no two in one place."""
+    points = check_finite(layout, "layout", (None, 2))
+    if len(points) < FEWEST:
+        raise InvalidArrayError(f"a layout needs at least {FEWEST} taxels, got {len(points)}")
+    _, first, count = np.unique(points, axis=0, return_index=True, return_counts=True)
+    if (count > 1).any():
+        row = int(first[count > 1][0])
+        raise InvalidArrayError(f"two taxels of the layout share the place of row {row}")
+    pitch = median_spacing(points)
+    if not PITCH[0] <= pitch <= PITCH[1]:
+        hint = [
+            f"; is it in {name}? Multiply all lengths by {unit:g}"
+            for unit, name in UNITS.items()
+            if PITCH[0] <= pitch * unit <= PITCH[1]
+        ]
+        raise InvalidArrayError(
+            f"the taxels of the layout are {pitch:.3g} m apart, expected {PITCH[0]:g} to "
+            f"{PITCH[1]:g} m{hint[0] if hint else ''}"
+        )
+    return points
+
+
+def check_link(vertices: ArrayLike, faces: ArrayLike) -> Link:
+    """A link's mesh with at least one triangle."""
+    points = check_points(vertices, "vertices")
+    triangles = check_faces(faces, len(points))
+    if len(triangles) == 0:
+        raise InvalidMeshError("the link's mesh has no triangles: nothing to lay a patch on")
+    return points, triangles
+
+
+def check_anchors(
+    layout: FloatArray, link: Link, indices: ArrayLike, points: ArrayLike, sigma: ArrayLike
+) -> Evidence:
+    """Anchors (k,) and (k, 3) [m]: enough of them, apart, near the link and in its units."""
+    where = check_points(points, "anchor_points")
+    taxels = np.asarray(indices)
+    if taxels.shape != (len(where),) or not np.issubdtype(taxels.dtype, np.integer):
+        raise InvalidArrayError(
+            f"anchor_indices must be {len(where)} whole numbers, one a point, "
+            f"got {taxels.dtype} {taxels.shape}"
+        )
+    if len(where) < FEWEST:
+        raise InvalidArrayError(f"a patch needs at least {FEWEST} anchors, got {len(where)}")
+    wrong = np.flatnonzero((taxels < 0) | (taxels >= len(layout)))
+    if len(wrong):
+        raise InvalidArrayError(
+            f"anchor {wrong[0]} is taxel {taxels[wrong[0]]}, the layout has 0..{len(layout) - 1}"
+        )
+    values, count = np.unique(taxels, return_counts=True)
+    if (count > 1).any():
+        rows = np.flatnonzero(taxels == values[count > 1][0])
+        raise InvalidArrayError(f"anchors {rows.tolist()} are the same taxel")
+    _check_twice(where)
+    spread = np.asarray(sigma, np.float64)
+    if spread.shape not in ((), (len(where),)):
+        raise InvalidArrayError(
+            f"anchor_sigma must be one number or {len(where)}, got {spread.shape}"
+        )
+    if not (np.isfinite(spread) & (spread > 0)).all():
+        raise InvalidArrayError(f"anchor_sigma must be above 0 m, got {spread.min():g}")
+    _check_row(layout[taxels], taxels)
+    check_spread(layout[taxels], where, "anchors")
+    _check_near(link, where)
+    return at_taxels(len(layout), taxels, where, np.broadcast_to(spread, len(where)))
+
+
+def _check_twice(points: FloatArray) -> None:
+    _, first, count = np.unique(points, axis=0, return_index=True, return_counts=True)
+    if (count > 1).any():
+        rows = np.flatnonzero((points == points[first[count > 1][0]]).all(axis=1))
+        raise InvalidArrayError(f"anchors {rows.tolist()} are at the same point")
+
+
+def _check_row(places: FloatArray, taxels: IntArray) -> None:
+    spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    if spread[1] < IN_A_ROW * spread[0]:
+        raise InvalidArrayError(
+            f"the {len(places)} anchors lie in a row on the board: the patch could turn about it "
+            f"(taxels {', '.join(map(str, taxels[:8]))})"
+        )
+
+
+def check_spread(flat: FloatArray, body: FloatArray, kind: str) -> None:
+    """Refuse places (k, 2) and points (k, 3) of other units, and say by which factor."""
+    ratio = float(np.median(pdist(body)) / np.median(pdist(flat)))
+    if RATIO[0] <= ratio <= RATIO[1]:
+        return
+    for unit, name in UNITS.items():
+        for what, factor in (("layout", 1.0 / unit), (kind, unit)):
+            if unit != 1.0 and RATIO[0] <= ratio * factor <= RATIO[1]:
+                raise InvalidArrayError(
+                    f"the {kind} lie {ratio:.3g} times as far apart as on the layout: is the "
+                    f"{what} in {name}? Multiply its lengths by {unit:g}"
+                )
+    raise InvalidArrayError(
+        f"the {kind} lie {ratio:.3g} times as far apart as on the layout, expected "
+        f"{RATIO[0]} to {RATIO[1]}: other taxels than named, or another unit"
+    )
+
+
+def _check_near(link: Link, points: FloatArray) -> None:
+    distance, _, _ = closest_on_mesh(points, *link)
+    far = np.flatnonzero(distance > FAR)
+    if len(far) == 0:
+        return
+    for unit, name in UNITS.items():
+        scaled, _, _ = closest_on_mesh(points, link[0] * unit, link[1])
+        if (scaled <= FAR).all() and unit != 1.0:
+            raise InvalidMeshError(
+                f"anchors {far.tolist()} lie up to {distance.max():.3g} m from the mesh: is the "
+                f"mesh in {name}? Multiply its lengths by {unit:g}"
+            )
+    size = float(np.linalg.norm(np.ptp(link[0], axis=0)))
+    raise InvalidMeshError(
+        f"anchors {far.tolist()} lie up to {distance.max():.3g} m from the mesh, which is "
+        f"{size:.3g} m long: another link or frame?"
+    )

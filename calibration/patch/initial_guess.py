@@ -1,0 +1,67 @@
+"""Starts of the wrap: a board laid on a surface through the surface's own flat coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from calibration.patch.link_surface import Target
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.log_map import log_map
+
+REACH = 1.25  # of a log map, in sizes of the board: paths along edges are a tenth longer
+NEAR = 12  # surface points whose coordinates place one taxel
+
+
+def log_map_start(
+    target: Target, layout: FloatArray, places: FloatArray, points: FloatArray, source: FloatArray
+) -> FloatArray:
+    """Taxels (n, 3) [m] where a log map around a source point (3,) puts the layout (n, 2).
+
+    The log map gives the surface plane coordinates; the layout is moved there by the rigid
+    motion that takes known places (k, 2) of it best to their points (k, 3), and carried back to
+    the surface. What lies beyond the map's reach is carried on in the plane of its nearest
+    known points.
+    """
+    reach = REACH * float(np.linalg.norm(np.ptp(layout, axis=0))) + 0.02
+    seed = int(np.argmin(np.linalg.norm(target.vertices - source, axis=1)))
+    uv, _ = log_map(target.vertices, target.normals, target.graph, seed, reach)
+    known = np.isfinite(uv[:, 0])
+    vertices, uv = target.vertices[known], uv[known]
+    _, nearest = cKDTree(vertices).query(points)
+    turn, shift = rigid_2d(places, uv[nearest])
+    wanted = layout @ turn.T + shift
+    # Where the map overlaps itself (round a limb) the place on the near side counts: the
+    # nearest few in the plane, of those the ones on the sheet of the nearest one.
+    _, index = cKDTree(uv).query(wanted, k=min(NEAR, len(uv)))
+    return _moving_affine(vertices, uv, wanted, index)
+
+
+def rigid_2d(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rotation (2, 2), never a mirror image, and shift (2,) that take points a (k, 2) to b."""
+    middle_a, middle_b = a.mean(axis=0), b.mean(axis=0)
+    left, _, right = np.linalg.svd((b - middle_b).T @ (a - middle_a))
+    fix = np.diag([1.0, np.sign(np.linalg.det(left @ right)) or 1.0])
+    turn = left @ fix @ right
+    return turn, middle_b - turn @ middle_a
+
+
+def _moving_affine(
+    vertices: FloatArray, uv: FloatArray, wanted: FloatArray, index: IntArray
+) -> FloatArray:
+    """Points (n, 3) for plane coordinates (n, 2): the affine map of the nearest known ones."""
+    local, places = uv[index], vertices[index]
+    # Points of another turn round the limb come close in the plane but not in space.
+    same = (
+        np.linalg.norm(places - places[:, :1], axis=2)
+        < 5.0 * np.linalg.norm(local - local[:, :1], axis=2) + 4e-3
+    )
+    weight = same.astype(float)
+    total = weight.sum(axis=1, keepdims=True)
+    middle_uv = np.einsum("nk,nkd->nd", weight, local) / total
+    middle = np.einsum("nk,nkd->nd", weight, places) / total
+    du, dx = local - middle_uv[:, None], places - middle[:, None]
+    gram = np.einsum("nk,nki,nkj->nij", weight, du, du) + 1e-10 * np.eye(2)
+    cross = np.einsum("nk,nki,nkj->nij", weight, du, dx)
+    linear = np.linalg.solve(gram, cross)
+    return middle + np.einsum("ni,nij->nj", wanted - middle_uv, linear)

@@ -1,0 +1,179 @@
+"""The surface that a patch is laid on: a link's mesh, wrapped so that it is closed and clean."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import OrderedDict
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from calibration.patch.solver_budget import DETAIL
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.cache import Arrays, Ingredient, cached
+from skinmap.geometry.distances import edge_graph
+from skinmap.geometry.topology import edges
+from skinmap.geometry.triangles import unit, vertex_normals
+
+ALPHA = 15e-3  # openings narrower than this are closed [m]
+OFFSET = 0.3e-3  # of the wrap from the mesh [m]
+# The wrap's triangles change altogether with the last bit of a vertex, so what is wrapped is
+# rounded first: a mesh read in metres and in millimetres gives one wrap. The wrap is then carried
+# from the rounded mesh to the true one. The steps start at an odd place (the golden section), as
+# CAD coordinates are round numbers and would lie on the border between two steps.
+ROUNDING, SHIFT = 1e-3, 0.6180339887498949  # [m], steps
+CHORD, OPEN = 2.0 * OFFSET, 5.0 * OFFSET  # heights of the wrap up to which it is one, and not
+KEPT = 8  # wraps kept in memory: one a link that is worked on
+
+
+@dataclass(eq=False)
+class Target:
+    """A closed surface with normals, ready to be asked for closest points.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float
+        [m].
+    faces : (m, 3) int
+    normals : (n, 3) float
+        Unit vertex normals, outward.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    normals: FloatArray
+    _tree: Any
+    _graph: Any = None
+
+    @property
+    def graph(self) -> csr_array:
+        """(n, n) edges with their lengths [m], made once."""
+        if self._graph is None:
+            self._graph = edge_graph(self.vertices, edges(self.faces))
+        return self._graph
+
+    def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Closest points (k, 3) [m] and unit normals (k, 3), interpolated inside each face."""
+        _, face, closest = self._tree.squared_distance(self.vertices, self.faces, points)
+        corner = self.faces[np.asarray(face)]
+        weights = _barycentric(closest, self.vertices[corner])
+        return closest, unit(np.einsum("kc,kcd->kd", weights, self.normals[corner]))
+
+
+_targets: OrderedDict[str, Target] = OrderedDict()
+
+
+def make_target(
+    vertices: FloatArray, faces: IntArray, *, alpha: float = ALPHA, detail: float = DETAIL
+) -> Target:
+    """Wrap a link's mesh (n, 3) [m], (m, 3): closed, without inner sheets, faces outward.
+
+    Visual meshes are no targets as they are: open, with inner sheets and faces that point
+    inward, so that the closest point jumps from sheet to sheet. The wrap (Portaneri et al.,
+    "Alpha Wrapping with an Offset", ACM Transactions on Graphics 41(4), 2022, through
+    pymeshlab) has neither, and is kept for the next call with the same mesh. Openings narrower
+    than `alpha` are closed, and no edge of it is longer than `detail` [m].
+    """
+    vertices = _as_stored(vertices)
+    settings = repr((alpha, detail)).encode()
+    key = hashlib.sha256(vertices.tobytes() + faces.tobytes() + settings).hexdigest()
+    if key not in _targets:
+        how: list[Ingredient] = [
+            vertices,
+            faces,
+            alpha,
+            OFFSET,
+            CHORD,
+            OPEN,
+            detail,
+            ROUNDING,
+            SHIFT,
+        ]
+        wrap = partial(_wrap_of, vertices, faces, alpha, detail)
+        made = cached("target", how, wrap, made_by=("pymeshlab", "libigl"))
+        _targets[key] = _made(made["vertices"], made["faces"])
+        while len(_targets) > KEPT:
+            _targets.popitem(last=False)
+    _targets.move_to_end(key)
+    return _targets[key]
+
+
+def _wrap_of(vertices: FloatArray, faces: IntArray, alpha: float, detail: float) -> Arrays:
+    coarse = rounded(vertices)
+    wrap, triangles = _wrapped(coarse, faces, alpha, detail)
+    return {"vertices": _carried(wrap, coarse, vertices, faces), "faces": triangles}
+
+
+def _carried(
+    points: FloatArray, coarse: FloatArray, true: FloatArray, faces: IntArray
+) -> FloatArray:
+    """Points (k, 3) of the rounded mesh's wrap at the same triangles of the true one.
+
+    The wrap's facets are chords, so it stands off by up to twice its offset: there it is drawn to
+    the offset. Where it spans an opening it keeps its distance.
+    """
+    import igl
+
+    _, face, closest = igl.point_mesh_squared_distance(points, coarse, faces)
+    corner = faces[np.asarray(face)]
+    weights = _barycentric(closest, coarse[corner])
+    off = points - closest
+    high = np.linalg.norm(off, axis=1, keepdims=True)
+    wanted = np.clip(OPEN / (OPEN - CHORD) * (high - CHORD), OFFSET, np.maximum(high, OFFSET))
+    off = off * np.minimum(1.0, wanted / np.maximum(high, 1e-12))
+    return np.asarray(np.einsum("kc,kcd->kd", weights, true[corner]) + off)
+
+
+def rounded(vertices: FloatArray) -> FloatArray:
+    """Vertices (n, 3) [m] to the bits that do not depend on the unit of the file they came from."""
+    steps = np.floor(_as_stored(vertices) / ROUNDING + SHIFT)
+    return np.asarray((steps + 0.5 - SHIFT) * ROUNDING)
+
+
+def _as_stored(vertices: FloatArray) -> FloatArray:
+    """Vertices [m] as a file of single floats holds them, in metres or in millimetres.
+
+    STL and PLY files hold single floats, so each unit rounds in its own way. Of the two, the
+    coarser one at each magnitude: once through it, the way through the other comes back to the
+    same number.
+    """
+    metres = vertices.astype(np.float32)
+    millimetres = (1e3 * vertices).astype(np.float32)
+    coarser = np.spacing(np.abs(metres)).astype(np.float64) > 1e-3 * np.spacing(np.abs(millimetres))
+    return np.where(coarser, metres.astype(np.float64), 1e-3 * millimetres.astype(np.float64))
+
+
+def _made(vertices: FloatArray, faces: IntArray) -> Target:
+    import igl
+
+    tree = igl.AABB()
+    tree.init(vertices, faces)
+    return Target(vertices, faces, vertex_normals(vertices, faces), tree)
+
+
+def _wrapped(
+    vertices: FloatArray, faces: IntArray, alpha: float, detail: float
+) -> tuple[FloatArray, IntArray]:
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
+    length = pymeshlab.PureValue
+    meshes.generate_alpha_wrap(alpha=length(alpha), offset=length(OFFSET))
+    meshes.meshing_surface_subdivision_midpoint(iterations=6, threshold=length(detail))
+    made = meshes.current_mesh()
+    return made.vertex_matrix(), made.face_matrix().astype(np.int64)
+
+
+def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """Weights (k, 3) of points (k, 3) on triangles (k, 3, 3); a corner where there is no area."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    normal = np.cross(b - a, c - a)
+    square = np.einsum("kd,kd->k", normal, normal)
+    safe = np.where(square > 0, square, 1.0)
+    v = np.einsum("kd,kd->k", np.cross(points - a, c - a), normal) / safe
+    w = np.einsum("kd,kd->k", np.cross(b - a, points - a), normal) / safe
+    return np.column_stack([1.0 - v - w, v, w])

@@ -1,0 +1,1 @@
+"""Baselines, gains, drift and health of taxels."""

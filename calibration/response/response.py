@@ -1,0 +1,255 @@
+"""Response of a skin: baseline, noise, threshold, gain and health of each taxel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calibration.response.drift import DriftTracker
+from calibration.response.gain import BranchFollower, Gain, ReferenceLoads, fit_gain
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
+from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+
+RATE = 50.0  # samples a second
+FEWEST = 50  # samples at rest: a second
+MARGIN = 4.0  # counts above the noise's 95th percentile that make a touch
+LEAST_NOISE = 0.3  # counts: quantisation alone has a deviation of 1 / sqrt(12)
+NOISY = 5.0  # times the median noise of the skin
+RANGE = (0.0, 255.0)
+
+
+class Health(StrEnum):
+    """What is known of a taxel's state."""
+
+    OK = "ok"
+    DEAD = "dead"  # was loaded and did not move
+    STUCK = "stuck"  # not the least noise, away from the ends of the range
+    SATURATED = "saturated"  # rests at an end of the range
+    NOISY = "noisy"
+    NEVER_TOUCHED = "never touched"  # looks well, no load has proved it yet
+
+
+@dataclass(eq=False, slots=True)
+class ResponseTracker:
+    """What a stream carries from block to block: drifting baselines, and which loads fall."""
+
+    drift: DriftTracker
+    branch: BranchFollower
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ResponseCalibration:
+    """How each of n channels answers.
+
+    Attributes
+    ----------
+    baseline, noise, threshold : (n,) float
+        At rest, its robust standard deviation, and the deviation that is a touch [counts].
+    sign : int
+        1 where harder presses read higher, -1 where they read lower (the iCub's raw values).
+    health : (n,) str
+        Names of `Health`.
+    gain : Gain or None
+        Load curves, where reference loads were given.
+    rate : float
+        Samples a second that drift is tracked at.
+    fingerprint : str
+        Of the skin, where it is known (`skinmap.classify.trained_skin.remember`).
+    modules : (n,) int or None
+        Module of each channel: its free channels tell the drift of those pressed.
+    thermal : (n,) bool or None
+        Channels that feel temperature and no touch.
+    """
+
+    baseline: FloatArray
+    noise: FloatArray
+    threshold: FloatArray
+    sign: int
+    health: NDArray[np.str_]
+    gain: Gain | None = None
+    rate: float = RATE
+    fingerprint: str = ""
+    modules: IntArray | None = None
+    thermal: BoolArray | None = None
+
+    def __post_init__(self) -> None:
+        n = len(np.atleast_1d(self.baseline))
+        wanted = (n,)
+        arrays: dict[str, NDArray[Any]] = {
+            name: check_finite(getattr(self, name), name, wanted)
+            for name in ("baseline", "noise", "threshold")
+        }
+        others = {"health": self.health, "modules": self.modules, "thermal": self.thermal}
+        for name, values in others.items():
+            if values is None:
+                continue
+            if np.shape(values) != wanted:
+                raise InvalidArrayError(f"{name} must have shape {wanted}, got {np.shape(values)}")
+            arrays[name] = np.asarray(values)
+        unknown = set(self.health.tolist()) - set(Health)
+        if unknown:
+            raise UnknownNameError("health state", min(unknown), Health)
+        if self.sign not in (1, -1):
+            raise InvalidArrayError(f"sign must be 1 or -1, got {self.sign}")
+        if not (np.isfinite(self.rate) and self.rate > 0):
+            raise InvalidArrayError(f"rate must be above 0 samples a second, got {self.rate}")
+        if self.gain is not None and len(self.gain.counts) != n:
+            raise InvalidArrayError(f"{len(self.gain.counts)} gain curves for {n} channels")
+        freeze(self, **arrays)
+
+    def __len__(self) -> int:
+        return len(self.baseline)
+
+    @classmethod
+    def fit(
+        cls,
+        rest: ArrayLike,
+        reference: ReferenceLoads | None = None,
+        *,
+        sign: int = 1,
+        rate: float = RATE,
+        modules: ArrayLike | None = None,
+        thermal: ArrayLike | None = None,
+        fingerprint: str = "",
+    ) -> ResponseCalibration:
+        """Learn the response from samples at rest and, where there are any, reference loads.
+
+        Parameters
+        ----------
+        rest : (t, n) array-like
+            Nothing touches the skin; five to ten seconds [counts].
+        reference : ReferenceLoads, optional
+            Samples under known loads.
+        sign : int
+            1 or -1, see the attribute.
+        rate : float
+            Samples a second.
+        modules : (n,) array-like of int, optional
+            Module of each channel.
+        thermal : (n,) array-like of bool, optional
+            Channels that feel temperature and no touch.
+        fingerprint : str
+            Of the skin.
+
+        Raises
+        ------
+        InvalidArrayError
+            NaN (names the row), fewer than a second of samples, another number of taxels under
+            load than at rest.
+        """
+        samples = check_finite(rest, "rest", (None, None))
+        if len(samples) < FEWEST:
+            raise InvalidArrayError(
+                f"rest needs at least {FEWEST} samples, got {len(samples)}: five to ten seconds"
+            )
+        if reference is not None and reference.samples.shape[1] != samples.shape[1]:
+            raise InvalidArrayError(
+                f"{reference.samples.shape[1]} taxels under load, {samples.shape[1]} at rest"
+            )
+        baseline = np.median(samples, axis=0)
+        deviation = sign * (samples - baseline)
+        noise = 1.4826 * np.median(np.abs(deviation), axis=0)
+        # Whole counts: a median deviation of zero hides noise below half a count.
+        noise = np.maximum(noise, np.minimum(samples.std(axis=0), LEAST_NOISE))
+        threshold = np.percentile(deviation, 95, axis=0) + MARGIN
+        return cls(
+            baseline,
+            noise,
+            threshold,
+            sign,
+            _health(samples, baseline, noise, threshold, reference, sign),
+            None if reference is None else fit_gain(reference, baseline, sign),
+            float(rate),
+            fingerprint,
+            None if modules is None else np.asarray(modules, np.int64),
+            None if thermal is None else np.asarray(thermal, np.bool_),
+        )
+
+    def track(self) -> ResponseTracker:
+        """A tracker that follows a live stream, block after block."""
+        drift = DriftTracker(
+            self.baseline,
+            self.threshold,
+            self.sign,
+            self.rate,
+            modules=self.modules,
+            thermal=self.thermal,
+            trusted=self._fit_to_use(),
+        )
+        return ResponseTracker(drift, BranchFollower(0.5 * self.threshold))
+
+    def apply(self, samples: ArrayLike, *, tracker: ResponseTracker | None = None) -> FloatArray:
+        """Pressures (t, n) for samples (t, n): counts above the tracked baseline, or loads.
+
+        Values below a taxel's threshold, and channels that are dead, stuck, saturated, noisy or
+        thermal, give 0. Pass the `tracker` of the last block to go on with its baselines.
+
+        Raises
+        ------
+        SkinMismatchError
+            Another number of taxels.
+        InvalidArrayError
+            NaN or infinity.
+        """
+        block = check_finite(samples, "samples", (None, None))
+        if block.shape[1] != len(self):
+            raise SkinMismatchError(f"{block.shape[1]} taxels, calibrated are {len(self)}")
+        state = self.track() if tracker is None else tracker
+        answer = state.drift.apply(block)
+        touched = answer > self.threshold
+        if self.gain is None:
+            pressure = answer
+        else:
+            pressure = self.gain.loads(np.maximum(answer, 0.0), state.branch.apply(answer))
+        usable = touched & self._fit_to_use()
+        if self.thermal is not None:
+            usable &= ~self.thermal
+        return np.where(usable, pressure, 0.0)
+
+    def _fit_to_use(self) -> BoolArray:
+        """Channels (n,) that nothing is known to be wrong with."""
+        return np.isin(self.health, (Health.OK, Health.NEVER_TOUCHED))
+
+    def check_skin(self, fingerprint: str) -> None:
+        """Refuse another skin than the one calibrated.
+
+        Raises
+        ------
+        SkinMismatchError
+            Both fingerprints are known and differ.
+        """
+        if self.fingerprint and fingerprint and fingerprint != self.fingerprint:
+            raise SkinMismatchError(
+                f"calibrated was the skin {self.fingerprint[:12]}, this one is {fingerprint[:12]}"
+            )
+
+
+def _health(
+    rest: FloatArray,
+    baseline: FloatArray,
+    noise: FloatArray,
+    threshold: FloatArray,
+    reference: ReferenceLoads | None,
+    sign: int,
+) -> NDArray[np.str_]:
+    still = np.ptp(rest, axis=0) == 0
+    # Where harder is lower the range ends below, else above.
+    at_end = (baseline <= RANGE[0]) if sign < 0 else (baseline >= RANGE[1])
+    state = np.full(len(baseline), Health.NEVER_TOUCHED.value, dtype="<U13")
+    if reference is not None:
+        loaded = reference.loads > 0
+        answer = sign * (reference.samples - baseline)
+        largest = np.where(loaded, answer, -np.inf).max(axis=0, initial=-np.inf)
+        state[loaded.any(axis=0)] = Health.DEAD
+        state[largest > threshold] = Health.OK
+    typical = np.median(noise[~still]) if (~still).any() else np.inf
+    state[noise > NOISY * typical] = Health.NOISY
+    # A skin whose taxels all rest without noise is a quiet simulator, not a dead robot.
+    lonely = still & (still.mean() < 0.5)
+    state[lonely & (state != Health.DEAD) & (state != Health.OK)] = Health.STUCK
+    state[at_end] = Health.SATURATED
+    return state

@@ -1,0 +1,1 @@
+"""A 3D scan of a covered link, registered to its mesh."""

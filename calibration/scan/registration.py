@@ -1,0 +1,256 @@
+"""A 3D scan of a covered link, registered to the link's mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from calibration.patch.evidence import UNITS, check_link
+from calibration.patch.link_surface import make_target
+from calibration.patch.patch_calibration import Status
+from calibration.scan.free_motions import free_motions
+from calibration.scan.icp import Scene, make_scene, polish, register
+from skinmap.arrays import FloatArray, check_points, freeze
+from skinmap.errors import InvalidArrayError
+from skinmap.geometry.rigid import check_transform, transform_points
+
+FEWEST_POINTS = 100
+MOST_POINTS = 3000  # of a scan: more only cost time, the noise is far below a millimetre by then
+SIZE = (0.1, 2.5)  # of a scan against the mesh, longest extents
+TRIES = 6  # starts around the given one
+TURN, SHIFT = np.radians(30.0), 25e-3  # how far around [rad, m]
+APART = 2e-3  # poses whose points are this far apart are two [m]
+RIVAL = 1.02  # a second pose of at most this many times the cost is as good
+ON_MESH = 0.5  # share of the scan that has to lie on the mesh
+NEAR = 3e-3  # what lies on it [m]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ScanRegistration:
+    """Where a scan is on a mesh.
+
+    Attributes
+    ----------
+    T_mesh_scan : (4, 4) float
+        Takes points of the scan to the frame of the mesh.
+    status : Status
+        `ok`, `ambiguous` where another pose fits as well, `unobservable` where the shape leaves
+        a motion free.
+    reasons : tuple of str
+        Why, in words.
+    free_directions : tuple of str
+        The motions that the shape leaves free, in words.
+    rms : float
+        Distance of the scan from the mesh, of what lies on it [m].
+    share : float
+        Of the scan's points that lie on the mesh.
+    covariance : (6, 6) float
+        Of a small rotation [rad] about the scan's middle, then of its shift [m].
+    runner_up : (4, 4) float or None
+        The best other pose that was found.
+    runner_up_cost : float
+        Its cost over that of the pose taken; inf where there is none.
+    """
+
+    T_mesh_scan: FloatArray
+    status: Status
+    reasons: tuple[str, ...]
+    free_directions: tuple[str, ...]
+    rms: float
+    share: float
+    covariance: FloatArray
+    runner_up: FloatArray | None
+    runner_up_cost: float
+
+    def __post_init__(self) -> None:
+        freeze(self, T_mesh_scan=self.T_mesh_scan, covariance=self.covariance)
+
+
+def register_scan(
+    points: ArrayLike,
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    *,
+    initial: ArrayLike | None = None,
+    anchors: tuple[ArrayLike, ArrayLike] | None = None,
+    rng: np.random.Generator,
+) -> ScanRegistration:
+    """Register the points of a scan to a link's mesh, from a rough pose.
+
+    No method finds the pose from anywhere dependably, so a start within 30 degrees and 30 mm is
+    needed: `initial`, or three or more `anchors`; without either, the frames are taken as equal.
+
+    Parameters
+    ----------
+    points : (m, 3) array-like of float
+        The scan [m].
+    vertices, faces : (v, 3) array-like of float, (f, 3) array-like of int
+        The link's mesh [m].
+    initial : (4, 4) array-like of float, optional
+        T_mesh_scan, roughly.
+    anchors : tuple of two (k, 3) array-like of float, optional
+        Points of the scan and the same on the mesh [m].
+    rng : numpy.random.Generator
+        Chooses among the scan's points, and the starts that look for a second pose.
+
+    Returns
+    -------
+    ScanRegistration
+
+    Raises
+    ------
+    InvalidArrayError
+        NaN, too few points, anchors in a row, a scan of another unit (names the factor).
+    InvalidMeshError
+        An empty mesh.
+    MissingLibraryError
+        Open3D is not installed (extra `scan`).
+    """
+    scan = check_points(points, "points")
+    link = check_link(vertices, faces)
+    _check_scan(scan, link[0])
+    start = _start(initial, anchors)
+    if len(scan) > MOST_POINTS:
+        scan = scan[np.sort(rng.choice(len(scan), MOST_POINTS, replace=False))]
+    scene = make_scene(make_target(*link), scan, rng)
+    poses = [register(scene, start)]
+    poses += [register(scene, pose, roughly=True) for pose in _starts(start, scan, rng)]
+    best, *others = _distinct(poses, scene)
+    return _judged(scene, best, others[0] if others else None)
+
+
+def _check_scan(scan: FloatArray, vertices: FloatArray) -> None:
+    if len(scan) < FEWEST_POINTS:
+        raise InvalidArrayError(f"a scan needs at least {FEWEST_POINTS} points, got {len(scan)}")
+    # Percentiles: a scan may hold a few points of the wall behind.
+    size = float(np.linalg.norm(np.subtract(*np.percentile(scan, [99, 1], axis=0))))
+    ratio = size / max(float(np.linalg.norm(np.ptp(vertices, axis=0))), 1e-12)
+    if SIZE[0] <= ratio <= SIZE[1]:
+        return
+    for unit, name in UNITS.items():
+        for what, factor in (("scan", unit), ("mesh", 1.0 / unit)):
+            if unit != 1.0 and SIZE[0] <= ratio * factor <= SIZE[1]:
+                raise InvalidArrayError(
+                    f"the scan is {ratio:.3g} times as large as the mesh: is the {what} in {name}? "
+                    f"Multiply its lengths by {unit:g}"
+                )
+    raise InvalidArrayError(
+        f"the scan is {ratio:.3g} times as large as the mesh: another link, or another unit"
+    )
+
+
+def _start(initial: ArrayLike | None, anchors: tuple[ArrayLike, ArrayLike] | None) -> FloatArray:
+    if initial is not None:
+        return check_transform(initial, "initial")
+    if anchors is None:
+        return np.eye(4)
+    here, there = (
+        check_points(side, f"anchors {name}")
+        for side, name in zip(anchors, ("of the scan", "on the mesh"), strict=True)
+    )
+    if len(here) != len(there) or len(here) < 3:
+        raise InvalidArrayError(
+            f"at least 3 pairs of anchors are needed, got {len(here)} and {len(there)} points"
+        )
+    middle, other = here.mean(axis=0), there.mean(axis=0)
+    spread = np.linalg.svd(here - middle, compute_uv=False)
+    if spread[1] < 0.05 * spread[0]:
+        raise InvalidArrayError(f"the {len(here)} anchors of the scan lie in a row")
+    turn, _ = Rotation.align_vectors(there - other, here - middle)
+    pose = np.eye(4)
+    pose[:3, :3] = turn.as_matrix()
+    pose[:3, 3] = other - turn.apply(middle)
+    return pose
+
+
+def _starts(start: FloatArray, scan: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
+    """Starts around the given one, and half turns about the scan's principal axes."""
+    middle = transform_points(start, scan).mean(axis=0)
+    _, _, axes = np.linalg.svd(transform_points(start, scan) - middle, full_matrices=False)
+    turns = [np.pi * axis for axis in axes]
+    shifts = [np.zeros(3)] * 3
+    for _ in range(TRIES):
+        way = rng.normal(size=3)
+        turns.append(rng.uniform(0.3, 1.0) * TURN * way / np.linalg.norm(way))
+        shifts.append(rng.uniform(-SHIFT, SHIFT, 3))
+    starts = []
+    for turn, shift in zip(turns, shifts, strict=True):
+        move = np.eye(4)
+        move[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
+        move[:3, 3] = middle - move[:3, :3] @ middle + shift
+        starts.append(move @ start)
+    return starts
+
+
+def _distinct(poses: list[FloatArray], scene: Scene) -> list[FloatArray]:
+    """The two best poses that are apart (one, where all are the same), polished, best first."""
+    order = np.argsort([scene.cost(pose) for pose in poses], kind="stable")
+    kept: list[FloatArray] = []
+    for place in order:
+        if kept and scene.apart(poses[place], kept[0]) <= APART:
+            continue
+        pose = polish(scene, poses[place])
+        if not kept or scene.apart(pose, kept[0]) > APART:
+            kept.append(pose)
+        if len(kept) == 2:
+            break
+    return sorted(kept, key=scene.cost)
+
+
+def _judged(scene: Scene, best: FloatArray, other: FloatArray | None) -> ScanRegistration:
+    distance = scene.heights(best)
+    on_mesh = np.abs(distance) < NEAR
+    share = float(on_mesh.mean())
+    rms = float(np.sqrt(np.mean(distance[on_mesh] ** 2))) if on_mesh.any() else float("nan")
+    free, covariance = free_motions(scene, best)
+    ratio = float("inf") if other is None else scene.cost(other) / max(scene.cost(best), 1e-18)
+    found: list[tuple[Status, str]] = [
+        (Status.UNOBSERVABLE, f"the shape leaves a motion free: the scan {motion}")
+        for motion in free
+    ]
+    if ratio <= RIVAL and not free:
+        found.append(
+            (
+                Status.AMBIGUOUS,
+                f"another pose fits as well ({100 * (ratio - 1):.1f} % worse): give anchors or a "
+                "better start",
+            )
+        )
+    if share < ON_MESH:
+        found.append(
+            (
+                Status.AMBIGUOUS,
+                f"only {100 * share:.0f} % of the scan lie within {1e3 * NEAR:g} mm of the mesh: "
+                "another link, or a start too far off",
+            )
+        )
+    return ScanRegistration(
+        best,
+        found[0][0] if found else Status.OK,
+        tuple(reason for _, reason in found),
+        free,
+        rms,
+        share,
+        covariance,
+        other,
+        ratio,
+    )
+
+
+def carried(
+    found: ScanRegistration, scan: FloatArray, places: FloatArray, sigma: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Places (n, 3) of the scan in the frame of the mesh [m], and their covariances (n, 3, 3).
+
+    `scan` (m, 3) [m] is what was registered: the pose's covariance turns about its middle. `sigma`
+    (n,) [m] is the places' own error in each coordinate.
+    """
+    moved = transform_points(found.T_mesh_scan, places)
+    arm = moved - transform_points(found.T_mesh_scan, scan).mean(axis=0)
+    cross = np.cross(arm[:, None, :], np.eye(3)).transpose(0, 2, 1)  # [arm]x
+    jacobian = np.concatenate([-cross, np.tile(np.eye(3), (len(arm), 1, 1))], axis=2)
+    covariance = np.einsum("nij,jk,nlk->nil", jacobian, found.covariance, jacobian)
+    return moved, covariance + sigma[:, None, None] ** 2 * np.eye(3)
