@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 from calibration.patch.patch_calibration import Status
 from skinmap.arrays import FloatArray
+from skinmap.cli.common import emit
 from skinmap.geometry.proximity import median_spacing
 
 
@@ -43,3 +45,34 @@ def spread(values: FloatArray) -> dict[str, float]:
         "p95": float(np.percentile(values, 95)),
         "max": float(values.max()),
     }
+
+
+def finish(
+    job: Job,
+    out: Path | None,
+    accept: bool,
+    as_json: bool,
+    lines: Callable[[dict[str, Any]], list[str]],
+) -> None:
+    """Write files, print the result, and exit 3 where it is not to be used."""
+    from skinmap.io.output import staged_folder
+
+    good = accept or job.result["status"] == "ok"
+    files: list[str] = []
+    if out is not None:
+        with staged_folder(out) as stage:
+            if good:
+                job.write(stage)
+            job.write_report(stage / ("report.html" if good else "refused.html"))
+            files = sorted(path.name for path in stage.iterdir())
+    result = {**job.result, "files": files}
+    if as_json:
+        emit(result)
+    else:
+        click.echo(str(result["status"]))
+        for line in (*(f"  {reason}" for reason in result["reasons"]), *lines(result)):
+            click.echo(line)
+        for file in files:
+            click.echo(str(Path(out or "") / file))
+    if not good:
+        raise SystemExit(3)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
+from calibration.commands.mount_jobs import finish
 from calibration.commands.options import FILE, accept_option, format_option
-from skinmap.cli.common import emit, json_option, profile_option, progress, seed_option
+from skinmap.cli.common import json_option, profile_option, progress, seed_option
 
 FOLDER = click.Path(path_type=Path, file_okay=False)
 loss_option = click.option(
@@ -70,7 +70,7 @@ def selftouch(
             seed=seed,
             formats=formats,
         )
-    _finish(job, out, accept, as_json, selftouch_lines)
+    finish(job, out, accept, as_json, selftouch_lines)
 
 
 @click.command("wrench")
@@ -132,7 +132,7 @@ def wrench(
             taxels=taxels,
             formats=formats,
         )
-    _finish(job, out, accept, as_json, wrench_lines)
+    finish(job, out, accept, as_json, wrench_lines)
 
 
 @click.command("response")
@@ -172,29 +172,4 @@ def response(
     with progress(1, "calibrate") as advance:
         advance("response")
         job = response_job(rest, reference, sign=int(sign), rate=rate, robot=robot, part=part)
-    _finish(job, out, accept, as_json, response_lines)
-
-
-def _finish(job: Any, out: Path | None, accept: bool, as_json: bool, lines: Any) -> None:
-    """Write files, print the result, and exit 3 where it is not to be used."""
-    from skinmap.io.output import staged_folder
-
-    good = accept or job.result["status"] == "ok"
-    files: list[str] = []
-    if out is not None:
-        with staged_folder(out) as stage:
-            if good:
-                job.write(stage)
-            job.write_report(stage / ("report.html" if good else "refused.html"))
-            files = sorted(path.name for path in stage.iterdir())
-    result = {**job.result, "files": files}
-    if as_json:
-        emit(result)
-    else:
-        click.echo(str(result["status"]))
-        for line in (*(f"  {reason}" for reason in result["reasons"]), *lines(result)):
-            click.echo(line)
-        for file in files:
-            click.echo(str(Path(out or "") / file))
-    if not good:
-        raise SystemExit(3)
+    finish(job, out, accept, as_json, response_lines)
