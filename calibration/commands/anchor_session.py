@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.commands.patch_job import MM, WrapTask
+from calibration.commands.patch_job import MM, PatchTask
 from calibration.files.anchor_table import (
     Anchor,
     load_link,
@@ -21,7 +21,7 @@ from calibration.files.anchor_table import (
     read_anchor_table,
     write_anchor_table,
 )
-from calibration.files.tables import UNITS, BoardTable, read_board
+from calibration.files.tables import BoardTable, read_board
 from calibration.patch.evidence import FEWEST
 from calibration.patch.patch_calibration import PatchCalibration
 from calibration.patch.solver_budget import FULL, Effort
@@ -29,6 +29,7 @@ from skinmap.arrays import FloatArray, IntArray, check_finite
 from skinmap.errors import InvalidArrayError, SkinError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.io.output import staged_folder
+from skinmap.io.units import UNITS
 
 REACH = 0.75  # pitches: how far beside a taxel a click still means it
 ANCHORS, REFUSED_ANCHORS = "anchors.csv", "refused_anchors.csv"
@@ -70,6 +71,8 @@ class AnchorSession:
     seed : int
     title : str
         What is laid on what.
+    mirror : bool
+        Whether the board is drawn from its other side.
     effort : Effort
 
     Attributes
@@ -90,11 +93,12 @@ class AnchorSession:
         sigma: float = 1e-3,
         seed: int = 0,
         title: str = "board on link",
+        mirror: bool = False,
         effort: Effort = FULL,
     ) -> None:
         self.board, self.link = board, link
         self.unit, self.sigma, self.seed, self.title = unit, sigma, seed, title
-        self.effort = effort
+        self.mirror, self.effort = mirror, effort
         # A file without sigmas stays one: what is picked follows the same option as the rest.
         silent = any(anchor.sigma is None for anchor in anchors)
         self._stated = None if silent else sigma / unit
@@ -113,6 +117,7 @@ class AnchorSession:
         units: str = "m",
         sigma_mm: float = 1.0,
         seed: int = 0,
+        mirror: bool = False,
         effort: Effort = FULL,
     ) -> AnchorSession:
         """A session from files, as `skinmap calibrate wrap` reads them.
@@ -133,6 +138,7 @@ class AnchorSession:
             sigma=1e-3 * sigma_mm,
             seed=seed,
             title=f"{layout_file.stem} on {mesh_file.stem}",
+            mirror=mirror,
             effort=effort,
         )
 
@@ -171,11 +177,11 @@ class AnchorSession:
         """What a taxel is called on the board."""
         return int(self.board.channels[taxel])
 
-    def task(self) -> WrapTask:
+    def task(self) -> PatchTask:
         """The anchors as `skinmap calibrate wrap` would read them."""
         return make_task(
             self.title, self.board, self.link, self.anchors,
-            unit=self.unit, sigma=self.sigma, effort=self.effort,
+            unit=self.unit, sigma=self.sigma, mirror=self.mirror, effort=self.effort,
         )  # fmt: skip
 
     def pick_board(self, place: ArrayLike) -> bool:
@@ -267,9 +273,12 @@ class AnchorSession:
         """Keep a solution, also of earlier anchors; a refused one leaves no patch to show."""
         self.solution = solution
         if solution.found is not None:
-            status = str(solution.found.status)
-            sd = MM * float(np.median(solution.found.predicted_sd))
-            self.message = f"{status}, {sd:.2f} mm predicted (median); {self.advice()}"
+            found = solution.found
+            sd = MM * float(np.median(found.predicted_sd))
+            verdict = f"{found.status}, {sd:.2f} mm predicted (median)"
+            if found.reasons:
+                verdict = f"{found.status}: {found.reasons[0]}"
+            self.message = f"{verdict}; {self.advice()}"
         else:
             self.message = solution.problem
 
@@ -301,10 +310,7 @@ class AnchorSession:
             else:
                 task = self.task()
                 found = solution.found
-                result = task.write(
-                    stage, found, task.held_out(found), solution.seconds, formats=formats,
-                    accept=accept,
-                )  # fmt: skip
+                result = task.write(stage, found, solution.seconds, formats=formats, accept=accept)
             good = "taxels.csv" in result["files"]
             if self.anchors:
                 name = ANCHORS if good else REFUSED_ANCHORS
@@ -315,7 +321,7 @@ class AnchorSession:
         return {**result, "anchors": len(self.anchors)}
 
 
-def solve(task: WrapTask, anchors: tuple[Anchor, ...], seed: int) -> Solution:
+def solve(task: PatchTask, anchors: tuple[Anchor, ...], seed: int) -> Solution:
     """Solve without a session: may run beside it, in another thread."""
     if len(anchors) < FEWEST:
         return Solution(anchors, None, f"{len(anchors)} anchors, at least {FEWEST} are needed")

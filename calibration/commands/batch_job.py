@@ -12,17 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from calibration.commands.patch_job import WrapTask
+from calibration.commands.patch_job import PatchTask
 from calibration.files.anchor_table import load_wrap
-from calibration.files.tables import UNITS
 from calibration.patch.solver_budget import FULL, Effort
 from skinmap.errors import DataFormatError, SkinError
 from skinmap.io.text import parse_floats, read_text
+from skinmap.io.units import UNITS
 from skinmap.parallel.run import each_result
 from skinmap.parallel.workers import ONE, Workers
 
 NEEDED = ("name", "layout", "mesh", "anchors")
-KNOWN = (*NEEDED, "units", "sigma_mm")
+KNOWN = (*NEEDED, "units", "sigma_mm", "mirror")
+WORDS = {"yes": True, "no": False}  # of the column `mirror`
 FAILED = "failed"
 
 
@@ -37,6 +38,8 @@ class BatchRow:
     layout, mesh, anchors : Path
     units : str
     sigma_mm : float
+    mirror : bool
+        Whether the board is drawn from its other side.
     """
 
     name: str
@@ -45,28 +48,29 @@ class BatchRow:
     anchors: Path
     units: str
     sigma_mm: float
+    mirror: bool
 
-    def load(self, effort: Effort) -> WrapTask:
+    def load(self, effort: Effort) -> PatchTask:
         """Its files."""
         return load_wrap(
             self.layout, self.mesh, self.anchors, units=self.units, sigma_mm=self.sigma_mm,
-            effort=effort,
+            mirror=self.mirror, effort=effort,
         )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class PatchTask:
+class RowTask:
     """One patch: what a worker needs; why it cannot be read stands in place of its evidence."""
 
     name: str
-    evidence: WrapTask | str
+    evidence: PatchTask | str
     seed: int
     formats: tuple[str, ...]
     accept: bool
 
 
 def read_batch(path: Path, units: str, sigma_mm: float) -> list[BatchRow]:
-    """The patches of a table `name,layout,mesh,anchors[,units,sigma_mm]`.
+    """The patches of a table `name,layout,mesh,anchors[,units,sigma_mm,mirror]`.
 
     Files are looked for from the table's folder.
 
@@ -87,7 +91,7 @@ def _rows(reader: Any, path: Path, units: str, sigma_mm: float) -> list[BatchRow
     names = [cell.strip().lower() for cell in next(reader, [])]
     if set(NEEDED) - set(names) or set(names) - set(KNOWN) or len(set(names)) < len(names):
         raise DataFormatError(
-            f"expected the columns {','.join(NEEDED)} and perhaps units,sigma_mm, "
+            f"expected the columns {','.join(NEEDED)} and perhaps units,sigma_mm,mirror, "
             f"got {','.join(names)[:200]!r}",
             path,
             1,
@@ -119,8 +123,11 @@ def _row(words: Mapping[str, str], path: Path, line: int, units: str, sigma_mm: 
     sigma = parse_floats([word], path, line)[0] if word else sigma_mm
     if not 0.0 < sigma < np.inf:
         raise DataFormatError(f"sigma_mm must be above 0, got {sigma:g}", path, line)
+    mirror = words.get("mirror") or "no"
+    if mirror not in WORDS:
+        raise DataFormatError(f"mirror is yes or no, got {mirror!r}", path, line)
     files = [path.parent / words[kind] for kind in ("layout", "mesh", "anchors")]
-    return BatchRow(name, files[0], files[1], files[2], unit, sigma)
+    return BatchRow(name, files[0], files[1], files[2], unit, sigma, WORDS[mirror])
 
 
 def batch_tasks(
@@ -130,27 +137,26 @@ def batch_tasks(
     formats: Sequence[str],
     accept: bool,
     effort: Effort = FULL,
-) -> Iterator[PatchTask]:
+) -> Iterator[RowTask]:
     """Tasks of the rows, each read when a worker is free for it."""
     for row in rows:
         try:
-            evidence: WrapTask | str = row.load(effort)
+            evidence: PatchTask | str = row.load(effort)
         except SkinError as error:
             evidence = str(error)
-        yield PatchTask(row.name, evidence, seed, tuple(formats), accept)
+        yield RowTask(row.name, evidence, seed, tuple(formats), accept)
 
 
-def calibrate_patch(task: PatchTask) -> dict[str, Any]:
+def calibrate_patch(task: RowTask) -> dict[str, Any]:
     """What `calibrate wrap` prints of a patch, and its files; why not, where it cannot be done."""
     if isinstance(task.evidence, str):
         return _failed(task.name, task.evidence)
     try:
         found, seconds = task.evidence.solve(task.seed)
-        held_out = task.evidence.held_out(found)
         with tempfile.TemporaryDirectory(prefix="skinmap-") as name:
             stage = Path(name)
             result = task.evidence.write(
-                stage, found, held_out, seconds, formats=task.formats, accept=task.accept
+                stage, found, seconds, formats=task.formats, accept=task.accept
             )
             data = {file: (stage / file).read_bytes() for file in result["files"]}
     except SkinError as error:
@@ -164,7 +170,7 @@ def _failed(name: str, reason: str) -> dict[str, Any]:
 
 
 def calibrate_batch(
-    tasks: Iterable[PatchTask],
+    tasks: Iterable[RowTask],
     stage: Path,
     *,
     workers: Workers = ONE,

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from calibration.commands.mount_jobs import finish
-from calibration.commands.options import FILE, accept_option, format_option
+from calibration.commands.options import FILE, accept_option, format_option, units_option
 from skinmap.cli.common import json_option, profile_option, progress, seed_option
 
 FOLDER = click.Path(path_type=Path, file_okay=False)
@@ -75,10 +75,7 @@ def selftouch(
 
 @click.command("wrench")
 @click.argument("touches", type=FILE)
-@click.option(
-    "--units", type=click.Choice(["m", "cm", "mm"]), default="m", show_default=True,
-    help="Of all lengths in the file; moments are newton times this unit.",
-)  # fmt: skip
+@units_option("all lengths in the file; moments are newton times this unit")
 @click.option(
     "--point-mm", type=click.FloatRange(min=0, min_open=True), default=3.0, show_default=True,
     help="Error of where the skin was pressed.",

@@ -8,8 +8,9 @@ from typing import Any, TypeVar
 
 import click
 
+from skinmap.io.units import UNITS
+
 FILE = click.Path(path_type=Path, dir_okay=False)
-UNITS = ("m", "cm", "mm", "inch")
 F = TypeVar("F", bound=Callable[..., Any])
 
 layout_option = click.option(
@@ -23,7 +24,11 @@ mesh_option = click.option(
 def units_option(of: str) -> Callable[[F], F]:
     """`--units`, with the files that it holds for."""
     return click.option(
-        "--units", type=click.Choice(UNITS), default="m", show_default=True, help=f"Unit of {of}."
+        "--units",
+        type=click.Choice([*UNITS]),
+        default="m",
+        show_default=True,
+        help=f"Unit of {of}.",
     )
 
 
@@ -76,6 +81,11 @@ def format_option(
     return click.option(
         "--format", "formats", type=click.Choice(["csv", "icub"]), multiple=True, help=note
     )
+
+
+mirror_option = click.option(
+    "--mirror", is_flag=True, help="The board is drawn from its other side: mirror the drawing."
+)
 
 
 def accept_option(note: str = "Write results and exit 0 whatever the status.") -> Callable[[F], F]:

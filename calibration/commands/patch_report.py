@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-from calibration.commands.report_figures import board_picture, patch_picture, residual_picture
+import numpy as np
+
+from calibration.commands.report_figures import board_picture, judged_picture, patch_picture
 from calibration.files.tables import BoardTable
 from calibration.patch.patch_calibration import PatchCalibration
 from skinmap.arrays import FloatArray, IntArray
 
-MM = 1e3
+if TYPE_CHECKING:
+    from calibration.commands.patch_job import PatchResult
+
 WORDS = {
     "ok": "The patch may be used as it is.",
     "low_coverage": "The evidence covers too little of the patch.",
@@ -32,35 +35,13 @@ th:first-child, td:first-child { text-align: left; }
 """
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class EvidenceRows:
-    """What a patch was calibrated by.
-
-    Attributes
-    ----------
-    kind : str
-        "anchors" or "touches".
-    taxels : (k,) int
-        Row of the board that each belongs to most.
-    missed : (k,) float
-        Distance from what was found [m].
-    held_out : (k or 0,) float
-        The same where it was left out [m].
-    """
-
-    kind: str
-    taxels: IntArray
-    missed: FloatArray
-    held_out: FloatArray
-
-
 def write_patch_report(
     title: str,
-    result: Mapping[str, Any],
+    result: PatchResult,
     found: PatchCalibration,
     board: BoardTable,
     link: tuple[FloatArray, IntArray],
-    evidence: EvidenceRows,
+    kind: str,
     path: Path,
 ) -> None:
     """Write one self-contained page.
@@ -69,34 +50,37 @@ def write_patch_report(
     ----------
     title : str
         What was laid on what.
-    result : mapping
+    result : PatchResult
         What the command prints as JSON.
     found : PatchCalibration
     board : BoardTable
     link : (v, 3) array of float [m], (f, 3) array of int
-    evidence : EvidenceRows
+    kind : str
+        "anchors" or "touches": what the patch was calibrated by.
     path : Path
     """
-    mood = "ok" if result["status"] == "ok" else "look"
-    reasons = "".join(f"<li>{escape(reason)}</li>" for reason in result["reasons"])
-    board_image = board_picture(
-        found, board.layout, board.channels, {evidence.kind: evidence.taxels}
-    )
+    mood = "ok" if result.status == "ok" else "look"
+    reasons = "".join(f"<li>{escape(reason)}</li>" for reason in result.reasons)
+    rows = {int(channel): row for row, channel in enumerate(board.channels)}
+    taxels = np.array([rows[one.channel] for one in result.evidence], np.int64)
+    board_image = board_picture(found, board.layout, board.channels, {kind: taxels})
     sections = [
         f"<h1>{escape(title)}</h1>",
-        f"<p class={mood}><b>{escape(result['status'])}</b>: "
-        f"{escape(WORDS[result['status']])}</p><ul>{reasons}</ul>",
+        f"<p class={mood}><b>{escape(result.status)}</b>: "
+        f"{escape(WORDS[result.status])}</p><ul>{reasons}</ul>",
         rows_table(("", ""), _numbers(result)),
         "<h2>On the link</h2>",
         picture(patch_picture(found, link), "patch on its link, coloured by predicted error"),
         "<h2>On the board</h2>",
         picture(board_image, "board, coloured by predicted error"),
         f"<p>{escape(_advice(result))}</p>",
-        "<h2>Residuals</h2>",
-        "<p class=note>Each divided by what was expected of it: most lie below 2.</p>",
-        picture(residual_picture(found), "residuals"),
-        f"<h2>{escape(evidence.kind.capitalize())}</h2>",
-        _evidence_table(board, evidence),
+        "<h2>Predicted against measured</h2>",
+        f"<p class=note>Each of the {kind} where all others predict it, beside the error that is "
+        "expected there (bars, and black lines); and the strain of the sheet beside the strain "
+        "that a flat map of this place has (on the line where they agree).</p>",
+        picture(judged_picture(result, found), "leave-one-out errors and strain"),
+        f"<h2>{escape(kind.capitalize())}</h2>",
+        _evidence_table(result),
     ]
     path.write_text(page(title, sections), encoding="utf-8")
 
@@ -112,35 +96,45 @@ def page(title: str, sections: Sequence[str]) -> str:
     )
 
 
-def _numbers(result: Mapping[str, Any]) -> list[tuple[str, str]]:
-    sd, held_out = result["predicted_sd_mm"], result["cross_validation_mm"]
-    left_out = "too little evidence to leave any out" if held_out is None else f"{held_out:.2f} mm"
+def _numbers(result: PatchResult) -> list[tuple[str, str]]:
+    sd, left, expected = (
+        result.predicted_mm, result.leave_one_out_mm, result.leave_one_out_expected_mm
+    )  # fmt: skip
     return [
-        ("taxels", str(result["taxels"])),
+        ("taxels", str(result.taxels)),
         ("predicted error, median", f"{sd['median']:.2f} mm"),
         ("predicted error, 95 % of the taxels below", f"{sd['p95']:.2f} mm"),
         ("predicted error, worst taxel", f"{sd['max']:.2f} mm"),
-        ("held-out error: anchors left out are missed by (rms)", left_out),
+        ("leave-one-out error, median (expected)",
+         f"{left['median']:.2f} mm ({expected['median']:.2f} mm)"),
+        ("leave-one-out error, worst (expected)",
+         f"{left['max']:.2f} mm ({expected['max']:.2f} mm)"),
+        ("strain, rms (expected of a flat map of this place)",
+         f"{result.strain_percent:.2f} % ({result.expected_strain_percent:.2f} %)"),
+        ("strain that was not expected, rms", f"{result.unexpected_strain_percent:.2f} %"),
         ("coverage: share of the patch inside the hull of the evidence",
-         f"{100 * result['coverage']:.0f} %"),
-        ("scale of the body against the layout", f"{result['scale']:.4f}"),
-        ("mean height above the link", f"{result['height_mm']:.2f} mm"),
+         f"{100 * result.coverage:.0f} %"),
+        ("scale of the body against the layout", f"{result.scale:.4f}"),
+        ("layout drawn from the other side", "yes" if result.mirrored else "no"),
+        ("mean height above the link", f"{result.height_mm:.2f} mm"),
     ]  # fmt: skip
 
 
-def _advice(result: Mapping[str, Any]) -> str:
+def _advice(result: PatchResult) -> str:
     return (
-        f"Weakest direction: {result['weakest']}. "
-        f"Measure next: taxels {', '.join(map(str, result['next']))}, in this order."
+        f"Weakest direction: {result.weakest}. "
+        f"Measure next: channels {', '.join(map(str, result.next))}, in this order."
     )
 
 
-def _evidence_table(board: BoardTable, evidence: EvidenceRows) -> str:
-    rows = []
-    for row, taxel in enumerate(evidence.taxels):
-        left = f"{MM * evidence.held_out[row]:.2f}" if len(evidence.held_out) else "-"
-        rows.append((str(board.channels[taxel]), f"{MM * evidence.missed[row]:.2f}", left))
-    return rows_table(("taxel", "missed by [mm]", "missed when left out [mm]"), rows)
+def _evidence_table(result: PatchResult) -> str:
+    head = ("channel", "missed by [mm]", "left out, missed by [mm]", "expected [mm]", "misfit")
+    rows = [
+        (str(one.channel), f"{one.missed_mm:.2f}", f"{one.leave_one_out_mm:.2f}",
+         f"{one.expected_mm:.2f}", f"{one.misfit:.1f}")
+        for one in result.evidence
+    ]  # fmt: skip
+    return rows_table(head, rows)
 
 
 def rows_table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:

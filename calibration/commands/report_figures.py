@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,13 +13,16 @@ from skinmap.cli.figures import picture_bytes, plain_figure
 from skinmap.cli.projection import View, draw_surface
 from skinmap.geometry.triangles import face_normals, unit
 
+if TYPE_CHECKING:
+    from calibration.commands.patch_job import PatchResult
+
 MM = 1e3
 TURN = np.radians(50.0)  # of each of the two side views
 MARGIN = 12e-3  # round the patch: what of the link lies further is cut off [m]
 MOST_FACES = 30_000  # of the link: more cannot be seen at this size
 COLOURS = "viridis"
 MOST_NAMED = 24  # taxels with evidence that are named
-MOST_BARS = 40  # residuals drawn one by one
+MOST_DOTS = 4000  # pairs whose strain is drawn
 
 
 def patch_picture(found: PatchCalibration, link: tuple[FloatArray, IntArray]) -> bytes:
@@ -108,29 +111,36 @@ def board_picture(
     return picture_bytes(figure)
 
 
-def residual_picture(found: PatchCalibration) -> bytes:
-    """PNG of the residuals by kind, each divided by what was expected of it."""
-    kinds = {
-        name: np.linalg.norm(value, axis=1) if value.ndim == 2 else value
-        for name, value in found.residuals.items()
-        if value.size
-    }
-    figure = plain_figure((4.2 * max(1, len(kinds)), 3.0))
-    axes = figure.subplots(1, max(1, len(kinds)), squeeze=False)[0]
-    for axis, (name, values) in zip(axes, kinds.items(), strict=False):
-        if name == "strain":
-            axis.hist(100.0 * values, bins=50, color="#3b6ea8")
-            axis.set_xlabel("lengths against the board [%]")
-            axis.set_ylabel("pairs of taxels")
-        elif len(values) <= MOST_BARS:
-            axis.bar(np.arange(len(values)), values, color="#3b6ea8")
-            axis.set_xlabel(f"row of {name}")
-            axis.set_ylabel("residual / expected")
-        else:
-            axis.hist(values, bins=40, color="#3b6ea8")
-            axis.set_xlabel(f"{name}: residual / expected")
-            axis.set_ylabel("count")
+def judged_picture(result: PatchResult, found: PatchCalibration) -> bytes:
+    """PNG of leave-one-out errors beside what is expected, and of strain against what is."""
+    figure = plain_figure((10.0, 3.6))
+    errors, strains = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
+    left = np.array([one.leave_one_out_mm for one in result.evidence])
+    expected = np.array([one.expected_mm for one in result.evidence])
+    place = np.arange(len(left))
+    errors.bar(place, left, color="#3b6ea8", label="left out, missed by")
+    errors.step(
+        np.append(place - 0.5, len(left) - 0.5), np.append(expected, expected[-1]), where="post",
+        color="black", linewidth=1.2, label="expected (rms)",
+    )  # fmt: skip
+    if len(left) <= MOST_NAMED:
+        errors.set_xticks(place, [str(one.channel) for one in result.evidence])
+    errors.set_xlabel("channel of the anchor or touch", fontsize=9)
+    errors.set_ylabel("mm", fontsize=9)
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    wanted, got = 100.0 * found.expected_strain, 100.0 * found.strain
+    rows = slice(None, None, max(1, len(got) // MOST_DOTS))
+    strains.scatter(wanted[rows], got[rows], s=4, color="#3b6ea8", linewidths=0, alpha=0.5)
+    reach = float(max(np.percentile(np.abs(wanted), 99), np.percentile(np.abs(got), 99), 0.5))
+    strains.plot([-reach, reach], [-reach, reach], color="black", linewidth=1.0)
+    strains.set_xlim(-reach, reach)
+    strains.set_ylim(-reach, reach)
+    strains.set_aspect("equal")
+    strains.set_xlabel("expected strain of a pair [%]", fontsize=9)
+    strains.set_ylabel("found [%]", fontsize=9)
+    for axis in (errors, strains):
         axis.spines[["top", "right"]].set_visible(False)
+        axis.tick_params(labelsize=8)
     return picture_bytes(figure)
 
 

@@ -77,15 +77,15 @@ def command(
 
     from calibration.commands.scan_report import write_scan_report
     from calibration.files.mount_files import write_tables
-    from calibration.files.tables import UNITS as METRES
     from calibration.files.tables import read_numbers, read_placed, read_points
     from calibration.patch.patch_calibration import Status
     from calibration.scan.registration import carried, register_scan
     from skinmap.io.output import staged_folder
+    from skinmap.io.units import UNITS
     from skinmap.io.urdf import read_mesh
 
     with staged_folder(out) as stage:
-        unit = METRES[units]
+        unit = UNITS[units]
         points = read_points(scan_file) * unit
         vertices, faces = read_mesh(mesh_file)
         vertices = vertices * unit

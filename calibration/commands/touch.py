@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import click
@@ -14,6 +13,7 @@ from calibration.commands.options import (
     format_option,
     layout_option,
     mesh_option,
+    mirror_option,
     out_option,
     sigma_option,
     units_option,
@@ -32,6 +32,7 @@ from skinmap.cli.common import json_option, profile_option, progress, seed_optio
 @click.option(
     "--anchors", "anchors_file", type=FILE, help="Known places: CSV `channel,x,y,z[,sigma]`."
 )
+@mirror_option
 @units_option("all files")
 @sigma_option("the probe or an anchor")
 @out_option("taxels.csv and report.html")
@@ -46,6 +47,7 @@ def command(
     mesh_file: Path,
     touches_file: Path,
     anchors_file: Path | None,
+    mirror: bool,
     units: str,
     sigma_mm: float,
     out: Path,
@@ -68,44 +70,27 @@ def command(
     """
     import numpy as np
 
-    from calibration.commands.patch_job import summary, write_results
-    from calibration.commands.patch_report import EvidenceRows
-    from calibration.files.tables import UNITS as METRES
+    from calibration.commands.patch_job import PatchTask
+    from calibration.files.anchor_table import load_link
     from calibration.files.tables import read_anchors, read_board, read_touches
-    from calibration.patch.held_out import held_out_touches
     from calibration.patch.solver_budget import Effort
-    from calibration.patch.touch import locate_by_touch
     from skinmap.io.output import staged_folder
-    from skinmap.io.urdf import read_mesh
+    from skinmap.io.units import UNITS
 
-    effort = Effort(starts, steps, 1e-3 * wrap_detail_mm)
     with staged_folder(out) as stage, progress(STEPS, "calibrate") as advance:
-        unit = METRES[units]
+        unit = UNITS[units]
         board = read_board(layout_file, unit)
         touches = read_touches(touches_file, board, unit, sigma=1e-3 * sigma_mm)
-        vertices, faces = read_mesh(mesh_file)
-        link = (vertices * unit, faces)
-        anchors, spread = None, np.array(1e-3 * sigma_mm)
+        taxels, points, stated = np.zeros(0, np.int64), np.zeros((0, 3)), None
         if anchors_file is not None:
             taxels, points, stated = read_anchors(anchors_file, board, unit)
-            anchors, spread = (taxels, points), spread if stated is None else stated
-        advance("locate")
-        start = time.process_time()
-        found = locate_by_touch(
-            board.layout, *link, touches, anchors=anchors, anchor_sigma=spread,
-            effort=effort, rng=np.random.default_rng(seed),
+        task = PatchTask(
+            f"{layout_file.stem} on {mesh_file.stem}", board, load_link(mesh_file, unit),
+            taxels, points, np.full(len(taxels), 1e-3 * sigma_mm) if stated is None else stated,
+            tuple(touches), mirror, Effort(starts, steps, 1e-3 * wrap_detail_mm),
         )  # fmt: skip
-        seconds = time.process_time() - start
-        advance("cross-validation")
-        held_out = held_out_touches(found, board.layout, *link, touches, effort=effort)
+        advance("locate")
+        found, seconds = task.solve(seed)
         advance("report")
-        centre = np.array([touch.channels[np.argmax(touch.values)] for touch in touches])
-        sigma = np.array([touch.sigma for touch in touches])
-        missed = sigma * np.linalg.norm(found.residuals["touches"], axis=1)
-        rows = EvidenceRows("touches", centre, missed, held_out)
-        # The median: touches that are wrong are wrong by any length.
-        median = float(np.median(held_out)) if len(held_out) else None
-        result = summary(found, board.channels, median, seconds) | {"touches": len(touches)}
-        title = f"{layout_file.stem} on {mesh_file.stem}"
-        result |= write_results(stage, title, result, found, board, link, rows, formats, accept)
-    show(result, out, as_json)
+        result = task.write(stage, found, seconds, formats=formats, accept=accept)
+    show(result | {"touches": len(touches)}, out, as_json)

@@ -14,14 +14,15 @@ from calibration.commands.options import (
     format_option,
     layout_option,
     mesh_option,
+    mirror_option,
     out_option,
     sigma_option,
     units_option,
 )
 from skinmap.cli.common import emit, json_option, profile_option, progress, seed_option
 
-STEPS = 4
-REFUSED = "refused.html"  # the report of a result that is not ok and was not accepted
+STEPS = 3
+REFUSED = "refused.html"  # as in patch_job, which a command imports only when it runs
 
 
 @click.command("wrap")
@@ -31,6 +32,7 @@ REFUSED = "refused.html"  # the report of a result that is not ok and was not ac
     "--anchors", "anchors_file", type=FILE, required=True,
     help="Known places: CSV `channel,x,y,z[,sigma]`, at least three taxels.",
 )  # fmt: skip
+@mirror_option
 @units_option("all three files")
 @sigma_option("an anchor")
 @out_option("taxels.csv and report.html")
@@ -44,6 +46,7 @@ def command(
     layout_file: Path,
     mesh_file: Path,
     anchors_file: Path,
+    mirror: bool,
     units: str,
     sigma_mm: float,
     out: Path,
@@ -70,14 +73,13 @@ def command(
     effort = Effort(starts, steps, 1e-3 * wrap_detail_mm)
     with staged_folder(out) as stage, progress(STEPS, "calibrate") as advance:
         task = load_wrap(
-            layout_file, mesh_file, anchors_file, units=units, sigma_mm=sigma_mm, effort=effort
-        )
+            layout_file, mesh_file, anchors_file, units=units, sigma_mm=sigma_mm, mirror=mirror,
+            effort=effort,
+        )  # fmt: skip
         advance("wrap")
         found, seconds = task.solve(seed)
-        advance("cross-validation")
-        held_out = task.held_out(found)
         advance("report")
-        result = task.write(stage, found, held_out, seconds, formats=formats, accept=accept)
+        result = task.write(stage, found, seconds, formats=formats, accept=accept)
     show(result, out, as_json)
 
 
@@ -92,15 +94,18 @@ def show(result: dict[str, Any], out: Path, as_json: bool) -> None:
 
 
 def _tell(result: dict[str, Any], out: Path) -> None:
-    sd = result["predicted_sd_mm"]
+    sd, left = result["predicted_mm"], result["leave_one_out_mm"]
     click.echo(f"{result['status']}: {result['taxels']} taxels")
     for reason in result["reasons"]:
         click.echo(f"  {reason}")
     for note in result["mesh_notes"]:
         click.echo(f"  {note}")
     click.echo(f"predicted error: median {sd['median']:.2f} mm, worst {sd['max']:.2f} mm")
-    if result["cross_validation_mm"] is not None:
-        click.echo(f"what is left out is missed by {result['cross_validation_mm']:.2f} mm")
-    click.echo(f"measure next: {', '.join(map(str, result['next']))}")
+    expected = result["leave_one_out_expected_mm"]["median"]
+    click.echo(
+        f"left out, one is missed by {left['median']:.2f} mm (median; {expected:.2f} mm expected), "
+        f"{left['max']:.2f} mm at most"
+    )
+    click.echo(f"measure next: channels {', '.join(map(str, result['next']))}")
     for file in result["files"]:
         click.echo(str(out / file))

@@ -17,13 +17,13 @@ from calibration.files.mount_files import (
     write_mounts,
     write_tables,
 )
-from calibration.files.tables import UNITS
 from calibration.mount.rigid_mount import point_covariance
 from calibration.mount.wrench import fit_wrench
 from calibration.patch.patch_calibration import Status
 from calibration.patch.status import weak_direction
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_points
+from skinmap.io.units import UNITS
 
 MM = 1e3
 FOLDS = 5

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.commands.patch_job import WrapTask
-from calibration.files.tables import UNITS, BoardTable, read_anchors, read_board
+from calibration.commands.patch_job import PatchTask
+from calibration.files.tables import BoardTable, read_anchors, read_board
 from calibration.patch.solver_budget import FULL, Effort
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.io.units import UNITS
 from skinmap.io.urdf import read_mesh
 
 
@@ -62,15 +63,16 @@ def make_task(
     *,
     unit: float,
     sigma: float,
+    mirror: bool = False,
     effort: Effort = FULL,
-) -> WrapTask:
+) -> PatchTask:
     """Anchors in `unit` metres as a task in metres; `sigma` [m] where they do not say."""
     stated = [anchor.sigma for anchor in anchors if anchor.sigma is not None]
     whole = len(stated) == len(anchors)
     spread = np.array(stated) * unit if whole else np.full(len(anchors), sigma)
     points = np.array([anchor.point for anchor in anchors]).reshape(-1, 3) * unit
     taxels = np.array([anchor.taxel for anchor in anchors], np.int64)
-    return WrapTask(title, board, link, taxels, points, spread, effort)
+    return PatchTask(title, board, link, taxels, points, spread, mirror=mirror, effort=effort)
 
 
 def load_link(path: Path, unit: float) -> tuple[FloatArray, IntArray]:
@@ -86,12 +88,19 @@ def load_wrap(
     *,
     units: str,
     sigma_mm: float,
+    mirror: bool = False,
     effort: Effort = FULL,
-) -> WrapTask:
+) -> PatchTask:
     """The three files of a wrap."""
     unit = UNITS[units]
     board = read_board(layout_file, unit)
-    anchors = read_anchor_table(anchors_file, board)
-    link = load_link(mesh_file, unit)
-    title = f"{layout_file.stem} on {mesh_file.stem}"
-    return make_task(title, board, link, anchors, unit=unit, sigma=1e-3 * sigma_mm, effort=effort)
+    return make_task(
+        f"{layout_file.stem} on {mesh_file.stem}",
+        board,
+        load_link(mesh_file, unit),
+        read_anchor_table(anchors_file, board),
+        unit=unit,
+        sigma=1e-3 * sigma_mm,
+        mirror=mirror,
+        effort=effort,
+    )

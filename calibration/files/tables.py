@@ -22,7 +22,6 @@ from skinmap.skin.taxels import TaxelTable
 
 CHANNEL = ("channel", "taxel")  # how a first column may be called
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 IGNORED = ("z", "nx", "ny", "nz")  # of a board in our own taxel format: it is flat
 
 
@@ -33,6 +32,11 @@ class BoardTable:
     channels: IntArray
     modules: IntArray
     layout: FloatArray
+
+    @property
+    def rigid_modules(self) -> IntArray | None:
+        """The modules (n,), where the board is made of more than one; else it is one sheet."""
+        return self.modules if len(np.unique(self.modules)) > 1 else None
 
     def rows(self, channels: IntArray, path: Path, lines: Sequence[int]) -> IntArray:
         """Rows of the board that have some channels; says which line names one that it lacks."""

@@ -7,7 +7,14 @@ from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist
 
 from calibration.patch.sheet_model import Evidence, at_taxels
-from skinmap.arrays import FloatArray, IntArray, check_faces, check_finite, check_points
+from skinmap.arrays import (
+    FloatArray,
+    IntArray,
+    check_faces,
+    check_finite,
+    check_points,
+    check_whole,
+)
 from skinmap.errors import InvalidArrayError, InvalidMeshError
 from skinmap.geometry.proximity import closest_on_mesh, median_spacing
 
@@ -16,6 +23,7 @@ UNITS = {1e-3: "millimetres", 1e-2: "centimetres", 0.0254: "inches", 1.0: "metre
 RATIO = (0.5, 1.6)  # anchors' distances against the layout's: bent lengths are shorter
 IN_A_ROW = 0.05  # second singular value of the anchors against the first
 FAR = 0.03  # anchors lie on the cover, not further than this from the link [m]
+LISTED = 8  # channels that a message names
 PITCH = (0.3e-3, 60e-3)  # of taxels on any board that one would wrap [m]
 
 Link = tuple[FloatArray, IntArray]
@@ -44,6 +52,26 @@ def check_layout(layout: ArrayLike) -> FloatArray:
     return points
 
 
+def check_modules(modules: ArrayLike | None, count: int) -> IntArray | None:
+    """Modules (n,) of so many taxels; None where nobody knows them."""
+    if modules is None:
+        return None
+    names = check_whole(modules, "modules")
+    if len(names) != count:
+        raise InvalidArrayError(f"{len(names)} modules for a layout of {count} taxels")
+    return names
+
+
+def check_channels(channels: ArrayLike | None, count: int) -> IntArray:
+    """What so many taxels are called in messages: channels (n,), rows where none are given."""
+    if channels is None:
+        return np.arange(count)
+    names = check_whole(channels, "channels")
+    if len(names) != count:
+        raise InvalidArrayError(f"{len(names)} channels for a layout of {count} taxels")
+    return names
+
+
 def check_link(vertices: ArrayLike, faces: ArrayLike) -> Link:
     """A link's mesh with at least one triangle."""
     points = check_points(vertices, "vertices")
@@ -54,7 +82,12 @@ def check_link(vertices: ArrayLike, faces: ArrayLike) -> Link:
 
 
 def check_anchors(
-    layout: FloatArray, link: Link, indices: ArrayLike, points: ArrayLike, sigma: ArrayLike
+    layout: FloatArray,
+    link: Link,
+    indices: ArrayLike,
+    points: ArrayLike,
+    sigma: ArrayLike,
+    names: IntArray | None = None,
 ) -> Evidence:
     """Anchors (k,) and (k, 3) [m]: enough of them, apart, near the link and in its units."""
     where = check_points(points, "anchor_points")
@@ -71,11 +104,16 @@ def check_anchors(
         raise InvalidArrayError(
             f"anchor {wrong[0]} is taxel {taxels[wrong[0]]}, the layout has 0..{len(layout) - 1}"
         )
-    values, count = np.unique(taxels, return_counts=True)
+    called = (np.arange(len(layout)) if names is None else names)[taxels]
+    values, count = np.unique(called, return_counts=True)
     if (count > 1).any():
-        rows = np.flatnonzero(taxels == values[count > 1][0])
-        raise InvalidArrayError(f"anchors {rows.tolist()} are the same taxel")
-    _check_twice(where)
+        name = values[count > 1][0]
+        rows = (np.flatnonzero(called == name) + 1).tolist()
+        raise InvalidArrayError(
+            f"channel {name} has {len(rows)} anchors (the {_ordinals(rows)}): one taxel is in one "
+            "place; which channels are the others of?"
+        )
+    _check_twice(where, called)
     spread = np.asarray(sigma, np.float64)
     if spread.shape not in ((), (len(where),)):
         raise InvalidArrayError(
@@ -83,25 +121,39 @@ def check_anchors(
         )
     if not (np.isfinite(spread) & (spread > 0)).all():
         raise InvalidArrayError(f"anchor_sigma must be above 0 m, got {spread.min():g}")
-    _check_row(layout[taxels], taxels)
+    _check_row(layout[taxels], called)
     check_spread(layout[taxels], where, "anchors")
-    _check_near(link, where)
+    _check_near(link, where, called)
     return at_taxels(len(layout), taxels, where, np.broadcast_to(spread, len(where)))
 
 
-def _check_twice(points: FloatArray) -> None:
+def _ordinals(numbers: list[int]) -> str:
+    """1st, 2nd, 3rd ..., in words for a message."""
+    ends = {1: "st", 2: "nd", 3: "rd"}
+    words = [f"{k}{'th' if 10 < k % 100 < 14 else ends.get(k % 10, 'th')}" for k in numbers]
+    return f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _check_twice(points: FloatArray, called: IntArray) -> None:
     _, first, count = np.unique(points, axis=0, return_index=True, return_counts=True)
     if (count > 1).any():
         rows = np.flatnonzero((points == points[first[count > 1][0]]).all(axis=1))
-        raise InvalidArrayError(f"anchors {rows.tolist()} are at the same point")
+        raise InvalidArrayError(
+            f"the anchors of channels {_listed(called[rows])} are at the same point"
+        )
 
 
-def _check_row(places: FloatArray, taxels: IntArray) -> None:
+def _listed(names: IntArray) -> str:
+    more = ", ..." if len(names) > LISTED else ""
+    return f"{', '.join(map(str, names[:LISTED].tolist()))}{more}"
+
+
+def _check_row(places: FloatArray, called: IntArray) -> None:
     spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
     if spread[1] < IN_A_ROW * spread[0]:
         raise InvalidArrayError(
             f"the {len(places)} anchors lie in a row on the board: the patch could turn about it "
-            f"(taxels {', '.join(map(str, taxels[:8]))})"
+            f"(channels {_listed(called)})"
         )
 
 
@@ -123,20 +175,23 @@ def check_spread(flat: FloatArray, body: FloatArray, kind: str) -> None:
     )
 
 
-def _check_near(link: Link, points: FloatArray) -> None:
+def _check_near(link: Link, points: FloatArray, called: IntArray) -> None:
     distance, _, _ = closest_on_mesh(points, *link)
-    far = np.flatnonzero(distance > FAR)
-    if len(far) == 0:
+    far = distance > FAR
+    if not far.any():
         return
-    for unit, name in UNITS.items():
-        scaled, _, _ = closest_on_mesh(points, link[0] * unit, link[1])
-        if (scaled <= FAR).all() and unit != 1.0:
-            raise InvalidMeshError(
-                f"anchors {far.tolist()} lie up to {distance.max():.3g} m from the mesh: is the "
-                f"mesh in {name}? Multiply its lengths by {unit:g}"
-            )
+    which = f"the anchors of channels {_listed(called[far])}"
+    others = {name: unit for unit, name in UNITS.items() if unit != 1.0 and far.all()}
+    for name, unit in others.items():
+        for factor, what in ((unit, "the mesh"), (1.0 / unit, "all but the mesh")):
+            scaled, _, _ = closest_on_mesh(points, link[0] * factor, link[1])
+            if (scaled <= FAR).all():
+                raise InvalidMeshError(
+                    f"{which} lie up to {distance.max():.3g} m from the mesh: is {what} in {name}? "
+                    f"Multiply the mesh's lengths by {factor:g}"
+                )
     size = float(np.linalg.norm(np.ptp(link[0], axis=0)))
     raise InvalidMeshError(
-        f"anchors {far.tolist()} lie up to {distance.max():.3g} m from the mesh, which is "
+        f"{which} lie up to {distance.max():.3g} m from the mesh, which is "
         f"{size:.3g} m long: another link or frame?"
     )

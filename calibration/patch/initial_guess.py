@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from calibration.patch.link_surface import Target
+from calibration.patch.link_surface import THIN, Target
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.log_map import log_map
 
@@ -24,17 +24,51 @@ def log_map_start(
     known points.
     """
     reach = REACH * float(np.linalg.norm(np.ptp(layout, axis=0))) + 0.02
-    seed = int(np.argmin(np.linalg.norm(target.vertices - source, axis=1)))
-    uv, _ = log_map(target.vertices, target.normals, target.graph, seed, reach)
-    known = np.isfinite(uv[:, 0])
-    vertices, uv = target.vertices[known], uv[known]
-    _, nearest = cKDTree(vertices).query(points)
-    turn, shift = rigid_2d(places, uv[nearest])
-    wanted = layout @ turn.T + shift
+    best: tuple[float, FloatArray, FloatArray, FloatArray] | None = None
+    for seed in _seeds(target, source):
+        uv, _ = log_map(target.vertices, target.normals, target.graph, seed, reach)
+        known = np.isfinite(uv[:, 0])
+        vertices, uv = target.vertices[known], uv[known]
+        there = uv[_on_the_near_side(vertices, uv, points)]
+        turn, shift = rigid_2d(places, there)
+        missed = float(np.linalg.norm(places @ turn.T + shift - there, axis=1).mean())
+        if best is None or missed < best[0]:
+            best = missed, vertices, uv, layout @ turn.T + shift
+    assert best is not None
+    _, vertices, uv, wanted = best
     # Where the map overlaps itself (round a limb) the place on the near side counts: the
     # nearest few in the plane, of those the ones on the sheet of the nearest one.
     _, index = cKDTree(uv).query(wanted, k=min(NEAR, len(uv)))
     return _moving_affine(vertices, uv, wanted, index)
+
+
+def log_map_places(target: Target, layout: FloatArray, points: FloatArray) -> FloatArray:
+    """Plane coordinates (k, 2) [m] of points (k, 3) in the surface's log map round their middle."""
+    reach = REACH * float(np.linalg.norm(np.ptp(layout, axis=0))) + 0.02
+    middle = points[np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1))]
+    seed = int(np.argmin(np.linalg.norm(target.vertices - middle, axis=1)))
+    uv, _ = log_map(target.vertices, target.normals, target.graph, seed, reach)
+    known = np.isfinite(uv[:, 0])
+    return np.asarray(uv[known][_on_the_near_side(target.vertices[known], uv[known], points)])
+
+
+def _seeds(target: Target, source: FloatArray) -> list[int]:
+    """The vertex at a point, and the one behind it where the surface is a thin shell there."""
+    away = np.linalg.norm(target.vertices - source, axis=1)
+    nearest = int(np.argmin(away))
+    behind = target.normals @ target.normals[nearest] < -0.5
+    other = int(np.argmin(np.where(behind, away, np.inf)))
+    thin = behind.any() and away[other] < away[nearest] + THIN
+    return [nearest, other] if thin else [nearest]
+
+
+def _on_the_near_side(vertices: FloatArray, uv: FloatArray, points: FloatArray) -> IntArray:
+    """Vertices (k,) at points (k, 3); of a shell's two sides the one that is less far away."""
+    away, index = cKDTree(vertices).query(points, k=min(NEAR, len(vertices)))
+    way = np.where(away < away[:, :1] + THIN, np.linalg.norm(uv[index], axis=2), np.inf)
+    # Neighbours on one side are a few millimetres apart on the way too: the nearest of them.
+    same = way < way.min(axis=1, keepdims=True) + 2.0 * THIN
+    return np.asarray(index[np.arange(len(points)), np.argmax(same, axis=1)])
 
 
 def rigid_2d(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:

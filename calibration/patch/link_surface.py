@@ -12,11 +12,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from calibration.patch.solver_budget import DETAIL
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.cache import Arrays, Ingredient, cached
 from skinmap.geometry.distances import edge_graph
+from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.topology import edges
-from skinmap.geometry.triangles import unit, vertex_normals
+from skinmap.geometry.triangles import face_normals, unit, vertex_normals
 
 ALPHA = 15e-3  # openings narrower than this are closed [m]
 OFFSET = 0.3e-3  # of the wrap from the mesh [m]
@@ -26,6 +27,7 @@ OFFSET = 0.3e-3  # of the wrap from the mesh [m]
 # CAD coordinates are round numbers and would lie on the border between two steps.
 ROUNDING, SHIFT = 1e-3, 0.6180339887498949  # [m], steps
 CHORD, OPEN = 2.0 * OFFSET, 5.0 * OFFSET  # heights of the wrap up to which it is one, and not
+THIN = 5e-3  # shells up to so thick have two sides that a sheet could be laid on [m]
 KEPT = 8  # wraps kept in memory: one a link that is worked on
 
 
@@ -46,6 +48,7 @@ class Target:
     faces: IntArray
     normals: FloatArray
     _tree: Any
+    _link: tuple[FloatArray, IntArray]
     _graph: Any = None
 
     @property
@@ -55,12 +58,45 @@ class Target:
             self._graph = edge_graph(self.vertices, edges(self.faces))
         return self._graph
 
-    def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Closest points (k, 3) [m] and unit normals (k, 3), interpolated inside each face."""
+    def project(
+        self, points: FloatArray, facing: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Closest points (k, 3) [m] and unit normals (k, 3), interpolated inside each face.
+
+        An open mesh is wrapped on both of its sides, a hair apart. Where it is known which way a
+        sheet faces (k, 3), its points belong to the side that faces so too.
+        """
+        close, normals = self._closest(points)
+        if facing is None:
+            return close, normals
+        away = np.flatnonzero(np.einsum("kd,kd->k", normals, facing) < 0.0)
+        if len(away):
+            lifted = points[away] + THIN * unit(facing[away])
+            other, out = self._closest(lifted)
+            better = np.einsum("kd,kd->k", out, facing[away]) > 0.0
+            close[away[better]], normals[away[better]] = other[better], out[better]
+        return close, normals
+
+    def behind(self, points: FloatArray, normals: FloatArray) -> BoolArray:
+        """(k,) points on the back of a thin shell, as the mesh itself turns its faces.
+
+        Only there is the mesh asked: of a closed body the wrap knows the outside better.
+        """
+        _, other = self._closest(points - THIN * normals)
+        shell = np.flatnonzero(np.einsum("kd,kd->k", other, normals) < 0.0)
+        found = np.zeros(len(points), bool)
+        if len(shell):
+            vertices, faces = self._link
+            _, face, _ = closest_on_mesh(points[shell], vertices, faces)
+            own = face_normals(vertices, faces[face])
+            found[shell] = np.einsum("kd,kd->k", own, normals[shell]) < 0.0
+        return found
+
+    def _closest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         _, face, closest = self._tree.squared_distance(self.vertices, self.faces, points)
         corner = self.faces[np.asarray(face)]
         weights = _barycentric(closest, self.vertices[corner])
-        return closest, unit(np.einsum("kc,kcd->kd", weights, self.normals[corner]))
+        return np.asarray(closest), unit(np.einsum("kc,kcd->kd", weights, self.normals[corner]))
 
 
 _targets: OrderedDict[str, Target] = OrderedDict()
@@ -94,7 +130,7 @@ def make_target(
         ]
         wrap = partial(_wrap_of, vertices, faces, alpha, detail)
         made = cached("target", how, wrap, made_by=("pymeshlab", "libigl"))
-        _targets[key] = _made(made["vertices"], made["faces"])
+        _targets[key] = _made(made["vertices"], made["faces"], (vertices, faces))
         while len(_targets) > KEPT:
             _targets.popitem(last=False)
     _targets.move_to_end(key)
@@ -146,12 +182,12 @@ def _as_stored(vertices: FloatArray) -> FloatArray:
     return np.where(coarser, metres.astype(np.float64), 1e-3 * millimetres.astype(np.float64))
 
 
-def _made(vertices: FloatArray, faces: IntArray) -> Target:
+def _made(vertices: FloatArray, faces: IntArray, link: tuple[FloatArray, IntArray]) -> Target:
     import igl
 
     tree = igl.AABB()
     tree.init(vertices, faces)
-    return Target(vertices, faces, vertex_normals(vertices, faces), tree)
+    return Target(vertices, faces, vertex_normals(vertices, faces), tree, link)
 
 
 def _wrapped(

@@ -8,6 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from calibration.patch.leave_one_out import LeftOut
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 
 
@@ -18,6 +19,20 @@ class Status(StrEnum):
     LOW_COVERAGE = "low_coverage"
     AMBIGUOUS = "ambiguous"
     UNOBSERVABLE = "unobservable"
+
+
+class Doubt(StrEnum):
+    """What makes a patch doubtful, more closely than its status."""
+
+    MISFIT = "an anchor is not where the others predict it"
+    STRETCHED = "lengths do not fit"
+    FOLDED = "the sheet is folded or inside out"
+    SCALE = "another scale"
+    DISAGREE = "touches contradict each other"
+    RIVAL = "another place fits as well"
+    WIDE = "taxels are known too roughly"
+    COVERAGE = "the evidence covers too little"
+    FEW = "too few touches"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,8 +51,22 @@ class PatchCalibration:
         `ok`, or what is doubtful.
     reasons : tuple of str
         Why, in words; empty where it is ok.
+    doubts : tuple of Doubt
+        What each of the reasons that a check gave is about.
     residuals : mapping of str to (k, 3) or (k,) float
         By kind of evidence, divided by what was expected of them.
+    left_out : LeftOut
+        What each anchor or touch misses by where all others predict it.
+    strain : (p,) float
+        Of each held pair of taxels against the layout, as found.
+    expected_strain : (p,) float
+        The same as it is expected of a flat map of where the patch lies.
+    pairs : (p, 2) int
+        Those pairs.
+    mirrored : bool
+        Whether the layout shows the board from its other side: said by the caller, or found out.
+    cost : float
+        Of the solution: smaller fits better.
     scale : float
         Of the body's lengths against the layout's.
     height : float
@@ -55,7 +84,14 @@ class PatchCalibration:
     covariance: FloatArray
     status: Status
     reasons: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
     residuals: Mapping[str, FloatArray] = field(default_factory=dict)
+    left_out: LeftOut = field(default_factory=LeftOut.nothing)
+    strain: FloatArray = field(default_factory=lambda: np.zeros(0))
+    expected_strain: FloatArray = field(default_factory=lambda: np.zeros(0))
+    pairs: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    mirrored: bool = False
+    cost: float = 0.0
     scale: float = 1.0
     height: float = 0.0
     coverage: float = 1.0
@@ -70,6 +106,9 @@ class PatchCalibration:
             normals=check_finite(self.normals, "normals", (n, 3)),
             covariance=check_finite(self.covariance, "covariance", (n, 3, 3)),
             next_taxels=np.asarray(self.next_taxels, np.int64),
+            strain=self.strain,
+            expected_strain=self.expected_strain,
+            pairs=self.pairs,
         )
 
     def __len__(self) -> int:

@@ -7,29 +7,32 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
-from scipy.spatial.distance import pdist, squareform
+from scipy.spatial.distance import pdist
 
-from calibration.patch.evidence import Link, check_anchors, check_layout, check_link, check_spread
-from calibration.patch.link_surface import Target, make_target
+from calibration.patch.consistency import FEWEST, consistent
+from calibration.patch.diagnosis import Names, Problem, explained
+from calibration.patch.evidence import (
+    Link,
+    check_anchors,
+    check_channels,
+    check_layout,
+    check_link,
+    check_modules,
+    check_spread,
+)
+from calibration.patch.link_surface import make_target
+from calibration.patch.minima import find_minima
 from calibration.patch.patch_calibration import PatchCalibration
-from calibration.patch.sheet_model import Board, Evidence, make_board
+from calibration.patch.sheet_model import Evidence, make_board
 from calibration.patch.solver_budget import FULL, Effort
 from calibration.patch.status import judge
-from calibration.patch.wrap import find_minima
 from calibration.threads import one_thread
-from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
+from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import closest_on_mesh, median_spacing
 
-FEWEST = 3
 FAR = 0.05  # a touch further than this from the link cannot have touched it [m]
 PLACE = 0.15  # of the pitch: how well the centre of activated taxels tells the place of a touch
-# Lengths of paths along edges are up to a tenth above the shortest ways across the triangles.
-LONGER, SHORTER = 0.12, 0.06
-SLACK = 3.0  # standard deviations
-AGREE = 0.7  # share of the touches held so far that another one must be consistent with
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,6 +73,9 @@ def locate_by_touch(
     *,
     anchors: tuple[ArrayLike, ArrayLike] | None = None,
     anchor_sigma: ArrayLike = 1e-3,
+    modules: ArrayLike | None = None,
+    channels: ArrayLike | None = None,
+    mirror: bool = False,
     effort: Effort = FULL,
     rng: np.random.Generator,
 ) -> PatchCalibration:
@@ -90,6 +96,12 @@ def locate_by_touch(
         Taxels whose place is known, and where they are [m].
     anchor_sigma : float
         Standard deviation of each coordinate of an anchor [m].
+    modules : (n,) array-like of int, optional
+        Rigid module of each taxel; without them the board is one flexible sheet.
+    channels : (n,) array-like of int, optional
+        What the taxels are called in messages; their rows by default.
+    mirror : bool
+        Whether the layout shows the board from its other side.
     effort : Effort
         Starts, steps and detail of the wrap.
     rng : numpy.random.Generator
@@ -107,19 +119,24 @@ def locate_by_touch(
     InvalidMeshError
         An empty mesh, or one that the anchors are far from.
     """
-    board_layout = check_layout(layout)
+    board_layout = check_layout(layout) * ([-1.0, 1.0] if mirror else [1.0, 1.0])
+    names = Names(check_channels(channels, len(board_layout)))
+    plates = check_modules(modules, len(board_layout))
     link = check_link(vertices, faces)
     felt = check_touches(board_layout, link, touches)
     evidence = felt
     if anchors is not None:
-        evidence = _joined(felt, check_anchors(board_layout, link, *anchors, anchor_sigma))
-    target, board = make_target(*link, detail=effort.detail), make_board(board_layout)
-    kinds = {"touches": evidence.doubted, "anchors": ~evidence.doubted}
-    kinds = {name: rows for name, rows in kinds.items() if rows.any()}
+        known = check_anchors(board_layout, link, *anchors, anchor_sigma, names.channels)
+        evidence = _joined(felt, known)
+    target = make_target(*link, detail=effort.detail)
     with one_thread():
-        first = kinds["anchors"] if anchors is not None else consistent(target, board, felt)
+        board = make_board(board_layout, plates)
+        first = ~evidence.doubted if anchors is not None else consistent(target, board, felt)
+        seed = int(rng.integers(2**32))
         minima = find_minima(target, board, evidence, first, effort=effort, rng=rng)
-        return judge(target, board, evidence, minima, kinds)
+        found = judge(target, evidence, minima, names)
+        problem = Problem(target, board_layout, plates, evidence, names, mirror, effort, seed)
+        return explained(problem, found)
 
 
 def check_touches(layout: FloatArray, link: Link, touches: Sequence[Touch]) -> Evidence:
@@ -174,36 +191,3 @@ def _joined(one: Evidence, other: Evidence) -> Evidence:
         np.concatenate([one.sigma, other.sigma]),
         np.concatenate([one.doubted, other.doubted]),
     )
-
-
-def consistent(target: Target, board: Board, felt: Evidence) -> BoolArray:
-    """(k,) touches whose distances along the link are those on the board.
-
-    Pairs are consistent or not; the largest eigenvector of that table ranks the touches
-    (Leordeanu and Hebert, "A Spectral Technique for Correspondence Problems", ICCV 2005), and
-    they are taken in that order while they agree with most of those taken before.
-    """
-    flat = squareform(pdist(felt.blend @ board.layout))
-    along = surface_distances(target, felt.points)
-    spread = SLACK * np.hypot(felt.sigma[:, None], felt.sigma[None])
-    fits = (along - flat < LONGER * flat + spread) & (flat - along < SHORTER * flat + spread)
-    np.fill_diagonal(fits, False)
-    weight = np.ones(len(felt))
-    for _ in range(30):
-        weight = fits @ weight + 1e-9
-        weight = weight / np.linalg.norm(weight)
-    taken = np.zeros(len(felt), bool)
-    for row in np.argsort(-weight, kind="stable"):
-        if not taken.any() or fits[row, taken].mean() >= AGREE:
-            taken[row] = True
-    if taken.sum() < FEWEST:  # nothing agrees with anything: the status will say so
-        taken[:] = True
-    return taken
-
-
-def surface_distances(target: Target, points: FloatArray) -> FloatArray:
-    """(k, k) lengths of paths along the edges of the target between its vertices there [m]."""
-    _, nearest = cKDTree(target.vertices).query(points)
-    reach = 1.5 * float(pdist(points).max()) + 0.05
-    length = dijkstra(target.graph, directed=False, indices=nearest, limit=reach)
-    return np.minimum(np.asarray(length[:, nearest]), reach)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from calibration.patch.consistency import FEWEST
 from calibration.patch.evidence import check_layout
 from calibration.patch.patch_calibration import PatchCalibration
-from calibration.patch.touch import FEWEST, Touch, locate_by_touch
+from calibration.patch.touch import Touch, locate_by_touch
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 
@@ -21,6 +22,10 @@ class TouchSession:
     vertices, faces : (v, 3) float [m], (f, 3) int
     anchors : tuple of (k,) and (k, 3), optional
         Taxels whose place is known, and where they are [m].
+    modules, channels : (n,) int, optional
+        Rigid module of each taxel, and what it is called in messages.
+    mirror : bool
+        Whether the layout shows the board from its other side.
     seed : int
 
     Attributes
@@ -40,10 +45,14 @@ class TouchSession:
         faces: IntArray,
         *,
         anchors: tuple[IntArray, FloatArray] | None = None,
+        modules: IntArray | None = None,
+        channels: IntArray | None = None,
+        mirror: bool = False,
         seed: int = 0,
     ) -> None:
         self.layout, self.link = check_layout(layout), (vertices, faces)
         self.anchors, self.seed = anchors, seed
+        self.modules, self.channels, self.mirror = modules, channels, mirror
         self.touches: list[Touch] = []
         self.found: PatchCalibration | None = None
         self.problem = ""
@@ -59,6 +68,7 @@ class TouchSession:
             try:
                 self.found = locate_by_touch(
                     self.layout, *self.link, self.touches, anchors=self.anchors,
+                    modules=self.modules, channels=self.channels, mirror=self.mirror,
                     rng=np.random.default_rng(self.seed),
                 )  # fmt: skip
                 self.problem = ""

@@ -2,45 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.patch.evidence import check_anchors, check_layout, check_link
-from calibration.patch.initial_guess import log_map_start
-from calibration.patch.link_surface import Target, make_target
-from calibration.patch.patch_calibration import PatchCalibration
-from calibration.patch.sheet_model import (
-    ROUGHLY,
-    SAME,
-    STAGES,
-    Board,
-    Evidence,
-    State,
-    apart,
-    linearise,
-    make_board,
-    settle,
+from calibration.patch.diagnosis import Names, Problem, explained
+from calibration.patch.evidence import (
+    check_anchors,
+    check_channels,
+    check_layout,
+    check_link,
+    check_modules,
 )
+from calibration.patch.link_surface import make_target
+from calibration.patch.minima import find_minima
+from calibration.patch.patch_calibration import PatchCalibration
+from calibration.patch.sheet_model import make_board
 from calibration.patch.solver_budget import FULL, Effort
 from calibration.patch.status import judge
 from calibration.threads import one_thread
-from skinmap.arrays import BoolArray, FloatArray
-
-MORE = 3  # times the starts, where the first ones fit badly
-HOPELESS = 100.0  # times the cost of a minimum: folded, no steps would unfold it
-GOOD = 8.0  # cost for each anchor or touch: three coordinates, and lengths and heights that fit
-AGREED = 2.0 * GOOD  # the same where all starts that did not fold led to one place
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Minimum:
-    """A state that the cost cannot be improved from, its cost and its Gauss-Newton matrix."""
-
-    state: State
-    cost: float
-    hessian: FloatArray
 
 
 def wrap_layout(
@@ -51,6 +30,9 @@ def wrap_layout(
     anchor_points: ArrayLike,
     *,
     anchor_sigma: ArrayLike = 1e-3,
+    modules: ArrayLike | None = None,
+    channels: ArrayLike | None = None,
+    mirror: bool = False,
     effort: Effort = FULL,
     rng: np.random.Generator,
 ) -> PatchCalibration:
@@ -68,6 +50,12 @@ def wrap_layout(
         Where they are, in the frame of the mesh [m].
     anchor_sigma : float
         Standard deviation of each coordinate of an anchor [m].
+    modules : (n,) array-like of int, optional
+        Rigid module of each taxel; without them the board is one flexible sheet.
+    channels : (n,) array-like of int, optional
+        What the taxels are called in messages; their rows by default.
+    mirror : bool
+        Whether the layout shows the board from its other side.
     effort : Effort
         Starts, steps and detail of the wrap.
     rng : numpy.random.Generator
@@ -85,82 +73,19 @@ def wrap_layout(
     InvalidMeshError
         An empty mesh, or one that the anchors are far from.
     """
-    board_layout = check_layout(layout)
+    board_layout = check_layout(layout) * ([-1.0, 1.0] if mirror else [1.0, 1.0])
+    names = Names(check_channels(channels, len(board_layout)))
+    plates = check_modules(modules, len(board_layout))
     link = check_link(vertices, faces)
-    anchors = check_anchors(board_layout, link, anchor_indices, anchor_points, anchor_sigma)
+    anchors = check_anchors(
+        board_layout, link, anchor_indices, anchor_points, anchor_sigma, names.channels
+    )
     target = make_target(*link, detail=effort.detail)
-    board = make_board(board_layout)
     every = np.ones(len(anchors), bool)
     with one_thread():
+        board = make_board(board_layout, plates)
+        seed = int(rng.integers(2**32))
         minima = find_minima(target, board, anchors, every, effort=effort, rng=rng)
-        return judge(target, board, anchors, minima, {"anchors": every})
-
-
-def find_minima(
-    target: Target,
-    board: Board,
-    evidence: Evidence,
-    first: BoolArray,
-    *,
-    effort: Effort = FULL,
-    rng: np.random.Generator,
-) -> list[Minimum]:
-    """Distinct minima of the cost, the lowest first, from starts that fit some (k,) evidence."""
-    places = evidence.blend[first] @ board.layout
-    points = evidence.points[first]
-    order = rng.permutation(len(points))
-    sources = [points.mean(axis=0), *points[order[: MORE * effort.starts - 1]]]
-    close, normals = target.project(points)
-    above = float(np.median(np.einsum("kd,kd->k", points - close, normals)))
-    found: list[Minimum] = []
-    passed: list[list[State]] = [[] for _ in STAGES[:-1]]
-    alone = True  # whether all starts that did not fold led to one minimum
-    # Most patches need the first starts only; those that fit badly, and differ, get the others.
-    for some in (sources[: effort.starts], sources[effort.starts :]):
-        fair = AGREED if alone else GOOD
-        if found and found[0].cost < fair * len(evidence):
-            break
-        soft: list[State] = []
-        for source in some:
-            start = State(log_map_start(target, board.layout, places, points, source), 0.0, above)
-            state = _softly(target, board, evidence, start, passed, effort.steps)
-            if state is not None:
-                soft.append(state)
-        costs = [linearise(target, board, evidence, state)[0] for state in soft]
-        for row in np.argsort(costs, kind="stable"):
-            if found and costs[row] > HOPELESS * min(minimum.cost for minimum in found):
-                continue
-            known = [minimum.state for minimum in found]
-            final = settle(
-                target, board, evidence, soft[row],
-                stages=STAGES[-1:], steps=effort.steps, known=known,
-            )  # fmt: skip
-            if all(apart(final, other) > SAME for other in known):
-                cost, _, hessian = linearise(target, board, evidence, final)
-                found.append(Minimum(final, cost, hessian))
-        found.sort(key=lambda minimum: minimum.cost)
-        alone = alone and len(found) == 1
-    return found
-
-
-def _softly(
-    target: Target,
-    board: Board,
-    evidence: Evidence,
-    state: State,
-    passed: list[list[State]],
-    steps: int,
-) -> State | None:
-    """Carry a start through all stages but the last; None once it is where another one passed.
-
-    `passed` holds the states after each of these stages and grows with those that are new.
-    """
-    for stiff, others in zip(STAGES[:-1], passed, strict=True):
-        state = settle(
-            target, board, evidence, state,
-            stages=(stiff,), steps=steps, settled=ROUGHLY, known=others,
-        )  # fmt: skip
-        if any(apart(state, other) < SAME for other in others):
-            return None
-        others.append(state)
-    return state
+        found = judge(target, anchors, minima, names)
+        problem = Problem(target, board_layout, plates, anchors, names, mirror, effort, seed)
+        return explained(problem, found)

@@ -19,13 +19,13 @@ from skinmap.errors import (
 from skinmap.io.mesh_body import MeshBody
 from skinmap.io.readers import read_taxels
 from skinmap.io.text import is_file, read_text
+from skinmap.io.units import UNITS
 from skinmap.io.urdf import UrdfBody
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.repair import replace
 from skinmap.skin.robot import AUTO, Body, Part, Robot
 from skinmap.skin.taxels import TaxelTable
 
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
 MODEL_PACKAGES = ("icub-models",)
 PART_KEYS = {"name", "link", "taxels", "format", "units", "module", "drawing", "frame"}
 ROBOT_KEYS = {"name", "urdf", "mesh", "units", "pose_deg"}

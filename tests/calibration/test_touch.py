@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from calibration import Status, Touch, locate_by_touch
+from calibration.patch.consistency import consistent
 from calibration.patch.link_surface import make_target
 from calibration.patch.sheet_model import make_board
-from calibration.patch.touch import check_touches, consistent
+from calibration.patch.touch import check_touches
 from skinmap.errors import InvalidArrayError
 
 
@@ -170,3 +171,14 @@ def test_touch_command_says_where_to_touch_next(tmp_path, bent, rng):
     (tmp_path / "touches.csv").write_text(head + "0,0,0,0,3,1\n0,0,0,1,4,1\n")
     done = CliRunner().invoke(cli, words)
     assert "touches.csv:3: touch 0 has two places" in str(done.exception)
+
+
+def test_touches_on_a_board_drawn_from_its_other_side_are_told(bent, rng):
+    touches = touched(bent, 24, rng)
+    found = locate_by_touch(
+        bent.layout * [-1.0, 1.0], bent.vertices, bent.faces, touches,
+        rng=np.random.default_rng(1),
+    )  # fmt: skip
+    assert found.status is not Status.OK
+    assert found.mirrored
+    assert "drawn from the other side" in found.reasons[0]

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from calibration import Status, wrap_layout
-from calibration.patch.held_out import held_out_errors
 from calibration.patch.next_places import best_next
 from skinmap.errors import InvalidArrayError, InvalidMeshError, SkinError
 
 TIGHT = 0.1e-3  # anchors as good as a measuring arm's [m]
 
 
-def wrap(bent, taxels, points, *, sigma=TIGHT, layout=None, vertices=None, faces=None):
+def wrap(bent, taxels, points, *, sigma=TIGHT, layout=None, vertices=None, faces=None, **words):
     return wrap_layout(
         bent.layout if layout is None else layout,
         bent.vertices if vertices is None else vertices,
@@ -22,6 +21,7 @@ def wrap(bent, taxels, points, *, sigma=TIGHT, layout=None, vertices=None, faces
         points,
         anchor_sigma=sigma,
         rng=np.random.default_rng(5),
+        **words,
     )
 
 
@@ -112,36 +112,150 @@ def test_anchors_in_one_corner_are_not_enough(bent, rng):
     assert far > 0.5 * np.linalg.norm(np.ptp(bent.layout, axis=0))
 
 
-def test_anchors_on_wrong_taxels_are_doubted(bent, rng):
-    taxels, points = bent.anchors(0.0, rng)
-    found = wrap(bent, taxels, points[[1, 0, 2, 3, 4, 5]], sigma=1e-3)
+def test_exchanged_anchors_are_named_by_their_channels(bent, rng):
+    taxels, points = bent.anchors(1e-3, rng)
+    channels = 500 + np.arange(len(bent.layout))
+    found = wrap(bent, taxels, points[[1, 0, 2, 3, 4, 5]], sigma=1e-3, channels=channels)
     assert found.status is Status.AMBIGUOUS
-    assert any("wrong taxel" in reason for reason in found.reasons)
+    first, second = channels[taxels[:2]]
+    assert found.reasons[0].startswith(f"the anchors of channels {first} and {second} are exch")
+
+
+def test_a_misplaced_anchor_is_named_and_the_others_are_not(bent):
+    channels = 500 + np.arange(len(bent.layout))
+    for wrong in range(6):
+        taxels, points = bent.anchors(1e-3, np.random.default_rng(wrong))
+        along = np.array([0.0, 0.0, 9e-3])
+        points[wrong] += along
+        found = wrap(bent, taxels, points, sigma=1e-3, channels=channels)
+        assert found.status is Status.AMBIGUOUS
+        assert f"the anchor of channel {channels[taxels[wrong]]} is misplaced" in found.reasons[0]
+
+
+def test_a_board_drawn_from_its_other_side_is_told(bent, rng):
+    anchors = bent.anchors(1e-3, rng)
+    drawn = bent.layout * [-1.0, 1.0]
+    forgotten = wrap(bent, *anchors, sigma=1e-3, layout=drawn)
+    assert forgotten.status is Status.AMBIGUOUS
+    assert forgotten.mirrored
+    assert "drawn from the other side" in forgotten.reasons[0]
+    said = wrap(bent, *anchors, sigma=1e-3, layout=drawn, mirror=True)
+    assert said.status is Status.OK
+    assert said.mirrored
+    needless = wrap(bent, *anchors, sigma=1e-3, mirror=True)
+    assert needless.status is Status.AMBIGUOUS
+    assert not needless.mirrored
+    assert "leave --mirror" in needless.reasons[0]
+
+
+def test_a_board_in_another_scale_is_told_with_the_factor(bent, rng):
+    found = wrap(bent, *bent.anchors(0.3e-3, rng), sigma=0.3e-3, layout=1.2 * bent.layout)
+    assert found.status is Status.AMBIGUOUS
+    factor = float(found.reasons[0].split("by ")[-1])
+    assert factor == pytest.approx(1 / 1.2, rel=0.02)  # anchors of 0.3 mm over 50 mm
+
+
+def torus(bend: float, radius: float, edge: float):
+    """A closed tube bent with a radius, whose curvature has both signs."""
+    a = np.linspace(-np.pi, np.pi, round(2 * np.pi * radius / edge), endpoint=False)
+    b = np.linspace(-0.5, 0.5, round(bend / edge))
+    grid = np.stack(np.meshgrid(a, b, indexing="ij"), axis=-1)
+    vertices = _on_torus(grid.reshape(-1, 2), bend, radius)
+    k = np.arange(len(a) * len(b)).reshape(len(a), len(b))
+    here, right = k[:, :-1], np.roll(k, -1, axis=0)[:, :-1]
+    faces = np.concatenate([
+        np.stack([here, right, right + 1], axis=-1).reshape(-1, 3),
+        np.stack([here, right + 1, here + 1], axis=-1).reshape(-1, 3),
+    ])  # fmt: skip
+    return vertices, faces
+
+
+def _on_torus(angles, bend: float, radius: float):
+    a, b = angles.T
+    arm = bend + radius * np.cos(a)
+    return np.column_stack([arm * np.cos(b) - bend, radius * np.sin(a), arm * np.sin(b)])
+
+
+def test_wrap_is_right_on_a_bent_tube_where_lengths_cannot_all_hold():
+    """The flat map of a doubly curved place is strained by 2 %; the wrap expects just that."""
+    import skinmap
+    from skinmap.skin.skin import skin_from_points
+
+    bend, radius = 0.3, 35e-3
+    row, column = np.divmod(np.arange(12 * 18), 18)
+    angles = np.column_stack([(column - 8.5 + 0.5 * (row % 2)) * 6.5e-3 / radius,
+                              (row - 5.5) * 5.6e-3 / bend])  # fmt: skip
+    truth = _on_torus(angles, bend, radius)
+    axis = np.column_stack([bend * np.cos(angles[:, 1]) - bend, np.zeros(len(angles)),
+                            bend * np.sin(angles[:, 1])])  # fmt: skip
+    chart = skinmap.flatten(skinmap.build_surface(skin_from_points(truth, truth - axis))).charts[0]
+    layout, truth = chart.uv, truth[chart.taxels]
+    vertices, faces = torus(bend, radius - 0.3e-3, 5e-3)
+    taxels = [int(np.argmax(np.linalg.norm(layout, axis=1)))]
+    while len(taxels) < 8:
+        gap = np.linalg.norm(layout[:, None] - layout[taxels][None], axis=2).min(axis=1)
+        taxels.append(int(np.argmax(gap)))
+    errors = []
+    for seed in range(3):
+        points = truth[taxels] + np.random.default_rng(seed).normal(0, 1e-3, (8, 3))
+        found = wrap_layout(layout, vertices, faces, taxels, points,
+                            rng=np.random.default_rng(seed))  # fmt: skip
+        assert found.status is Status.OK
+        errors.append(miss(found, truth))
+        # Without the strain that is expected of a flat map this was 2 to 3 mm, and called ok.
+    assert np.mean(errors) < 1.0e-3
+    assert np.sqrt(np.mean(found.expected_strain**2)) > 5e-3
+    assert np.sqrt(np.mean(found.residuals["strain"] ** 2)) < 5e-3
+
+
+def test_rigid_modules_rise_at_their_corners_and_are_found_there(bent):
+    """Three plates tangent to the cylinder: their corners stand 1 mm and more above it."""
+    turn = np.array([-0.5, 0.0, 0.5])
+    lattice = 6.5e-3 * np.array([[i, j] for i in (-1, 0, 1) for j in (-2, -1, 0, 1, 2)])
+    layout = np.concatenate([lattice + [45e-3 * angle, 0.0] for angle in turn])
+    modules = np.repeat([0, 1, 2], len(lattice))
+    truth = np.concatenate([
+        45e-3 * np.array([np.cos(a), np.sin(a), 0.0])
+        + lattice[:, :1] * np.array([-np.sin(a), np.cos(a), 0.0])
+        + lattice[:, 1:] * np.array([0.0, 0.0, 1.0])
+        for a in turn
+    ])  # fmt: skip
+    taxels = np.array([0, 4, 10, 14, 30, 34, 40, 44])
+    known, sheet = (
+        wrap(bent, taxels, truth[taxels], layout=layout, modules=own) for own in (modules, None)
+    )
+    assert known.status is Status.OK
+    assert miss(known, truth) < 0.4e-3
+    rise = [np.linalg.norm(found.positions[:, :2], axis=1) for found in (known, sheet)]
+    true = np.linalg.norm(truth[:, :2], axis=1)
+    assert np.abs(rise[0] - true).mean() < 0.7 * np.abs(rise[1] - true).mean()
+
+
+def test_leave_one_out_in_closed_form_is_what_a_wrap_without_the_anchor_misses(bent, rng):
+    taxels, points = bent.anchors(1e-3, rng)
+    found = wrap(bent, taxels, points, sigma=1e-3)
+    assert len(found.left_out) == 6
+    for row in range(6):
+        keep = np.arange(6) != row
+        without = wrap(bent, taxels[keep], points[keep], sigma=1e-3)
+        missed = np.linalg.norm(without.positions[taxels[row]] - points[row])
+        # Linearised: what the surface's curvature adds is below a tenth of the pitch.
+        assert found.left_out.distance[row] == pytest.approx(missed, abs=0.6e-3)
+
+
+def test_misfits_of_honest_anchors_are_one_on_average(bent):
+    misfits = []
+    for seed in range(12):
+        taxels, points = bent.anchors(1e-3, np.random.default_rng(seed))
+        misfits.append(wrap(bent, taxels, points, sigma=1e-3).left_out.misfit)
+    assert 0.6 < np.mean(misfits) < 1.4  # 72 of them: 0.1 of standard error
+    assert np.max(misfits) < 8.0
 
 
 def test_coarse_anchors_leave_the_patch_unobservable(bent, rng):
     found = wrap(bent, *bent.anchors(0.0, rng), sigma=15e-3)
     assert found.status is Status.UNOBSERVABLE
     assert "long axis" in found.reasons[0]
-
-
-def test_held_out_errors_are_as_large_as_the_noise(bent):
-    errors = []
-    for seed in range(3):
-        taxels, points = bent.anchors(1e-3, np.random.default_rng(seed))
-        found = wrap(bent, taxels, points, sigma=1e-3)
-        errors.append(
-            held_out_errors(
-                found, bent.layout, bent.vertices, bent.faces, taxels, points, anchor_sigma=1e-3
-            )
-        )
-    rms = np.sqrt(np.mean(np.concatenate(errors) ** 2))
-    # At least the anchors' own 1.7 mm in space; corners that are left out are carried on.
-    assert 1.2e-3 < rms < 4e-3
-    three = bent.corners[[0, 1, 2]]
-    assert len(held_out_errors(
-        found, bent.layout, bent.vertices, bent.faces, three, bent.places[three]
-    )) == 0  # fmt: skip
 
 
 def test_best_next_takes_most_variance_off(rng):
@@ -166,6 +280,8 @@ def bad(bent, **changes):
         "taxels": taxels,
         "points": points,
         "sigma": 1e-3,
+        "modules": None,
+        "channels": None,
     }
     words |= {name: change(words[name]) for name, change in changes.items()}
     return words
@@ -182,8 +298,14 @@ CASES = {
     "NaN in the anchors": ({"points": nan}, "anchor_points holds NaN or infinity, first in row 2"),
     "NaN in the mesh": ({"vertices": nan}, "vertices holds NaN or infinity, first in row 2"),
     "two anchors": ({"taxels": lambda t: t[:2], "points": lambda p: p[:2]}, "at least 3 anchors"),
-    "a taxel twice": ({"taxels": lambda t: t[[0, 1, 2, 3, 4, 0]]}, r"anchors \[0, 5\] are the"),
-    "a point twice": ({"points": lambda p: p[[0, 1, 2, 3, 4, 0]]}, r"anchors \[0, 5\] are at"),
+    "a taxel twice": (
+        {"taxels": lambda t: t[[0, 1, 2, 3, 4, 0]]},
+        r"channel 0 has 2 anchors \(the 1st and 6th\)",
+    ),
+    "a point twice": (
+        {"points": lambda p: p[[0, 1, 2, 3, 4, 0]]},
+        r"channels 0, 39 are at the same",
+    ),
     "a taxel too many": ({"taxels": lambda t: t + 10}, r"anchor 2 is taxel 74, the layout has 0"),
     "in a row": (
         {"taxels": lambda t: np.array([0, 3, 7]), "points": lambda p: p[:3]},
@@ -193,8 +315,14 @@ CASES = {
     "layout in mm": ({"layout": lambda x: 1e3 * x}, r"millimetres\? Multiply all lengths by 0.001"),
     "anchors in mm": ({"points": lambda x: 1e3 * x}, r"anchors in millimetres\? .* by 0.001"),
     "anchors in inches": ({"points": lambda x: x / 0.0254}, r"anchors in inches\? .* by 0.0254"),
+    "mesh in m, the rest in mm": (
+        {"vertices": lambda x: 1e-3 * x},
+        r"all but the mesh in millimetres\? .* by 1000",
+    ),
+    "modules": ({"modules": lambda _: np.zeros(3, int)}, "3 modules for a layout of 72 taxels"),
+    "channels": ({"channels": lambda _: np.zeros(3, int)}, "3 channels for a layout of 72"),
     "mesh in mm": ({"vertices": lambda x: 1e3 * x}, r"mesh in millimetres\? .* by 0.001"),
-    "anchors far away": ({"points": lambda x: x + 1.0}, r"anchors \[0, 1, 2, 3, 4, 5\] lie up to"),
+    "anchors far away": ({"points": lambda x: x + 1.0}, r"channels 0, 7, 64, 71, 35, 39 lie up to"),
     "an empty mesh": ({"faces": lambda f: f[:0]}, "has no triangles"),
     "a face too far": ({"faces": lambda f: f + 1}, "point outside the vertices"),
     "two taxels in one place": (
@@ -211,7 +339,8 @@ def test_wrap_names_what_is_wrong(bent, name):
     with pytest.raises(SkinError, match=message) as caught:
         wrap(
             bent, words["taxels"], words["points"], sigma=words["sigma"], layout=words["layout"],
-            vertices=words["vertices"], faces=words["faces"],
+            vertices=words["vertices"], faces=words["faces"], modules=words["modules"],
+            channels=words["channels"],
         )  # fmt: skip
     assert isinstance(caught.value, InvalidArrayError | InvalidMeshError)
 

@@ -14,16 +14,19 @@ from skinmap.errors import DataFormatError, SkinError
 from skinmap.io.readers import read_taxels
 
 KEYS = {
+    "mirrored", "predicted_mm", "leave_one_out_mm", "leave_one_out_expected_mm", "evidence",
+    "strain_percent", "expected_strain_percent", "unexpected_strain_percent",
     "status", "reasons", "taxels", "predicted_sd_mm", "cross_validation_mm", "seconds", "coverage",
     "scale", "height_mm", "weakest", "next", "files", "mesh_notes",
 }  # fmt: skip
 
 
-def write(folder, bent, *, unit=1.0, taxels=None, noise=0.5e-3):
+def write(folder, bent, *, unit=1.0, taxels=None, noise=0.5e-3, mirrored=False):
     folder.mkdir(exist_ok=True)
     taxels = bent.corners if taxels is None else np.asarray(taxels)
     points = bent.places[taxels] + np.random.default_rng(2).normal(0, noise, (len(taxels), 3))
-    rows = [f"{k + 100},{x!r},{y!r}" for k, (x, y) in enumerate((bent.layout / unit).tolist())]
+    drawn = bent.layout * ([-1.0, 1.0] if mirrored else [1.0, 1.0])
+    rows = [f"{k + 100},{x!r},{y!r}" for k, (x, y) in enumerate((drawn / unit).tolist())]
     (folder / "board.csv").write_text("\n".join(["channel,x,y", *rows]) + "\n")
     rows = [
         f"{taxel + 100},{x!r},{y!r},{z!r}"
@@ -59,6 +62,28 @@ def test_wrap_writes_a_table_and_a_report(tmp_path, bent):
     page = (tmp_path / "out" / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 3
     assert "http" not in page  # self-contained
+
+
+def test_wrap_of_a_board_drawn_from_its_other_side_wants_mirror(tmp_path, bent):
+    words = write(tmp_path, bent, mirrored=True)
+    result = CliRunner().invoke(cli, [*words, "--json"])
+    assert result.exit_code == 3
+    told = json.loads(result.stdout)
+    assert told["mirrored"]
+    assert "--mirror" in told["reasons"][0]
+    right = run([*words, "--mirror"])
+    assert right["status"] == "ok"
+    assert right["mirrored"]
+    table = read_taxels(tmp_path / "out" / "taxels.csv")
+    assert np.median(np.linalg.norm(table.positions - bent.places, axis=1)) < 1.5e-3
+
+
+def test_evidence_is_listed_by_channel(tmp_path, bent):
+    rows = run(write(tmp_path, bent))["evidence"]
+    assert [row["channel"] for row in rows] == (100 + bent.corners).tolist()
+    for row in rows:
+        assert row["missed_mm"] < row["leave_one_out_mm"]
+        assert row["misfit"] < 8.0
 
 
 def test_wrap_gives_the_same_in_millimetres(tmp_path, bent):

@@ -14,6 +14,7 @@ from calibration.commands.options import (
     format_option,
     layout_option,
     mesh_option,
+    mirror_option,
     out_option,
     sigma_option,
     units_option,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     "--anchors", "anchors_file", type=FILE,
     help="To go on from: CSV `channel,x,y,z[,sigma]`, as `w` saves it.",
 )  # fmt: skip
+@mirror_option
 @units_option("all files")
 @sigma_option("an anchor")
 @out_option("taxels.csv, report.html and anchors.csv", required=False)
@@ -45,6 +47,7 @@ def anchors(
     layout_file: Path,
     mesh_file: Path,
     anchors_file: Path | None,
+    mirror: bool,
     units: str,
     sigma_mm: float,
     out: Path | None,
@@ -76,7 +79,7 @@ def anchors(
 
     session = AnchorSession.load(
         layout_file, mesh_file, anchors_file,
-        units=units, sigma_mm=sigma_mm, seed=seed,
+        units=units, sigma_mm=sigma_mm, seed=seed, mirror=mirror,
         effort=Effort(starts, steps, 1e-3 * wrap_detail_mm),
     )  # fmt: skip
     if screenshot is None:

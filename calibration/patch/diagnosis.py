@@ -1,0 +1,210 @@
+"""What is wrong where a patch does not fit: each likely mistake is mended and tried.
+
+A mistake counts as the cause where the mended input is consistent: every anchor is where the
+others predict it. What keeps all anchors is tried first: the board drawn from its other side, in
+another scale, two anchors whose names were exchanged; then each anchor is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from calibration.patch.consistency import consistent
+from calibration.patch.initial_guess import log_map_places, rigid_2d
+from calibration.patch.link_surface import Target
+from calibration.patch.minima import find_minima
+from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
+from calibration.patch.sheet_model import Board, Evidence, make_board
+from calibration.patch.solver_budget import Effort
+from calibration.patch.status import Names, judge
+from skinmap.arrays import FloatArray, IntArray
+
+__all__ = ["Names", "Problem", "explained"]
+
+STARTS = 2  # of each trial: it only has to be better than what came
+TRIED = 3  # anchors to leave out, and pairs to exchange, the most suspicious first
+BETTER = 0.6  # times the misfit in the plane that an exchange must come to, to be tried at all
+WIDE = 0.3  # of the scale where it is searched for, as a standard deviation
+SCALED = 0.02  # a board whose scale is off by less is not called another one
+CLEARER = 2.0  # times the cost by which the next best anchor must explain less
+PRICE = 2.0  # of each number that a mended input may choose: Akaike's, on the scale of costs
+FEWEST = 3  # anchors that hold a patch
+# Contradictions; coverage or a wide spread is no mistake, only too little evidence.
+MISTAKES = {Doubt.MISFIT, Doubt.STRETCHED, Doubt.FOLDED, Doubt.SCALE, Doubt.DISAGREE}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Problem:
+    """What was to be solved.
+
+    Attributes
+    ----------
+    target : Target
+    layout : (n, 2) float
+        As it was tried: turned round already where `mirror` is set [m].
+    modules : (n,) int or None
+    evidence : Evidence
+    names : Names
+    mirror : bool
+        Whether the caller said that the board is drawn from its other side.
+    effort : Effort
+    seed : int
+        Of the starts of each trial.
+    """
+
+    target: Target
+    layout: FloatArray
+    modules: IntArray | None
+    evidence: Evidence
+    names: Names
+    mirror: bool
+    effort: Effort
+    seed: int
+
+    def tried(
+        self, layout: FloatArray, evidence: Evidence, *, wide: bool = False
+    ) -> PatchCalibration:
+        """The patch that other input gives, judged in the same way."""
+        board = make_board(layout, self.modules)
+        if wide:
+            board = replace(board, firmness=_with_free_scale(board))
+        first = ~evidence.doubted
+        if not first.any():
+            first = consistent(self.target, board, evidence)
+        minima = find_minima(
+            self.target, board, evidence, first,
+            effort=replace(self.effort, starts=min(STARTS, self.effort.starts)),
+            patient=False, rng=np.random.default_rng(self.seed),
+        )  # fmt: skip
+        return judge(self.target, evidence, minima, self.names)
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """A mistake that explains what does not fit: its cost once it is mended, and words."""
+
+    cost: float
+    words: str
+
+
+def explained(problem: Problem, found: PatchCalibration) -> PatchCalibration:
+    """A doubtful patch with the mistake that explains it as its first reason, if there is one."""
+    found = replace(found, mirrored=problem.mirror)
+    if not MISTAKES & set(found.doubts):
+        return found
+    cause = _mirrored(problem)
+    if cause is not None:
+        return _doubted(replace(found, mirrored=not problem.mirror), cause)
+    anchors = np.flatnonzero(~problem.evidence.doubted)
+    causes = [_scaled(problem), _exchanged(problem, anchors), _left_out(problem, anchors, found)]
+    known = [cause for cause in causes if cause is not None]
+    return _doubted(found, min(known, key=lambda cause: cause.cost)) if known else found
+
+
+def _doubted(found: PatchCalibration, cause: Cause) -> PatchCalibration:
+    return replace(found, status=Status.AMBIGUOUS, reasons=(cause.words, *found.reasons))
+
+
+def _consistent(found: PatchCalibration) -> bool:
+    return not MISTAKES & set(found.doubts)
+
+
+def _mirrored(problem: Problem) -> Cause | None:
+    trial = problem.tried(problem.layout * [-1.0, 1.0], problem.evidence)
+    if not _consistent(trial):
+        return None
+    if problem.mirror:
+        return Cause(trial.cost, "the board fits as it is drawn: leave --mirror (mirror=True) out")
+    return Cause(
+        trial.cost,
+        "the board is drawn from the other side: its mirror image fits; "
+        "use --mirror (mirror=True), or draw it as seen from outside",
+    )
+
+
+def _scaled(problem: Problem) -> Cause | None:
+    trial = problem.tried(problem.layout, problem.evidence, wide=True)
+    rest = set(trial.doubts) - {Doubt.SCALE}
+    if MISTAKES & rest or abs(np.log(trial.scale)) < SCALED:
+        return None
+    larger = "large" if trial.scale < 1.0 else "small"
+    return Cause(
+        trial.cost + PRICE,
+        f"the board is drawn {100 * abs(1.0 / trial.scale - 1.0):.1f} % too {larger}: "
+        f"multiply the lengths of the layout by {trial.scale:.4f}",
+    )
+
+
+def _exchanged(problem: Problem, anchors: IntArray) -> Cause | None:
+    if len(anchors) < FEWEST:
+        return None
+    evidence = problem.evidence
+    places = evidence.blend[anchors] @ problem.layout
+    there = log_map_places(problem.target, problem.layout, evidence.points[anchors])
+    now = _flat_misfit(places, there)
+    pairs = list(combinations(range(len(anchors)), 2))
+    misses = np.array([_flat_misfit(_exchange(places, pair), there) for pair in pairs])
+    causes = []
+    for row in np.argsort(misses, kind="stable")[:TRIED]:
+        if misses[row] > BETTER * now:
+            break
+        one, other = anchors[list(pairs[row])].tolist()
+        swapped = replace(evidence, points=_exchange(evidence.points, (one, other)))
+        trial = problem.tried(problem.layout, swapped)
+        if _consistent(trial):
+            first, second = (problem.names.of(evidence, own) for own in (one, other))
+            words = (
+                f"the anchors of channels {first} and {second} are exchanged: put right, they fit"
+            )
+            causes.append(Cause(trial.cost + PRICE, words))
+    return min(causes, key=lambda cause: cause.cost, default=None)
+
+
+def _exchange(rows: FloatArray, pair: tuple[int, int]) -> FloatArray:
+    changed = rows.copy()
+    changed[list(pair)] = rows[list(pair[::-1])]
+    return changed
+
+
+def _flat_misfit(places: FloatArray, there: FloatArray) -> float:
+    """How badly a rigid motion lays places (k, 2) of a board on those of the surface [m]."""
+    turn, shift = rigid_2d(places, there)
+    return float(np.linalg.norm(places @ turn.T + shift - there, axis=1).sum())
+
+
+def _left_out(problem: Problem, anchors: IntArray, found: PatchCalibration) -> Cause | None:
+    evidence = problem.evidence
+    if len(anchors) <= FEWEST:
+        return None
+    order = anchors[np.argsort(-found.left_out.misfit[anchors], kind="stable")]
+    fits: list[tuple[float, int, PatchCalibration]] = []
+    for row in order[: TRIED + 1].tolist():
+        trial = problem.tried(problem.layout, evidence.only(np.arange(len(evidence)) != row))
+        if _consistent(trial):
+            fits.append((trial.cost, row, trial))
+    if not fits:
+        return None
+    cost, row, trial = min(fits, key=lambda fit: fit[0])
+    name, point = problem.names.of(evidence, row), evidence.points[row]
+    away = float(np.linalg.norm(point - evidence.blend[row] @ trial.positions))
+    words = (
+        f"the anchor of channel {name} is misplaced or misnamed: by the others its taxel is "
+        f"{1e3 * away:.1f} mm away"
+    )
+    nearest = int(np.argmin(np.linalg.norm(trial.positions - point, axis=1)))
+    if nearest != int(np.argmax(evidence.blend[row])):
+        words += f", and channel {problem.names.taxel(nearest)} is where it was measured"
+    rivals = [other for own, other, _ in fits if other != row and own < CLEARER * cost]
+    if rivals:
+        others = ", ".join(str(problem.names.of(evidence, other)) for other in rivals)
+        words += f" (or it is that of {others}: measure these again)"
+    return Cause(cost + 3.0 * PRICE, words)
+
+
+def _with_free_scale(board: Board) -> FloatArray:
+    firmness = np.array(board.firmness)
+    firmness[0] = 1.0 / WIDE**2
+    return firmness
