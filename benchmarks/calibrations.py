@@ -1,8 +1,8 @@
 """Accuracy and time of calibrations: `make bench-calibration` (`--quick` for a glance).
 
-Evidence is simulated on real boards and links of the iCub, so every accuracy here is simulated;
-the truth is named with each table. Times are CPU time of one thread, the wrap of a link's mesh
-apart, as it is kept. Results go to benchmarks/results/calibration.json.
+Evidence is simulated on real boards and links of the iCub and on a family of made links, so every
+accuracy here is simulated; the truth is named with each table. Times are CPU time of one thread,
+the wrap of a link's mesh apart, as it is kept. Results go to benchmarks/results/calibration.json.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from patches import Case, far_apart, icub_cases, simulate_touches
 from record import command
 from timing import timed
 from units import unit_rows
+from wraps import family_rows, wrong_rows
 
 from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
 from calibration.patch.link_surface import make_target
@@ -30,6 +31,7 @@ WRAPS = (  # anchors, scale and jitter of the layout [m], goals for median and p
     (4, 1.01, 0.3e-3, (1.2 * 1.15, 2.3 * 1.15)),
     (8, 1.01, 0.3e-3, (0.8 * 1.15, 1.7 * 1.15)),
 )
+WRONG = 67  # inputs of each kind: 200 that are mirrored, misplaced or exchanged
 TOUCHES: tuple[tuple[int, dict[str, Any], float | None], ...] = (  # count, how, goal [mm]
     (32, {"noise": 1e-3}, 0.9),
     (64, {"noise": 2e-3, "wrong": 0.3, "dead": 0.2}, 1.3),
@@ -51,8 +53,11 @@ def wrap_rows(cases: list[Case], repeats: int) -> list[dict[str, Any]]:
                 points = case.truth[taxels] + rng.normal(0.0, 1e-3, (anchors, 3))
                 make_target(case.vertices, case.faces)
                 found, seconds, _ = timed(
-                    partial(wrap_layout, layout, case.vertices, case.faces, taxels, points, rng=rng)
-                )
+                    partial(
+                        wrap_layout, layout, case.vertices, case.faces, taxels, points,
+                        modules=case.modules, rng=rng,
+                    )
+                )  # fmt: skip
                 runs.append(_measured(found, case.truth, seconds))
         rows.append(
             {"anchors": anchors, "scale": scale, "jitter_mm": 1e3 * jitter, "goal_mm": goal}
@@ -75,7 +80,9 @@ def touch_rows(cases: list[Case], repeats: int) -> list[dict[str, Any]]:
                 make_target(case.vertices, case.faces)
                 link = case.vertices, case.faces
                 found, seconds, _ = timed(
-                    partial(locate_by_touch, case.layout, *link, touches, rng=rng)
+                    partial(
+                        locate_by_touch, case.layout, *link, touches, modules=case.modules, rng=rng
+                    )
                 )
                 runs.append(_measured(found, case.truth, seconds))
         row = {"touches": count, "one_module": False, **how, "goal_mm": goal}
@@ -144,6 +151,8 @@ def measure(quick: bool, *, repeats: int = 2, scans: int = 50) -> dict[str, Any]
     repeats = 1 if quick else repeats
     tables: dict[str, Callable[[], Any]] = {
         "wrap": lambda: wrap_rows(some, repeats),
+        "family": lambda: family_rows(repeats, some=2 if quick else None),
+        "wrong": lambda: wrong_rows(cases, 2 if quick else WRONG),
         "touch": lambda: touch_rows(some, repeats),
         "units": lambda: unit_rows(some),
         "scan": lambda: scan_table(cases, 4 if quick else scans),

@@ -175,7 +175,7 @@ def family_cases(board: str) -> Iterator[tuple[Link, Case]]:
         rng = np.random.default_rng([number, board == "modules"])
         height = rng.uniform(INSIDE, OUTSIDE)
         vertices, faces = link_mesh(link, rng)
-        layout, truth, modules = (_flat if board == "flat" else _rigid)(link, height)
+        layout, truth, modules = (flat_board if board == "flat" else rigid_board)(link, height)
         yield link, Case(f"{link.name}, {board}", layout, truth, modules, vertices, faces)
 
 
@@ -263,7 +263,8 @@ def _laid(link: Link, shape: Shape) -> tuple[FloatArray, FloatArray, FloatArray,
     raise ValueError(f"no chart of {link.name} holds the board")
 
 
-def _flat(link: Link, height: float) -> tuple[FloatArray, FloatArray, IntArray]:
+def flat_board(link: Link, height: float) -> tuple[FloatArray, FloatArray, IntArray]:
+    """A flexible board: its layout (n, 2) is the flat map of where it lies (n, 3); modules (n,)."""
     shape = _raised(link.shape, height)
     drawn, uv, _, _ = _laid(link, shape)
     truth, frame = _frames(shape, uv.reshape(-1, 2))
@@ -271,7 +272,7 @@ def _flat(link: Link, height: float) -> tuple[FloatArray, FloatArray, IntArray]:
     return _flattened(truth, frame[:, :, 2], modules), truth, modules
 
 
-def _rigid(link: Link, height: float) -> tuple[FloatArray, FloatArray, IntArray]:
+def rigid_board(link: Link, height: float) -> tuple[FloatArray, FloatArray, IntArray]:
     """Rigid modules, each tangent where its middle comes to lie; the drawing is regular."""
     shape = _raised(link.shape, height)
     drawn, uv, centres, middles = _laid(link, shape)

@@ -24,7 +24,7 @@ from skinmap.arrays import FloatArray, IntArray
 
 __all__ = ["Names", "Problem", "explained"]
 
-STARTS = 2  # of each trial: it only has to be better than what came
+STARTS = 1  # of each trial: it only has to be better than what came
 TRIED = 3  # anchors to leave out, and pairs to exchange, the most suspicious first
 BETTER = 0.6  # times the misfit in the plane that an exchange must come to, to be tried at all
 WIDE = 0.3  # of the scale where it is searched for, as a standard deviation
@@ -143,10 +143,12 @@ def _exchanged(problem: Problem, anchors: IntArray) -> Cause | None:
         return None
     evidence = problem.evidence
     places = evidence.blend[anchors] @ problem.layout
-    there = log_map_places(problem.target, problem.layout, evidence.points[anchors])
-    now = _flat_misfit(places, there)
+    sides = log_map_places(problem.target, problem.layout, evidence.points[anchors])
+    now = min(_flat_misfit(places, there) for there in sides)
     pairs = list(combinations(range(len(anchors)), 2))
-    misses = np.array([_flat_misfit(_exchange(places, pair), there) for pair in pairs])
+    misses = np.array([
+        min(_flat_misfit(_exchange(places, pair), there) for there in sides) for pair in pairs
+    ])  # fmt: skip
     causes = []
     for row in np.argsort(misses, kind="stable")[:TRIED]:
         if misses[row] > BETTER * now:

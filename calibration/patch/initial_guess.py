@@ -42,14 +42,20 @@ def log_map_start(
     return _moving_affine(vertices, uv, wanted, index)
 
 
-def log_map_places(target: Target, layout: FloatArray, points: FloatArray) -> FloatArray:
-    """Plane coordinates (k, 2) [m] of points (k, 3) in the surface's log map round their middle."""
+def log_map_places(target: Target, layout: FloatArray, points: FloatArray) -> list[FloatArray]:
+    """Plane coordinates (k, 2) [m] of points (k, 3) in a log map round their middle.
+
+    One array for each side of the surface: two where it is a thin shell.
+    """
     reach = REACH * float(np.linalg.norm(np.ptp(layout, axis=0))) + 0.02
     middle = points[np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1))]
-    seed = int(np.argmin(np.linalg.norm(target.vertices - middle, axis=1)))
-    uv, _ = log_map(target.vertices, target.normals, target.graph, seed, reach)
-    known = np.isfinite(uv[:, 0])
-    return np.asarray(uv[known][_on_the_near_side(target.vertices[known], uv[known], points)])
+    found = []
+    for seed in _seeds(target, middle):
+        uv, _ = log_map(target.vertices, target.normals, target.graph, seed, reach)
+        known = np.isfinite(uv[:, 0])
+        vertices, uv = target.vertices[known], uv[known]
+        found.append(uv[_on_the_near_side(vertices, uv, points)])
+    return found
 
 
 def _seeds(target: Target, source: FloatArray) -> list[int]:
