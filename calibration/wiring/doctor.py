@@ -1,0 +1,168 @@
+"""The wiring doctor: asks for touches, hears the answers, and names faults one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import logsumexp
+
+from calibration.wiring.boards import Boards, Wiring
+from calibration.wiring.evidence import Witness
+from calibration.wiring.faults import Fault, Hypotheses, all_faults
+from calibration.wiring.places import AGAIN, Candidates, Chooser, candidates
+from calibration.wiring.touch import Touch
+from skinmap.arrays import FloatArray
+from skinmap.errors import InvalidArrayError
+
+SURE = 0.99  # a fault that is so probable is named
+CLEAR = 0.95  # a skin without one that is so probable is healthy
+MOST_FAULTS = 8  # found one after the other, at most
+MISFIT = 0.34  # share of touches that fit no fault's model: the places are not those touched
+FEW = 3
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Found:
+    """A fault that was named.
+
+    Attributes
+    ----------
+    fault : Fault
+    confidence : float
+    alternatives : tuple of (Fault, float)
+        What else it may be, most probable first.
+    """
+
+    fault: Fault
+    confidence: float
+    alternatives: tuple[tuple[Fault, float], ...] = ()
+
+
+@dataclass(eq=False)
+class Doctor:
+    """What is known of the wiring of one part.
+
+    Attributes
+    ----------
+    boards : Boards
+    hypotheses : Hypotheses
+    touches : list of Touch
+        So far.
+    found : list of Found
+        Faults named, in the order in which they were found.
+    """
+
+    boards: Boards
+    hypotheses: Hypotheses
+    places: dict[str, Candidates] = field(default_factory=dict)
+    touches: list[Touch] = field(default_factory=list)
+    found: list[Found] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.wiring = Wiring.as_mapped(self.boards)
+        self._choosers: dict[str, Chooser] = {}
+        self._begin()
+
+    @classmethod
+    def of(cls, boards: Boards) -> Doctor:
+        """A doctor who has seen nothing."""
+        return cls(boards, all_faults(boards))
+
+    def again(self) -> Doctor:
+        """A doctor for another skin of the same layout, with the same preparations."""
+        other = Doctor(self.boards, self.hypotheses, self.places)
+        return other
+
+    @property
+    def posterior(self) -> FloatArray:
+        """(h,) logarithm of the probability of each hypothesis."""
+        return np.asarray(self._log - logsumexp(self._log))
+
+    @property
+    def healthy(self) -> float:
+        """Probability that nothing is wrong beyond what was found."""
+        return float(np.exp(self.posterior[0]))
+
+    def know(self, fault: Fault) -> None:
+        """Take a fault as known from elsewhere: from the skin at rest."""
+        self.found.append(Found(fault, 1.0))
+        self.wiring = fault.apply(self.wiring, self.boards)
+        self._replay()
+
+    def hear(self, touch: Touch) -> list[Found]:
+        """Take a touch; the faults that are sure with it.
+
+        Raises
+        ------
+        InvalidArrayError
+            An answer of another length than the part's table.
+        """
+        if len(touch.response) != len(self.boards.table):
+            raise InvalidArrayError(
+                f"{len(touch.response)} answers for the {len(self.boards.table)} taxels of "
+                f"{self.boards.part!r}"
+            )
+        self.touches.append(touch)
+        self._take(touch)
+        new: list[Found] = []
+        while len(self.found) < MOST_FAULTS and (one := self._sure()) is not None:
+            self.found.append(one)
+            new.append(one)
+            self.wiring = one.fault.apply(self.wiring, self.boards)
+            self._replay()
+        return new
+
+    def suspects(self, count: int = 5) -> list[tuple[Fault, float]]:
+        """The most probable faults beyond those found, and how probable."""
+        posterior = self.posterior
+        order = np.argsort(-posterior[1:])[:count] + 1
+        return [(self.hypotheses.faults[row], float(np.exp(posterior[row]))) for row in order]
+
+    def next_place(self, how: str) -> tuple[FloatArray, float]:
+        """The path (p, 3) to touch next [m], and what it would tell [nats]."""
+        if how not in self.places:
+            self.places[how] = candidates(self.boards, how)
+        if how not in self._choosers:
+            # One for all doctors of this layout while nothing was found.
+            key = f"chooser {how}"
+            plain = not self.found
+            kept = self.places.get(key) if plain else None
+            chooser = kept if isinstance(kept, Chooser) else Chooser(
+                self.boards, self.hypotheses, self.wiring, self.places[how]
+            )
+            if plain:
+                self.places[key] = chooser  # type: ignore[assignment]
+            self._choosers[how] = chooser
+        asked = [touch.middle for touch in self.touches if touch.how == how]
+        row, gain = self._choosers[how].best(
+            self.posterior, [middle for middle in asked if middle is not None]
+        )
+        return self.places[how].paths[row], gain
+
+    def _begin(self) -> None:
+        self._witness = Witness(self.boards, self.hypotheses, self.wiring)
+        self._log = self.hypotheses.log_prior.copy()
+        self._choosers = {}
+        self._heard: list[FloatArray] = []
+
+    def _replay(self) -> None:
+        self._begin()
+        for touch in self.touches:
+            self._take(touch)
+
+    def _take(self, touch: Touch) -> None:
+        weight = 1.0
+        if touch.middle is not None:
+            before = sum(float(np.linalg.norm(touch.middle - old)) < AGAIN for old in self._heard)
+            weight = 1.0 / (1.0 + before)  # the same taxels answer again: no new evidence
+            self._heard.append(touch.middle)
+        self._log = self._log + weight * self._witness.log_likelihood(touch)
+
+    def _sure(self) -> Found | None:
+        posterior = self.posterior
+        row = int(np.argmax(posterior))
+        if row == 0 or posterior[row] < np.log(SURE):
+            return None
+        others = tuple(one for one in self.suspects(4)[1:] if one[1] > 1e-4)
+        return Found(self.hypotheses.faults[row], float(np.exp(posterior[row])), others)
