@@ -11,12 +11,15 @@ from calibration.wiring.boards import Boards, Wiring
 from calibration.wiring.evidence import Witness
 from calibration.wiring.faults import Fault, Hypotheses, all_faults
 from calibration.wiring.places import AGAIN, Candidates, Chooser, candidates
+from calibration.wiring.rest import RestFindings
 from calibration.wiring.touch import Touch
-from skinmap.arrays import FloatArray
+from skinmap.arrays import BoolArray, FloatArray
 from skinmap.errors import InvalidArrayError
 
 SURE = 0.99  # a fault that is so probable is named
+ILL, LIKELY = 0.1, 0.5  # at the end: healthy less probable, and one fault more than all others
 CLEAR = 0.95  # a skin without one that is so probable is healthy
+LIVELY = np.log(0.005)  # a module with noise of its own is hardly mute: its foam may have come off
 MOST_FAULTS = 8  # found one after the other, at most
 MISFIT = 0.34  # share of touches that fit no fault's model: the places are not those touched
 FEW = 3
@@ -61,6 +64,7 @@ class Doctor:
 
     def __post_init__(self) -> None:
         self.wiring = Wiring.as_mapped(self.boards)
+        self._alive: BoolArray | None = None
         self._choosers: dict[str, Chooser] = {}
         self._begin()
 
@@ -71,8 +75,7 @@ class Doctor:
 
     def again(self) -> Doctor:
         """A doctor for another skin of the same layout, with the same preparations."""
-        other = Doctor(self.boards, self.hypotheses, self.places)
-        return other
+        return Doctor(self.boards, self.hypotheses, self.places)
 
     @property
     def posterior(self) -> FloatArray:
@@ -83,6 +86,20 @@ class Doctor:
     def healthy(self) -> float:
         """Probability that nothing is wrong beyond what was found."""
         return float(np.exp(self.posterior[0]))
+
+    def rest(self, findings: RestFindings) -> None:
+        """Take what the skin told untouched: mute modules, and which are not."""
+        chains: set[int] = set()
+        for fault in self.hypotheses.faults[self.hypotheses.chain_first :]:
+            if fault.kind == "mute_chain" and set(fault.modules) <= set(findings.mute):
+                chains |= set(fault.modules)
+                self.know(fault)
+        for module in findings.mute:
+            if module not in chains:
+                self.know(Fault("mute_module", (module,)))
+        if findings.tells:
+            self._alive = findings.alive
+            self._replay()
 
     def know(self, fault: Fault) -> None:
         """Take a fault as known from elsewhere: from the skin at rest."""
@@ -113,6 +130,22 @@ class Doctor:
             self._replay()
         return new
 
+    def conclude(self) -> list[Found]:
+        """Name what is certainly wrong, though not for certain which fault it is; the last word."""
+        new: list[Found] = []
+        while len(self.found) < MOST_FAULTS and self.healthy < ILL:
+            posterior = self.posterior
+            row = int(np.argmax(posterior))
+            if row == 0 or posterior[row] < np.log(LIKELY):
+                break
+            others = tuple(one for one in self.suspects(5)[1:] if one[1] > 0.01)
+            one = Found(self.hypotheses.faults[row], float(np.exp(posterior[row])), others)
+            self.found.append(one)
+            new.append(one)
+            self.wiring = one.fault.apply(self.wiring, self.boards)
+            self._replay()
+        return new
+
     def suspects(self, count: int = 5) -> list[tuple[Fault, float]]:
         """The most probable faults beyond those found, and how probable."""
         posterior = self.posterior
@@ -128,8 +161,10 @@ class Doctor:
             key = f"chooser {how}"
             plain = not self.found
             kept = self.places.get(key) if plain else None
-            chooser = kept if isinstance(kept, Chooser) else Chooser(
-                self.boards, self.hypotheses, self.wiring, self.places[how]
+            chooser = (
+                kept
+                if isinstance(kept, Chooser)
+                else Chooser(self.boards, self.hypotheses, self.wiring, self.places[how])
             )
             if plain:
                 self.places[key] = chooser  # type: ignore[assignment]
@@ -140,11 +175,33 @@ class Doctor:
         )
         return self.places[how].paths[row], gain
 
+    @property
+    def misfits(self) -> int:
+        """Touches that were not felt where they were asked for, as the wiring is known now."""
+        return sum(not fits for fits in self._fits)
+
+    @property
+    def status(self) -> str:
+        """One of "healthy", "faulty", "undecided" and "inconsistent"."""
+        asked = sum(touch.path is not None for touch in self.touches)
+        if asked >= FEW and self.misfits > MISFIT * asked:
+            return "inconsistent"
+        if self.found:
+            return "faulty"
+        return "healthy" if self.healthy >= CLEAR else "undecided"
+
     def _begin(self) -> None:
         self._witness = Witness(self.boards, self.hypotheses, self.wiring)
         self._log = self.hypotheses.log_prior.copy()
+        if self._alive is not None:
+            first = 1 + len(self.hypotheses.swaps)
+            self._log[first : first + len(self.boards)] += np.where(self._alive, LIVELY, 0.0)
+            for row, fault in enumerate(self.hypotheses.faults[self.hypotheses.chain_first :]):
+                if fault.kind == "mute_chain" and self._alive[list(fault.modules)].any():
+                    self._log[self.hypotheses.chain_first + row] += LIVELY
         self._choosers = {}
         self._heard: list[FloatArray] = []
+        self._fits: list[bool] = []
 
     def _replay(self) -> None:
         self._begin()
@@ -157,7 +214,9 @@ class Doctor:
             before = sum(float(np.linalg.norm(touch.middle - old)) < AGAIN for old in self._heard)
             weight = 1.0 / (1.0 + before)  # the same taxels answer again: no new evidence
             self._heard.append(touch.middle)
-        self._log = self._log + weight * self._witness.log_likelihood(touch)
+        found, fits = self._witness.hear(touch)
+        self._fits.append(fits)
+        self._log = self._log + weight * found
 
     def _sure(self) -> Found | None:
         posterior = self.posterior

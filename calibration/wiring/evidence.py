@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from calibration.wiring.boards import Boards, Wiring
+from calibration.wiring.boards import Boards, Wiring, compose
 from calibration.wiring.faults import Hypotheses
 from calibration.wiring.touch import Touch
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.triangles import unit
 
 PLACE = 4e-3  # error of a person's place, standard deviation an axis [m]
@@ -23,9 +23,11 @@ THRESHOLD = 12.0  # counts above rest that are an answer, as `skinmap.touch.cont
 SPIKE, DEAD = 0.004, 0.03  # chances that an untouched channel answers and a touched one does not
 SPREAD = 0.6  # of the logarithm of an answer: gains of 15 to 40 %, and the model's own error
 MISS, AIR = 0.03, 0.01  # chances that a touch is somewhere else, and that it touches nothing
-ODD = 1e-3  # chance of an answer that no model foresaw: what one touch can say is bounded by it
+SILENCE = 5.0  # most that a silent module's silence says for its being mute, a touch [nats]
+ODD = 1e-4  # chance of an answer that no model foresaw: what one touch can say is bounded by it
 TIMING = 0.12  # error of when a stroke comes by, in its duration
 SHAPES = ((4.5e-3, 80.0), (6e-3, 50.0), (6e-3, 150.0), (8.5e-3, 200.0))  # width [m], force [counts]
+STROKE_SHAPES = ((5e-3, 80.0), (7e-3, 170.0))
 NEAR = 32e-3  # sites further from a touch do not answer [m]
 PEAKS = 6  # of the strongest answers: where a touch may have been that missed its place
 LEVELS = 9  # of an answer: none, and eight from the threshold to 255 counts
@@ -45,12 +47,10 @@ def _table() -> FloatArray:
     expected = np.concatenate([[1e-6], np.geomspace(LOWEST, 400.0, STEPS)])
     z = (log_edges[:, None] - np.log(expected)[None]) / SPREAD
     below = ndtr(z)
-    answers = 1.0 - below[0]
     inside = np.diff(below, axis=0)
     inside[-1] += 1.0 - below[-1]  # saturated
     felt = (1.0 - DEAD) * inside + SPIKE / (LEVELS - 1)
     none = 1.0 - felt.sum(axis=0)
-    del answers
     return np.log(np.maximum(np.vstack([none[None], felt]), 1e-12)).astype(np.float32)
 
 
@@ -67,10 +67,8 @@ def level_of(response: FloatArray) -> IntArray:
 
 def step_of(log_expected: FloatArray) -> IntArray:
     """Column of `TABLE` for logarithms of expected answers [counts]; NaN is none."""
-    with np.errstate(invalid="ignore"):
-        step = np.rint((log_expected - np.log(LOWEST)) / STEP)
-    step = np.where(step >= 0, np.minimum(step, STEPS - 1) + 1, 0)
-    return np.asarray(np.nan_to_num(step), np.int16)
+    step = (log_expected - np.float32(np.log(LOWEST))) * np.float32(1.0 / STEP) + 1.5
+    return np.asarray(np.fmin(np.fmax(step, 0.0), STEPS), np.int16)  # fmax: NaN is none
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -81,6 +79,8 @@ class Terms:
     ----------
     weights : (q,) float
         Logarithm of the chance of each case.
+    asked : (q,) bool
+        Cases of a touch that was where it was asked for.
     near : (b,) int
         Sites that may answer.
     reads : (q, m, b) float
@@ -89,15 +89,19 @@ class Terms:
         The same if they read nothing, or a site far away.
     laid : (q, b, 5) float
         Of the module that reads a near site, were its board turned or mirrored.
-    exchanged : (q, b, p) float
-        Of the same, were two of its channels exchanged.
+    some : (s,) int
+        Places in `near` of the modules that answered.
+    exchanged : (q, s, p) float
+        Of these, were two of their channels exchanged.
     """
 
     weights: FloatArray
+    asked: BoolArray
     near: IntArray
     reads: FloatArray
     silent: FloatArray
     laid: FloatArray
+    some: IntArray
     exchanged: FloatArray
 
 
@@ -126,19 +130,33 @@ class Witness:
                 self.laid[site, element] = boards.places[site, total][wiring.order[site]]
         self.pairs = np.array(boards.pairs, np.int64).reshape(-1, 2)
         self.centres = boards.centres
-        moved = [_relevant(fault.moves(boards)) for fault in hypotheses.faults[
-            hypotheses.chain_first :]]
+        moved = [
+            _relevant(fault.moves(boards)) for fault in hypotheses.faults[hypotheses.chain_first :]
+        ]
         self.chain_moves = moved
         self.sites = len(boards.table) / 3.0  # places a missed touch may be at: a few mm apart
 
-    def log_likelihood(self, touch: Touch) -> FloatArray:
-        """(h,) logarithm of the chance of a touch's answers for each hypothesis."""
+    def hear(self, touch: Touch) -> tuple[FloatArray, bool]:
+        """(h,) log chance of a touch's answers, and whether they came from where it was asked."""
         terms = self._hand(touch) if touch.how == "hand" else self._fingers(touch)
         if terms is None:
-            return np.zeros(len(self.hypotheses))
+            return np.zeros(len(self.hypotheses)), True
         found = self._judge(terms)
+        first = 1 + len(self.hypotheses.swaps)
+        mute = slice(first, first + len(self.boards))  # silence has more causes than one
+        found[mute] = np.minimum(found[mute], found[0] + SILENCE)
         # Whatever happens, one touch cannot say more than a model may be trusted.
-        return np.logaddexp(found, found.max() + np.log(ODD))
+        return np.logaddexp(found, found.max() + np.log(ODD)), self._fits(terms)
+
+    def _fits(self, terms: Terms) -> bool:
+        """Whether the answers came from where the touch was asked for, as the wiring is known."""
+        own = self.owner[terms.near]
+        base = terms.weights + terms.reads[:, own, np.arange(len(own))].sum(axis=1)
+        base = base - terms.silent[own].sum()
+        there = base[terms.asked]
+        if len(there) == 0:
+            return True
+        return bool(np.logaddexp.reduce(there) >= np.logaddexp.reduce(base) + np.log(0.5))
 
     # What was unknown of the touch.
 
@@ -147,13 +165,12 @@ class Witness:
         cases = self._cases(touch, level)
         if cases is None:
             return None
-        points, weights = cases  # (o, p, 3) paths, (o,) log weights
+        points, weights, here = cases  # (o, p, 3) paths, (o,) log chances, (o,) as asked
         near = self._near(points)
-        # distances of slots to each path, and where along it
         slots = self.laid[near]
         elements = slots if self.boards.turnable else slots[:, :1]
         square, along = _to_paths(points, elements, self.boards.outward[near], touch)
-        shapes = np.array(SHAPES)
+        shapes = np.array(STROKE_SHAPES if touch.how == "stroke" else SHAPES, np.float32)
         log_answer = np.log(shapes[:, 1])[:, None, None, None, None] - 0.5 * (
             square[None] / (shapes[:, 0] ** 2)[:, None, None, None, None]
         )
@@ -161,30 +178,33 @@ class Witness:
         s, o = step.shape[:2]
         step = step.reshape(s * o, *step.shape[2:])
         weights = np.add.outer(np.full(s, -np.log(s)), weights).ravel()
-        step, weights = self._with_air(step, weights)
+        step = np.concatenate([step, np.zeros_like(step[:1])])  # a touch of nothing
+        weights = np.append(weights, np.log(AIR))
+        asked = np.append(np.tile(here, s), False)
         arrival = None
         if touch.how == "stroke":
             arrival = np.concatenate([np.tile(along, (s, 1, 1, 1)), along[:1]])
-        return self._terms(step, weights, near, level, touch, arrival)
+        return self._terms(step, (weights, asked), near, level, touch, arrival)
 
-    def _with_air(self, step: IntArray, weights: FloatArray) -> tuple[IntArray, FloatArray]:
-        step = np.concatenate([step, np.zeros_like(step[:1])])
-        return step, np.append(weights, np.log(AIR))
-
-    def _cases(self, touch: Touch, level: IntArray) -> tuple[FloatArray, FloatArray] | None:
-        """Where the touch may really have been: (o, p, 3) paths and their log chances."""
+    def _cases(
+        self, touch: Touch, level: IntArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+        """Where it may really have been: (o, p, 3) paths, log chances, whether as asked."""
         if touch.path is None:
-            return self._anywhere(level, 1.0)
+            free = self._anywhere(level, 1.0)
+            return None if free is None else (*free, np.zeros(len(free[0]), bool))
         if touch.how == "stroke":
-            return self._strokes(touch.path)
+            points, weight = self._strokes(touch.path)
+            return points, weight, np.ones(len(points), bool)
         place = touch.path[0]
         shift, weight = _offsets()
         points = place + shift @ self._axes(place)
         elsewhere = self._anywhere(level, MISS)
         if elsewhere is None:
-            return points[:, None], weight
+            return points[:, None], weight, np.ones(len(points), bool)
         there, chance = elsewhere
-        return np.concatenate([points[:, None], there]), np.concatenate([weight, chance])
+        here = np.arange(len(points) + len(there)) < len(points)
+        return (np.concatenate([points[:, None], there]), np.concatenate([weight, chance]), here)
 
     def _anywhere(self, level: IntArray, chance: float) -> tuple[FloatArray, FloatArray] | None:
         """Where the answers themselves say that the touch was."""
@@ -200,17 +220,16 @@ class Witness:
         return places[:, None], weight
 
     def _strokes(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Strokes beside the one asked for: both ends off, and early or late."""
+        """Strokes beside the one asked for: both ends off to a side."""
         along = unit((path[-1] - path[0])[None])[0]
         normal = self._axes(path[len(path) // 2], normal=True)[2]
         side = unit(np.cross(normal, along)[None])[0]
         share = np.linspace(0.0, 1.0, len(path))
         off = np.array([-8e-3, -4e-3, 0.0, 4e-3, 8e-3])
-        first, last, late = np.meshgrid(off, off, [-5e-3, 0.0, 5e-3], indexing="ij")
-        first, last, late = first.ravel(), last.ravel(), late.ravel()
+        first, last = (end.ravel() for end in np.meshgrid(off, off, indexing="ij"))
         lateral = first[:, None] * (1.0 - share) + last[:, None] * share
-        points = path + lateral[..., None] * side + late[:, None, None] * along
-        weight = -0.5 * (first**2 + last**2 + late**2) / PLACE**2
+        points = path + lateral[..., None] * side
+        weight = -0.5 * (first**2 + last**2) / PLACE**2
         return points, weight - np.log(np.exp(weight).sum())
 
     def _axes(self, place: FloatArray, *, normal: bool = False) -> FloatArray:
@@ -237,7 +256,7 @@ class Witness:
     def _terms(
         self,
         step: IntArray,
-        weights: FloatArray,
+        cases: tuple[FloatArray, BoolArray],
         near: IntArray,
         level: IntArray,
         touch: Touch,
@@ -271,22 +290,28 @@ class Witness:
                 bonus = _timing(when[own][None, :, None], arrival[:, :, 1:], step[:, :, 1:])
                 turned = turned + np.where(mine[None, :, None] > 0, bonus, 0.0)
             laid = turned.sum(axis=-1)
+        some = np.flatnonzero((mine > 0).any(axis=1))  # silent channels may well be exchanged
+        late = None if arrival is None else (when[own[some]], arrival[:, some, 0])
+        exchanged = self._exchanged(mine[some], now[:, some], late)
+        return Terms(*cases, near, reads, silent, laid, some, exchanged)
+
+    def _exchanged(
+        self, level: IntArray, step: IntArray, late: tuple[FloatArray, FloatArray] | None
+    ) -> FloatArray:
+        """(q, s, p) log chance of modules' answers (s, k), were two channels exchanged."""
         one, other = self.pairs[:, 0], self.pairs[:, 1]
-        direct = _log_chance(mine[None], now)
-        crossed_a = _log_chance(mine[None][..., one], now[..., other])
-        crossed_b = _log_chance(mine[None][..., other], now[..., one])
-        if arrival is not None:
-            late = when[own][None]
-            where = arrival[:, :, 0]
-            felt = mine[None] > 0
-            direct = direct + np.where(felt, _timing(late, where, now), 0.0)
-            crossed_a = crossed_a + np.where(
-                felt[..., one], _timing(late[..., one], where[..., other], now[..., other]), 0.0)
-            crossed_b = crossed_b + np.where(
-                felt[..., other], _timing(late[..., other], where[..., one], now[..., one]), 0.0)
-        exchanged = (direct.sum(axis=-1, keepdims=True) - direct[..., one] - direct[..., other]
-                     + crossed_a + crossed_b)
-        return Terms(weights, near, reads, silent, laid, exchanged)
+
+        def chance(a: IntArray | slice, b: IntArray | slice) -> FloatArray:
+            found = _log_chance(level[None][..., a], step[..., b])
+            if late is not None:
+                when, where = late
+                bonus = _timing(when[None][..., a], where[..., b], step[..., b])
+                found = found + np.where(level[None][..., a] > 0, bonus, np.float32(0.0))
+            return found
+
+        direct = chance(slice(None), slice(None))
+        kept = direct.sum(axis=-1, keepdims=True) - direct[..., one] - direct[..., other]
+        return np.asarray(kept + chance(one, other) + chance(other, one))
 
     def _hand(self, touch: Touch) -> Terms | None:
         """A hand: how many taxels of a module answer, by its distance from the palm."""
@@ -310,8 +335,14 @@ class Witness:
         silent = np.where(self.there.any(axis=1), silent, 0.0)
         own = reads[:, self.owner[near], np.arange(len(near))]
         laid = np.repeat(own[..., None], 5, axis=2)
-        exchanged = np.repeat(own[..., None], len(self.pairs), axis=2)
-        return Terms(weight, near, reads, silent, laid, exchanged)
+        # The last case: a hand somewhere else, of which these sites say nothing.
+        far = np.broadcast_to(silent[None, :, None], (1, *reads.shape[1:]))
+        reads = np.concatenate([reads, far])
+        laid = np.concatenate([laid, laid[:1] * 0.0 + silent[self.owner[near]][None, :, None]])
+        weight = np.append(weight, np.log(MISS))
+        asked = np.append(np.ones(len(weight) - 1, bool), False)
+        no = np.zeros(0, np.int64)
+        return Terms(weight, asked, near, reads, silent, laid, no, np.zeros((len(weight), 0, 0)))
 
     # What that makes of faults.
 
@@ -329,17 +360,18 @@ class Witness:
 
         def summed(delta: FloatArray) -> FloatArray:
             """Log chance with changes (q, ...) against the wiring as it is."""
-            most = (base[(...,) + (None,) * (delta.ndim - 1)] + delta).max(axis=0)
-            inside = np.exp(base[(...,) + (None,) * (delta.ndim - 1)] + delta - most)
+            total = delta + base.reshape(-1, *[1] * (delta.ndim - 1)).astype(np.float32)
+            most = total.max(axis=0)
+            inside = np.exp(total - most)
             return np.asarray(most + np.log(inside.sum(axis=0)))
 
         place = np.full(m, -1)
         place[near] = b
         spot = np.where(self.wiring.site >= 0, place[self.wiring.site], -1)  # of modules
-        now = np.tile(terms.silent, (len(base), 1))
+        now = np.tile(terms.silent.astype(np.float32), (len(base), 1))
         now[:, own] = mine
         takes = terms.reads - now[:, :, None]  # (q, m, b) module reads a near site instead
-        leaves = terms.silent[None] - now  # (q, m) module reads a far one or none
+        leaves = terms.silent.astype(np.float32) - now  # (q, m) module reads a far one or none
         # Swaps, for each near site's module against all others.
         gives = leaves[:, own][:, :, None].repeat(m, axis=2)  # the near module reads the other
         inside = spot >= 0
@@ -360,22 +392,22 @@ class Witness:
             found[n + own] = laid[:, element]
             n += m
         p = len(self.pairs)
-        if p:
-            spots = n + own[:, None] * p + np.arange(p)
-            found[spots] = summed(terms.exchanged - mine[..., None])
+        if p and len(terms.some):
+            spots = n + own[terms.some, None] * p + np.arange(p)
+            found[spots] = summed(terms.exchanged - mine[:, terms.some, None])
         n += m * p
         for number, (modules, others) in enumerate(self.chain_moves):
             spots = np.where(others >= 0, spot[others], -1)
-            change = np.where(
-                spots >= 0, takes[:, modules, np.maximum(spots, 0)], leaves[:, modules]
-            ) if len(near) else leaves[:, modules]
+            change = (
+                np.where(spots >= 0, takes[:, modules, np.maximum(spots, 0)], leaves[:, modules])
+                if len(near)
+                else leaves[:, modules]
+            )
             found[n + number] = summed(change.sum(axis=1))
         return found
 
 
 def _compose(after: int, before: int) -> int:
-    from calibration.wiring.boards import compose
-
     return after if before == 0 else compose(after, before)
 
 
@@ -385,9 +417,9 @@ def _relevant(moves: dict[int, int]) -> tuple[IntArray, IntArray]:
 
 def _offsets(scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
     """(o, 2) errors of a place on a grid and their log chances."""
-    steps = scale * 4.5e-3 * np.arange(-2, 3)
+    steps = scale * 5e-3 * np.arange(-3, 4)
     grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    grid = grid[np.linalg.norm(grid, axis=1) < scale * 11e-3]
+    grid = grid[np.linalg.norm(grid, axis=1) < scale * 14.5e-3]
     weight = -0.5 * (grid**2).sum(axis=1) / (scale * PLACE) ** 2
     return grid, weight - np.log(np.exp(weight).sum())
 
@@ -420,5 +452,6 @@ def _log_chance(level: IntArray, step: IntArray) -> FloatArray:
 
 def _timing(when: FloatArray, where: FloatArray, step: IntArray) -> FloatArray:
     """Log density of when an answer came, where one was expected; 0 elsewhere."""
-    density = 0.1 + 0.9 * np.exp(-0.5 * ((when - where) / TIMING) ** 2) / (2.5066 * TIMING)
-    return np.where(step > 0, np.log(density), 0.0)
+    gap = np.asarray(when - where, np.float32) / np.float32(TIMING)
+    density = 0.1 + 0.9 / (2.5066 * TIMING) * np.exp(-0.5 * gap**2)
+    return np.where(step > 0, np.log(density), np.float32(0.0))

@@ -20,7 +20,8 @@ KINDS: tuple[str, ...] = get_args(Kind)
 # How a faulty skin's probability is shared out: modules and chains alike, as nobody has counted;
 # channels inside a module less, as they are soldered and not plugged.
 SHARE = dict.fromkeys(KINDS, 1.0) | {"swapped_channels": 0.1}
-HEALTHY = 0.8  # probability that nothing is wrong, before anything was seen
+TWICE = 0.1  # of a module's share: mirrored and turned as well, which is two faults at once
+HEALTHY = 0.5  # probability that nothing is wrong, before anything was seen: somebody asks
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,8 +146,9 @@ def all_faults(boards: Boards, *, healthy: float = HEALTHY) -> Hypotheses:
     m = len(boards)
     one, other = np.triu_indices(m, 1)
     faults = [NOTHING]
-    faults += [Fault("swapped_modules", (a, b)) for a, b in zip(one.tolist(), other.tolist(),
-                                                                  strict=True)]
+    faults += [
+        Fault("swapped_modules", (a, b)) for a, b in zip(one.tolist(), other.tolist(), strict=True)
+    ]
     faults += [Fault("mute_module", (a,)) for a in range(m)]
     for element in range(1, 6):
         kind = "turned_module" if element < 3 else "mirrored_module"
@@ -164,11 +166,12 @@ def all_faults(boards: Boards, *, healthy: float = HEALTHY) -> Hypotheses:
     }
     total = sum(shares.values())
     with np.errstate(divide="ignore"):
-        each = {
-            kind: np.log((1.0 - healthy) * shares[kind] / total / max(counts[kind], 1))
-            for kind in KINDS
-        } | {"healthy": np.log(healthy)}
-    prior = np.array([each[fault.kind] for fault in faults])
+        each = {kind: np.log(shares[kind] / total / max(counts[kind], 1)) for kind in KINDS} | {
+            "healthy": np.log(healthy)
+        }
+    less = {4: np.log(TWICE), 5: np.log(TWICE)}
+    prior = np.array([each[fault.kind] + less.get(fault.element, 0.0) for fault in faults])
+    prior[1:] += np.log1p(-healthy) - np.log(np.exp(prior[1:]).sum())
     return Hypotheses(tuple(faults), prior, np.column_stack([one, other]), first)
 
 
@@ -178,8 +181,9 @@ def chain_faults(boards: Boards) -> list[Fault]:
     members = {int(c): tuple(np.flatnonzero(boards.chains == c).tolist()) for c in names}
     many = [int(c) for c, count in zip(names, counts, strict=True) if count > 1]
     faults = [Fault("mute_chain", members[c], chains=(c,)) for c in many]
-    faults += [Fault("reversed_chain", members[c], chains=(c,)) for c in many
-               if len(members[c]) > 2]
+    faults += [
+        Fault("reversed_chain", members[c], chains=(c,)) for c in many if len(members[c]) > 2
+    ]
     for place, one in enumerate(names.tolist()):
         for other in names[place + 1 :].tolist():
             if len(members[one]) + len(members[other]) > 2:
@@ -232,8 +236,9 @@ def parse_fault(text: str, boards: Boards) -> Fault:
 def _module(number: int, boards: Boards) -> int:
     found = np.flatnonzero(boards.numbers == number)
     if len(found) == 0:
-        raise UnknownNameError(f"module of {boards.part!r}", str(number),
-                               [str(n) for n in boards.numbers])
+        raise UnknownNameError(
+            f"module of {boards.part!r}", str(number), [str(n) for n in boards.numbers]
+        )
     return int(found[0])
 
 

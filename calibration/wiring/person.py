@@ -129,7 +129,9 @@ class Person:
         uv, _, _ = self.patient.laid(self._aim(place))
         angle = self.rng.uniform(0.0, 2.0 * np.pi)
         c, s = np.cos(angle), np.sin(angle)
-        uv = (uv - self.rng.normal(0.0, 2.0 * self.clumsiness.place, 2)) @ np.array([[c, s], [-s, c]])
+        uv = (uv - self.rng.normal(0.0, 2.0 * self.clumsiness.place, 2)) @ np.array(
+            [[c, s], [-s, c]]
+        )
         palm, *fingers = whole_hand(self.rng, self.hand)
         pads = [finger for finger in fingers if self.rng.random() > 0.2]
         for _ in range(int(self.rng.integers(2, 8))):

@@ -34,11 +34,12 @@ from skinmap.geometry.log_map import log_map
 from skinmap.geometry.triangles import unit
 
 ACROSS = 14e-3  # taxels of two modules so near have a place between them [m]
-APART = 6e-3  # candidates for pokes lie so far apart [m]
+APART = 7e-3  # candidates for pokes lie so far apart [m]
 STROKE, STEP, GAP = 0.09, 6e-3, 9e-3  # length of a stroke, its points, and the widest hole [m]
 SHORTEST = 0.045  # of a stroke where the skin ends [m]
-PROBABLE, MANY = 0.01, 8  # faults above are told from each other, at most so many
+PROBABLE, MANY = 0.05, 5  # faults above are told from each other, at most so many
 WORTH = 9.0  # most that showing a fault is worth [nats]
+MISSED = 0.03  # chance that a module does not answer, however well it was aimed at
 AGAIN = 8e-3  # touches so near each other are one place [m]
 
 
@@ -55,6 +56,8 @@ class Candidates:
     middles : (c, 3) float
     answers : (c, m, k) float
         Chance that each slot of each site answers.
+    silent : (c, m) float
+        Chance that none of a site's slots does.
     arrivals : (c, m, k) float
         When a stroke comes by.
     """
@@ -63,6 +66,7 @@ class Candidates:
     paths: tuple[FloatArray, ...]
     middles: FloatArray
     answers: FloatArray
+    silent: FloatArray
     arrivals: FloatArray
 
     def __len__(self) -> int:
@@ -79,9 +83,10 @@ def candidates(boards: Boards, how: str) -> Candidates:
     middles = np.array([path[len(path) // 2] for path in paths])
     if how == "hand":
         answers, arrivals = _hand_answers(boards, middles), np.zeros((0, 0, 0))
+        silent = 1.0 - answers.max(axis=2)
     else:
-        answers, arrivals = _finger_answers(boards, paths)
-    return Candidates(how, tuple(paths), middles, answers, arrivals)
+        answers, silent, arrivals = _finger_answers(boards, paths)
+    return Candidates(how, tuple(paths), middles, answers, silent, arrivals)
 
 
 def _between(boards: Boards) -> FloatArray:
@@ -134,10 +139,11 @@ def _stroke_paths(boards: Boards) -> list[FloatArray]:
 
 def _finger_answers(
     boards: Boards, paths: list[FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Chances (c, m, k) that slots answer, over errors of the place, and when (c, m, k)."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Chances that slots (c, m, k) answer and that modules (c, m) do not, and when (c, m, k)."""
     m, k = boards.columns.shape
     answers = np.full((len(paths), m, k), SPIKE)
+    silent = np.ones((len(paths), m))
     arrivals = np.zeros((len(paths), m, k))
     answer = 1.0 - np.exp(TABLE[0])
     shapes = np.array(SHAPES)
@@ -164,11 +170,15 @@ def _finger_answers(
             square = gap.min(axis=-1)
             arrivals[row, near] = gap[2].argmin(axis=-1) / (len(path) - 1)
             chance = weight
-        size = np.log(shapes[:, 1])[:, None, None, None] - 0.5 * square[None] / (
-            shapes[:, 0] ** 2
-        )[:, None, None, None]
-        answers[row, near] = np.einsum("o,sobk->bk", chance, answer[step_of(size)]) / len(shapes)
-    return np.where(boards.columns >= 0, answers, 0.0), arrivals
+        size = (
+            np.log(shapes[:, 1])[:, None, None, None]
+            - 0.5 * square[None] / (shapes[:, 0] ** 2)[:, None, None, None]
+        )
+        felt = np.where(boards.columns[near] >= 0, answer[step_of(size)], 0.0)
+        answers[row, near] = np.einsum("o,sobk->bk", chance, felt) / len(shapes)
+        none = (1.0 - felt).prod(axis=-1)  # errors of the place are shared by a module's slots
+        silent[row, near] = np.einsum("o,sob->b", chance, none) / len(shapes)
+    return np.where(boards.columns >= 0, answers, 0.0), MISSED + (1 - MISSED) * silent, arrivals
 
 
 def _frame(boards: Boards, place: FloatArray) -> FloatArray:
@@ -221,6 +231,11 @@ class Chooser:
 
         self.answers = seen(places.answers)
         self.arrivals = seen(places.arrivals)
+        self.silent = np.where(read, places.silent[:, site], 1.0)
+        self.silent = self.silent.astype(np.float32)
+        first = 1 + len(hypotheses.swaps)
+        self._powered = np.r_[first : first + 6 * len(boards), hypotheses.chain_first :
+                              len(hypotheses)]  # fmt: skip
         self.power = self._power()
 
     def best(self, log_posterior: FloatArray, asked: list[FloatArray]) -> tuple[int, float]:
@@ -232,12 +247,18 @@ class Chooser:
     def gains(self, log_posterior: FloatArray, asked: list[FloatArray]) -> FloatArray:
         """(c,) what each place would tell [nats]."""
         chance = np.exp(log_posterior)
-        worth = chance * np.minimum(-log_posterior, WORTH)
         top = np.flatnonzero(chance[1:] > PROBABLE) + 1
         top = top[np.argsort(-chance[top])][:MANY]
-        worth[0] = 0.0
-        worth[top] = 0.0
-        gain = np.asarray(self.power @ worth[1:].astype(np.float32), np.float64)
+        merely = chance.astype(np.float32)
+        merely[top] = 0.0
+        swaps = self.hypotheses.swaps
+        n = 1 + len(swaps)
+        matrix = np.zeros((len(self.boards),) * 2, np.float32)
+        matrix[swaps[:, 0], swaps[:, 1]] = merely[1:n]
+        gain = np.asarray(self.power @ merely[self._powered], np.float64)
+        # A swap shows where either of its modules answers.
+        unseen = ((self.silent @ matrix) * self.silent).sum(axis=1)
+        gain = gain + WORTH * (float(matrix.sum()) - unseen)
         if len(top):
             gain = gain + self._between_probable(top, chance)
         if asked:
@@ -248,29 +269,29 @@ class Chooser:
         return gain
 
     def _power(self) -> FloatArray:
-        """(c, h - 1) chance that the answer at each place shows each fault."""
+        """(c, ...) evidence for faults that the answer at each place would bring [nats].
+
+        Of those in `_powered`: swaps have a shorter way, and two channels of a module are not
+        looked for on purpose.
+        """
         p = np.clip(self.answers, 0.0, 1.0 - 1e-6)
-        quiet = np.sqrt(1.0 - p).prod(axis=2)  # overlap of a module's answers with silence
-        one, other = self.hypotheses.swaps.T
-        blocks = [(quiet[:, one] * quiet[:, other]) ** 2, quiet]
+        silent = self.silent
+        blocks = [-np.log(silent) / WORTH]
         turns = self.boards.turns
         for element in range(1, 6):
             if turns is None:
-                blocks.append(np.ones_like(quiet) if not self.boards.turnable else quiet)
+                blocks.append((1.0 - silent) * self.boards.turnable)
                 continue
-            blocks.append(self._overlap(np.broadcast_to(turns[element], p.shape[1:])))
-        pairs = np.array(self.boards.pairs, np.int64).reshape(-1, 2)
-        a, b = pairs.T
-        crossed = self._slots(p[:, :, a], p[:, :, b], a, b) ** 2
-        blocks.append(crossed.reshape(len(p), -1))
-        with np.errstate(divide="ignore"):
-            log_quiet = np.log(np.maximum(quiet, 1e-9))
+            slots = np.broadcast_to(turns[element], p.shape[1:])
+            blocks.append((1.0 - silent) * (1.0 - self._overlap(slots)))
+        log_silent = np.log(silent)
         for fault in self.hypotheses.faults[self.hypotheses.chain_first :]:
             moves = fault.moves(self.boards)
             moved = [module for module, to in moves.items() if to != module]
-            twice = 1.0 if fault.kind == "mute_chain" else 2.0
-            blocks.append(np.exp(twice * log_quiet[:, moved].sum(axis=1, keepdims=True)))
-        return np.asarray(1.0 - np.concatenate(blocks, axis=1), np.float32)
+            some = log_silent[:, moved].sum(axis=1, keepdims=True)
+            mute = fault.kind == "mute_chain"
+            blocks.append(np.minimum(-some / WORTH, 1.0) if mute else 1.0 - np.exp(some))
+        return np.asarray(WORTH * np.concatenate(blocks, axis=1), np.float32)
 
     def _overlap(self, slots: IntArray) -> FloatArray:
         """(c, m) overlap of each module's answers with those of a board laid otherwise."""
@@ -282,13 +303,6 @@ class Chooser:
             both = both * np.exp(-((self.arrivals - late) ** 2) / (8.0 * TIMING**2))
         return np.asarray((both + np.sqrt((1.0 - p) * (1.0 - q))).prod(axis=2))
 
-    def _slots(self, p: FloatArray, q: FloatArray, a: IntArray, b: IntArray) -> FloatArray:
-        both = np.sqrt(p * q)
-        if len(self.arrivals):
-            gap = self.arrivals[:, :, a] - self.arrivals[:, :, b]
-            both = both * np.exp(-(gap**2) / (8.0 * TIMING**2))
-        return np.asarray(both + np.sqrt((1.0 - p) * (1.0 - q)))
-
     def _between_probable(self, top: IntArray, chance: FloatArray) -> FloatArray:
         """(c,) bound on what an answer tells about the probable faults and a healthy skin."""
         faults = [self.hypotheses.faults[row] for row in (0, *top.tolist())]
@@ -296,9 +310,12 @@ class Chooser:
         involved = sorted({module for fault in faults for module in fault.modules})
         if not involved:
             return np.zeros(len(self.places))
-        under = [self._under(fault, involved) for fault in faults]
+        near = np.flatnonzero((self.silent[:, involved] < 0.9).any(axis=1))
+        if len(near) == 0:
+            return np.zeros(len(self.places))
+        under = [self._under(fault, involved, near) for fault in faults]
         h = len(faults)
-        overlap = np.ones((h, h, len(self.places)))
+        overlap = np.ones((h, h, len(near)))
         for i in range(h):
             for j in range(i):
                 (p, s), (q, t) = under[i], under[j]
@@ -310,30 +327,27 @@ class Chooser:
         total = weight.sum()
         share = weight / total
         mixed = np.einsum("j,ijc->ic", share, overlap)
-        return np.asarray(-total * np.einsum("i,ic->c", share, np.log(mixed)))
+        gain = np.zeros(len(self.places))
+        gain[near] = -total * np.einsum("i,ic->c", share, np.log(mixed))
+        return gain
 
     def _under(
-        self, fault: Fault, involved: list[int]
+        self, fault: Fault, involved: list[int], near: IntArray
     ) -> tuple[FloatArray, FloatArray | None]:
         """Answers (c, i, k) of the involved modules' channels under a fault, and when."""
         moves = fault.moves(self.boards)
-        answers = self.answers[:, involved].copy()
-        late = self.arrivals[:, involved].copy() if len(self.arrivals) else None
+        whole = self.answers[near]
+        times = self.arrivals[near] if len(self.arrivals) else None
+        answers = whole[:, involved]
+        late = None if times is None else times[:, involved]
         for place, module in enumerate(involved):
             to = moves.get(module, module)
-            if to < 0:
-                answers[:, place] = 0.0
-            elif to != module:
-                answers[:, place] = self.answers[:, to]
-                if late is not None:
-                    late[:, place] = self.arrivals[:, to]
-            elif module in fault.modules and (fault.element or fault.slots):
-                slots = np.arange(answers.shape[2])
-                if fault.element and self.boards.turns is not None:
-                    slots = self.boards.turns[fault.element]
-                elif fault.slots:
-                    slots[list(fault.slots)] = slots[list(fault.slots)[::-1]]
-                answers[:, place] = self.answers[:, module][:, slots]
-                if late is not None:
-                    late[:, place] = self.arrivals[:, module][:, slots]
+            slots = np.arange(answers.shape[2])
+            if module in fault.modules and fault.element and self.boards.turns is not None:
+                slots = self.boards.turns[fault.element]
+            elif module in fault.modules and fault.slots:
+                slots[list(fault.slots)] = slots[list(fault.slots)[::-1]]
+            answers[:, place] = 0.0 if to < 0 else whole[:, to][:, slots]
+            if late is not None and times is not None and to >= 0:
+                late[:, place] = times[:, to][:, slots]
         return np.clip(answers, 0.0, 1.0), late
