@@ -19,6 +19,8 @@ from skinmap.errors import InvalidArrayError
 SURE = 0.99  # a fault that is so probable is named
 ILL, LIKELY = 0.1, 0.5  # at the end: healthy less probable, and one fault more than all others
 CLEAR = 0.95  # a skin without one that is so probable is healthy
+UNPLACED = 0.5  # weight of a touch of unknown place, beside one where it was asked for
+QUIET = 14.0  # a module whose channels do not even have noise is mute [nats]
 LIVELY = np.log(0.005)  # a module with noise of its own is hardly mute: its foam may have come off
 MOST_FAULTS = 8  # found one after the other, at most
 MISFIT = 0.34  # share of touches that fit no fault's model: the places are not those touched
@@ -64,7 +66,11 @@ class Doctor:
 
     def __post_init__(self) -> None:
         self.wiring = Wiring.as_mapped(self.boards)
-        self._alive: BoolArray | None = None
+        self._alive: BoolArray = np.zeros(len(self.boards), bool)
+        self._rested = False
+        kinds = {"swapped_modules", "swapped_chains", "reversed_chain"}
+        self._exchanges = np.array([fault.kind in kinds for fault in self.hypotheses.faults])
+        self._quiet: BoolArray = np.zeros(len(self.boards), bool)
         self._choosers: dict[str, Chooser] = {}
         self._begin()
 
@@ -87,25 +93,16 @@ class Doctor:
         """Probability that nothing is wrong beyond what was found."""
         return float(np.exp(self.posterior[0]))
 
-    def rest(self, findings: RestFindings) -> None:
-        """Take what the skin told untouched: mute modules, and which are not."""
-        chains: set[int] = set()
-        for fault in self.hypotheses.faults[self.hypotheses.chain_first :]:
-            if fault.kind == "mute_chain" and set(fault.modules) <= set(findings.mute):
-                chains |= set(fault.modules)
-                self.know(fault)
-        for module in findings.mute:
-            if module not in chains:
-                self.know(Fault("mute_module", (module,)))
-        if findings.tells:
-            self._alive = findings.alive
-            self._replay()
-
-    def know(self, fault: Fault) -> None:
-        """Take a fault as known from elsewhere: from the skin at rest."""
-        self.found.append(Found(fault, 1.0))
-        self.wiring = fault.apply(self.wiring, self.boards)
+    def rest(self, findings: RestFindings) -> list[Found]:
+        """Take what the skin told untouched; the mute modules and chains that are sure with it."""
+        if not findings.tells:
+            return []
+        self._quiet = np.zeros(len(self.boards), bool)
+        self._quiet[list(findings.mute)] = True
+        self._alive = np.asarray(findings.alive, bool)
+        self._rested = True
         self._replay()
+        return self._name()
 
     def hear(self, touch: Touch) -> list[Found]:
         """Take a touch; the faults that are sure with it.
@@ -122,6 +119,10 @@ class Doctor:
             )
         self.touches.append(touch)
         self._take(touch)
+        return self._name()
+
+    def _name(self) -> list[Found]:
+        """Name what is sure, one fault after the other."""
         new: list[Found] = []
         while len(self.found) < MOST_FAULTS and (one := self._sure()) is not None:
             self.found.append(one)
@@ -133,6 +134,8 @@ class Doctor:
     def conclude(self) -> list[Found]:
         """Name what is certainly wrong, though not for certain which fault it is; the last word."""
         new: list[Found] = []
+        if all(touch.path is None for touch in self.touches):
+            return new  # without places nothing is named that is not sure
         while len(self.found) < MOST_FAULTS and self.healthy < ILL:
             posterior = self.posterior
             row = int(np.argmax(posterior))
@@ -193,15 +196,23 @@ class Doctor:
     def _begin(self) -> None:
         self._witness = Witness(self.boards, self.hypotheses, self.wiring)
         self._log = self.hypotheses.log_prior.copy()
-        if self._alive is not None:
-            first = 1 + len(self.hypotheses.swaps)
-            self._log[first : first + len(self.boards)] += np.where(self._alive, LIVELY, 0.0)
-            for row, fault in enumerate(self.hypotheses.faults[self.hypotheses.chain_first :]):
-                if fault.kind == "mute_chain" and self._alive[list(fault.modules)].any():
-                    self._log[self.hypotheses.chain_first + row] += LIVELY
+        if self._rested:
+            self._log += self._at_rest()
         self._choosers = {}
         self._heard: list[FloatArray] = []
         self._fits: list[bool] = []
+
+    def _at_rest(self) -> FloatArray:
+        """(h,) what the rest says: a fault that mutes modules fits those that do not send."""
+        quiet = self._quiet & ~self.wiring.mute & (self.wiring.site >= 0)
+        score = np.where(quiet, QUIET, np.where(self._alive, LIVELY, 0.0))
+        found = np.zeros(len(self.hypotheses))
+        first = 1 + len(self.hypotheses.swaps)
+        found[first : first + len(self.boards)] = score
+        for row in range(self.hypotheses.chain_first, len(self.hypotheses)):
+            moves = self.hypotheses.faults[row].moves(self.boards)
+            found[row] = score[[module for module, to in moves.items() if to < 0]].sum()
+        return found
 
     def _replay(self) -> None:
         self._begin()
@@ -216,6 +227,10 @@ class Doctor:
             self._heard.append(touch.middle)
         found, fits = self._witness.hear(touch)
         self._fits.append(fits)
+        if touch.path is None:
+            # Without its place a touch shows where channels hang together, and nothing else.
+            found = np.where(self._exchanges, found, found[0])
+            weight = UNPLACED
         self._log = self._log + weight * found
 
     def _sure(self) -> Found | None:

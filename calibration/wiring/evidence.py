@@ -8,8 +8,10 @@ reads site b" for the sites near the touch serves all of them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from calibration.wiring.boards import Boards, Wiring, compose
@@ -98,11 +100,11 @@ class Terms:
     weights: FloatArray
     asked: BoolArray
     near: IntArray
-    reads: FloatArray
+    reads: NDArray[Any]
     silent: FloatArray
-    laid: FloatArray
+    laid: NDArray[Any]
     some: IntArray
-    exchanged: FloatArray
+    exchanged: NDArray[Any]
 
 
 class Witness:
@@ -123,11 +125,19 @@ class Witness:
         there = boards.columns >= 0
         self.column = np.where(there, boards.columns, 0)
         self.there = there & ~wiring.mute[:, None]
-        self.laid = np.empty((m, 6, k, 3))  # sites as their boards are laid now, and beyond it
+        # Where the slots of each site lie, and the place that each takes as its board is laid now
+        # and beyond it: layouts that a turn carries into themselves have the same places again.
+        self.spots = (
+            boards.places[:, 0] if boards.turns is not None else boards.places.reshape(m, 6 * k, 3)
+        )
+        self.taken = np.empty((m, 6, k), np.int64)
         for site in range(m):
             for element in range(6):
                 total = _compose(element, int(wiring.element[site]))
-                self.laid[site, element] = boards.places[site, total][wiring.order[site]]
+                order = wiring.order[site]
+                self.taken[site, element] = (
+                    boards.turns[total][order] if boards.turns is not None else total * k + order
+                )
         self.pairs = np.array(boards.pairs, np.int64).reshape(-1, 2)
         self.centres = boards.centres
         moved = [
@@ -167,12 +177,10 @@ class Witness:
             return None
         points, weights, here = cases  # (o, p, 3) paths, (o,) log chances, (o,) as asked
         near = self._near(points)
-        slots = self.laid[near]
-        elements = slots if self.boards.turnable else slots[:, :1]
-        square, along = _to_paths(points, elements, self.boards.outward[near], touch)
+        square, along = _to_paths(points.astype(np.float32), self.spots[near].astype(np.float32))
         shapes = np.array(STROKE_SHAPES if touch.how == "stroke" else SHAPES, np.float32)
-        log_answer = np.log(shapes[:, 1])[:, None, None, None, None] - 0.5 * (
-            square[None] / (shapes[:, 0] ** 2)[:, None, None, None, None]
+        log_answer = np.log(shapes[:, 1])[:, None, None, None] - 0.5 * (
+            square[None] / (shapes[:, 0] ** 2)[:, None, None, None]
         )
         step = step_of(log_answer)
         s, o = step.shape[:2]
@@ -183,8 +191,13 @@ class Witness:
         asked = np.append(np.tile(here, s), False)
         arrival = None
         if touch.how == "stroke":
-            arrival = np.concatenate([np.tile(along, (s, 1, 1, 1)), along[:1]])
-        return self._terms(step, (weights, asked), near, level, touch, arrival)
+            arrival = self._as_laid(np.concatenate([np.tile(along, (s, 1, 1)), along[:1]]), near)
+        return self._terms(self._as_laid(step, near), (weights, asked), near, level, touch, arrival)
+
+    def _as_laid(self, values: NDArray[Any], near: IntArray) -> NDArray[Any]:
+        """(q, b, 6, k) of values (q, b, places): for each way that a board may be laid."""
+        rows = np.arange(len(near))[:, None, None]
+        return np.asarray(values[:, rows, self.taken[near]])
 
     def _cases(
         self, touch: Touch, level: IntArray
@@ -192,7 +205,14 @@ class Witness:
         """Where it may really have been: (o, p, 3) paths, log chances, whether as asked."""
         if touch.path is None:
             free = self._anywhere(level, 1.0)
-            return None if free is None else (*free, np.zeros(len(free[0]), bool))
+            if free is None:
+                return None
+            shift, _ = _offsets(0.5)  # between taxels, too
+            places, chance = free
+            axes = np.stack([self._axes(place) for place in places[:, 0]])
+            points = (places + np.einsum("sa,oai->osi", shift, axes)).reshape(-1, 1, 3)
+            weight = np.repeat(chance, len(shift)) - np.log(len(shift))
+            return points, weight, np.zeros(len(points), bool)
         if touch.how == "stroke":
             points, weight = self._strokes(touch.path)
             return points, weight, np.ones(len(points), bool)
@@ -212,7 +232,8 @@ class Witness:
         module, slot = np.unravel_index(strong, level.shape)
         felt = (level[module, slot] > 0) & (self.wiring.site[module] >= 0)
         module, slot = module[felt], slot[felt]
-        places = self.laid[self.wiring.site[module], 0, slot]
+        site = self.wiring.site[module]
+        places = self.spots[site, self.taken[site, 0, slot]]
         places = places[np.isfinite(places[:, 0])]
         if len(places) == 0:
             return None
@@ -358,7 +379,7 @@ class Witness:
         share = np.exp(base - top)
         healthy = np.log(share.sum()) + top
 
-        def summed(delta: FloatArray) -> FloatArray:
+        def summed(delta: NDArray[Any]) -> FloatArray:
             """Log chance with changes (q, ...) against the wiring as it is."""
             total = delta + base.reshape(-1, *[1] * (delta.ndim - 1)).astype(np.float32)
             most = total.max(axis=0)
@@ -424,24 +445,23 @@ def _offsets(scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
     return grid, weight - np.log(np.exp(weight).sum())
 
 
-def _to_paths(
-    points: FloatArray, slots: FloatArray, outward: FloatArray, touch: Touch
-) -> tuple[FloatArray, FloatArray]:
-    """Squared distances (o, b, e, k) of slots (b, e, k, 3) to paths, and shares along them."""
+def _to_paths(points: FloatArray, slots: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Squared distances (o, b, k) of slots (b, k, 3) to paths (o, p, 3), and shares along them."""
     o, p = points.shape[:2]
-    flat = slots.reshape(-1, 3)
+    shape = (o, *slots.shape[:2])
+    middle = points[0, 0]
+    flat, points = slots.reshape(-1, 3) - middle, points - middle
+    flat = np.where(np.isnan(flat), np.float32(1e3), flat)  # a place that is not there is far
     square = (
         (points**2).sum(axis=2)[..., None]
         + (flat**2).sum(axis=1)
         - 2.0 * (points.reshape(-1, 3) @ flat.T).reshape(o, p, -1)
     )
     if p == 1:
-        return square[:, 0].reshape(o, *slots.shape[:3]), np.zeros((0,))
-    square = np.where(np.isnan(square), np.inf, square)
+        return square.reshape(shape), np.zeros((0,), np.float32)
     nearest = square.argmin(axis=1)
     least = np.take_along_axis(square, nearest[:, None], axis=1)[:, 0]
-    shape = (o, *slots.shape[:3])
-    return least.reshape(shape), (nearest / (p - 1)).reshape(shape)
+    return least.reshape(shape), (nearest / np.float32(p - 1)).astype(np.float32).reshape(shape)
 
 
 def _log_chance(level: IntArray, step: IntArray) -> FloatArray:

@@ -95,7 +95,7 @@ def open_cases(robot: Robot, parts: Sequence[str], *, chain: int = CHAIN) -> dic
     return {part: Case(part, Doctor.of(boards_of(robot, part, chain=chain))) for part in parts}
 
 
-def take_rest(case: Case, samples: FloatArray) -> Baseline | None:
+def take_rest(case: Case, samples: FloatArray) -> None:
     """Judge samples (t, n) at rest, where there are enough."""
     if len(samples) >= FEWEST:
         case.rest = judge_rest(samples, case.boards)
@@ -288,7 +288,7 @@ def _examine_part(
         rows = read_places(places, case.part, unit)
         check_places(rows, case.boards.table.positions, case.part, places)
         if all(row.span is not None for row in rows):
-            spans = np.array([np.searchsorted(track.times, row.span) for row in rows])
+            spans = np.array([np.searchsorted(track.times, row.span or (0.0, 0.0)) for row in rows])
             spans[:, 1] = np.maximum(spans[:, 1] - 1, spans[:, 0])
             if spans.max(initial=0) >= len(values):
                 raise DataFormatError(f"times of touches lie beyond {path.name}", places)

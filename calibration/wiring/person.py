@@ -20,7 +20,7 @@ from skinmap.touch.sensing import FULL_SCALE, Sensing
 from skinmap.touch.simulator import Stage, prepare, touch_loads
 
 REACH = 0.13  # of the log map round a place [m]
-POKE, PACE = 12, 0.06  # samples of a poke; of a stroke a sample takes so many [m/s] at 50 Hz
+POKE, PACE = 12, 0.13  # samples of a poke; speed of a stroke [m/s], sampled at 50 Hz
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ class Person:
         """Samples of a fingertip led along a path (p, 3), with errors at both ends."""
         middle = path[len(path) // 2]
         missed = self._aim(middle)
-        _, axes, taxel = self.patient.laid(missed)
+        taxel = int(np.argmin(np.linalg.norm(self.patient.skin.positions - missed, axis=1)))
         uv, axes = self.patient.around(taxel)
         if missed is middle:
             line = np.array([_lay(self.patient, taxel, uv, point) for point in path])

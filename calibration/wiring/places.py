@@ -37,6 +37,7 @@ ACROSS = 14e-3  # taxels of two modules so near have a place between them [m]
 APART = 7e-3  # candidates for pokes lie so far apart [m]
 STROKE, STEP, GAP = 0.09, 6e-3, 9e-3  # length of a stroke, its points, and the widest hole [m]
 SHORTEST = 0.045  # of a stroke where the skin ends [m]
+NEVER = 1e-9  # a fault less probable asks for nothing (and slows sums of single floats down)
 PROBABLE, MANY = 0.05, 5  # faults above are told from each other, at most so many
 WORTH = 9.0  # most that showing a fault is worth [nats]
 MISSED = 0.03  # chance that a module does not answer, however well it was aimed at
@@ -249,7 +250,7 @@ class Chooser:
         chance = np.exp(log_posterior)
         top = np.flatnonzero(chance[1:] > PROBABLE) + 1
         top = top[np.argsort(-chance[top])][:MANY]
-        merely = chance.astype(np.float32)
+        merely = np.where(chance > NEVER, chance, 0.0).astype(np.float32)
         merely[top] = 0.0
         swaps = self.hypotheses.swaps
         n = 1 + len(swaps)

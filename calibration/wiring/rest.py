@@ -104,7 +104,7 @@ def _twice(values: FloatArray, rows: IntArray) -> IntArray:
         return np.zeros((0, 2), np.int64)
     x = x - np.rint(np.median(x, axis=0))
     fast = np.diff(x, axis=0)
-    found = np.corrcoef(fast.T)
+    found = np.asarray(np.corrcoef(fast.T)).reshape(n, n)
     np.fill_diagonal(found, 0.0)
     upper = found[np.triu_indices(n, 1)]
     spread = 1.4826 * float(np.median(np.abs(upper - np.median(upper)))) + 1.0 / np.sqrt(t)

@@ -70,7 +70,7 @@ def make_touch(answers: FloatArray, how: str, path: FloatArray | None) -> Touch:
 
 def find_touches(answers: FloatArray) -> IntArray:
     """(k, 2) first and last sample of each touch in answers (t, n)."""
-    active = (answers > THRESHOLD).any(axis=1)
+    active = np.asarray((answers > THRESHOLD).any(axis=1))
     rows = np.flatnonzero(active)
     if len(rows) == 0:
         return np.zeros((0, 2), np.int64)
