@@ -19,6 +19,7 @@ from skinmap.errors import InvalidArrayError
 SURE = 0.99  # a fault that is so probable is named
 ILL, LIKELY = 0.1, 0.5  # at the end: healthy less probable, and one fault more than all others
 CLEAR = 0.95  # a skin without one that is so probable is healthy
+BACKING = 2.0  # evidence beside the touch that speaks loudest for a fault, to name it [nats]
 UNPLACED = 0.5  # weight of a touch of unknown place, beside one where it was asked for
 QUIET = 14.0  # a module whose channels do not even have noise is mute [nats]
 LIVELY = np.log(0.005)  # a module with noise of its own is hardly mute: its foam may have come off
@@ -139,7 +140,7 @@ class Doctor:
         while len(self.found) < MOST_FAULTS and self.healthy < ILL:
             posterior = self.posterior
             row = int(np.argmax(posterior))
-            if row == 0 or posterior[row] < np.log(LIKELY):
+            if row == 0 or posterior[row] < np.log(LIKELY) or not self._backed(row):
                 break
             others = tuple(one for one in self.suspects(5)[1:] if one[1] > 0.01)
             one = Found(self.hypotheses.faults[row], float(np.exp(posterior[row])), others)
@@ -201,6 +202,8 @@ class Doctor:
         self._choosers = {}
         self._heard: list[FloatArray] = []
         self._fits: list[bool] = []
+        self._said: list[FloatArray] = []
+        self._before = self._log.copy()
 
     def _at_rest(self) -> FloatArray:
         """(h,) what the rest says: a fault that mutes modules fits those that do not send."""
@@ -231,12 +234,20 @@ class Doctor:
             # Without its place a touch shows where channels hang together, and nothing else.
             found = np.where(self._exchanges, found, found[0])
             weight = UNPLACED
+        self._said.append(weight * (found - found[0]))
         self._log = self._log + weight * found
+
+    def _backed(self, row: int) -> bool:
+        """Whether a fault has more behind it than one touch, which may just have missed."""
+        start = self.hypotheses.log_prior
+        rest = float(self._before[row] - self._before[0] - (start[row] - start[0]))
+        said = [float(one[row]) for one in self._said]
+        return rest + sum(said) - max([*said, 0.0]) >= BACKING
 
     def _sure(self) -> Found | None:
         posterior = self.posterior
         row = int(np.argmax(posterior))
-        if row == 0 or posterior[row] < np.log(SURE):
+        if row == 0 or posterior[row] < np.log(SURE) or not self._backed(row):
             return None
         others = tuple(one for one in self.suspects(4)[1:] if one[1] > 1e-4)
         return Found(self.hypotheses.faults[row], float(np.exp(posterior[row])), others)
