@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from calibration.wiring.boards import Boards, Wiring
-from calibration.wiring.evidence import Witness
+from calibration.wiring.evidence import THRESHOLD, Witness
 from calibration.wiring.faults import Fault, Hypotheses, all_faults
 from calibration.wiring.places import AGAIN, Candidates, Chooser, candidates
 from calibration.wiring.rest import RestFindings
@@ -19,6 +19,7 @@ from skinmap.errors import InvalidArrayError
 SURE = 0.99  # a fault that is so probable is named
 ILL, LIKELY = 0.1, 0.5  # at the end: healthy less probable, and one fault more than all others
 CLEAR = 0.95  # a skin without one that is so probable is healthy
+MOST_OF_A_POKE = 18  # channels that answer a fingertip: those of the simulator light 14 at most
 BACKING = 2.0  # evidence beside the touch that speaks loudest for a fault, to name it [nats]
 UNPLACED = 0.5  # weight of a touch of unknown place, beside one where it was asked for
 QUIET = 14.0  # a module whose channels do not even have noise is mute [nats]
@@ -229,6 +230,8 @@ class Doctor:
             weight = 1.0 / (1.0 + before)  # the same taxels answer again: no new evidence
             self._heard.append(touch.middle)
         found, fits = self._witness.hear(touch)
+        if touch.how == "poke" and int((touch.response > THRESHOLD).sum()) > MOST_OF_A_POKE:
+            found, fits = np.zeros_like(found), False  # whatever that was, it was no poke
         self._fits.append(fits)
         if touch.path is None:
             # Without its place a touch shows where channels hang together, and nothing else.

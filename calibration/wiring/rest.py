@@ -17,6 +17,7 @@ from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError
 
 FEWEST = 100  # samples; fewer tell nothing
+FLICKER = 4  # changes of a stuck channel at most: two spikes
 ALIVE = 20  # changes that a lively channel shows at least, else the rest is too calm to judge
 CHANCE = 1e-6  # that any pair of healthy channels passes for one given twice
 BLOCK = 64  # samples over which a channel's levels are counted: baselines wander slowly
@@ -74,7 +75,7 @@ def judge_rest(samples: ArrayLike, boards: Boards) -> RestFindings:
     if len(values) < FEWEST:
         raise InvalidArrayError(f"{len(values)} samples at rest, at least {FEWEST} are needed")
     changes = (np.diff(values, axis=0) != 0).sum(axis=0)
-    moving = changes > 0
+    moving = changes > FLICKER
     none = np.zeros(0, np.int64)
     m = len(boards)
     if moving.mean() < 0.5 or np.percentile(changes[moving], 2.0) < ALIVE:
@@ -103,6 +104,8 @@ def _twice(values: FloatArray, rows: IntArray) -> IntArray:
     if n < 2:
         return np.zeros((0, 2), np.int64)
     x = x - np.rint(np.median(x, axis=0))
+    reach = np.maximum(3.0, 9.0 * np.median(np.abs(x), axis=0))
+    x = np.clip(x, -reach, reach)  # two spikes in one sample make no copy
     fast = np.diff(x, axis=0)
     found = np.asarray(np.corrcoef(fast.T)).reshape(n, n)
     np.fill_diagonal(found, 0.0)
