@@ -551,7 +551,7 @@ def summary(examined: Examination, seed: int, seconds: float, files: list[str]) 
         fault_row(case, Found(fault, chance))
         for case in cases
         for fault, chance in case.doctor.suspects(3)
-        if chance > 0.01
+        if chance > 0.01 and not case.doctor.wiring.mute[list(fault.modules)].all()
     ]
     by_part = {case.part: case.boards for case in cases}
     return {
