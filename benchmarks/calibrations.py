@@ -18,6 +18,7 @@ from patches import Case, far_apart, icub_cases, simulate_touches
 from record import command
 from timing import timed
 from units import unit_rows
+from wiring import wiring_rows
 from wraps import family_rows, wrong_rows
 
 from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
@@ -134,7 +135,7 @@ def scan_table(cases: list[Case], runs: int) -> Any:
     return scan_rows(cases, runs)
 
 
-def measure(quick: bool, *, repeats: int = 2, scans: int = 50) -> dict[str, Any]:
+def measure(quick: bool, *, repeats: int = 2, scans: int = 50, wirings: int = 35) -> dict[str, Any]:
     """All tables.
 
     Parameters
@@ -145,6 +146,8 @@ def measure(quick: bool, *, repeats: int = 2, scans: int = 50) -> dict[str, Any]
         Runs of each row on each of the 23 patches.
     scans : int
         Scans that are registered.
+    wirings : int
+        Faulty wirings for each part and kind of touch; nine times as many healthy ones.
     """
     cases = list(icub_cases())
     some = cases[7:8] if quick else cases
@@ -157,6 +160,11 @@ def measure(quick: bool, *, repeats: int = 2, scans: int = 50) -> dict[str, Any]
         "units": lambda: unit_rows(some),
         "scan": lambda: scan_table(cases, 4 if quick else scans),
         "mount": mount_rows,
+        "wiring": lambda: wiring_rows(
+            faulty=7 if quick else wirings,
+            healthy=9 if quick else 9 * wirings,
+            rests=20 if quick else 10 * wirings,
+        ),
         "drift": lambda: drift_rows(most=1 if quick else None),
     }
     result: dict[str, Any] = {"truth": TRUTH}

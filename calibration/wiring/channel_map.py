@@ -1,0 +1,121 @@
+"""The corrected channel map: a taxel table in which every channel is where it really is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from calibration.wiring.boards import Boards, Wiring
+from calibration.wiring.faults import Fault
+from skinmap.arrays import IntArray
+from skinmap.errors import OutputError
+from skinmap.io.table import write_csv
+from skinmap.skin.taxels import TaxelTable
+
+
+def corrected(
+    boards: Boards, wiring: Wiring, faults: list[Fault]
+) -> tuple[TaxelTable, IntArray, int]:
+    """The table as the wiring really is.
+
+    Returns
+    -------
+    TaxelTable
+        Mute channels keep their place; those that read nothing are left out.
+    (c,) int
+        Channels whose place changed.
+    int
+        Channels that are new: those on which a longer chain now sends.
+    """
+    places = wiring.places(boards)
+    there = np.isfinite(places[:, 0])
+    table = boards.table
+    moved = there & (np.abs(places - table.positions).max(axis=1) > 1e-9)
+    nearest = _nearest(places, table, there)
+    channels = [table.channels[there]]
+    modules = [table.modules[there]]
+    positions = [places[there]]
+    normals = [boards.normals[nearest[there]]]
+    new = 0
+    for channel, module, row in _found_again(boards, wiring, faults):
+        channels.append(np.array([channel]))
+        modules.append(np.array([module]))
+        positions.append(table.positions[[row]])
+        normals.append(boards.normals[[row]])
+        new += 1
+    joined = TaxelTable(
+        np.concatenate(channels), np.concatenate(modules), np.concatenate(positions),
+        np.concatenate(normals), link=table.link,
+    )  # fmt: skip
+    return joined, table.channels[moved | ~there], new
+
+
+def _nearest(places: np.ndarray, table: TaxelTable, there: np.ndarray) -> IntArray:
+    nearest = np.zeros(len(places), np.int64)
+    for row in np.flatnonzero(there):
+        nearest[row] = int(np.argmin(((table.positions - places[row]) ** 2).sum(axis=1)))
+    return nearest
+
+
+def _found_again(boards: Boards, wiring: Wiring, faults: list[Fault]) -> list[tuple[int, int, int]]:
+    """Channel, module and row of places that nobody in the table reads after chains changed."""
+    lost = np.flatnonzero(wiring.owner < 0)
+    swapped = [fault.chains for fault in faults if fault.kind == "swapped_chains"]
+    found: list[tuple[int, int, int]] = []
+    if not swapped or not boards.slots:
+        return found
+    if not np.array_equal(boards.table.modules, boards.table.channels // boards.slots):
+        return found
+    length = _room(boards)
+    for site in lost.tolist():
+        chain = int(boards.chains[site])
+        for one, other in swapped:
+            if chain in (one, other):
+                chain = other if chain == one else one
+        module = chain * length + int(boards.spots[site])
+        for row in boards.columns[site][boards.columns[site] >= 0].tolist():
+            slot = int(boards.table.channels[row] % boards.slots)
+            found.append((module * boards.slots + slot, module, row))
+    return found
+
+
+def _room(boards: Boards) -> int:
+    """Modules that a chain has room for."""
+    beyond = boards.chains > 0
+    if not beyond.any():
+        return len(boards)
+    first = int(np.argmax(beyond))
+    return int((boards.numbers[first] - boards.spots[first]) // boards.chains[first])
+
+
+def check_free(path: Path) -> None:
+    """Refuse to write over a map.
+
+    Raises
+    ------
+    OutputError
+        A file of that name exists.
+    """
+    if path.exists():
+        raise OutputError(
+            f"{str(path)!r} exists: a corrected map is never written over another one; "
+            "give another name"
+        )
+
+
+def write_map(table: TaxelTable, path: Path) -> None:
+    """Write a corrected map to a file that does not exist yet.
+
+    Raises
+    ------
+    OutputError
+        It exists by now, or its folder does not.
+    """
+    check_free(path)
+    try:
+        with path.open("x", encoding="utf-8"):
+            pass
+        write_csv(table, path)
+    except OSError as error:
+        raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None

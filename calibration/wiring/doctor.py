@@ -1,0 +1,256 @@
+"""The wiring doctor: asks for touches, hears the answers, and names faults one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import logsumexp
+
+from calibration.wiring.boards import Boards, Wiring
+from calibration.wiring.evidence import THRESHOLD, Witness
+from calibration.wiring.faults import Fault, Hypotheses, all_faults
+from calibration.wiring.places import AGAIN, Candidates, Chooser, candidates
+from calibration.wiring.rest import RestFindings
+from calibration.wiring.touch import Touch
+from skinmap.arrays import BoolArray, FloatArray
+from skinmap.errors import InvalidArrayError
+
+SURE = 0.99  # a fault that is so probable is named
+ILL, LIKELY = 0.1, 0.5  # at the end: healthy less probable, and one fault more than all others
+CLEAR = 0.95  # a skin without one that is so probable is healthy
+MOST_OF_A_POKE = 18  # channels that answer a fingertip: those of the simulator light 14 at most
+BACKING = 2.0  # evidence beside the touch that speaks loudest for a fault, to name it [nats]
+UNPLACED = 0.5  # weight of a touch of unknown place, beside one where it was asked for
+QUIET = 14.0  # a module whose channels do not even have noise is mute [nats]
+LIVELY = np.log(0.005)  # a module with noise of its own is hardly mute: its foam may have come off
+MOST_FAULTS = 8  # found one after the other, at most
+MISFIT = 0.34  # share of touches that fit no fault's model: the places are not those touched
+FEW = 3
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Found:
+    """A fault that was named.
+
+    Attributes
+    ----------
+    fault : Fault
+    confidence : float
+    alternatives : tuple of (Fault, float)
+        What else it may be, most probable first.
+    """
+
+    fault: Fault
+    confidence: float
+    alternatives: tuple[tuple[Fault, float], ...] = ()
+
+
+@dataclass(eq=False)
+class Doctor:
+    """What is known of the wiring of one part.
+
+    Attributes
+    ----------
+    boards : Boards
+    hypotheses : Hypotheses
+    touches : list of Touch
+        So far.
+    found : list of Found
+        Faults named, in the order in which they were found.
+    """
+
+    boards: Boards
+    hypotheses: Hypotheses
+    places: dict[str, Candidates] = field(default_factory=dict)
+    touches: list[Touch] = field(default_factory=list)
+    found: list[Found] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.wiring = Wiring.as_mapped(self.boards)
+        self._alive: BoolArray = np.zeros(len(self.boards), bool)
+        self._rested = False
+        kinds = {"swapped_modules", "swapped_chains", "reversed_chain"}
+        self._exchanges = np.array([fault.kind in kinds for fault in self.hypotheses.faults])
+        self._quiet: BoolArray = np.zeros(len(self.boards), bool)
+        self._choosers: dict[str, Chooser] = {}
+        self._begin()
+
+    @classmethod
+    def of(cls, boards: Boards) -> Doctor:
+        """A doctor who has seen nothing."""
+        return cls(boards, all_faults(boards))
+
+    def again(self) -> Doctor:
+        """A doctor for another skin of the same layout, with the same preparations."""
+        return Doctor(self.boards, self.hypotheses, self.places)
+
+    @property
+    def posterior(self) -> FloatArray:
+        """(h,) logarithm of the probability of each hypothesis."""
+        return np.asarray(self._log - logsumexp(self._log))
+
+    @property
+    def healthy(self) -> float:
+        """Probability that nothing is wrong beyond what was found."""
+        return float(np.exp(self.posterior[0]))
+
+    def rest(self, findings: RestFindings) -> list[Found]:
+        """Take what the skin told untouched; the mute modules and chains that are sure with it."""
+        if not findings.tells:
+            return []
+        self._quiet = np.zeros(len(self.boards), bool)
+        self._quiet[list(findings.mute)] = True
+        self._alive = np.asarray(findings.alive, bool)
+        self._rested = True
+        self._replay()
+        return self._name()
+
+    def hear(self, touch: Touch) -> list[Found]:
+        """Take a touch; the faults that are sure with it.
+
+        Raises
+        ------
+        InvalidArrayError
+            An answer of another length than the part's table.
+        """
+        if len(touch.response) != len(self.boards.table):
+            raise InvalidArrayError(
+                f"{len(touch.response)} answers for the {len(self.boards.table)} taxels of "
+                f"{self.boards.part!r}"
+            )
+        self.touches.append(touch)
+        self._take(touch)
+        return self._name()
+
+    def _name(self) -> list[Found]:
+        """Name what is sure, one fault after the other."""
+        new: list[Found] = []
+        while len(self.found) < MOST_FAULTS and (one := self._sure()) is not None:
+            self.found.append(one)
+            new.append(one)
+            self.wiring = one.fault.apply(self.wiring, self.boards)
+            self._replay()
+        return new
+
+    def conclude(self) -> list[Found]:
+        """Name what is certainly wrong, though not for certain which fault it is; the last word."""
+        new: list[Found] = []
+        if all(touch.path is None for touch in self.touches):
+            return new  # without places nothing is named that is not sure
+        while len(self.found) < MOST_FAULTS and self.healthy < ILL:
+            posterior = self.posterior
+            row = int(np.argmax(posterior))
+            if row == 0 or posterior[row] < np.log(LIKELY) or not self._backed(row):
+                break
+            others = tuple(one for one in self.suspects(5)[1:] if one[1] > 0.01)
+            one = Found(self.hypotheses.faults[row], float(np.exp(posterior[row])), others)
+            self.found.append(one)
+            new.append(one)
+            self.wiring = one.fault.apply(self.wiring, self.boards)
+            self._replay()
+        return new
+
+    def suspects(self, count: int = 5) -> list[tuple[Fault, float]]:
+        """The most probable faults beyond those found, and how probable."""
+        posterior = self.posterior
+        order = np.argsort(-posterior[1:])[:count] + 1
+        return [(self.hypotheses.faults[row], float(np.exp(posterior[row]))) for row in order]
+
+    def next_place(self, how: str) -> tuple[FloatArray, float]:
+        """The path (p, 3) to touch next [m], and what it would tell [nats]."""
+        if how not in self.places:
+            self.places[how] = candidates(self.boards, how)
+        if how not in self._choosers:
+            # One for all doctors of this layout while nothing was found.
+            key = f"chooser {how}"
+            plain = not self.found
+            kept = self.places.get(key) if plain else None
+            chooser = (
+                kept
+                if isinstance(kept, Chooser)
+                else Chooser(self.boards, self.hypotheses, self.wiring, self.places[how])
+            )
+            if plain:
+                self.places[key] = chooser  # type: ignore[assignment]
+            self._choosers[how] = chooser
+        asked = [touch.middle for touch in self.touches if touch.how == how]
+        row, gain = self._choosers[how].best(
+            self.posterior, [middle for middle in asked if middle is not None]
+        )
+        return self.places[how].paths[row], gain
+
+    @property
+    def misfits(self) -> int:
+        """Touches that were not felt where they were asked for, as the wiring is known now."""
+        return sum(not fits for fits in self._fits)
+
+    @property
+    def status(self) -> str:
+        """One of "healthy", "faulty", "undecided" and "inconsistent"."""
+        asked = sum(touch.path is not None for touch in self.touches)
+        if asked >= FEW and self.misfits > MISFIT * asked:
+            return "inconsistent"
+        if self.found:
+            return "faulty"
+        return "healthy" if self.healthy >= CLEAR else "undecided"
+
+    def _begin(self) -> None:
+        self._witness = Witness(self.boards, self.hypotheses, self.wiring)
+        self._log = self.hypotheses.log_prior.copy()
+        if self._rested:
+            self._log += self._at_rest()
+        self._choosers = {}
+        self._heard: list[FloatArray] = []
+        self._fits: list[bool] = []
+        self._said: list[FloatArray] = []
+        self._before = self._log.copy()
+
+    def _at_rest(self) -> FloatArray:
+        """(h,) what the rest says: a fault that mutes modules fits those that do not send."""
+        quiet = self._quiet & ~self.wiring.mute & (self.wiring.site >= 0)
+        score = np.where(quiet, QUIET, np.where(self._alive, LIVELY, 0.0))
+        found = np.zeros(len(self.hypotheses))
+        first = 1 + len(self.hypotheses.swaps)
+        found[first : first + len(self.boards)] = score
+        for row in range(self.hypotheses.chain_first, len(self.hypotheses)):
+            moves = self.hypotheses.faults[row].moves(self.boards)
+            found[row] = score[[module for module, to in moves.items() if to < 0]].sum()
+        return found
+
+    def _replay(self) -> None:
+        self._begin()
+        for touch in self.touches:
+            self._take(touch)
+
+    def _take(self, touch: Touch) -> None:
+        weight = 1.0
+        if touch.middle is not None:
+            before = sum(float(np.linalg.norm(touch.middle - old)) < AGAIN for old in self._heard)
+            weight = 1.0 / (1.0 + before)  # the same taxels answer again: no new evidence
+            self._heard.append(touch.middle)
+        found, fits = self._witness.hear(touch)
+        if touch.how == "poke" and int((touch.response > THRESHOLD).sum()) > MOST_OF_A_POKE:
+            found, fits = np.zeros_like(found), False  # whatever that was, it was no poke
+        self._fits.append(fits)
+        if touch.path is None:
+            # Without its place a touch shows where channels hang together, and nothing else.
+            found = np.where(self._exchanges, found, found[0])
+            weight = UNPLACED
+        self._said.append(weight * (found - found[0]))
+        self._log = self._log + weight * found
+
+    def _backed(self, row: int) -> bool:
+        """Whether a fault has more behind it than one touch, which may just have missed."""
+        start = self.hypotheses.log_prior
+        rest = float(self._before[row] - self._before[0] - (start[row] - start[0]))
+        said = [float(one[row]) for one in self._said]
+        return rest + sum(said) - max([*said, 0.0]) >= BACKING
+
+    def _sure(self) -> Found | None:
+        posterior = self.posterior
+        row = int(np.argmax(posterior))
+        if row == 0 or posterior[row] < np.log(SURE) or not self._backed(row):
+            return None
+        others = tuple(one for one in self.suspects(4)[1:] if one[1] > 1e-4)
+        return Found(self.hypotheses.faults[row], float(np.exp(posterior[row])), others)

@@ -1,0 +1,477 @@
+"""How probable an answer is for every fault: a touch of unknown place, width and force.
+
+What is not known of a touch (where it really was, how wide, how firm, whether it missed) is summed
+over a few hundred cases. Faults of modules only exchange who reads what, so a table of "module a
+reads site b" for the sites near the touch serves all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from calibration.wiring.boards import Boards, Wiring, compose
+from calibration.wiring.faults import Hypotheses
+from calibration.wiring.touch import Touch
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.geometry.triangles import unit
+
+PLACE = 4e-3  # error of a person's place, standard deviation an axis [m]
+THRESHOLD = 12.0  # counts above rest that are an answer, as `skinmap.touch.contacts.ACTIVE`
+SPIKE, DEAD = 0.004, 0.03  # chances that an untouched channel answers and a touched one does not
+SPREAD = 0.6  # of the logarithm of an answer: gains of 15 to 40 %, and the model's own error
+MISS, AIR = 0.03, 0.01  # chances that a touch is somewhere else, and that it touches nothing
+SILENCE = 5.0  # most that a silent module's silence says for its being mute, a touch [nats]
+ODD = 1e-4  # chance of an answer that no model foresaw: what one touch can say is bounded by it
+TIMING = 0.12  # error of when a stroke comes by, in its duration
+SHAPES = ((4.5e-3, 80.0), (6e-3, 50.0), (6e-3, 150.0), (8.5e-3, 200.0))  # width [m], force [counts]
+STROKE_SHAPES = ((5e-3, 80.0), (7e-3, 170.0))
+NEAR = 32e-3  # sites further from a touch do not answer [m]
+PEAKS = 6  # of the strongest answers: where a touch may have been that missed its place
+LEVELS = 9  # of an answer: none, and eight from the threshold to 255 counts
+STEPS = 48  # of an expected answer, logarithmic
+LOWEST = 1.0  # expected answers below are none [counts]
+# A hand, by the distance of a module's middle from the palm's [m]: chances of few and many taxels.
+HAND_RINGS = np.array([20e-3, 40e-3, 60e-3, 80e-3, 110e-3])
+HAND_FEW = np.array([0.22, 0.28, 0.30, 0.25, 0.12, 0.02])
+HAND_MANY = np.array([0.66, 0.52, 0.30, 0.15, 0.05, 0.003])
+HAND_MANY_FROM = 3  # taxels of a module
+
+
+def _table() -> FloatArray:
+    """(LEVELS, STEPS + 1) log chance of each level for each expected answer, none first."""
+    edges = np.geomspace(THRESHOLD, 255.0, LEVELS)
+    log_edges = np.log(edges)
+    expected = np.concatenate([[1e-6], np.geomspace(LOWEST, 400.0, STEPS)])
+    z = (log_edges[:, None] - np.log(expected)[None]) / SPREAD
+    below = ndtr(z)
+    inside = np.diff(below, axis=0)
+    inside[-1] += 1.0 - below[-1]  # saturated
+    felt = (1.0 - DEAD) * inside + SPIKE / (LEVELS - 1)
+    none = 1.0 - felt.sum(axis=0)
+    return np.log(np.maximum(np.vstack([none[None], felt]), 1e-12)).astype(np.float32)
+
+
+TABLE = _table()
+STEP = np.log(400.0 / LOWEST) / (STEPS - 1)
+
+
+def level_of(response: FloatArray) -> IntArray:
+    """(n,) level of each answer; 0 for none."""
+    size = np.log(np.maximum(response, THRESHOLD) / THRESHOLD) / np.log(255.0 / THRESHOLD)
+    level = 1 + np.floor(size * (LEVELS - 1)).astype(np.int64)
+    return np.asarray(np.where(response < THRESHOLD, 0, np.minimum(level, LEVELS - 1)))
+
+
+def step_of(log_expected: FloatArray) -> IntArray:
+    """Column of `TABLE` for logarithms of expected answers [counts]; NaN is none."""
+    step = (log_expected - np.float32(np.log(LOWEST))) * np.float32(1.0 / STEP) + 1.5
+    return np.asarray(np.fmin(np.fmax(step, 0.0), STEPS), np.int16)  # fmax: NaN is none
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Terms:
+    """What one touch says of modules and sites, for q cases of what is unknown of it.
+
+    Attributes
+    ----------
+    weights : (q,) float
+        Logarithm of the chance of each case.
+    asked : (q,) bool
+        Cases of a touch that was where it was asked for.
+    near : (b,) int
+        Sites that may answer.
+    reads : (q, m, b) float
+        Log chance of the answers of a module's channels if they read a near site.
+    silent : (m,) float
+        The same if they read nothing, or a site far away.
+    laid : (q, b, 5) float
+        Of the module that reads a near site, were its board turned or mirrored.
+    some : (s,) int
+        Places in `near` of the modules that answered.
+    exchanged : (q, s, p) float
+        Of these, were two of their channels exchanged.
+    """
+
+    weights: FloatArray
+    asked: BoolArray
+    near: IntArray
+    reads: NDArray[Any]
+    silent: FloatArray
+    laid: NDArray[Any]
+    some: IntArray
+    exchanged: NDArray[Any]
+
+
+class Witness:
+    """Reads touches on one part, as a wiring has it.
+
+    Parameters
+    ----------
+    boards : Boards
+    hypotheses : Hypotheses
+    wiring : Wiring
+        What is known already: faults are looked for beyond it.
+    """
+
+    def __init__(self, boards: Boards, hypotheses: Hypotheses, wiring: Wiring) -> None:
+        self.boards, self.hypotheses, self.wiring = boards, hypotheses, wiring
+        m, k = boards.columns.shape
+        self.owner = wiring.owner
+        there = boards.columns >= 0
+        self.column = np.where(there, boards.columns, 0)
+        self.there = there & ~wiring.mute[:, None]
+        # Where the slots of each site lie, and the place that each takes as its board is laid now
+        # and beyond it: layouts that a turn carries into themselves have the same places again.
+        self.spots = (
+            boards.places[:, 0] if boards.turns is not None else boards.places.reshape(m, 6 * k, 3)
+        )
+        self.taken = np.empty((m, 6, k), np.int64)
+        for site in range(m):
+            for element in range(6):
+                total = _compose(element, int(wiring.element[site]))
+                order = wiring.order[site]
+                self.taken[site, element] = (
+                    boards.turns[total][order] if boards.turns is not None else total * k + order
+                )
+        self.pairs = np.array(boards.pairs, np.int64).reshape(-1, 2)
+        self.centres = boards.centres
+        moved = [
+            _relevant(fault.moves(boards)) for fault in hypotheses.faults[hypotheses.chain_first :]
+        ]
+        self.chain_moves = moved
+        self.sites = len(boards.table) / 3.0  # places a missed touch may be at: a few mm apart
+
+    def hear(self, touch: Touch) -> tuple[FloatArray, bool]:
+        """(h,) log chance of a touch's answers, and whether they came from where it was asked."""
+        terms = self._hand(touch) if touch.how == "hand" else self._fingers(touch)
+        if terms is None:
+            return np.zeros(len(self.hypotheses)), True
+        found = self._judge(terms)
+        first = 1 + len(self.hypotheses.swaps)
+        mute = slice(first, first + len(self.boards))  # silence has more causes than one
+        found[mute] = np.minimum(found[mute], found[0] + SILENCE)
+        # Whatever happens, one touch cannot say more than a model may be trusted.
+        return np.logaddexp(found, found.max() + np.log(ODD)), self._fits(terms)
+
+    def _fits(self, terms: Terms) -> bool:
+        """Whether the answers came from where the touch was asked for, as the wiring is known."""
+        own = self.owner[terms.near]
+        base = terms.weights + terms.reads[:, own, np.arange(len(own))].sum(axis=1)
+        base = base - terms.silent[own].sum()
+        there = base[terms.asked]
+        if len(there) == 0:
+            return True
+        return bool(np.logaddexp.reduce(there) >= np.logaddexp.reduce(base) + np.log(0.5))
+
+    # What was unknown of the touch.
+
+    def _fingers(self, touch: Touch) -> Terms | None:
+        level = self._levels(touch)
+        cases = self._cases(touch, level)
+        if cases is None:
+            return None
+        points, weights, here = cases  # (o, p, 3) paths, (o,) log chances, (o,) as asked
+        near = self._near(points)
+        square, along = _to_paths(points.astype(np.float32), self.spots[near].astype(np.float32))
+        shapes = np.array(STROKE_SHAPES if touch.how == "stroke" else SHAPES, np.float32)
+        log_answer = np.log(shapes[:, 1])[:, None, None, None] - 0.5 * (
+            square[None] / (shapes[:, 0] ** 2)[:, None, None, None]
+        )
+        step = step_of(log_answer)
+        s, o = step.shape[:2]
+        step = step.reshape(s * o, *step.shape[2:])
+        weights = np.add.outer(np.full(s, -np.log(s)), weights).ravel()
+        step = np.concatenate([step, np.zeros_like(step[:1])])  # a touch of nothing
+        weights = np.append(weights, np.log(AIR))
+        asked = np.append(np.tile(here, s), False)
+        arrival = None
+        if touch.how == "stroke":
+            arrival = self._as_laid(np.concatenate([np.tile(along, (s, 1, 1)), along[:1]]), near)
+        return self._terms(self._as_laid(step, near), (weights, asked), near, level, touch, arrival)
+
+    def _as_laid(self, values: NDArray[Any], near: IntArray) -> NDArray[Any]:
+        """(q, b, 6, k) of values (q, b, places): for each way that a board may be laid."""
+        rows = np.arange(len(near))[:, None, None]
+        return np.asarray(values[:, rows, self.taken[near]])
+
+    def _cases(
+        self, touch: Touch, level: IntArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+        """Where it may really have been: (o, p, 3) paths, log chances, whether as asked."""
+        if touch.path is None:
+            free = self._anywhere(level, 1.0)
+            if free is None:
+                return None
+            shift, _ = _offsets(0.5)  # between taxels, too
+            places, chance = free
+            axes = np.stack([self._axes(place) for place in places[:, 0]])
+            points = (places + np.einsum("sa,oai->osi", shift, axes)).reshape(-1, 1, 3)
+            weight = np.repeat(chance, len(shift)) - np.log(len(shift))
+            return points, weight, np.zeros(len(points), bool)
+        if touch.how == "stroke":
+            points, weight = self._strokes(touch.path)
+            return points, weight, np.ones(len(points), bool)
+        place = touch.path[0]
+        shift, weight = _offsets()
+        points = place + shift @ self._axes(place)
+        elsewhere = self._anywhere(level, MISS)
+        if elsewhere is None:
+            return points[:, None], weight, np.ones(len(points), bool)
+        there, chance = elsewhere
+        here = np.arange(len(points) + len(there)) < len(points)
+        return (np.concatenate([points[:, None], there]), np.concatenate([weight, chance]), here)
+
+    def _anywhere(self, level: IntArray, chance: float) -> tuple[FloatArray, FloatArray] | None:
+        """Where the answers themselves say that the touch was."""
+        strong = np.argsort(-level, axis=None, kind="stable")[:PEAKS]
+        module, slot = np.unravel_index(strong, level.shape)
+        felt = (level[module, slot] > 0) & (self.wiring.site[module] >= 0)
+        module, slot = module[felt], slot[felt]
+        site = self.wiring.site[module]
+        places = self.spots[site, self.taken[site, 0, slot]]
+        places = places[np.isfinite(places[:, 0])]
+        if len(places) == 0:
+            return None
+        weight = np.full(len(places), np.log(chance / self.sites))
+        return places[:, None], weight
+
+    def _strokes(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Strokes beside the one asked for: both ends off to a side."""
+        along = unit((path[-1] - path[0])[None])[0]
+        normal = self._axes(path[len(path) // 2], normal=True)[2]
+        side = unit(np.cross(normal, along)[None])[0]
+        share = np.linspace(0.0, 1.0, len(path))
+        off = np.array([-8e-3, -4e-3, 0.0, 4e-3, 8e-3])
+        first, last = (end.ravel() for end in np.meshgrid(off, off, indexing="ij"))
+        lateral = first[:, None] * (1.0 - share) + last[:, None] * share
+        points = path + lateral[..., None] * side
+        weight = -0.5 * (first**2 + last**2) / PLACE**2
+        return points, weight - np.log(np.exp(weight).sum())
+
+    def _axes(self, place: FloatArray, *, normal: bool = False) -> FloatArray:
+        """(2, 3) directions along the skin at a place; with `normal` a third one, outward."""
+        nearest = int(np.argmin(np.linalg.norm(self.boards.table.positions - place, axis=1)))
+        out = self.boards.normals[nearest]
+        helper = np.eye(3)[np.argmin(np.abs(out))]
+        first = unit(np.cross(out, helper)[None])[0]
+        axes = np.stack([first, np.cross(out, first)])
+        return np.vstack([axes, out]) if normal else axes
+
+    def _near(self, points: FloatArray) -> IntArray:
+        flat = points.reshape(-1, 3)
+        away = np.linalg.norm(self.centres[:, None] - flat[None], axis=2).min(axis=1)
+        return np.flatnonzero((away < NEAR) & (self.owner >= 0))
+
+    def _levels(self, touch: Touch) -> IntArray:
+        """(m, k) level of each channel's answer; -1 where a module has none."""
+        level = level_of(touch.response)[self.column]
+        return np.asarray(np.where(self.there, level, -1))
+
+    # What that makes of modules and sites.
+
+    def _terms(
+        self,
+        step: IntArray,
+        cases: tuple[FloatArray, BoolArray],
+        near: IntArray,
+        level: IntArray,
+        touch: Touch,
+        arrival: FloatArray | None,
+    ) -> Terms:
+        silent = np.where(level >= 0, TABLE[level, 0], 0.0).sum(axis=1)
+        now = step[:, :, 0]  # (q, b, k)
+        kinds, which = np.unique(level, axis=0, return_inverse=True)
+        if arrival is not None:  # the answers of two modules differ by when they came, too
+            kinds, which = level, np.arange(len(level))
+            busy = (level > 0).any(axis=1)
+            rest, inverse = np.unique(level[~busy], axis=0, return_inverse=True)
+            kinds = np.concatenate([level[busy], rest])
+            which = np.empty(len(level), np.int64)
+            which[busy] = np.arange(busy.sum())
+            which[~busy] = busy.sum() + inverse.ravel()
+        chance = _log_chance(kinds[None, :, None], now[:, None])  # (q, u, b, k)
+        if arrival is not None:
+            when = touch.arrival[self.column]
+            shown = np.zeros_like(kinds, float)
+            shown[: busy.sum()] = when[busy]
+            bonus = _timing(shown[None, :, None], arrival[:, None, :, 0], now[:, None])
+            chance = chance + np.where(kinds[None, :, None] > 0, bonus, 0.0)
+        reads = chance.sum(axis=-1)[:, which.ravel()]
+        own = self.owner[near]
+        mine = level[own]
+        laid = np.zeros((len(step), len(near), 5), np.float32)
+        if self.boards.turnable:
+            turned = _log_chance(mine[None, :, None], step[:, :, 1:])
+            if arrival is not None:
+                bonus = _timing(when[own][None, :, None], arrival[:, :, 1:], step[:, :, 1:])
+                turned = turned + np.where(mine[None, :, None] > 0, bonus, 0.0)
+            laid = turned.sum(axis=-1)
+        some = np.flatnonzero((mine > 0).any(axis=1))  # silent channels may well be exchanged
+        late = None if arrival is None else (when[own[some]], arrival[:, some, 0])
+        exchanged = self._exchanged(mine[some], now[:, some], late)
+        return Terms(*cases, near, reads, silent, laid, some, exchanged)
+
+    def _exchanged(
+        self, level: IntArray, step: IntArray, late: tuple[FloatArray, FloatArray] | None
+    ) -> FloatArray:
+        """(q, s, p) log chance of modules' answers (s, k), were two channels exchanged."""
+        one, other = self.pairs[:, 0], self.pairs[:, 1]
+
+        def chance(a: IntArray | slice, b: IntArray | slice) -> FloatArray:
+            found = _log_chance(level[None][..., a], step[..., b])
+            if late is not None:
+                when, where = late
+                bonus = _timing(when[None][..., a], where[..., b], step[..., b])
+                found = found + np.where(level[None][..., a] > 0, bonus, np.float32(0.0))
+            return found
+
+        direct = chance(slice(None), slice(None))
+        kept = direct.sum(axis=-1, keepdims=True) - direct[..., one] - direct[..., other]
+        return np.asarray(kept + chance(one, other) + chance(other, one))
+
+    def _hand(self, touch: Touch) -> Terms | None:
+        """A hand: how many taxels of a module answer, by its distance from the palm."""
+        if touch.path is None:
+            return None
+        level = self._levels(touch)
+        count = (level > 0).sum(axis=1)
+        kind = np.where(count == 0, 0, np.where(count < HAND_MANY_FROM, 1, 2))
+        shift, weight = _offsets(3.0)
+        place = touch.path[0]
+        points = place + shift @ self._axes(place)
+        away = np.linalg.norm(self.centres[None] - points[:, None], axis=2)
+        near = np.flatnonzero((away.min(axis=0) < HAND_RINGS[-1]) & (self.owner >= 0))
+        ring = np.searchsorted(HAND_RINGS, away[:, near])
+        facing = self.boards.outward[near] @ self._axes(place, normal=True)[2] > -0.3
+        ring = np.where(facing, ring, len(HAND_RINGS))
+        none = 1.0 - HAND_FEW - HAND_MANY
+        chances = np.log(np.stack([none, HAND_FEW, HAND_MANY]))
+        reads = 0.5 * chances[kind[None, :, None], ring[:, None]]  # neighbours are not independent
+        silent = 0.5 * chances[kind, -1]
+        silent = np.where(self.there.any(axis=1), silent, 0.0)
+        own = reads[:, self.owner[near], np.arange(len(near))]
+        laid = np.repeat(own[..., None], 5, axis=2)
+        # The last case: a hand somewhere else, of which these sites say nothing.
+        far = np.broadcast_to(silent[None, :, None], (1, *reads.shape[1:]))
+        reads = np.concatenate([reads, far])
+        laid = np.concatenate([laid, laid[:1] * 0.0 + silent[self.owner[near]][None, :, None]])
+        weight = np.append(weight, np.log(MISS))
+        asked = np.append(np.ones(len(weight) - 1, bool), False)
+        no = np.zeros(0, np.int64)
+        return Terms(weight, asked, near, reads, silent, laid, no, np.zeros((len(weight), 0, 0)))
+
+    # What that makes of faults.
+
+    def _judge(self, terms: Terms) -> FloatArray:
+        """(h,) log chance of the answers for each hypothesis, summed over the cases."""
+        m, near = len(self.boards), terms.near
+        b = np.arange(len(near))
+        own = self.owner[near]
+        mine = terms.reads[:, own, b]  # (q, b) each near site read by its own module
+        far = terms.silent.sum() - terms.silent[own].sum()
+        base = terms.weights + far + mine.sum(axis=1)
+        top = base.max()
+        share = np.exp(base - top)
+        healthy = np.log(share.sum()) + top
+
+        def summed(delta: NDArray[Any]) -> FloatArray:
+            """Log chance with changes (q, ...) against the wiring as it is."""
+            total = delta + base.reshape(-1, *[1] * (delta.ndim - 1)).astype(np.float32)
+            most = total.max(axis=0)
+            inside = np.exp(total - most)
+            return np.asarray(most + np.log(inside.sum(axis=0)))
+
+        place = np.full(m, -1)
+        place[near] = b
+        spot = np.where(self.wiring.site >= 0, place[self.wiring.site], -1)  # of modules
+        now = np.tile(terms.silent.astype(np.float32), (len(base), 1))
+        now[:, own] = mine
+        takes = terms.reads - now[:, :, None]  # (q, m, b) module reads a near site instead
+        leaves = terms.silent.astype(np.float32) - now  # (q, m) module reads a far one or none
+        # Swaps, for each near site's module against all others.
+        gives = leaves[:, own][:, :, None].repeat(m, axis=2)  # the near module reads the other
+        inside = spot >= 0
+        gives[:, :, inside] = takes[:, own][:, :, spot[inside]]
+        swap = summed(gives + takes.transpose(0, 2, 1))  # (b, m)
+        matrix = np.full((m, m), healthy)
+        matrix[own] = swap
+        matrix[:, own] = swap.T
+        found = np.full(len(self.hypotheses), healthy)
+        pairs = self.hypotheses.swaps
+        n = 1
+        found[n : n + len(pairs)] = matrix[pairs[:, 0], pairs[:, 1]]
+        n += len(pairs)
+        found[n + own] = summed(leaves[:, own])
+        n += m
+        laid = summed(terms.laid - mine[..., None])
+        for element in range(5):
+            found[n + own] = laid[:, element]
+            n += m
+        p = len(self.pairs)
+        if p and len(terms.some):
+            spots = n + own[terms.some, None] * p + np.arange(p)
+            found[spots] = summed(terms.exchanged - mine[:, terms.some, None])
+        n += m * p
+        for number, (modules, others) in enumerate(self.chain_moves):
+            spots = np.where(others >= 0, spot[others], -1)
+            change = (
+                np.where(spots >= 0, takes[:, modules, np.maximum(spots, 0)], leaves[:, modules])
+                if len(near)
+                else leaves[:, modules]
+            )
+            found[n + number] = summed(change.sum(axis=1))
+        return found
+
+
+def _compose(after: int, before: int) -> int:
+    return after if before == 0 else compose(after, before)
+
+
+def _relevant(moves: dict[int, int]) -> tuple[IntArray, IntArray]:
+    return np.array(list(moves), np.int64), np.array(list(moves.values()), np.int64)
+
+
+def _offsets(scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """(o, 2) errors of a place on a grid and their log chances."""
+    steps = scale * 5e-3 * np.arange(-3, 4)
+    grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    grid = grid[np.linalg.norm(grid, axis=1) < scale * 14.5e-3]
+    weight = -0.5 * (grid**2).sum(axis=1) / (scale * PLACE) ** 2
+    return grid, weight - np.log(np.exp(weight).sum())
+
+
+def _to_paths(points: FloatArray, slots: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Squared distances (o, b, k) of slots (b, k, 3) to paths (o, p, 3), and shares along them."""
+    o, p = points.shape[:2]
+    shape = (o, *slots.shape[:2])
+    middle = points[0, 0]
+    flat, points = slots.reshape(-1, 3) - middle, points - middle
+    flat = np.where(np.isnan(flat), np.float32(1e3), flat)  # a place that is not there is far
+    square = (
+        (points**2).sum(axis=2)[..., None]
+        + (flat**2).sum(axis=1)
+        - 2.0 * (points.reshape(-1, 3) @ flat.T).reshape(o, p, -1)
+    )
+    if p == 1:
+        return square.reshape(shape), np.zeros((0,), np.float32)
+    nearest = square.argmin(axis=1)
+    least = np.take_along_axis(square, nearest[:, None], axis=1)[:, 0]
+    return least.reshape(shape), (nearest / np.float32(p - 1)).astype(np.float32).reshape(shape)
+
+
+def _log_chance(level: IntArray, step: IntArray) -> FloatArray:
+    """Log chance of levels for expected answers; 0 where there is no channel (level -1)."""
+    found = TABLE[np.maximum(level, 0), step]
+    return np.asarray(np.where(level >= 0, found, np.float32(0.0)))
+
+
+def _timing(when: FloatArray, where: FloatArray, step: IntArray) -> FloatArray:
+    """Log density of when an answer came, where one was expected; 0 elsewhere."""
+    gap = np.asarray(when - where, np.float32) / np.float32(TIMING)
+    density = 0.1 + 0.9 / (2.5066 * TIMING) * np.exp(-0.5 * gap**2)
+    return np.where(step > 0, np.log(density), np.float32(0.0))

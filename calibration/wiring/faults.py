@@ -1,0 +1,262 @@
+"""Faults of wiring: what may be wrong with modules, chains and channels, one at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from calibration.wiring.boards import Boards, Wiring
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import InvalidArrayError, UnknownNameError
+
+Kind = Literal[
+    "swapped_modules", "turned_module", "mirrored_module", "mute_module",
+    "swapped_chains", "reversed_chain", "mute_chain", "swapped_channels",
+]  # fmt: skip
+KINDS: tuple[str, ...] = get_args(Kind)
+# How a faulty skin's probability is shared out: modules and chains alike, as nobody has counted;
+# channels inside a module less, as they are soldered and not plugged.
+SHARE = dict.fromkeys(KINDS, 1.0) | {"swapped_channels": 0.1}
+TWICE = 0.1  # of a module's share: mirrored and turned as well, which is two faults at once
+HEALTHY = 0.5  # probability that nothing is wrong, before anything was seen: somebody asks
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`; "healthy" for none.
+    modules : tuple of int
+        Places of the modules in `Boards.numbers`.
+    element : int
+        How a turned or mirrored module is laid (of `ELEMENTS`).
+    chains : tuple of int
+        Of a fault of chains.
+    slots : tuple of int
+        Of two channels exchanged.
+    """
+
+    kind: str
+    modules: tuple[int, ...] = ()
+    element: int = 0
+    chains: tuple[int, ...] = ()
+    slots: tuple[int, ...] = ()
+
+    def moves(self, boards: Boards) -> dict[int, int]:
+        """Modules (keys) that read another module's site (values; -1: none)."""
+        if self.kind == "swapped_modules":
+            one, other = self.modules
+            return {one: other, other: one}
+        if self.kind in ("mute_module", "mute_chain"):
+            return dict.fromkeys(self.modules, -1)
+        if self.kind == "reversed_chain":
+            return dict(zip(self.modules, reversed(self.modules), strict=True))
+        if self.kind == "swapped_chains":
+            return _exchanged(boards, *self.chains)
+        return {}
+
+    def apply(self, wiring: Wiring, boards: Boards) -> Wiring:
+        """A wiring with this fault as well."""
+        if self.kind in ("mute_module", "mute_chain"):
+            return wiring.silenced(list(self.modules))
+        if self.element:
+            return wiring.laid(self.modules[0], self.element)
+        if self.slots:
+            return wiring.exchanged(self.modules[0], *self.slots)
+        return wiring.moved(self.moves(boards))
+
+    def numbers(self, boards: Boards) -> list[int]:
+        """What the table calls the modules."""
+        return [int(boards.numbers[module]) for module in self.modules]
+
+    def channels(self, boards: Boards) -> list[int]:
+        """Channels that are not where the map has them, or mute."""
+        rows = boards.columns[list(self.modules)]
+        rows = rows[:, list(self.slots)] if self.slots else rows
+        return sorted(int(c) for c in boards.table.channels[rows[rows >= 0]])
+
+    def words(self, boards: Boards) -> str:
+        """For people."""
+        numbers = self.numbers(boards)
+        if self.kind == "healthy":
+            return "nothing is wrong"
+        if self.kind == "swapped_modules":
+            return f"modules {numbers[0]} and {numbers[1]} are swapped"
+        if self.kind == "turned_module":
+            return f"module {numbers[0]} is turned by {120 * self.element} degrees"
+        if self.kind == "mirrored_module":
+            turn = 120 * (self.element - 3)
+            return f"module {numbers[0]} is mirrored" + (f" and turned by {turn}" if turn else "")
+        if self.kind == "mute_module":
+            return f"module {numbers[0]} is mute"
+        if self.kind == "swapped_channels":
+            one, other = self.channels(boards)
+            return f"channels {one} and {other} of module {numbers[0]} are swapped"
+        if self.kind == "swapped_chains":
+            return f"chains {self.chains[0]} and {self.chains[1]} are swapped"
+        verb = "mute" if self.kind == "mute_chain" else "reversed"
+        return f"chain {self.chains[0]} (modules {', '.join(map(str, numbers))}) is {verb}"
+
+
+NOTHING = Fault("healthy")
+
+
+def _exchanged(boards: Boards, one: int, other: int) -> dict[int, int]:
+    """Module by module along two chains; what has no counterpart reads nothing."""
+    members = {chain: np.flatnonzero(boards.chains == chain).tolist() for chain in (one, other)}
+    at = {chain: {int(boards.spots[a]): a for a in rows} for chain, rows in members.items()}
+    return {
+        a: at[there].get(int(boards.spots[a]), -1)
+        for here, there in ((one, other), (other, one))
+        for a in members[here]
+    }
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Hypotheses:
+    """Every single fault of a part, healthy first, in blocks of one shape.
+
+    Attributes
+    ----------
+    faults : tuple of Fault
+    log_prior : (h,) float
+    swaps : (s, 2) int
+        Modules of the swaps, which come second.
+    chains : tuple of Fault
+        Faults of chains, which come last.
+    """
+
+    faults: tuple[Fault, ...]
+    log_prior: FloatArray
+    swaps: IntArray
+    chain_first: int
+
+    def __len__(self) -> int:
+        return len(self.faults)
+
+
+def all_faults(boards: Boards, *, healthy: float = HEALTHY) -> Hypotheses:
+    """Every single fault, with its probability before anything was seen."""
+    m = len(boards)
+    one, other = np.triu_indices(m, 1)
+    faults = [NOTHING]
+    faults += [
+        Fault("swapped_modules", (a, b)) for a, b in zip(one.tolist(), other.tolist(), strict=True)
+    ]
+    faults += [Fault("mute_module", (a,)) for a in range(m)]
+    for element in range(1, 6):
+        kind = "turned_module" if element < 3 else "mirrored_module"
+        faults += [Fault(kind, (a,), element=element) for a in range(m)]
+    faults += [
+        Fault("swapped_channels", (a,), slots=pair) for a in range(m) for pair in boards.pairs
+    ]
+    first = len(faults)
+    faults += chain_faults(boards)
+    counts = {kind: sum(fault.kind == kind for fault in faults) for kind in KINDS}
+    laid = {"turned_module", "mirrored_module"}
+    shares = {
+        kind: SHARE[kind] * (counts[kind] > 0) * (boards.turnable or kind not in laid)
+        for kind in KINDS
+    }
+    total = sum(shares.values())
+    with np.errstate(divide="ignore"):
+        each = {kind: np.log(shares[kind] / total / max(counts[kind], 1)) for kind in KINDS} | {
+            "healthy": np.log(healthy)
+        }
+    less = {4: np.log(TWICE), 5: np.log(TWICE)}
+    prior = np.array([each[fault.kind] + less.get(fault.element, 0.0) for fault in faults])
+    prior[1:] += np.log1p(-healthy) - np.log(np.exp(prior[1:]).sum())
+    return Hypotheses(tuple(faults), prior, np.column_stack([one, other]), first)
+
+
+def chain_faults(boards: Boards) -> list[Fault]:
+    """Faults of whole chains; a chain of one module is that module."""
+    names, counts = np.unique(boards.chains, return_counts=True)
+    members = {int(c): tuple(np.flatnonzero(boards.chains == c).tolist()) for c in names}
+    many = [int(c) for c, count in zip(names, counts, strict=True) if count > 1]
+    faults = [Fault("mute_chain", members[c], chains=(c,)) for c in many]
+    faults += [
+        Fault("reversed_chain", members[c], chains=(c,)) for c in many if len(members[c]) > 2
+    ]
+    for place, one in enumerate(names.tolist()):
+        for other in names[place + 1 :].tolist():
+            if len(members[one]) + len(members[other]) > 2:
+                both = tuple(sorted(members[one] + members[other]))
+                faults.append(Fault("swapped_chains", both, chains=(one, other)))
+    return faults
+
+
+def parse_fault(text: str, boards: Boards) -> Fault:
+    """A fault from words such as `swap:3,7`, `turn:5,120`, `mirror:5`, `mute:4`, `chains:0,1`.
+
+    Raises
+    ------
+    UnknownNameError, InvalidArrayError
+        Another word, module or chain, or another number of them.
+    """
+    name, _, rest = text.partition(":")
+    counts = {"swap": (2,), "turn": (1, 2), "mirror": (1, 2), "mute": (1,), "chains": (2,),
+              "reverse": (1,), "mute-chain": (1,), "channels": (2,)}  # fmt: skip
+    if name not in counts:
+        raise UnknownNameError("fault", name, tuple(counts))
+    try:
+        values = [int(word) for word in rest.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in counts[name]:
+        raise InvalidArrayError(
+            f"{text!r} is no fault: {name} takes {' or '.join(map(str, counts[name]))} whole "
+            "numbers after the colon"
+        )
+    if name in ("chains", "reverse", "mute-chain"):
+        return _chain_fault(name, values, boards)
+    if name == "channels":
+        return _channel_fault(values, boards)
+    count = 2 if name == "swap" else 1
+    modules = tuple(_module(number, boards) for number in values[:count])
+    if name in ("swap", "mute"):
+        if len(set(modules)) < count:
+            raise InvalidArrayError(f"{text!r}: a module cannot be swapped with itself")
+        return Fault("swapped_modules" if name == "swap" else "mute_module", tuple(sorted(modules)))
+    degrees = values[1] if len(values) > 1 else (120 if name == "turn" else 0)
+    if degrees not in ((120, 240) if name == "turn" else (0, 120, 240)):
+        raise InvalidArrayError(f"{text!r}: boards are turned by 120 or 240 degrees")
+    if not boards.turnable:
+        raise InvalidArrayError(f"{text!r}: {boards.part!r} has no layout that can be turned")
+    kind, first = ("turned_module", 0) if name == "turn" else ("mirrored_module", 3)
+    return Fault(kind, modules, element=first + degrees // 120)
+
+
+def _module(number: int, boards: Boards) -> int:
+    found = np.flatnonzero(boards.numbers == number)
+    if len(found) == 0:
+        raise UnknownNameError(
+            f"module of {boards.part!r}", str(number), [str(n) for n in boards.numbers]
+        )
+    return int(found[0])
+
+
+def _chain_fault(name: str, values: Sequence[int], boards: Boards) -> Fault:
+    kind = {"chains": "swapped_chains", "reverse": "reversed_chain", "mute-chain": "mute_chain"}
+    for fault in chain_faults(boards):
+        if fault.kind == kind[name] and fault.chains == tuple(sorted(values)):
+            return fault
+    there = [str(chain) for chain in np.unique(boards.chains)]
+    raise UnknownNameError(f"chain of {boards.part!r}", ",".join(map(str, values)), there)
+
+
+def _channel_fault(values: Sequence[int], boards: Boards) -> Fault:
+    rows = [np.flatnonzero(boards.table.channels == value) for value in values]
+    if any(len(row) == 0 for row in rows):
+        raise InvalidArrayError(f"{boards.part!r} has no channels {values[0]} and {values[1]}")
+    spots = [np.argwhere(boards.columns == row[0])[0] for row in rows]
+    if spots[0][0] != spots[1][0] or values[0] == values[1]:
+        raise InvalidArrayError("two different channels of one module are expected")
+    slots = sorted(int(spot[1]) for spot in spots)
+    return Fault("swapped_channels", (int(spots[0][0]),), slots=(slots[0], slots[1]))

@@ -1,0 +1,354 @@
+"""Where to touch next: the place whose answer would tell most about the faults still possible.
+
+The gain of a place has two parts. Faults that are merely possible are told from a healthy skin
+only: the chance that the next answer shows one, times what that would be worth. The few faults that
+have become probable are told from each other by a bound on the mutual information that needs
+pairwise overlaps only (Kolchinsky and Tracey, "Estimating mixture entropy with pairwise distances",
+Entropy 19, 2017, with Bhattacharyya's overlap).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from calibration.wiring.boards import Boards, Wiring
+from calibration.wiring.evidence import (
+    HAND_FEW,
+    HAND_MANY,
+    HAND_RINGS,
+    NEAR,
+    SHAPES,
+    SPIKE,
+    TABLE,
+    TIMING,
+    _offsets,
+    step_of,
+)
+from calibration.wiring.faults import Fault, Hypotheses
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.distances import bridged_graph
+from skinmap.geometry.log_map import log_map
+from skinmap.geometry.triangles import unit
+
+ACROSS = 14e-3  # taxels of two modules so near have a place between them [m]
+APART = 7e-3  # candidates for pokes lie so far apart [m]
+STROKE, STEP, GAP = 0.09, 6e-3, 9e-3  # length of a stroke, its points, and the widest hole [m]
+SHORTEST = 0.045  # of a stroke where the skin ends [m]
+NEVER = 1e-9  # a fault less probable asks for nothing (and slows sums of single floats down)
+PROBABLE, MANY = 0.05, 5  # faults above are told from each other, at most so many
+WORTH = 9.0  # most that showing a fault is worth [nats]
+MISSED = 0.03  # chance that a module does not answer, however well it was aimed at
+AGAIN = 8e-3  # touches so near each other are one place [m]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Candidates:
+    """Places that may be asked for.
+
+    Attributes
+    ----------
+    how : str
+        Kind of touch.
+    paths : tuple of (p, 3) array
+        Places [m]; of strokes their points.
+    middles : (c, 3) float
+    answers : (c, m, k) float
+        Chance that each slot of each site answers.
+    silent : (c, m) float
+        Chance that none of a site's slots does.
+    arrivals : (c, m, k) float
+        When a stroke comes by.
+    """
+
+    how: str
+    paths: tuple[FloatArray, ...]
+    middles: FloatArray
+    answers: FloatArray
+    silent: FloatArray
+    arrivals: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+
+def candidates(boards: Boards, how: str) -> Candidates:
+    """Places of a part for one kind of touch."""
+    if how == "stroke":
+        paths = _stroke_paths(boards)
+    else:
+        points = boards.centres if how == "hand" else _between(boards)
+        paths = [point[None] for point in points]
+    middles = np.array([path[len(path) // 2] for path in paths])
+    if how == "hand":
+        answers, arrivals = _hand_answers(boards, middles), np.zeros((0, 0, 0))
+        silent = 1.0 - answers.max(axis=2)
+    else:
+        answers, silent, arrivals = _finger_answers(boards, paths)
+    return Candidates(how, tuple(paths), middles, answers, silent, arrivals)
+
+
+def _between(boards: Boards) -> FloatArray:
+    """Places between modules first, where one poke asks two or three; corners of modules after."""
+    positions, modules = boards.table.positions, boards.table.modules
+    pairs = cKDTree(positions).query_pairs(ACROSS, output_type="ndarray")
+    pairs = pairs[modules[pairs[:, 0]] != modules[pairs[:, 1]]]
+    facing = np.einsum("ij,ij->i", boards.normals[pairs[:, 0]], boards.normals[pairs[:, 1]]) > 0.0
+    pairs = pairs[facing]
+    middles = 0.5 * (positions[pairs[:, 0]] + positions[pairs[:, 1]])
+    # A taxel, a place beside and the nearest of two other modules: where three meet.
+    order = np.argsort(np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1))
+    points = np.concatenate([middles[order], positions])
+    kept: list[int] = []
+    taken = np.zeros(len(points), bool)
+    tree = cKDTree(points)
+    for row in range(len(points)):
+        if not taken[row]:
+            kept.append(row)
+            taken[tree.query_ball_point(points[row], APART)] = True
+    return np.asarray(points[kept])
+
+
+def _stroke_paths(boards: Boards) -> list[FloatArray]:
+    """Straight strokes over the middle of each module, in four directions."""
+    positions, normals = boards.table.positions, boards.normals
+    graph = bridged_graph(positions, 10, 2.5 * boards.pitch)
+    paths = []
+    for centre in boards.centres:
+        source = int(np.argmin(np.linalg.norm(positions - centre, axis=1)))
+        uv, _ = log_map(positions, normals, graph, source, STROKE)
+        known = np.flatnonzero(np.isfinite(uv[:, 0]))
+        tree = cKDTree(uv[known])
+        for angle in np.pi / 4 * np.arange(4):
+            steps = np.arange(-STROKE / 2, STROKE / 2 + 1e-9, STEP)
+            line = steps[:, None] * [np.cos(angle), np.sin(angle)]
+            away, near = tree.query(line, k=3)
+            good = away[:, 0] < GAP
+            middle = len(line) // 2
+            first = middle - int(np.argmin(np.append(good[middle::-1], False))) + 1
+            last = middle + int(np.argmin(np.append(good[middle:], False)))
+            if (last - first - 1) * STEP < SHORTEST or not good[middle]:
+                continue
+            weight = 1.0 / (away + 1e-3) ** 2
+            weight /= weight.sum(axis=1, keepdims=True)
+            points = (weight[..., None] * positions[known[near]]).sum(axis=1)
+            paths.append(points[first:last])
+    return paths
+
+
+def _finger_answers(
+    boards: Boards, paths: list[FloatArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Chances that slots (c, m, k) answer and that modules (c, m) do not, and when (c, m, k)."""
+    m, k = boards.columns.shape
+    answers = np.full((len(paths), m, k), SPIKE)
+    silent = np.ones((len(paths), m))
+    arrivals = np.zeros((len(paths), m, k))
+    answer = 1.0 - np.exp(TABLE[0])
+    shapes = np.array(SHAPES)
+    spread = np.linspace(-2.0, 2.0, 5)
+    weight = np.exp(-0.5 * spread**2)
+    weight /= weight.sum()
+    grid, log_weight = _offsets()
+    for row, path in enumerate(paths):
+        away = np.linalg.norm(boards.centres[:, None] - path[None], axis=2).min(axis=1)
+        near = np.flatnonzero(away < NEAR)
+        slots = boards.places[near, 0]  # (b, k, 3)
+        if len(path) == 1:
+            axes = _frame(boards, path[0])
+            points = path[0] + grid @ axes
+            square = ((slots[None] - points[:, None, None]) ** 2).sum(axis=-1)
+            chance = np.exp(log_weight)
+        else:
+            along = unit((path[-1] - path[0])[None])[0]
+            normal = np.cross(*_frame(boards, path[len(path) // 2]))
+            side = unit(np.cross(normal, along)[None])[0]
+            shifted = path[None] + (4e-3 * spread)[:, None, None] * side
+            gap = ((slots[None, :, :, None] - shifted[:, None, None]) ** 2).sum(axis=-1)
+            gap = np.where(np.isnan(gap), np.inf, gap)
+            square = gap.min(axis=-1)
+            arrivals[row, near] = gap[2].argmin(axis=-1) / (len(path) - 1)
+            chance = weight
+        size = (
+            np.log(shapes[:, 1])[:, None, None, None]
+            - 0.5 * square[None] / (shapes[:, 0] ** 2)[:, None, None, None]
+        )
+        felt = np.where(boards.columns[near] >= 0, answer[step_of(size)], 0.0)
+        answers[row, near] = np.einsum("o,sobk->bk", chance, felt) / len(shapes)
+        none = (1.0 - felt).prod(axis=-1)  # errors of the place are shared by a module's slots
+        silent[row, near] = np.einsum("o,sob->b", chance, none) / len(shapes)
+    return np.where(boards.columns >= 0, answers, 0.0), MISSED + (1 - MISSED) * silent, arrivals
+
+
+def _frame(boards: Boards, place: FloatArray) -> FloatArray:
+    nearest = int(np.argmin(np.linalg.norm(boards.table.positions - place, axis=1)))
+    out = boards.normals[nearest]
+    first = unit(np.cross(out, np.eye(3)[np.argmin(np.abs(out))])[None])[0]
+    return np.stack([first, np.cross(out, first)])
+
+
+def _hand_answers(boards: Boards, middles: FloatArray) -> FloatArray:
+    """Chance that a module answers a hand, for its first slot; the others go with it."""
+    away = np.linalg.norm(boards.centres[None] - middles[:, None], axis=2)
+    ring = np.searchsorted(HAND_RINGS, away)
+    answers = np.zeros((len(middles), *boards.columns.shape))
+    first = (boards.columns >= 0).argmax(axis=1)
+    answers[:, np.arange(len(boards)), first] = (HAND_FEW + HAND_MANY)[ring]
+    return answers
+
+
+class Chooser:
+    """Ranks places by what their answers would tell.
+
+    Parameters
+    ----------
+    boards : Boards
+    hypotheses : Hypotheses
+    wiring : Wiring
+        As it is known.
+    places : Candidates
+    """
+
+    def __init__(
+        self, boards: Boards, hypotheses: Hypotheses, wiring: Wiring, places: Candidates
+    ) -> None:
+        self.boards, self.hypotheses, self.places = boards, hypotheses, places
+        order = wiring.order
+        site = np.where(wiring.site >= 0, wiring.site, 0)
+        read = (wiring.site >= 0) & ~wiring.mute
+
+        def seen(values: FloatArray) -> FloatArray:
+            if len(values) == 0:
+                return values
+            laid = np.empty_like(values)
+            for place in range(len(site)):
+                slots = order[place]
+                if boards.turns is not None:
+                    slots = boards.turns[wiring.element[place]][slots]
+                laid[:, place] = values[:, place, slots]
+            return np.asarray(laid[:, site] * read[None, :, None])
+
+        self.answers = seen(places.answers)
+        self.arrivals = seen(places.arrivals)
+        self.silent = np.where(read, places.silent[:, site], 1.0)
+        self.silent = self.silent.astype(np.float32)
+        first = 1 + len(hypotheses.swaps)
+        self._powered = np.r_[first : first + 6 * len(boards), hypotheses.chain_first :
+                              len(hypotheses)]  # fmt: skip
+        self.power = self._power()
+
+    def best(self, log_posterior: FloatArray, asked: list[FloatArray]) -> tuple[int, float]:
+        """Place that tells most, and how much [nats]; `asked` are the middles touched so far."""
+        gain = self.gains(log_posterior, asked)
+        row = int(np.argmax(gain))
+        return row, float(gain[row])
+
+    def gains(self, log_posterior: FloatArray, asked: list[FloatArray]) -> FloatArray:
+        """(c,) what each place would tell [nats]."""
+        chance = np.exp(log_posterior)
+        top = np.flatnonzero(chance[1:] > PROBABLE) + 1
+        top = top[np.argsort(-chance[top])][:MANY]
+        merely = np.where(chance > NEVER, chance, 0.0).astype(np.float32)
+        merely[top] = 0.0
+        swaps = self.hypotheses.swaps
+        n = 1 + len(swaps)
+        matrix = np.zeros((len(self.boards),) * 2, np.float32)
+        matrix[swaps[:, 0], swaps[:, 1]] = merely[1:n]
+        gain = np.asarray(self.power @ merely[self._powered], np.float64)
+        # A swap shows where either of its modules answers.
+        unseen = ((self.silent @ matrix) * self.silent).sum(axis=1)
+        gain = gain + WORTH * (float(matrix.sum()) - unseen)
+        if len(top):
+            gain = gain + self._between_probable(top, chance)
+        if asked:
+            count = (
+                np.linalg.norm(self.places.middles[:, None] - np.array(asked)[None], axis=2) < AGAIN
+            ).sum(axis=1)
+            gain = gain / (1.0 + count)
+        return gain
+
+    def _power(self) -> FloatArray:
+        """(c, ...) evidence for faults that the answer at each place would bring [nats].
+
+        Of those in `_powered`: swaps have a shorter way, and two channels of a module are not
+        looked for on purpose.
+        """
+        p = np.clip(self.answers, 0.0, 1.0 - 1e-6)
+        silent = self.silent
+        blocks = [-np.log(silent) / WORTH]
+        turns = self.boards.turns
+        for element in range(1, 6):
+            if turns is None:
+                blocks.append((1.0 - silent) * self.boards.turnable)
+                continue
+            slots = np.broadcast_to(turns[element], p.shape[1:])
+            blocks.append((1.0 - silent) * (1.0 - self._overlap(slots)))
+        log_silent = np.log(silent)
+        for fault in self.hypotheses.faults[self.hypotheses.chain_first :]:
+            moves = fault.moves(self.boards)
+            moved = [module for module, to in moves.items() if to != module]
+            some = log_silent[:, moved].sum(axis=1, keepdims=True)
+            mute = fault.kind == "mute_chain"
+            blocks.append(np.minimum(-some / WORTH, 1.0) if mute else 1.0 - np.exp(some))
+        return np.asarray(WORTH * np.concatenate(blocks, axis=1), np.float32)
+
+    def _overlap(self, slots: IntArray) -> FloatArray:
+        """(c, m) overlap of each module's answers with those of a board laid otherwise."""
+        p = self.answers
+        q = np.take_along_axis(p, np.broadcast_to(slots, p.shape), axis=2)
+        both = np.sqrt(p * q)
+        if len(self.arrivals):
+            late = np.take_along_axis(self.arrivals, np.broadcast_to(slots, p.shape), axis=2)
+            both = both * np.exp(-((self.arrivals - late) ** 2) / (8.0 * TIMING**2))
+        return np.asarray((both + np.sqrt((1.0 - p) * (1.0 - q))).prod(axis=2))
+
+    def _between_probable(self, top: IntArray, chance: FloatArray) -> FloatArray:
+        """(c,) bound on what an answer tells about the probable faults and a healthy skin."""
+        faults = [self.hypotheses.faults[row] for row in (0, *top.tolist())]
+        weight = np.array([chance[0], *chance[top]])
+        involved = sorted({module for fault in faults for module in fault.modules})
+        if not involved:
+            return np.zeros(len(self.places))
+        near = np.flatnonzero((self.silent[:, involved] < 0.9).any(axis=1))
+        if len(near) == 0:
+            return np.zeros(len(self.places))
+        under = [self._under(fault, involved, near) for fault in faults]
+        h = len(faults)
+        overlap = np.ones((h, h, len(near)))
+        for i in range(h):
+            for j in range(i):
+                (p, s), (q, t) = under[i], under[j]
+                both = np.sqrt(p * q)
+                if s is not None and t is not None:
+                    both = both * np.exp(-((s - t) ** 2) / (8.0 * TIMING**2))
+                part = (both + np.sqrt((1.0 - p) * (1.0 - q))).reshape(len(p), -1).prod(axis=1)
+                overlap[i, j] = overlap[j, i] = part
+        total = weight.sum()
+        share = weight / total
+        mixed = np.einsum("j,ijc->ic", share, overlap)
+        gain = np.zeros(len(self.places))
+        gain[near] = -total * np.einsum("i,ic->c", share, np.log(mixed))
+        return gain
+
+    def _under(
+        self, fault: Fault, involved: list[int], near: IntArray
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Answers (c, i, k) of the involved modules' channels under a fault, and when."""
+        moves = fault.moves(self.boards)
+        whole = self.answers[near]
+        times = self.arrivals[near] if len(self.arrivals) else None
+        answers = whole[:, involved]
+        late = None if times is None else times[:, involved]
+        for place, module in enumerate(involved):
+            to = moves.get(module, module)
+            slots = np.arange(answers.shape[2])
+            if module in fault.modules and fault.element and self.boards.turns is not None:
+                slots = self.boards.turns[fault.element]
+            elif module in fault.modules and fault.slots:
+                slots[list(fault.slots)] = slots[list(fault.slots)[::-1]]
+            answers[:, place] = 0.0 if to < 0 else whole[:, to][:, slots]
+            if late is not None and times is not None and to >= 0:
+                late[:, place] = times[:, to][:, slots]
+        return np.clip(answers, 0.0, 1.0), late

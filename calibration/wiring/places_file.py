@@ -1,0 +1,108 @@
+"""The places that somebody was asked to touch: a CSV with a row for each point."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import DataFormatError, MissingFileError
+from skinmap.geometry.proximity import median_spacing
+from skinmap.io.text import is_file, parse_floats, read_text
+
+COLUMNS = ("touch", "x", "y", "z")
+TIMES = ("start_s", "end_s")
+FAR = 30e-3  # from the nearest taxel: no place on this skin [m]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AskedPlace:
+    """Where one touch was asked for.
+
+    Attributes
+    ----------
+    number : int
+        As the file counts it.
+    path : (p, 3) float
+        [m].
+    span : (float, float) or None
+        When it was made, in the recording's clock [s].
+    """
+
+    number: int
+    path: FloatArray
+    span: tuple[float, float] | None
+
+
+def read_places(path: Path, part: str, unit: float = 1.0) -> list[AskedPlace]:
+    """The places of one part, in the order of their numbers.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or not `touch,x,y,z` with perhaps `part`, `start_s` and `end_s`.
+    """
+    if not is_file(path):
+        raise MissingFileError(path, f"places: CSV {','.join(COLUMNS)}[,part][,start_s,end_s]")
+    reader = csv.reader(read_text(path).splitlines())
+    names = [cell.strip() for cell in next(reader, [])]
+    extra = set(names) - set(COLUMNS) - set(TIMES) - {"part"}
+    timed = [name in names for name in TIMES]
+    if not set(COLUMNS) <= set(names) or extra or any(timed) != all(timed):
+        raise DataFormatError(
+            f"expected the header {','.join(COLUMNS)} and perhaps part or start_s,end_s, "
+            f"got {','.join(names)[:100]!r}", path, 1,
+        )  # fmt: skip
+    found: dict[int, list[list[float]]] = {}
+    for row in reader:
+        if not row:
+            continue
+        if len(row) != len(names):
+            raise DataFormatError(f"expected {len(names)} columns, got {len(row)}", path,
+                                  reader.line_num)  # fmt: skip
+        cells = dict(zip(names, row, strict=True))
+        if cells.pop("part", part).strip() != part:
+            continue
+        wanted = [*COLUMNS, *(TIMES if all(timed) else ())]
+        numbers = parse_floats([cells[name] for name in wanted], path, reader.line_num)
+        if numbers[0] != int(numbers[0]):
+            raise DataFormatError(f"touch {cells['touch']!r} is no whole number", path,
+                                  reader.line_num)  # fmt: skip
+        found.setdefault(int(numbers[0]), []).append(numbers[1:])
+    if not found:
+        raise DataFormatError(f"no place on {part!r}", path)
+    places = []
+    for number, rows in sorted(found.items()):
+        table = np.array(rows)
+        span = (float(table[0, 3]), float(table[0, 4])) if table.shape[1] > 3 else None
+        places.append(AskedPlace(number, table[:, :3] * unit, span))
+    return places
+
+
+def check_places(places: list[AskedPlace], positions: FloatArray, part: str, path: Path) -> None:
+    """Refuse places that are not on a skin.
+
+    Raises
+    ------
+    DataFormatError
+        Says which touch, and how far off it is.
+    """
+    limit = max(FAR, 3.0 * median_spacing(positions))
+    for place in places:
+        away = np.linalg.norm(place.path[:, None] - positions[None], axis=2).min(axis=1)
+        if float(away.max()) > limit:
+            raise DataFormatError(
+                f"touch {place.number} is {1e3 * float(away.max()):.0f} mm from the nearest taxel "
+                f"of {part!r}: another part's place, or another unit (--units)", path,
+            )  # fmt: skip
+
+
+def write_places(paths: list[FloatArray], file: Path) -> None:
+    """Write the places of touches (p, 3) [m], counted from 1."""
+    lines = [",".join(COLUMNS)]
+    for number, path in enumerate(paths, start=1):
+        lines += [f"{number}," + ",".join(repr(float(v)) for v in point) for point in path]
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,0 +1,89 @@
+"""From samples to touches: where one begins and ends, what answered and when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calibration.wiring.evidence import THRESHOLD
+from calibration.wiring.touch import Touch
+from skinmap.arrays import FloatArray, IntArray, check_finite
+from skinmap.errors import InvalidArrayError
+
+BEGINS, ENDS = 3, 12  # samples that a touch is felt for, and quiet ones that end it
+MIDDLE = 128.0  # raw values that rest above it fall under load, as those of the iCub do
+MARGIN = 10  # samples beside a touch that are no rest
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Baseline:
+    """What channels send untouched.
+
+    Attributes
+    ----------
+    level : (n,) float
+        Median [counts].
+    sign : (n,) float
+        -1 where load makes values fall.
+    """
+
+    level: FloatArray
+    sign: FloatArray
+
+    @classmethod
+    def of(cls, rest: ArrayLike, kind: str) -> Baseline:
+        """From samples (t, n) at rest, of raw values or pressures."""
+        values = check_finite(rest, "rest", (None, None))
+        if len(values) == 0:
+            raise InvalidArrayError("no samples at rest")
+        level = np.median(values, axis=0)
+        falls = (level > MIDDLE) & (kind == "raw")
+        return cls(level, np.where(falls, -1.0, 1.0))
+
+    def answers(self, samples: ArrayLike) -> FloatArray:
+        """(t, n) answers above rest [counts]; a spike of one sample is none."""
+        values = check_finite(samples, "samples", (None, len(self.level)))
+        values = (values - self.level) * self.sign
+        if len(values) < 3:
+            return values
+        before, after = values[:-2], values[2:]
+        middle = np.maximum(
+            np.minimum(before, after),
+            np.minimum(values[1:-1], np.maximum(before, after)),
+        )  # the median of three
+        return np.concatenate([np.minimum(values[:1], values[1:2]), middle,
+                               np.minimum(values[-1:], values[-2:-1])])  # fmt: skip
+
+
+def make_touch(answers: FloatArray, how: str, path: FloatArray | None) -> Touch:
+    """A touch from its answers (t, n) above rest."""
+    if len(answers) == 0:
+        raise InvalidArrayError("a touch without a sample")
+    felt = np.where(answers > 0.5 * THRESHOLD, answers, 0.0)
+    load = felt.sum(axis=0)
+    when = np.linspace(0.0, 1.0, len(answers))
+    arrival = (felt * when[:, None]).sum(axis=0) / np.where(load > 0, load, 1.0)
+    return Touch(how, path, answers.max(axis=0), arrival)
+
+
+def find_touches(answers: FloatArray) -> IntArray:
+    """(k, 2) first and last sample of each touch in answers (t, n)."""
+    active = np.asarray((answers > THRESHOLD).any(axis=1))
+    rows = np.flatnonzero(active)
+    if len(rows) == 0:
+        return np.zeros((0, 2), np.int64)
+    breaks = np.flatnonzero(np.diff(rows) > ENDS)
+    first = rows[np.concatenate([[0], breaks + 1])]
+    last = rows[np.concatenate([breaks, [len(rows) - 1]])]
+    held = np.array([active[a : b + 1].sum() >= BEGINS for a, b in zip(first, last, strict=True)])
+    return np.column_stack([first, last])[held]
+
+
+def untouched(count: int, touches: IntArray) -> np.ndarray:
+    """(count,) samples that are at rest, given the touches (k, 2)."""
+    rest = np.ones(count, bool)
+    for first, last in touches.tolist():
+        rest[max(0, first - MARGIN) : last + MARGIN + 1] = False
+    return rest

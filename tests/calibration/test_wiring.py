@@ -1,0 +1,398 @@
+"""The wiring doctor: planted faults come back, healthy skins pass, and wrong inputs are refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from calibration.wiring.boards import GROUP, Wiring, boards_of, compose
+from calibration.wiring.channel_map import corrected, write_map
+from calibration.wiring.doctor import Doctor
+from calibration.wiring.faults import KINDS, Fault, parse_fault
+from calibration.wiring.person import Patient, Person
+from calibration.wiring.places_file import write_places
+from calibration.wiring.rest import judge_rest
+from calibration.wiring.samples import Baseline, find_touches, make_touch
+from skinmap.cli.main import cli
+from skinmap.errors import (
+    DataFormatError,
+    InvalidArrayError,
+    OutputError,
+    SkinError,
+    SkinMismatchError,
+    UnknownNameError,
+)
+from skinmap.io.readers import read_taxels
+from skinmap.touch.recording import Recording, save_recordings
+
+PART = "left_forearm"
+WORDS = (
+    "swap:3,7",
+    "turn:5,240",
+    "mirror:22",
+    "mute:12",
+    "chains:0,1",
+    "reverse:0",
+    "mute-chain:1",
+)
+
+
+@pytest.fixture(scope="module")
+def boards(icub):
+    return boards_of(icub, PART)
+
+
+@pytest.fixture(scope="module")
+def base(boards):
+    return Doctor.of(boards)
+
+
+@pytest.fixture(scope="module")
+def patient(icub):
+    return Patient(icub.skin(PART))
+
+
+def person_with(words, boards, patient, seed=0):
+    wiring = Wiring.as_mapped(boards)
+    for word in words:
+        wiring = parse_fault(word, boards).apply(wiring, boards)
+    return Person(patient, np.random.default_rng(seed), wiring.sources(boards)), wiring
+
+
+def examine(base, person, touches, how="poke", shuffled=None):
+    """The doctor after some touches; `shuffled` gives the places made for each asked one."""
+    doctor = base.again()
+    rest = person.rest(300)
+    doctor.rest(judge_rest(rest, base.boards))
+    level = Baseline.of(rest, "pressure")
+    for _ in range(touches):
+        path, _ = doctor.next_place(how)
+        made = path if shuffled is None else shuffled(path)
+        samples = person.stroke(made) if how == "stroke" else person.poke(made[0])
+        doctor.hear(make_touch(level.answers(samples), how, path))
+    doctor.conclude()
+    return doctor
+
+
+def run(words, code=0):
+    result = CliRunner().invoke(cli, ["wiring", *map(str, words), "--json"])
+    assert result.exit_code == code, (result.output, result.exception)
+    return json.loads(result.stdout)
+
+
+def refused(words, error, match):
+    result = CliRunner().invoke(cli, ["wiring", *map(str, words)])
+    assert isinstance(result.exception, error), (result.output, result.exception)
+    assert match in str(result.exception) or match in result.output
+
+
+# The boards and what may happen to them.
+
+
+def test_turns_and_mirrors_are_a_group():
+    for after in range(6):
+        for before in range(6):
+            product = GROUP[compose(after, before)]
+            np.testing.assert_allclose(product, GROUP[after] @ GROUP[before], atol=1e-12)
+
+
+def test_turned_slots_lie_where_a_turn_carries_them(icub, boards):
+    layout = icub.part(PART).layout
+    felt = ~layout.thermal
+    xy = layout.xy - layout.xy[felt].mean(axis=0)
+    for element, slots in enumerate(boards.turns):
+        gap = xy[felt] @ GROUP[element].T - xy[slots[felt]]
+        # The 10-pad is drawn to 0.4 mm of a triangle's symmetry.
+        assert np.linalg.norm(gap, axis=1).max() < 1e-3
+
+
+def test_chains_are_connectors_of_sixteen_modules(icub):
+    sizes = {"left_forearm": [16, 8], "torso": [7, 11, 15, 10]}
+    for part, wanted in sizes.items():
+        found = boards_of(icub, part)
+        assert np.bincount(found.chains).tolist() == wanted
+
+
+@pytest.mark.parametrize("word", WORDS)
+def test_a_fault_twice_or_thrice_is_none(word, boards):
+    if word.startswith("mute"):
+        pytest.skip("what is mute stays mute")
+    fault = parse_fault(word, boards)
+    wiring = Wiring.as_mapped(boards)
+    if word.startswith("chains"):  # 8 of the 16 modules have a counterpart on the shorter chain
+        once = fault.apply(wiring, boards).sources(boards)
+        assert (once == -1).sum() == 80
+        return
+    for _ in range(3 if word.startswith("turn") else 2):
+        wiring = fault.apply(wiring, boards)
+    np.testing.assert_array_equal(wiring.sources(boards), np.arange(len(boards.table)))
+
+
+def test_a_rests_probabilities_are_shared_out(base):
+    prior = np.exp(base.hypotheses.log_prior)
+    assert prior.sum() == pytest.approx(1.0)
+    assert prior[0] == pytest.approx(0.5)
+    assert {fault.kind for fault in base.hypotheses.faults} == {"healthy", *KINDS}
+
+
+# Touches.
+
+
+@pytest.mark.parametrize("how", ["poke", "stroke"])
+@pytest.mark.parametrize("word", WORDS)
+def test_a_planted_fault_is_found_and_its_map_corrected(word, how, boards, base, patient):
+    person, truth = person_with([word], boards, patient, seed=3)
+    # Twice the pokes of the benchmark, which has the shares of what is found in fewer.
+    doctor = examine(base, person, 24 if how == "poke" else 18, how)
+    assert [found.fault for found in doctor.found] == [parse_fault(word, boards)]
+    assert doctor.status == "faulty"
+    table, moved, _ = corrected(boards, doctor.wiring, [found.fault for found in doctor.found])
+    places = truth.places(boards)
+    rows = np.searchsorted(boards.table.channels, table.channels)
+    known = np.isin(table.channels, boards.table.channels)
+    np.testing.assert_array_equal(table.positions[known], places[rows[known]])
+    assert (len(moved) > 0) == (not word.startswith("mute"))
+
+
+def test_two_faults_far_apart_are_found_one_after_the_other(boards, base, patient):
+    words = ["swap:0,24", "turn:9,120"]
+    person, _ = person_with(words, boards, patient, seed=5)
+    doctor = examine(base, person, 24)
+    assert {found.fault for found in doctor.found} == {parse_fault(w, boards) for w in words}
+
+
+@pytest.mark.parametrize("how", ["poke", "stroke"])
+def test_healthy_skins_pass(how, boards, base, patient):
+    for seed in range(6):
+        person, _ = person_with([], boards, patient, seed=100 + seed)
+        doctor = examine(base, person, 12, how)
+        assert not doctor.found
+        assert doctor.status in ("healthy", "undecided")
+
+
+def test_shuffled_places_name_no_fault(boards, base, patient, rng):
+    """The control: answers that do not belong to their places are told from a fault."""
+    for seed in range(3):
+        person, _ = person_with([], boards, patient, seed=200 + seed)
+
+        def anywhere(_):
+            return patient.skin.positions[rng.integers(len(patient.skin))][None]
+
+        doctor = examine(base, person, 12, shuffled=anywhere)
+        assert doctor.status == "inconsistent"
+
+
+def test_a_repeated_place_says_less_each_time(boards, base, patient):
+    person, _ = person_with([], boards, patient)
+    level = Baseline.of(person.rest(300), "pressure")
+    path, _ = base.again().next_place("poke")
+    touch = make_touch(level.answers(person.poke(path[0])), "poke", path)
+    steps = []
+    doctor = base.again()
+    before = doctor._log
+    for _ in range(3):
+        doctor.hear(touch)
+        steps.append(float(np.ptp(doctor._log - before)))
+        before = doctor._log
+    np.testing.assert_allclose(steps, steps[0] / np.array([1.0, 2.0, 3.0]), rtol=1e-6)
+
+
+def test_another_length_is_refused(base):
+    touch = make_touch(np.zeros((5, 7)), "poke", np.zeros((1, 3)))
+    with pytest.raises(InvalidArrayError, match="7 answers for the 240 taxels"):
+        base.again().hear(touch)
+
+
+def test_touches_are_cut_out_of_samples():
+    answers = np.zeros((100, 4))
+    answers[10:20, 1] = 80.0
+    answers[50, 2] = 200.0  # one sample: a spike
+    answers[70:90, 3] = 30.0
+    assert find_touches(answers).tolist() == [[10, 19], [70, 89]]
+    raw = 240.0 - answers
+    level = Baseline.of(raw, "raw")
+    assert level.answers(raw)[50].max() == 0.0
+    np.testing.assert_array_equal(level.answers(raw)[10:20], answers[10:20])
+
+
+# Rest.
+
+
+def at_rest(rng, n, noise, samples=300):
+    return np.rint(240 + rng.uniform(-5, 5, n) + rng.normal(0, noise, (samples, n)))
+
+
+@pytest.mark.parametrize("noise", [0.5, 1.2, 3.0])
+def test_a_rest_shows_what_is_stuck_mute_and_given_twice(noise, boards):
+    for seed in range(10):
+        rng = np.random.default_rng([seed, 4])
+        samples = at_rest(rng, len(boards.table), noise)
+        healthy = judge_rest(samples, boards)
+        assert healthy.tells
+        assert len(healthy.stuck) == len(healthy.mute) == len(healthy.pairs) == 0
+        samples[:, 5] = 255
+        samples[:, 33] = samples[:, 170]
+        samples[:, boards.columns[4][boards.columns[4] >= 0]] = 0
+        found = judge_rest(samples, boards)
+        assert found.stuck.tolist() == [5]
+        assert found.mute == (4,)
+        assert found.pairs.tolist() == [[33, 170]]
+
+
+def test_a_calm_rest_tells_nothing(boards):
+    assert not judge_rest(np.zeros((300, len(boards.table))), boards).tells
+    with pytest.raises(InvalidArrayError, match="at least 100"):
+        judge_rest(np.zeros((20, len(boards.table))), boards)
+    with pytest.raises(InvalidArrayError, match="5 values at rest for 240"):
+        judge_rest(np.zeros((300, 5)), boards)
+    with pytest.raises(InvalidArrayError):
+        judge_rest(np.full((300, len(boards.table)), np.nan), boards)
+
+
+# Files and the command.
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory, boards, base, patient):
+    """A recording of 24 pokes on a skin with modules 3 and 7 swapped, and its places."""
+    folder = tmp_path_factory.mktemp("wiring")
+    person, truth = person_with(["swap:3,7"], boards, patient, seed=8)
+    blocks, events, paths = [person.rest(300)], [np.full(300, -1)], []
+    doctor = base.again()
+    for number in range(24):
+        path, _ = doctor.next_place("poke")
+        samples = person.poke(path[0])
+        level = Baseline.of(blocks[0], "pressure")
+        doctor.hear(make_touch(level.answers(samples), "poke", path))
+        paths.append(path)
+        blocks += [samples, person.rest(40)]
+        events += [np.full(len(samples), number), np.full(40, -1)]
+    values, marks = np.concatenate(blocks), np.concatenate(events)
+    times = np.arange(len(values)) / 50.0
+    recording = Recording(PART, times, values, marks, ("poke",) * 24)
+    save_recordings([recording], folder / "swap.npz")
+    none = Recording(PART, times, values, np.full(len(values), -1), ())
+    save_recordings([none], folder / "unmarked.npz")
+    still = Recording(PART, times[:300], values[:300], np.full(300, -1), ())
+    save_recordings([still], folder / "still.npz")
+    write_places(paths, folder / "places.csv")
+    return folder, truth, paths
+
+
+def test_a_recording_with_places_is_examined(recorded, boards, tmp_path):
+    folder, truth, _ = recorded
+    out = tmp_path / "corrected.csv"
+    result = run([folder / "swap.npz", "--places", folder / "places.csv", "-o", out])
+    assert result["status"] == "faulty"
+    assert [(f["kind"], f["modules"]) for f in result["faults"]] == [("swapped_modules", [3, 7])]
+    assert result["faults"][0]["confidence"] > 0.99
+    assert result["touches"] == 24
+    table = read_taxels(out)
+    np.testing.assert_array_equal(table.channels, boards.table.channels)
+    np.testing.assert_array_equal(table.positions, truth.places(boards))
+    before = out.read_bytes()
+    refused([folder / "swap.npz", "--places", folder / "places.csv", "-o", out], OutputError,
+            "exists")  # fmt: skip
+    assert out.read_bytes() == before
+    inspected = CliRunner().invoke(
+        cli, ["inspect", str(out), "--module", "triangle_10pad", "--json"]
+    )
+    assert inspected.exit_code == 0
+    assert json.loads(inspected.stdout)["taxels"] == 240
+
+
+def test_touches_without_marks_and_without_places(recorded):
+    folder, _, _ = recorded
+    result = run([folder / "unmarked.npz"])
+    assert result["touches"] >= 20
+    assert not result["parts"][0]["places_known"]
+    assert any("no places are known" in note for note in result["notes"])
+    assert result["suspects"][0]["modules"] == [3, 7]
+    assert not [f for f in result["faults"] if f["modules"] != [3, 7]]
+
+
+def test_swaps_show_without_places_where_touches_lie_across_modules(boards, base, patient):
+    named = []
+    for word in ("swap:3,7", "swap:0,24", "swap:8,17", "swap:11,25", "swap:6,29"):
+        person, _ = person_with([word], boards, patient, seed=21)
+        doctor = base.again()
+        level = Baseline.of(person.rest(300), "pressure")
+        rows = np.random.default_rng(6).integers(len(boards.table), size=60)
+        for place in patient.skin.positions[rows]:
+            doctor.hear(make_touch(level.answers(person.poke(place)), "poke", None))
+        assert [found.fault for found in doctor.found] in ([], [parse_fault(word, boards)])
+        named += doctor.found
+    # Two of three in a trial of 40 with 40 pokes each.
+    assert len(named) >= 3
+
+
+def test_shuffled_places_of_a_recording_exit_with_3(recorded, tmp_path):
+    folder, _, paths = recorded
+    order = np.random.default_rng(1).permutation(len(paths))
+    write_places([paths[k] for k in order], tmp_path / "places.csv")
+    result = run([folder / "swap.npz", "--places", tmp_path / "places.csv", "-o",
+                  tmp_path / "map.csv"], code=3)  # fmt: skip
+    assert result["status"] == "inconsistent"
+    assert result["faults"] == []
+    assert not (tmp_path / "map.csv").exists()
+
+
+def test_a_recording_without_touches_is_judged_by_its_rest(recorded):
+    folder, _, _ = recorded
+    result = run([folder / "still.npz"])
+    assert result["touches"] == 0
+    assert result["status"] == "undecided"
+    assert "no touch" in result["notes"][-1]
+
+
+def test_wrong_inputs_are_refused_in_a_line(recorded, tmp_path, patient):
+    folder, _, paths = recorded
+    swap = folder / "swap.npz"
+    refused([swap, "--part", "tail"], UnknownNameError, "no part 'tail'")
+    refused([swap, "--part", "torso"], UnknownNameError, "no part in")
+    refused([tmp_path / "none.npz"], SkinError, "none.npz")
+    refused(["sim", "--part", PART, "--plant", "swap:3"], InvalidArrayError, "swap takes 2")
+    refused(["sim", "--part", PART, "--plant", "swap:3,99"], UnknownNameError, "no module of")
+    refused(["sim", "--part", PART, "--plant", "melt:3"], UnknownNameError, "no fault 'melt'")
+    refused([swap, "--plant", "swap:3,7"], SystemExit, "SOURCE must be sim")
+    write_places(paths[:5], tmp_path / "few.csv")
+    refused([swap, "--places", tmp_path / "few.csv"], DataFormatError, "places for 5 touches")
+    refused([swap, "--places", folder / "places.csv", "--units", "cm"], DataFormatError,
+            "nearest taxel")  # fmt: skip
+    write_places([path + 0.3 for path in paths], tmp_path / "far.csv")
+    refused([swap, "--places", tmp_path / "far.csv"], DataFormatError, "nearest taxel")
+    with (tmp_path / "nan.csv").open("w") as file:
+        csv.writer(file).writerows([["touch", "x", "y", "z"], [1, "nan", 0, 0]])
+    refused([swap, "--places", tmp_path / "nan.csv"], DataFormatError, "nan")
+    short = Recording(PART, np.arange(9) / 50, np.zeros((9, 7), np.uint8), np.full(9, -1), ())
+    save_recordings([short], tmp_path / "short.npz")
+    refused([tmp_path / "short.npz"], SkinMismatchError, "7 channels")
+
+
+def test_a_simulated_skin_is_examined_and_its_map_written(tmp_path):
+    out = tmp_path / "maps"
+    words = ["sim", "--part", PART, "--plant", "turn:9,120", "--max-touches", 20, "--seed", 2]
+    result = run([*words, "-o", out])
+    assert [(f["kind"], f["modules"]) for f in result["faults"]] == [("turned_module", [9])]
+    assert result["planted"][0]["words"] == result["faults"][0]["words"]
+    assert result["files"] == [str(out / f"{PART}.csv")]
+    again = run(words)
+    assert {**again, "seconds": 0, "files": 0} == {**result, "seconds": 0, "files": 0}
+
+
+def test_a_map_is_never_written_over_another(tmp_path, boards):
+    path = tmp_path / "map.csv"
+    write_map(boards.table, path)
+    with pytest.raises(OutputError, match="never written over"):
+        write_map(boards.table, path)
+
+
+def test_a_faults_words_and_channels(boards):
+    fault = parse_fault("swap:3,7", boards)
+    assert fault.words(boards) == "modules 3 and 7 are swapped"
+    assert len(fault.channels(boards)) == 20
+    assert Fault("healthy").words(boards) == "nothing is wrong"
