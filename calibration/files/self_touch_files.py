@@ -10,6 +10,7 @@ taxel), `mount (6,)` (translation [m], rotation vector [rad]), `dh (k, 4)` (a, d
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -105,7 +106,7 @@ def _part(folder: Path, name: str) -> Chain:
         mount[:3, 3] = placed[:3]
         mount[:3, :3] = Rotation.from_rotvec(placed[3:]).as_matrix()
         joints = check_whole(arrays["joint_cols"], "joint_cols")
-        return Chain(name, arrays["dh"], joints, mount, arrays["taxel_pos"])
+        return Chain.from_dh(name, arrays["dh"], joints, mount, arrays["taxel_pos"])
     except KeyError as error:
         raise DataFormatError(f"a part lacks {error}", path) from error
     except ValueError as error:
@@ -116,4 +117,4 @@ def _probe(folder: Path, name: str) -> Chain:
     """A chain that ends in a tip: the joints of its own part, or of the arm that it sits on."""
     own = folder / f"{PART}{name}.npz"
     part = _part(folder, name if own.is_file() else name.replace(*PROBE))
-    return Chain(name, part.dh, part.joints)
+    return replace(part, name=name, mount=np.eye(4), taxels=np.zeros((0, 3)))

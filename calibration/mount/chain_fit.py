@@ -253,7 +253,8 @@ def _rows(
                 jacobian[:, :, column : column + 3] += sign * swept.transpose(0, 2, 1)
                 column += 3
             jacobian[:, :, column : column + 3] += sign * turn
-        for number, axis, origin in zip(chains[name].joints.tolist(), axes, origins, strict=True):
+        slopes = chains[name].slopes(axes, origins, x)
+        for number, slope in zip(chains[name].joints.tolist(), slopes, strict=True):
             if number in joint:
-                jacobian[:, :, joint[number]] += sign * np.cross(axis, x - origin)
+                jacobian[:, :, joint[number]] += sign * slope
     return world[0] - world[1], jacobian

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,10 +46,14 @@ def robot() -> dict[str, Chain]:
     still, none = np.zeros((0, 4)), np.zeros(0, int)
     arm = np.arange(6)
     return {
-        "arm": Chain("arm", ARM, arm, pose([0.2, 1.4, 0.3], [0.02, 0.01, 0.05]), bent_sheet(0.05)),
-        "finger": Chain("finger", ARM, arm, pose([0, 0, 0], [0.01, 0.02, 0.09])),
-        "chest": Chain("chest", still, none, pose([0, 0, 0.1], [0.2, 0, 0.1]), bent_sheet(0.1)),
-        "belly": Chain(
+        "arm": Chain.from_dh(
+            "arm", ARM, arm, pose([0.2, 1.4, 0.3], [0.02, 0.01, 0.05]), bent_sheet(0.05)
+        ),
+        "finger": Chain.from_dh("finger", ARM, arm, pose([0, 0, 0], [0.01, 0.02, 0.09])),
+        "chest": Chain.from_dh(
+            "chest", still, none, pose([0, 0, 0.1], [0.2, 0, 0.1]), bent_sheet(0.1)
+        ),
+        "belly": Chain.from_dh(
             "belly", still, none, pose([0, 0.4, 0], [0.18, 0.02, 0.02]), bent_sheet(0.1)
         ),
     }
@@ -100,7 +105,7 @@ def moved(chains, name, angle=0.3, distance=0.02, seed=5) -> dict[str, Chain]:
     T = old.mount.copy()
     T[:3, :3] = Rotation.from_rotvec(angle * turn).as_matrix() @ T[:3, :3]
     T[:3, 3] += distance * move
-    return chains | {name: Chain(name, old.dh, old.joints, T, old.taxels)}
+    return chains | {name: replace(old, mount=T)}
 
 
 def taxel_error(chain: Chain, mount) -> float:
@@ -284,7 +289,7 @@ def saved(folder: Path, chains, recording) -> Path:
             folder / f"part_{name}.npz",
             taxel_pos=chain.taxels,
             mount=np.concatenate([chain.mount[:3, 3], turn]),
-            dh=chain.dh,
+            dh=ARM if len(chain.joints) else np.zeros((0, 4)),
             joint_cols=chain.joints,
         )
         if touched is not None:
