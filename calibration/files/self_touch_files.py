@@ -20,8 +20,10 @@ from calibration.mount.chains import Chain, TouchRecording
 from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray, check_finite, check_whole
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.skin.normals import NEIGHBOURS, patch_labels, repair_normals
 
 PART = "part_"
+NOTHING = np.zeros((0, 3))
 PROBE = ("Finger", "Arm")  # a probe without a part of its own sits on the arm of its side
 
 
@@ -106,15 +108,29 @@ def _part(folder: Path, name: str) -> Chain:
         mount[:3, 3] = placed[:3]
         mount[:3, :3] = Rotation.from_rotvec(placed[3:]).as_matrix()
         joints = check_whole(arrays["joint_cols"], "joint_cols")
-        return Chain.from_dh(name, arrays["dh"], joints, mount, arrays["taxel_pos"])
+        taxels = arrays["taxel_pos"]
+        return Chain.from_dh(name, arrays["dh"], joints, mount, taxels, bulging_normals(taxels))
     except KeyError as error:
         raise DataFormatError(f"a part lacks {error}", path) from error
     except ValueError as error:
         raise DataFormatError(str(error), path) from error
 
 
+def bulging_normals(taxels: FloatArray) -> FloatArray:
+    """(n, 3) normals of sheets that bulge outwards, as covers of robots do; NaN for no taxel."""
+    normals = np.full(taxels.shape, np.nan)
+    known = np.isfinite(taxels).all(axis=1)
+    points = taxels[known]
+    if len(points) <= NEIGHBOURS:
+        return np.zeros((0, 3))
+    labels = patch_labels(points)
+    middles = np.stack([points[labels == label].mean(axis=0) for label in np.unique(labels)])
+    normals[known] = repair_normals(points, None, points - middles[labels])
+    return normals
+
+
 def _probe(folder: Path, name: str) -> Chain:
     """A chain that ends in a tip: the joints of its own part, or of the arm that it sits on."""
     own = folder / f"{PART}{name}.npz"
     part = _part(folder, name if own.is_file() else name.replace(*PROBE))
-    return replace(part, name=name, mount=np.eye(4), taxels=np.zeros((0, 3)))
+    return replace(part, name=name, mount=np.eye(4), taxels=NOTHING, normals=NOTHING)

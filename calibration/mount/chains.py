@@ -41,6 +41,8 @@ class Chain:
     taxels : (n, 3) float
         Positions in the patch [m], NaN where an id has no taxel; none for a probe, whose tip
         is one unknown point of the link.
+    normals : (n, 3) float
+        Outward at each taxel, NaN where there is none; nothing where they are not known.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Chain:
     after: FloatArray = field(default_factory=lambda: np.eye(4))
     mount: FloatArray = field(default_factory=lambda: np.eye(4))
     taxels: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    normals: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
         joints = check_whole(self.joints, "joints")
@@ -78,8 +81,13 @@ class Chain:
             shifts=check_finite(self.shifts, f"shifts of {self.name!r}", (j,)),
             after=check_transform(self.after, "after"),
             mount=check_transform(self.mount, "mount"),
-            taxels=_check_taxels(self.taxels, self.name),
+            taxels=_check_taxels(self.taxels, self.name, "taxels"),
+            normals=_check_taxels(self.normals, self.name, "normals"),
         )
+        if len(self.normals) not in (0, len(self.taxels)):
+            raise InvalidArrayError(
+                f"{len(self.normals)} normals for {len(self.taxels)} taxels of {self.name!r}"
+            )
 
     @classmethod
     def from_dh(
@@ -89,6 +97,7 @@ class Chain:
         joints: ArrayLike,
         mount: ArrayLike | None = None,
         taxels: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
     ) -> Chain:
         """A chain from rows of Denavit and Hartenberg, in the standard convention.
 
@@ -102,7 +111,7 @@ class Chain:
             Column of a recording's angles of each of the last j rows.
         mount : (4, 4) array-like of float, optional
             T_link_patch.
-        taxels : (n, 3) array-like of float, optional
+        taxels, normals : (n, 3) array-like of float, optional
             None for a probe.
         """
         rows = check_finite(np.reshape(np.asarray(dh, np.float64), (-1, 4)), "dh", (None, 4))
@@ -127,6 +136,7 @@ class Chain:
             T,
             np.eye(4) if mount is None else np.asarray(mount),
             np.zeros((0, 3)) if taxels is None else np.asarray(taxels),
+            np.zeros((0, 3)) if normals is None else np.asarray(normals),
         )
 
     @property
@@ -169,11 +179,11 @@ class Chain:
         return np.where(self.sliding[:, None, None], axes, turned)
 
 
-def _check_taxels(given: FloatArray, name: str) -> FloatArray:
+def _check_taxels(given: FloatArray, name: str, what: str) -> FloatArray:
     taxels = np.asarray(given)
     if taxels.shape[1:] != (3,) or taxels.dtype.kind not in "iuf":
         raise InvalidArrayError(
-            f"taxels of {name!r} must be numbers of shape (n, 3), got {taxels.dtype} {taxels.shape}"
+            f"{what} of {name!r} must be numbers of shape (n, 3), got {taxels.dtype} {taxels.shape}"
         )
     return taxels.astype(np.float64)
 

@@ -24,6 +24,7 @@ def robot_chain(
     name: str | None = None,
     mount: ArrayLike | None = None,
     taxels: ArrayLike | None = None,
+    normals: ArrayLike | None = None,
 ) -> Chain:
     """The chain from one link of a robot to another.
 
@@ -45,8 +46,8 @@ def robot_chain(
         The link's by default.
     mount : (4, 4) array-like of float, optional
         T_link_patch.
-    taxels : (n, 3) array-like of float, optional
-        Positions in the patch [m]; none for a probe.
+    taxels, normals : (n, 3) array-like of float, optional
+        Positions in the patch [m], and outward directions there; none for a probe.
 
     Raises
     ------
@@ -86,6 +87,7 @@ def robot_chain(
         walk.T,
         np.eye(4) if mount is None else np.asarray(mount),
         np.zeros((0, 3)) if taxels is None else np.asarray(taxels),
+        np.zeros((0, 3)) if normals is None else np.asarray(normals),
     )
 
 

@@ -12,16 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.mount.chain_fit import (
-    ChainState,
-    Unknowns,
-    fit_chains,
-    misses,
-    mount_covariances,
-)
+from calibration.mount.chain_fit import fit_chains, misses, mount_covariances
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.pairing import Contacts, contacts_of
 from calibration.mount.rigid_mount import Loss, point_covariance
+from calibration.mount.unknowns import ChainState, Unknowns
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
@@ -161,7 +156,8 @@ class _Problem:
         probes = tuple(name for name in present if self.chains[name].is_probe)
         moving = sorted({int(j) for name in present for j in self.chains[name].joints})
         joints = tuple(moving) if self.joint_offsets and mounts else ()
-        return Unknowns(self.calibrate if mounts else (), probes, joints, self.joint_sigma)
+        apart = {one.recording.name: 0.0 for one in contacts if one.stands_apart and mounts}
+        return Unknowns(self.calibrate if mounts else (), probes, joints, self.joint_sigma, apart)
 
     def start(self, contacts: Sequence[Contacts]) -> ChainState:
         """Mounts as they came, with the tips that fit them best."""
@@ -215,14 +211,14 @@ class _Problem:
         self, contacts: Sequence[Contacts], state: ChainState, shift: float
     ) -> dict[str, FloatArray]:
         unknowns = self.unknowns(contacts)
-        found = mount_covariances(contacts, self.chains, unknowns, state, self.loss)
+        noise, joints = mount_covariances(contacts, self.chains, unknowns, state, self.loss)
         spread = [
             np.einsum("nii->n", taxel_covariance(self.chains[name], state.mounts[name], own))
-            for name, own in found.items()
+            for name, own in noise.items()
         ]
         # Fits to halves differ by twice the error of the fit to all.
         seen = (0.5 * shift) ** 2 / max(float(np.concatenate(spread).mean()), 1e-18)
-        return {name: max(1.0, seen) * own for name, own in found.items()}
+        return {name: max(1.0, seen) * own + joints[name] for name, own in noise.items()}
 
     def shift(self, one: ChainState, other: ChainState) -> float:
         """Root mean square move of the calibrated taxels between two states [m]."""
