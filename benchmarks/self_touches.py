@@ -108,14 +108,14 @@ def _search(
     p = np.zeros(m, np.int64) if ball else _inner(one, m, rng)
     angles = rng.uniform(*limits.T, (m, len(limits)))
     for _ in range(STEPS):
-        (x, nx, Jx, Jnx), (y, ny, Jy, Jny) = (
+        (x, nx, slope_x, turned_x), (y, ny, slope_y, turned_y) = (
             _state(body, angles, rows) for body, rows in ((one, p), (other, q))
         )
         miss = x - (y - depth * ny)
-        J = Jx - Jy
+        J = slope_x - slope_y
         if not ball:
             miss = np.concatenate([miss, 0.03 * (nx + ny)], axis=1)
-            J = np.concatenate([J, 0.03 * (Jnx + Jny)], axis=1)
+            J = np.concatenate([J, 0.03 * (turned_x + turned_y)], axis=1)
         square = J @ J.transpose(0, 2, 1) + DAMPING * np.eye(J.shape[1])
         step = J.transpose(0, 2, 1) @ np.linalg.solve(square, miss[..., None])
         angles = np.clip(angles - np.clip(step[..., 0], -0.3, 0.3), *limits.T)
@@ -131,16 +131,16 @@ def _state(
     """Place and normal (m, 3) of a taxel in each pose, and how the angles move them."""
     T, axes, origins = body.chain.motion(angles)
     x = np.einsum("mij,mj->mi", T[:, :3, :3], body.places[rows]) + T[:, :3, 3]
-    J, Jn = np.zeros((2, len(angles), 3, angles.shape[1]))
+    slope, turned = np.zeros((2, len(angles), 3, angles.shape[1]))
     normal = np.zeros_like(x)
     if len(body.normals):
         normal = np.einsum("mij,mj->mi", T[:, :3, :3], body.normals[rows])
-    for column, axis, slope in zip(
+    for column, axis, own in zip(
         body.chain.joints.tolist(), axes, body.chain.slopes(axes, origins, x), strict=True
     ):
-        J[:, :, column] += slope
-        Jn[:, :, column] += np.cross(axis, normal)
-    return x, normal, J, Jn
+        slope[:, :, column] += own
+        turned[:, :, column] += np.cross(axis, normal)
+    return x, normal, slope, turned
 
 
 def _fits(one: Body, other: Body, angles: FloatArray) -> FloatArray:
@@ -184,7 +184,7 @@ def record(
     one: Body, other: Body, angles: FloatArray, offsets: FloatArray, rng: np.random.Generator,
     *, name: str = "",
 ) -> TouchRecording:  # fmt: skip
-    """What both sides feel in poses, and the angles as encoders read them, zeros off by `offsets`."""
+    """What both sides feel in poses, and the angles as read by encoders that `offsets` are off."""
     felt: list[list[IntArray]] = [[], []]
     for A, B in zip(one.chain.frames(angles), other.chain.frames(angles), strict=True):
         for side, body, depth in zip(felt, (one, other), _depths(one, other, A, B), strict=True):

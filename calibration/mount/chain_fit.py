@@ -100,6 +100,7 @@ class _System:
     """Normal equations of one state."""
 
     normal: FloatArray  # (c, c), with the priors
+    by_touches: FloatArray  # (c, c), without
     slope: FloatArray  # (c,)
     length: FloatArray  # (m,) of the misses [m]
     weight: FloatArray  # (m,)
@@ -125,6 +126,7 @@ def _system(
     weighted = jacobian * weight[:, None, None]
     normal = np.tensordot(weighted, jacobian, axes=([0, 1], [0, 1]))
     slope = np.tensordot(weighted, missed, axes=([0, 1], [0, 1]))
+    by_touches = normal.copy()
     prior, off = unknowns.prior(state)
     diagonal = np.arange(columns.count)
     normal[diagonal, diagonal] += scale**2 * prior
@@ -132,7 +134,7 @@ def _system(
     normal[diagonal, diagonal] *= 1.0 + RIDGE
     normal[diagonal, diagonal] += 1e-12  # a column that nothing touches stays where it is
     cells = _cells([part[2] for part in parts], [one.recording.chains for one in contacts])
-    return _System(normal, slope, length, weight, missed, jacobian, cells)
+    return _System(normal, by_touches, slope, length, weight, missed, jacobian, cells)
 
 
 def _cells(
@@ -164,41 +166,68 @@ def _step(
     return float(np.abs(move).max(initial=0.0))
 
 
-def mount_covariances(
+@dataclass(frozen=True, eq=False, slots=True)
+class Information:
+    """What a fit knows of its unknowns, and of joints whose zeros it took as they are.
+
+    Attributes
+    ----------
+    columns : Columns
+        Of all unknowns, and after them of the joints that were only considered.
+    noise : (c, c) float
+        Covariance of the unknowns by the misses' own spread, as in `rigid_mount`, with what
+        events in the same place share.
+    considered : (c, c) float
+        Covariance that zeros of the other joints, off by `JOINT_ERROR`, bring (the consider
+        covariance of Schmidt, 1966).
+    evidence : (d, d) float
+        Inverse covariance of everything by the touches alone, without priors.
+    rows : dict of str to (m, 3, d) float
+        How everything moves the misses of each recording.
+    """
+
+    columns: Columns
+    noise: FloatArray
+    considered: FloatArray
+    evidence: FloatArray
+    rows: dict[str, FloatArray]
+
+    def mount(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """(6, 6) of one mount, from noise and from joints."""
+        own = slice(self.columns.chains[name], self.columns.chains[name] + 6)
+        return self.noise[own, own], self.considered[own, own]
+
+
+def information(
     contacts: Sequence[Contacts],
     chains: Mapping[str, Chain],
     unknowns: Unknowns,
     state: ChainState,
     loss: Loss,
-) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """(6, 6) covariance of each mount: from the misses' own spread, and from joints.
-
-    The first is as in `rigid_mount`, with what events in the same place share. Zeros of joints
-    that are not among the unknowns are off by `JOINT_ERROR`: the second is what that does to the
-    mounts (the consider covariance of Schmidt, 1966).
-    """
+) -> Information:
+    """What the touches tell in a state that was fitted to them."""
     moving = {int(j) for one in contacts for c in one.recording.chains for j in chains[c].joints}
     considered = tuple(sorted(moving - set(unknowns.joints)))
-    every = replace(unknowns, joints=(*unknowns.joints, *considered))
+    every = replace(unknowns, considered=considered)
     system = _system(contacts, chains, every, state, loss == "cauchy")
-    columns = every.columns()
-    fixed = np.array([columns.joints[joint] for joint in considered], np.int64)
-    solved = np.setdiff1d(np.arange(columns.count), fixed)
+    columns, count = every.columns(), unknowns.columns().count
     weight = system.weight
-    free = max(1.0, 3.0 * len(weight) - len(solved)) / len(weight)
+    free = max(1.0, 3.0 * len(weight) - count) / len(weight)
     slope = float(np.mean(weight + 2.0 * weight**2)) / 3.0
     variance = float(np.mean((weight * system.length) ** 2)) / free / slope**2
     # The normal matrix is weighted: on average by the slope's share of it.
-    inverse: FloatArray = np.asarray(np.linalg.inv(system.normal[np.ix_(solved, solved)]))
-    found = variance * float(np.mean(weight)) * inverse
+    variance *= float(np.mean(weight))
+    inverse: FloatArray = np.asarray(np.linalg.inv(system.normal[:count, :count]))
+    noise = variance * inverse
     for cell in system.cells:
-        found += inverse @ _shared(system, cell)[np.ix_(solved, solved)] @ inverse
-    place = {name: np.searchsorted(solved, columns.chains[name]) for name in unknowns.mounts}
-    dragged = JOINT_ERROR * inverse @ system.normal[np.ix_(solved, fixed)]
-    return (
-        {name: found[k : k + 6, k : k + 6] for name, k in place.items()},
-        {name: dragged[k : k + 6] @ dragged[k : k + 6].T for name, k in place.items()},
-    )
+        noise += inverse @ _shared(system, cell)[:count, :count] @ inverse
+    dragged = JOINT_ERROR * inverse @ system.normal[:count, count:]
+    evidence = system.by_touches / variance
+    ends = np.cumsum([len(one) for one in contacts])[:-1]
+    rows = np.split(system.jacobian, ends)
+    names = [one.recording.name for one in contacts]
+    own = dict(zip(names, rows, strict=True))
+    return Information(columns, noise, dragged @ dragged.T, evidence, own)
 
 
 def _shared(system: _System, cell: IntArray) -> FloatArray:

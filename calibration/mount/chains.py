@@ -43,6 +43,8 @@ class Chain:
         is one unknown point of the link.
     normals : (n, 3) float
         Outward at each taxel, NaN where there is none; nothing where they are not known.
+    radius : float
+        Of a probe: how far from its tip it is felt [m], where that is known.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Chain:
     mount: FloatArray = field(default_factory=lambda: np.eye(4))
     taxels: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     normals: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
         joints = check_whole(self.joints, "joints")

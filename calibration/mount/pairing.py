@@ -9,7 +9,7 @@ place, their middle, and the places of both sides that lie closest are the pair.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -157,6 +157,11 @@ class Contacts:
             (both[0][row, one], both[1][row, other]),
             (here.outward[row, one], there.outward[row, other]),
         )
+
+    def reordered(self, order: IntArray) -> Contacts:
+        """The same touches with the poses of others."""
+        angles = self.recording.angles[order]
+        return Contacts(replace(self.recording, angles=angles), self.sides)
 
     def subset(self, mask: BoolArray) -> Contacts:
         """Some of the events."""

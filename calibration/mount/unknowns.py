@@ -49,6 +49,8 @@ class Unknowns:
         Prior standard deviation of an offset [rad].
     standoffs : mapping of str to float
         Recordings whose sides stand apart by an unknown length, and what is expected of it [m].
+    considered : tuple of int
+        Columns of the angles that have a column in the equations too, but are not solved for.
     """
 
     mounts: tuple[str, ...]
@@ -56,6 +58,7 @@ class Unknowns:
     joints: tuple[int, ...]
     joint_sigma: float
     standoffs: Mapping[str, float] = field(default_factory=dict)
+    considered: tuple[int, ...] = ()
 
     def columns(self) -> Columns:
         """Where each unknown stands in the normal equations."""
@@ -66,7 +69,9 @@ class Unknowns:
         joints = {joint: base + k for k, joint in enumerate(self.joints)}
         base += len(self.joints)
         standoffs = {name: base + k for k, name in enumerate(self.standoffs)}
-        return Columns(chains, joints, standoffs, base + len(self.standoffs))
+        base += len(self.standoffs)
+        joints |= {joint: base + k for k, joint in enumerate(self.considered)}
+        return Columns(chains, joints, standoffs, base + len(self.considered))
 
     def prior(self, state: ChainState) -> tuple[FloatArray, FloatArray]:
         """Inverse variance of each column's prior, 0 for none, and how far the state is from it."""
