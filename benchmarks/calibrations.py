@@ -147,7 +147,7 @@ def measure(quick: bool, *, repeats: int = 2, scans: int = 50) -> dict[str, Any]
         "touch": lambda: touch_rows(some, repeats),
         "units": lambda: unit_rows(some),
         "scan": lambda: scan_table(cases, 4 if quick else scans),
-        "mount": mount_rows,
+        "mount": lambda: mount_rows(trials=2 if quick else 20),
         "drift": lambda: drift_rows(most=1 if quick else None),
     }
     result: dict[str, Any] = {"truth": TRUTH}

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.robot_chains import robot_chain
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.rigid import transform_points
+from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.skin.joints import common_ancestor
 from skinmap.skin.robot import Robot
 
@@ -35,14 +35,18 @@ STEPS, DAMPING = 60, 1e-4
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Body:
-    """One side of a touch: its chain with the true places, normals (n, 3) and what taxels read.
+    """One side of a touch: its chain with the true mount, and the gains (n,) of its taxels.
 
     A fingertip has one place, the middle of its ball, and no normals.
     """
 
     chain: Chain
-    normals: FloatArray
     gains: FloatArray
+
+    @property
+    def normals(self) -> FloatArray:
+        """In the link."""
+        return transform_directions(self.chain.mount, self.chain.normals)
 
     @property
     def places(self) -> FloatArray:
@@ -52,18 +56,29 @@ class Body:
 
 
 def patch_body(
-    robot: Robot, part: str, joints: Sequence[str], base: str, rng: np.random.Generator
-) -> Body:
-    """A part of a robot where its manifest says, ids by channel; gains spread, some dead."""
+    robot: Robot, part: str, joints: Sequence[str], base: str, rng: np.random.Generator,
+    *, mount: FloatArray | None = None,
+) -> Body:  # fmt: skip
+    """A part of a robot, ids by channel; gains spread, some dead.
+
+    It is where the manifest says, or moved from there by `mount` (4, 4) in its link.
+    """
     skin = robot.skin(part)
     size = int(skin.channels.max()) + 1
     taxels, normals = np.full((2, size, 3), np.nan)
     taxels[skin.channels], normals[skin.channels] = skin.positions, skin.normals
     chain = robot_chain(
-        robot, skin.link, joints, base=base, name=part, taxels=taxels, normals=normals
+        robot,
+        skin.link,
+        joints,
+        base=base,
+        name=part,
+        mount=mount,
+        taxels=taxels,
+        normals=normals,
     )
     gains = np.exp(rng.normal(0.0, GAIN, size)) * (rng.random(size) > DEAD)
-    return Body(chain, normals, gains)
+    return Body(chain, gains)
 
 
 def fingertip(
@@ -73,7 +88,7 @@ def fingertip(
     mount = np.eye(4)
     mount[:3, 3] = tip
     chain = robot_chain(robot, link, joints, base=base, name=name, mount=mount)
-    return Body(chain, np.zeros((0, 3)), np.zeros(0))
+    return Body(chain, np.zeros(0))
 
 
 def poses(
@@ -199,14 +214,21 @@ def record(
     )
 
 
-def misplaced(chain: Chain, rng: np.random.Generator, distance: float, angle: float) -> Chain:
-    """The chain as it was assumed: its patch moved by a distance [m] and turned by an angle."""
+def planted(
+    robot: Robot, part: str, rng: np.random.Generator, distance: float, angle: float
+) -> FloatArray:
+    """(4, 4) that moves a part by a distance [m] in its link and turns it about its middle."""
     turn, move = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-    middle = np.nanmean(chain.taxels, axis=0)
+    middle = robot.skin(part).positions.mean(axis=0)
     T = np.eye(4)
     T[:3, :3] = Rotation.from_rotvec(angle * turn).as_matrix()
-    T[:3, 3] = middle - T[:3, :3] @ middle + distance * move  # turned about the patch's own middle
-    return replace(chain, mount=T @ chain.mount)
+    T[:3, 3] = middle - T[:3, :3] @ middle + distance * move
+    return T
+
+
+def assumed(chain: Chain) -> Chain:
+    """The chain as the manifest has it; of a probe nobody knows the tip."""
+    return replace(chain, mount=np.eye(4))
 
 
 def base_of(robot: Robot, links: Sequence[str]) -> str:

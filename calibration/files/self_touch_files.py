@@ -134,6 +134,35 @@ def read_touches(path: Path, probes: Mapping[str, Probe]) -> tuple[list[TouchFil
     return files, lone_touches(track, found, path)
 
 
+def write_touches(
+    touches: TouchRecording, joints: Sequence[str], path: Path, *, robot: str = ""
+) -> None:
+    """Write a file of events, `NAME.npz`.
+
+    Parameters
+    ----------
+    touches : TouchRecording
+        Its chains are parts or probes of the robot, its taxels channels.
+    joints : sequence of str
+        Names of the angles' columns.
+    path : Path
+    robot : str, optional
+        Name of the robot, so that the recording is never taken for one of another.
+    """
+    arrays: dict[str, NDArray[Any]] = {
+        "chain1": np.array(touches.chains[0]),
+        "chain2": np.array(touches.chains[1]),
+        "q": touches.angles,
+        "joint_names": np.array(list(joints)),
+        "robot": np.array(robot),
+    }
+    for name, own in zip(touches.chains, touches.touched, strict=True):
+        if own is not None:
+            arrays[f"ids_{name}"] = np.concatenate([np.zeros(0, np.int64), *own])
+            arrays[f"ptr_{name}"] = np.cumsum([0, *map(len, own)])
+    np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
+
+
 def read_members(path: Path, expected: str) -> dict[str, NDArray[Any]]:
     """All arrays of an archive.
 
