@@ -26,6 +26,7 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
+from skinmap.live.skins import fingerprint
 from skinmap.skin.joints import check_link, common_ancestor
 from skinmap.skin.robot import Robot
 
@@ -96,6 +97,11 @@ def _own(file: TouchFile, robot: Robot, probes: Mapping[str, Probe]) -> TouchFil
         if name in robot.parts and touched is None:
             raise DataFormatError(
                 f"lacks 'ids_{name}', the taxels of part {name!r} in each event", file.path
+            )
+        theirs = file.skins.get(name)
+        if theirs is not None and theirs != fingerprint(robot, name):
+            raise SkinMismatchError(
+                f"{file.path}: the layout of {name!r} is not that of {robot.name!r}"
             )
         if touched is not None:
             _check_ids(touched, robot, name, file.path)

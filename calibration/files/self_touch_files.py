@@ -32,12 +32,16 @@ EXPECTED = "a recording of self-touch (.npz or .mcap)"
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TouchFile:
-    """A recording as it was read: names of its joints (none where it does not say), its robot."""
+    """A recording as it was read: names of its joints (none where it does not say), its robot.
+
+    `skins` are the fingerprints of its parts' skins, where it says so.
+    """
 
     touches: TouchRecording
     joints: tuple[str, ...]
     robot: str
     path: Path
+    skins: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -130,7 +134,7 @@ def read_touches(path: Path, probes: Mapping[str, Probe]) -> tuple[list[TouchFil
                 raise
             raise DataFormatError(f"not a recording that was exported: {error}", path) from error
     found = track_events(track, probes, path)
-    files = [TouchFile(one, track.joints, track.robot, path) for one in found]
+    files = [TouchFile(one, track.joints, track.robot, path, track.fingerprints) for one in found]
     return files, lone_touches(track, found, path)
 
 

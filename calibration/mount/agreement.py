@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from math import comb
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from calibration.mount.pairing import Contacts
 # ones by 3 to 30 times.
 RATIO = 2.0
 OTHERS = 2.0  # times what others are missed by alone: more, and the recording contradicts itself
+MOST_TRIES = 60  # sets of recordings that are left out in turn, each a fit
 SHUFFLED = 0.6  # of what it is missed by with poses in another order: more, and they say nothing
 
 
@@ -95,40 +97,42 @@ class Jury:
     def _blamed(
         self, contacts: Sequence[Contacts], bounds: Mapping[str, float], wrong: list[str]
     ) -> tuple[tuple[str, ...], bool]:
-        """Who must go until the rest agree, `wrong` first of all, and whether that is certain."""
+        """Who must go until the rest agree, `wrong` first of all, and whether that is certain.
+
+        The fewest that heal all are taken, and never half of those that are left.
+        """
         kept = [one for one in contacts if _name(one) not in wrong]
-        while len(kept) >= 2:
-            if self._excess(kept, bounds) == 0.0:
-                return tuple(wrong), True
-            if len(kept) == 2:
+        if len(kept) < 2:
+            return tuple(wrong), False
+        if self._excess(kept, bounds) == 0.0:
+            return tuple(wrong), True
+        for count in range(1, (len(kept) + 1) // 2):
+            if comb(len(kept), count) > MOST_TRIES:
                 break
-            rest = {
-                _name(one): self._excess([other for other in kept if other is not one], bounds)
-                for one in kept
-            }
-            healed = [name for name, left in rest.items() if left == 0.0]
+            healed = [
+                some
+                for some in combinations(kept, count)
+                if self._excess([one for one in kept if one not in some], bounds) == 0.0
+            ]
             if healed:
                 likely = self._uncorroborated(kept, healed)
-                return (*wrong, *likely), len(likely) == 1
-            worst = min(rest, key=rest.__getitem__)
-            wrong = [*wrong, worst]
-            kept = [one for one in kept if _name(one) != worst]
-        return tuple(wrong) + tuple(_name(one) for one in kept), False
+                named = dict.fromkeys(_name(one) for some in likely for one in some)
+                return (*wrong, *named), len(likely) == 1
+        return (*wrong, *map(_name, kept)), False
 
     def _uncorroborated(
-        self, contacts: Sequence[Contacts], healed: Sequence[str]
-    ) -> tuple[str, ...]:
+        self, contacts: Sequence[Contacts], healed: Sequence[Sequence[Contacts]]
+    ) -> list[Sequence[Contacts]]:
         """Of several without each of which the rest agree, those that leave most agreement.
 
         Recordings agree about the unknowns that they share; where they share none, that they do
         not contradict each other says nothing.
         """
-        left = {}
-        for name in healed:
-            rest = [one for one in contacts if _name(one) != name]
-            left[name] = sum(self.shared(one, other) for one, other in combinations(rest, 2))
-        most = max(left.values())
-        return tuple(name for name, count in left.items() if count == most)
+        left = []
+        for some in healed:
+            rest = [one for one in contacts if one not in some]
+            left.append(sum(self.shared(one, other) for one, other in combinations(rest, 2)))
+        return [some for some, count in zip(healed, left, strict=True) if count == max(left)]
 
     def _bound(self, name: str, alone: Mapping[str, float]) -> float:
         """What a recording may be missed by [m]."""
