@@ -298,3 +298,27 @@ def test_a_probe_on_a_link_that_is_none_is_named(icub, tmp_path):
     path.write_text("[probe]\n")
     with pytest.raises(DataFormatError, match=r"holds \[\[probe\]\] only"):
         read_probes(path)
+
+
+def test_the_python_of_the_page_writes_a_recording(tmp_path, monkeypatch):
+    (code,) = re.findall(
+        r"```python\n(.*?)```", (ROOT / "docs" / "mounts.md").read_text(), flags=re.DOTALL
+    )
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "mounts.md", "exec"), {})
+    (found,), _ = read_touches(tmp_path / "right_finger-left_forearm.npz", {})
+    assert found.joints == ("l_elbow", "r_elbow")
+    assert found.touches.touched[0] is None
+    assert [ids.tolist() for ids in found.touches.touched[1]] == [[12, 13, 17], [12, 40]]
+
+
+def test_a_probe_without_a_robot_needs_its_part(tmp_path):
+    """As the public recordings of a robot lie in their folder: parts beside recordings."""
+    recording = dict(np.load(BOARD / TIPPED))
+    np.savez(tmp_path / TIPPED, **recording)
+    np.savez(tmp_path / "part_left_forearm.npz", taxel_pos=np.zeros((1, 3)), mount=np.zeros(6),
+             dh=np.zeros((0, 4)), joint_cols=np.zeros(0, int))  # fmt: skip
+    line = refused(tmp_path)
+    assert "no taxels of 'right_finger', and what it sits on is not known" in line
+    assert 'name = "right_finger", part = one of: left_forearm' in line
+    assert "--probes FILE" in line
