@@ -159,7 +159,7 @@ def measure(quick: bool, *, repeats: int = 2, scans: int = 50, wirings: int = 35
         "touch": lambda: touch_rows(some, repeats),
         "units": lambda: unit_rows(some),
         "scan": lambda: scan_table(cases, 4 if quick else scans),
-        "mount": mount_rows,
+        "mount": lambda: mount_rows(trials=2 if quick else 20),
         "wiring": lambda: wiring_rows(
             faulty=7 if quick else wirings,
             healthy=9 if quick else 9 * wirings,

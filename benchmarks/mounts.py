@@ -6,18 +6,20 @@ saw (recordings of a real robot, where they are at hand beside the checkout).
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from nao import NAO, as_urdf, real_data
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
+from self_touch_rows import simulated_rows
 
-from calibration.files.self_touch_files import load_self_touch
+from calibration.files.self_touch_files import SelfTouchData
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.rigid_mount import MountFit, fit_mount
 from calibration.mount.self_touch import SelfTouchFit, self_touch
@@ -26,15 +28,15 @@ from calibration.response.response import ResponseCalibration
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_points
 
-HERE = Path(__file__).resolve()
-NAO = Path(os.environ.get("SKINMAP_NAO", HERE.parents[2] / "shared" / "data" / "nao"))
 PAIRS, RUNS, MODULE = 700, 30, 25
 RATE, MINUTES, TAXELS, HELD, PRESS = 50.0, 10.0, 60, 6, 80.0
 
 
-def mount_rows(nao: Path | None = None) -> list[dict[str, Any]]:
+def mount_rows(nao: Path | None = None, *, trials: int = 20) -> list[dict[str, Any]]:
     """Error, honesty and time of every kind of mount."""
-    return [*pair_rows(), *wrench_rows(), *self_touch_rows(nao or NAO)]
+    return [
+        *pair_rows(), *wrench_rows(), *self_touch_rows(nao or NAO), *simulated_rows(trials)
+    ]  # fmt: skip
 
 
 def pair_rows() -> list[dict[str, Any]]:
@@ -69,36 +71,39 @@ def wrench_rows() -> list[dict[str, Any]]:
 
 def self_touch_rows(folder: Path) -> list[dict[str, Any]]:
     """Recordings of a real robot; none where they are not at hand."""
+    if not folder.is_dir():
+        return []
     rows = []
-    for file in sorted(folder.glob("*.npz")) if folder.is_dir() else []:
-        if file.name.startswith("part_"):
-            continue
-        recordings, chains = load_self_touch([file])
-        patches = [name for name, chain in chains.items() if not chain.is_probe]
-        choices = dict.fromkeys([*((name,) for name in patches), tuple(patches)])
-        for calibrate in choices:
+    files = [file for file in sorted(folder.glob("*.npz")) if not file.name.startswith("part_")]
+    for file in files:
+        data = real_data([file])
+        patches = [name for name, chain in data.chains.items() if not chain.is_probe]
+        for calibrate in dict.fromkeys([*((name,) for name in patches), tuple(patches)]):
             for joints in (False, True):
-                start = time.process_time()
-                fit = self_touch(
-                    recordings,
-                    chains,
-                    calibrate=calibrate,
-                    joint_offsets=joints,
-                    rng=np.random.default_rng(0),
-                )
-                seconds = time.process_time() - start
-                rows.append(_self_touch_row(file.stem, recordings[0], chains, fit, joints, seconds))
+                rows.append(_self_touch_row(file.stem, data, calibrate, joints))
+    if len(files) > 1:
+        data = real_data([folder])
+        patches = [name for name, chain in data.chains.items() if not chain.is_probe]
+        for joints in (False, True):
+            rows.append(_self_touch_row("all recordings", data, tuple(patches), joints))
+        with TemporaryDirectory() as spare:
+            other = as_urdf(data, folder, Path(spare) / "rows.urdf")
+            rows.append(_self_touch_row("all recordings, URDF", other, tuple(patches), False))
     return rows
 
 
 def _self_touch_row(
-    name: str,
-    recording: TouchRecording,
-    chains: dict[str, Chain],
-    fit: SelfTouchFit,
-    joints: bool,
-    seconds: float,
+    name: str, data: SelfTouchData, calibrate: tuple[str, ...], joints: bool
 ) -> dict[str, Any]:
+    start = time.process_time()
+    fit = self_touch(
+        data.recordings,
+        data.chains,
+        calibrate=calibrate,
+        joint_offsets=joints,
+        rng=np.random.default_rng(0),
+    )
+    seconds = time.process_time() - start
     return {
         "evidence": "self-touch",
         "case": f"{name}: {', '.join(fit.mounts)}{' and joints' if joints else ''}",
@@ -108,8 +113,9 @@ def _self_touch_row(
             "after": 1e3 * fit.rms_after,
             "held_out": 1e3 * fit.held_out,
         },
-        "closest_taxels_rms_mm": 1e3 * _closest(recording, chains, fit),
+        "closest_taxels_rms_mm": 1e3 * _closest(data.recordings[0], data.chains, fit),
         "split_shift_mm": 1e3 * fit.split_shift,
+        "inconsistent": list(fit.inconsistent),
         "cpu_s": seconds,
     }
 

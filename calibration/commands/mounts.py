@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import click
 
 from calibration.commands.mount_jobs import finish
 from calibration.commands.options import FILE, accept_option, format_option, units_option
-from skinmap.cli.common import json_option, profile_option, progress, seed_option
+from skinmap.cli.common import (
+    json_option,
+    open_robot,
+    outside_option,
+    profile_option,
+    progress,
+    seed_option,
+)
+
+if TYPE_CHECKING:
+    from calibration.mount.rigid_mount import Loss
 
 FOLDER = click.Path(path_type=Path, file_okay=False)
 loss_option = click.option(
@@ -24,11 +35,24 @@ TABLES = "Also write tables as the iCub's positions (.txt)."
     metavar="RECORDING...",
 )  # fmt: skip
 @click.option(
-    "--calibrate", "names", multiple=True,
-    help="Chain whose mount is unknown; may be repeated. All that carry taxels by default.",
+    "--robot",
+    help="Robot that touched itself; without it, its parts are read from beside the recordings.",
+)
+@outside_option
+@click.option(
+    "--probes", "probe_file", type=FILE,
+    help="Fingertips without taxels (TOML); probes.toml beside the recordings by default.",
 )  # fmt: skip
-@click.option("--joint-offsets", is_flag=True, help="Find zero positions of the joints as well.")
-@click.option("--drop-inconsistent", is_flag=True, help="Leave out what contradicts the rest.")
+@click.option(
+    "--calibrate", "names", multiple=True,
+    help="Part whose mount is unknown; may be repeated. All that were touched by default.",
+)  # fmt: skip
+@click.option(
+    "--joint-offsets/--no-joint-offsets", default=None,
+    help="Find zero positions of the joints as well; done by default with --robot.",
+)  # fmt: skip
+@click.option("--keep-all", is_flag=True, help="Keep recordings that contradict the rest.")
+@click.option("--drop-inconsistent", is_flag=True, hidden=True)
 @loss_option
 @click.option("-o", "--out", type=FOLDER, help="Folder for mounts, taxels and the report.")
 @format_option(TABLES)
@@ -38,8 +62,11 @@ TABLES = "Also write tables as the iCub's positions (.txt)."
 @json_option
 def selftouch(
     recordings: tuple[Path, ...],
+    robot: str | None,
+    probe_file: Path | None,
     names: tuple[str, ...],
-    joint_offsets: bool,
+    joint_offsets: bool | None,
+    keep_all: bool,
     drop_inconsistent: bool,
     loss: str,
     out: Path | None,
@@ -51,25 +78,33 @@ def selftouch(
     """Mounts of skin patches from a robot that touches itself: RECORDING files, or a folder.
 
     Writes mounts.json, a table of taxels (in the frame of their link, with covariances) for each
-    chain, and report.html. Where the status is not ok, only refused.html is written and the exit
-    code is 3, unless --accept.
+    part, and report.html. Where the status is not ok, only refused.html is written and the exit
+    code is 3, unless --accept. A recording that contradicts the others is left out.
 
     \b
-    Example:  skinmap calibrate selftouch data/nao --drop-inconsistent -o out
+    Example:  skinmap calibrate selftouch touches.mcap --robot icub -o out
     """
-    from calibration.commands.self_touch_job import selftouch_job, selftouch_lines
+    from calibration.commands.self_touch_job import (
+        SelfTouchOptions,
+        selftouch_job,
+        selftouch_lines,
+    )
 
+    if keep_all and drop_inconsistent:
+        raise click.UsageError("--keep-all and --drop-inconsistent exclude each other")
+    options = SelfTouchOptions(names, joint_offsets, keep_all, cast("Loss", loss), seed, formats)
     with progress(1, "calibrate") as advance:
         advance("self-touch")
-        job = selftouch_job(
-            recordings,
-            names,
-            joint_offsets=joint_offsets,
-            drop_inconsistent=drop_inconsistent,
-            loss=loss,
-            seed=seed,
-            formats=formats,
-        )
+        if robot is None:
+            from calibration.files.part_files import load_part_touches
+
+            data = load_part_touches(recordings, probe_file)
+        else:
+            from calibration.files.robot_touches import load_robot_touches
+
+            loaded, _ = open_robot(robot, ())
+            data = load_robot_touches(recordings, loaded, probe_file)
+        job = selftouch_job(data, options)
     finish(job, out, accept, as_json, selftouch_lines)
 
 

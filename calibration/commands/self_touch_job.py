@@ -1,176 +1,170 @@
-"""`skinmap calibrate selftouch`: what it finds, judges, prints and writes."""
+"""`skinmap calibrate selftouch`: what it finds, prints and writes."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from calibration.commands.mount_jobs import Job, pitch_of, verdict
+from calibration.commands.mount_jobs import Job, verdict
 from calibration.commands.mount_report import PLACED, distance_picture, taxel_picture, write_report
-from calibration.files.mount_files import (
-    write_mounts,
-    write_tables,
+from calibration.commands.self_touch_words import (
+    judge,
+    next_taxels,
+    notes_of,
+    placed,
+    predicted,
+    probe_words,
+    touched,
 )
-from calibration.files.self_touch_files import load_self_touch
-from calibration.mount.chains import Chain, TouchRecording
+from calibration.files.mount_files import write_mounts, write_tables
+from calibration.files.self_touch_files import SelfTouchData
 from calibration.mount.rigid_mount import Loss
-from calibration.mount.self_touch import SelfTouchFit, self_touch, taxel_covariance
-from calibration.patch.patch_calibration import Status
-from calibration.patch.status import NEXT, weak_direction
-from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.rigid import transform_points
+from calibration.mount.self_touch import SelfTouchFit, self_touch
+from calibration.patch.status import weak_direction
 
 MM = 1e3
-OVERFIT = 1.5  # times the misses of the fit that unseen touches may miss by
 
 
-def selftouch_job(
-    files: Sequence[Path],
-    names: Sequence[str],
-    *,
-    joint_offsets: bool,
-    drop_inconsistent: bool,
-    loss: str,
-    seed: int,
-    formats: Sequence[str] = (),
-) -> Job:
+@dataclass(frozen=True, slots=True)
+class SelfTouchOptions:
+    """What the command was asked for.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Chains whose mount is unknown; all with taxels where none is named.
+    joint_offsets : bool or None
+        Whether zeros of joints are unknown; with a robot they are where nobody says.
+    keep_all : bool
+    loss : {"linear", "cauchy"}
+    seed : int
+    formats : tuple of str
+    """
+
+    names: tuple[str, ...] = ()
+    joint_offsets: bool | None = None
+    keep_all: bool = False
+    loss: Loss = "cauchy"
+    seed: int = 0
+    formats: tuple[str, ...] = ()
+
+
+def selftouch_job(data: SelfTouchData, options: SelfTouchOptions) -> Job:
     """Fit mounts to recordings of self-touch."""
-    recordings, chains = load_self_touch(files)
-    calibrate = tuple(names) or tuple(name for name, one in chains.items() if not one.is_probe)
+    skins = tuple(name for name, one in data.chains.items() if not one.is_probe)
+    asked = tuple(_chain(data, name) for name in options.names)
+    joints = options.joint_offsets
     start = time.process_time()
     fit = self_touch(
-        recordings,
-        chains,
-        calibrate=calibrate,
-        joint_offsets=joint_offsets,
-        loss=cast("Loss", loss),
-        drop_inconsistent=drop_inconsistent,
-        rng=np.random.default_rng(seed),
+        data.recordings,
+        data.chains,
+        calibrate=asked or skins,
+        joint_offsets=bool(data.robot) if joints is None else joints,
+        loss=options.loss,
+        keep_all=options.keep_all,
+        rng=np.random.default_rng(options.seed),
     )
     seconds = time.process_time() - start
-    judged = _judge_self_touch(fit, chains, calibrate)
     result = {
-        **verdict(judged),
-        "calibrated": list(calibrate),
-        "events": sum(map(len, recordings)),
+        **verdict(judge(data, fit, asked)),
+        **_result(data, fit),
+        "notes": notes_of(data, fit, asked),
+        "next": next_taxels(data, fit),
+        "seed": options.seed,
+        "seconds": seconds,
+    }
+    return Job(
+        result,
+        lambda stage: _write(data, fit, options.formats, stage),
+        lambda path: _report(data, fit, result, path),
+    )
+
+
+def _chain(data: SelfTouchData, name: str) -> str:
+    """A chain by its name, or by that of the link that only it is on."""
+    on_link = [chain for chain, link in data.links.items() if link == name]
+    return on_link[0] if name not in data.chains and len(on_link) == 1 else name
+
+
+def _result(data: SelfTouchData, fit: SelfTouchFit) -> dict[str, Any]:
+    return {
+        "robot": data.robot or None,
+        "base": data.base or None,
+        "calibrated": list(fit.mounts),
+        "events": sum(map(len, data.recordings)),
         "rms_mm": {
             "before": MM * fit.rms_before,
             "after": MM * fit.rms_after,
             "held_out": MM * fit.held_out,
         },
         "split_shift_mm": MM * fit.split_shift,
+        "predicted_sd_mm": {
+            name: MM * float(np.median(predicted(data.chains[name], fit))) for name in fit.mounts
+        },
         "dropped": list(fit.dropped),
         "inconsistent": list(fit.inconsistent),
         "medians_mm": {name: MM * value for name, value in fit.medians.items()},
+        "standoffs_mm": {name: MM * value for name, value in fit.standoffs.items()},
         "mounts": dict(fit.mounts),
+        "probes": probe_words(data, fit),
         "tips_mm": {name: MM * tip for name, tip in fit.tips.items()},
         "joint_offsets_deg": {
-            joint: float(np.rad2deg(value)) for joint, value in fit.joint_offsets.items()
+            data.joints[joint] if data.robot else joint: float(np.rad2deg(value))
+            for joint, value in fit.joint_offsets.items()
         },
-        "seed": seed,
-        "seconds": seconds,
     }
 
-    def write(stage: Path) -> None:
-        write_mounts(
-            {"mounts": fit.mounts, "tips": fit.tips, "joint_offsets": fit.joint_offsets},
-            stage / "mounts.json",
-        )
-        for name in calibrate:
-            rows, placed, own = _placed(chains[name], fit)
-            write_tables(rows, placed, own, stage / f"taxels_{name}.csv", formats=formats)
 
-    def report(path: Path) -> None:
-        rows = [
-            ("distance of what touched, as it came (rms)", f"{MM * fit.rms_before:.2f} mm"),
-            ("calibrated", f"{MM * fit.rms_after:.2f} mm"),
-            ("held-out error: touches that the fit never saw", f"{MM * fit.held_out:.2f} mm"),
-            ("taxels move between fits to two halves by", f"{MM * fit.split_shift:.2f} mm"),
-            *((f"median of {name}", f"{MM * value:.2f} mm") for name, value in fit.medians.items()),
-            ("left out", ", ".join(fit.dropped) or "nothing"),
-        ]
-        pictures = []
-        for name in calibrate:
-            rows += _chain_rows(chains[name], fit, recordings)
-            _, placed, own = _placed(chains[name], fit)
-            sd = np.sqrt(np.einsum("nii->n", own))
-            pictures.append((f"{name} on its link", taxel_picture(placed, sd), PLACED))
-        words = "Distance between the middles of the active taxels of both sides."
-        pictures.append(("Touches", distance_picture(fit.distances_before, fit.distances), words))
-        write_report(f"Self-touch: {', '.join(calibrate)}", result, rows, pictures, path)
-
-    return Job(result, write, report)
+def _write(data: SelfTouchData, fit: SelfTouchFit, formats: Sequence[str], stage: Path) -> None:
+    offsets = {
+        data.joints[joint] if data.robot else joint: value
+        for joint, value in fit.joint_offsets.items()
+    }
+    found = {"mounts": fit.mounts, "tips": fit.tips, "joint_offsets": offsets}
+    write_mounts(found, stage / "mounts.json")
+    for name in fit.mounts:
+        rows, places, own = placed(data.chains[name], fit)
+        write_tables(rows, places, own, stage / f"taxels_{name}.csv", formats=formats)
 
 
-def _judge_self_touch(
-    fit: SelfTouchFit, chains: dict[str, Chain], calibrate: Sequence[str]
-) -> list[tuple[str, str]]:
-    judged: list[tuple[str, str]] = []
-    left = [name for name in fit.inconsistent if name not in fit.dropped]
-    if left:
-        judged.append(
-            (
-                Status.AMBIGUOUS,
-                f"{', '.join(left)}: median {MM * fit.medians[left[0]]:.1f} mm, contradicts the "
-                "other recordings; --drop-inconsistent leaves it out",
-            )
-        )
-    pitch = min(pitch_of(chains[name].taxels) for name in calibrate)
-    if fit.split_shift > pitch / 2:
-        judged.append(
-            (
-                Status.UNOBSERVABLE,
-                f"taxels move by {MM * fit.split_shift:.1f} mm between fits to two halves, half "
-                f"a pitch is {MM * pitch / 2:.1f} mm: more touches, in other poses",
-            )
-        )
-    if fit.held_out > OVERFIT * fit.rms_after:
-        judged.append(
-            (
-                Status.AMBIGUOUS,
-                f"touches that the fit never saw are missed by {MM * fit.held_out:.1f} mm, those "
-                f"it saw by {MM * fit.rms_after:.1f} mm: too few touches",
-            )
-        )
-    return judged
-
-
-def _placed(chain: Chain, fit: SelfTouchFit) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Channels (n,), positions (n, 3) [m] and covariances (n, 3, 3) of a chain's taxels."""
-    rows = np.flatnonzero(np.isfinite(chain.taxels).all(axis=1))
-    mount = fit.mounts[chain.name]
-    covariance = taxel_covariance(chain, mount, fit.covariances[chain.name])
-    return rows, transform_points(mount, chain.taxels[rows]), covariance
-
-
-def _coverage(recordings: Sequence[TouchRecording], chain: Chain) -> FloatArray:
-    """(n,) how often each taxel of a chain was touched."""
-    count = np.zeros(len(chain.taxels))
-    for recording in recordings:
-        for name, touched in zip(recording.chains, recording.touched, strict=True):
-            for ids in touched if name == chain.name and touched is not None else ():
-                count[ids] += 1
-    return count
+def _report(data: SelfTouchData, fit: SelfTouchFit, result: dict[str, Any], path: Path) -> None:
+    rows = [
+        ("distance of what touched, as it came (rms)", f"{MM * fit.rms_before:.2f} mm"),
+        ("calibrated", f"{MM * fit.rms_after:.2f} mm"),
+        ("held-out error: touches that the fit never saw", f"{MM * fit.held_out:.2f} mm"),
+        ("taxels move between fits to two halves by", f"{MM * fit.split_shift:.2f} mm"),
+        *((f"median of {name}", f"{MM * value:.2f} mm") for name, value in fit.medians.items()),
+        ("left out", ", ".join(fit.dropped) or "nothing"),
+        *(("note", note) for note in result["notes"]),
+    ]
+    pictures = []
+    for name in fit.mounts:
+        rows += _chain_rows(data, fit, name, result["next"][name])
+        _, places, _ = placed(data.chains[name], fit)
+        sd = predicted(data.chains[name], fit)
+        pictures.append((f"{name} on its link", taxel_picture(places, sd), PLACED))
+    words = "Distance between the middles of the active taxels of both sides."
+    pictures.append(("Touches", distance_picture(fit.distances_before, fit.distances), words))
+    write_report(f"Self-touch: {', '.join(fit.mounts)}", result, rows, pictures, path)
 
 
 def _chain_rows(
-    chain: Chain, fit: SelfTouchFit, recordings: Sequence[TouchRecording]
+    data: SelfTouchData, fit: SelfTouchFit, name: str, channels: Sequence[int]
 ) -> list[tuple[str, str]]:
     """Coverage, weakest direction and what to touch next of one chain, in words."""
-    rows, placed, covariance = _placed(chain, fit)
-    touched = _coverage(recordings, chain)[rows] > 0
-    sd = np.sqrt(np.einsum("nii->n", covariance))
-    # The least known of those never touched, or of all: touching it tells most.
-    order = np.lexsort((-sd, touched))[:NEXT]
+    _, places, covariance = placed(data.chains[name], fit)
+    share = 100 * touched(data, fit, name).mean()
+    sd = MM * float(np.median(predicted(data.chains[name], fit)))
     return [
-        (f"{chain.name}: taxels that were touched", f"{100 * touched.mean():.0f} %"),
-        (f"{chain.name}: predicted error, median", f"{MM * float(np.median(sd)):.2f} mm"),
-        (f"{chain.name}: weakest direction", f"the patch {weak_direction(placed, covariance)}"),
-        (f"{chain.name}: touch next", f"taxels {', '.join(map(str, rows[order]))}"),
+        (f"{name}: taxels that were touched", f"{share:.0f} %"),
+        (f"{name}: predicted error, median", f"{sd:.2f} mm"),
+        (f"{name}: weakest direction", f"the patch {weak_direction(places, covariance)}"),
+        (f"{name}: touch next", f"taxels {', '.join(map(str, channels))}"),
     ]
 
 
@@ -181,5 +175,7 @@ def selftouch_lines(result: dict[str, Any]) -> list[str]:
         f"{', '.join(result['calibrated'])}: {rms['before']:.2f} -> {rms['after']:.2f} mm rms, "
         f"held out {rms['held_out']:.2f} mm",
         f"taxels move by {result['split_shift_mm']:.2f} mm between fits to two halves",
+        *(f"{name}: predicted error {sd:.2f} mm" for name, sd in result["predicted_sd_mm"].items()),
         f"left out: {', '.join(result['dropped']) or 'nothing'}",
+        *(f"note: {note}" for note in result["notes"]),
     ]

@@ -1,63 +1,181 @@
-"""Files of self-touch: recordings of activated taxels and joint angles, and the parts they touch.
+"""Recordings of self-touch as events: which taxels were active on both sides, in which pose.
 
-A recording `A_B.npz` holds `chain1`, `chain2` (names), `q (m, joints)` [rad] and, of each chain
-with taxels, `ids_NAME` with `ptr_NAME (m + 1,)`: event i activated `ids[ptr[i]:ptr[i + 1]]`. Beside
-it lies `part_NAME.npz` of each chain with taxels: `taxel_pos (n, 3)` [m] (NaN where an id has no
-taxel), `mount (6,)` (translation [m], rotation vector [rad]), `dh (k, 4)` (a, d, alpha, offset) and
-`joint_cols`.
+A file of events `NAME.npz` holds `chain1`, `chain2` (parts, or probes), `q (m, joints)` [rad],
+`joint_names (joints,)`, perhaps `robot`, and of each side with taxels `ids_PART` with
+`ptr_PART (m + 1,)`: event i activated the channels `ids[ptr[i]:ptr[i + 1]]`. Recordings of samples
+(MCAP, or NPZ of `skinmap export`) become events in `calibration.files.touch_events`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from numpy.typing import NDArray
 
+from calibration.files.probe_file import BESIDE, Probe, read_probes
+from calibration.files.touch_events import lone_touches, track_events
 from calibration.mount.chains import Chain, TouchRecording
 from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray, check_finite, check_whole
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.io.text import is_file
 
 PART = "part_"
-PROBE = ("Finger", "Arm")  # a probe without a part of its own sits on the arm of its side
+SUFFIXES = (".npz", ".mcap")
+TURN = 2.0 * np.pi  # no joint that touches its own body is read beyond it, but all in degrees are
+EXPECTED = "a recording of self-touch (.npz or .mcap)"
 
 
-def load_self_touch(paths: Sequence[Path]) -> tuple[list[TouchRecording], dict[str, Chain]]:
-    """Recordings from files, or all of a folder, and the chains that they name.
+@dataclass(frozen=True, eq=False, slots=True)
+class TouchFile:
+    """A recording as it was read: names of its joints (none where it does not say), its robot.
+
+    `skins` are the fingerprints of its parts' skins, where it says so.
+    """
+
+    touches: TouchRecording
+    joints: tuple[str, ...]
+    robot: str
+    path: Path
+    skins: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SelfTouchData:
+    """Recordings and the chains that they name, ready to be fitted.
+
+    Attributes
+    ----------
+    recordings : list of TouchRecording
+    chains : dict of str to Chain
+    joints : tuple of str
+        Names of the angles' columns; none where no file says.
+    robot, base : str
+        The robot's name and the link that all chains begin at; empty without a robot.
+    links : dict of str to str
+        Link (without a robot: part) that each chain ends in.
+    notes : tuple of str
+        What deserves a second look.
+    """
+
+    recordings: list[TouchRecording]
+    chains: dict[str, Chain]
+    joints: tuple[str, ...] = ()
+    robot: str = ""
+    base: str = ""
+    links: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def touch_files(paths: Sequence[Path]) -> list[Path]:
+    """Recordings that are named, or all of a folder.
 
     Raises
     ------
-    MissingFileError, DataFormatError
-        A file that does not exist, or does not follow the format (names what it lacks).
+    MissingFileError
+        A file that does not exist, or a folder without a recording.
     """
     files: list[Path] = []
     for path in paths:
         if path.is_dir():
-            found = [file for file in sorted(path.glob("*.npz")) if not _is_part(file)]
+            inside = [file for file in sorted(path.iterdir()) if file.suffix.lower() in SUFFIXES]
+            found = [file for file in inside if not file.name.startswith(PART)]
             if not found:
-                raise MissingFileError(path / "*.npz", "recordings of self-touch")
+                raise MissingFileError(path / "*.npz", "recordings of self-touch (.npz or .mcap)")
             files += found
-        else:
+        elif is_file(path):
             files.append(path)
-    recordings, chains = [], dict[str, Chain]()
-    for file in files:
-        recording = _recording(file)
-        recordings.append(recording)
-        for name, touched in zip(recording.chains, recording.touched, strict=True):
-            if name not in chains:
-                probe = touched is None
-                chains[name] = _probe(file.parent, name) if probe else _part(file.parent, name)
-    return recordings, chains
+        else:
+            raise MissingFileError(path, EXPECTED)
+    return files
 
 
-def _is_part(file: Path) -> bool:
-    return file.name.startswith(PART)
+def find_probes(file: Path | None, recordings: Iterable[Path]) -> dict[str, Probe]:
+    """The probes of a file, or of `probes.toml` beside the recordings; none without either."""
+    if file is not None:
+        return read_probes(file)
+    found: dict[str, Probe] = {}
+    for folder in dict.fromkeys(path.parent for path in recordings):
+        if is_file(folder / BESIDE):
+            found = {**read_probes(folder / BESIDE), **found}
+    return found
 
 
-def _read(path: Path, expected: str) -> dict[str, FloatArray]:
-    if not path.is_file():
+def read_touches(path: Path, probes: Mapping[str, Probe]) -> tuple[list[TouchFile], list[str]]:
+    """The recordings in one file, one for each two sides that touched, and what was left out.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        A file that does not exist, or does not follow a format (names what it lacks).
+    """
+    if path.suffix.lower() == ".mcap":
+        from skinmap.io.mcap_track import read_track
+
+        track = read_track(path)
+    else:
+        from skinmap.io.learning import track_of_arrays
+
+        arrays = read_members(path, "a recording of self-touch")
+        if "head" in arrays:
+            raise DataFormatError(
+                "a recording without joint angles; `skinmap record` into .mcap keeps them", path
+            )
+        if "about" not in arrays:
+            return [_events_file(arrays, path)], []
+        try:
+            track = track_of_arrays(arrays, path)
+        except DAMAGED_ARCHIVE as error:
+            if isinstance(error, DataFormatError):
+                raise
+            raise DataFormatError(f"not a recording that was exported: {error}", path) from error
+    found = track_events(track, probes, path)
+    files = [TouchFile(one, track.joints, track.robot, path, track.fingerprints) for one in found]
+    return files, lone_touches(track, found, path)
+
+
+def write_touches(
+    touches: TouchRecording, joints: Sequence[str], path: Path, *, robot: str = ""
+) -> None:
+    """Write a file of events, `NAME.npz`.
+
+    Parameters
+    ----------
+    touches : TouchRecording
+        Its chains are parts or probes of the robot, its taxels channels.
+    joints : sequence of str
+        Names of the angles' columns.
+    path : Path
+    robot : str, optional
+        Name of the robot, so that the recording is never taken for one of another.
+    """
+    arrays: dict[str, NDArray[Any]] = {
+        "chain1": np.array(touches.chains[0]),
+        "chain2": np.array(touches.chains[1]),
+        "q": touches.angles,
+        "joint_names": np.array(list(joints)),
+        "robot": np.array(robot),
+    }
+    for name, own in zip(touches.chains, touches.touched, strict=True):
+        if own is not None:
+            arrays[f"ids_{name}"] = np.concatenate([np.zeros(0, np.int64), *own])
+            arrays[f"ptr_{name}"] = np.cumsum([0, *map(len, own)])
+    np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
+
+
+def read_members(path: Path, expected: str) -> dict[str, NDArray[Any]]:
+    """All arrays of an archive.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or it is damaged.
+    """
+    if not is_file(path):
         raise MissingFileError(path, expected)
     try:
         with open_arrays(path) as arrays:
@@ -68,23 +186,46 @@ def _read(path: Path, expected: str) -> dict[str, FloatArray]:
         raise DataFormatError(f"not {expected}: {error}", path) from error
 
 
-def _recording(path: Path) -> TouchRecording:
-    arrays = _read(path, "a recording of self-touch")
+def _events_file(arrays: Mapping[str, NDArray[Any]], path: Path) -> TouchFile:
     try:
         chains = (str(arrays["chain1"]), str(arrays["chain2"]))
-        angles = check_finite(arrays["q"], "q", (None, None))
+        if chains[0] == chains[1]:
+            raise InvalidArrayError(f"both sides are {chains[0]!r}")
+        angles = check_angles(arrays["q"])
+        joints = tuple(map(str, arrays.get("joint_names", np.zeros(0)).tolist()))
+        if joints and len(joints) != angles.shape[1]:
+            raise InvalidArrayError(f"{len(joints)} joint_names for {angles.shape[1]} angles")
         touched = tuple(
             None if f"ids_{name}" not in arrays else _events(arrays, name, len(angles))
             for name in chains
         )
-        return TouchRecording(path.stem, chains, angles, (touched[0], touched[1]))
+        touches = TouchRecording(path.stem, chains, angles, (touched[0], touched[1]))
+        return TouchFile(touches, joints, str(arrays.get("robot", "")), path)
     except KeyError as error:
-        raise DataFormatError(f"a recording of self-touch lacks {error}", path) from error
+        raise DataFormatError(
+            f"a recording of self-touch lacks {error}; it has: {', '.join(arrays) or 'nothing'}",
+            path,
+        ) from error
     except InvalidArrayError as error:
         raise DataFormatError(str(error), path) from error
 
 
-def _events(arrays: dict[str, FloatArray], name: str, m: int) -> list[IntArray]:
+def check_angles(given: Any) -> FloatArray:
+    """Joint angles (m, joints) [rad].
+
+    Raises
+    ------
+    InvalidArrayError
+        Not numbers, NaN, or angles beyond a whole turn.
+    """
+    angles = check_finite(given, "q", (None, None))
+    most = float(np.abs(angles).max(initial=0.0))
+    if most > TURN:
+        raise InvalidArrayError(f"angles of q reach {most:.4g}; radians are expected, not degrees")
+    return angles
+
+
+def _events(arrays: Mapping[str, NDArray[Any]], name: str, m: int) -> list[IntArray]:
     ids = check_whole(arrays[f"ids_{name}"], f"ids_{name}")
     bounds = check_whole(arrays[f"ptr_{name}"], f"ptr_{name}")
     if bounds.shape != (m + 1,) or bounds[0] != 0 or bounds[-1] != len(ids):
@@ -94,26 +235,3 @@ def _events(arrays: dict[str, FloatArray], name: str, m: int) -> list[IntArray]:
     if (np.diff(bounds) < 0).any():
         raise InvalidArrayError(f"ptr_{name} falls at {int(np.argmax(np.diff(bounds) < 0))}")
     return np.split(ids, bounds[1:-1])
-
-
-def _part(folder: Path, name: str) -> Chain:
-    path = folder / f"{PART}{name}.npz"
-    arrays = _read(path, f"the part that carries the taxels of {name!r}")
-    try:
-        mount = np.eye(4)
-        placed = check_finite(arrays["mount"], "mount", (6,))
-        mount[:3, 3] = placed[:3]
-        mount[:3, :3] = Rotation.from_rotvec(placed[3:]).as_matrix()
-        joints = check_whole(arrays["joint_cols"], "joint_cols")
-        return Chain(name, arrays["dh"], joints, mount, arrays["taxel_pos"])
-    except KeyError as error:
-        raise DataFormatError(f"a part lacks {error}", path) from error
-    except ValueError as error:
-        raise DataFormatError(str(error), path) from error
-
-
-def _probe(folder: Path, name: str) -> Chain:
-    """A chain that ends in a tip: the joints of its own part, or of the arm that it sits on."""
-    own = folder / f"{PART}{name}.npz"
-    part = _part(folder, name if own.is_file() else name.replace(*PROBE))
-    return Chain(name, part.dh, part.joints)

@@ -7,65 +7,23 @@ turns by a left-multiplied rotation vector about its own origin.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from calibration.mount.chains import Chain
 from calibration.mount.pairing import Contacts
 from calibration.mount.rigid_mount import CAUCHY, LENGTH, Loss, fit_mount
-from skinmap.arrays import FloatArray
+from calibration.mount.unknowns import ChainState, Columns, Unknowns
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 
 CLOSED = 3  # rounds in closed form, which no start can miss, before the steps
 STEPS = 40
 SETTLED = 1e-6  # a step that moves nothing further is the last [m, rad]
+JOINT_ERROR = np.deg2rad(0.5)  # of zeros that are not solved for: after a robot's own calibration
+CELL = 20e-3  # two modules of a skin, about what one contact covers [m]
 RIDGE = 1e-6  # of the normal matrix's diagonal: holds what no touch can tell
-
-
-@dataclass(eq=False, slots=True)
-class ChainState:
-    """Unknowns: T_link_patch of each chain (of a probe: its tip), and added joint angles [rad]."""
-
-    mounts: dict[str, FloatArray]
-    offsets: FloatArray
-
-    def copy(self) -> ChainState:
-        """Another state with the same values."""
-        return ChainState(dict(self.mounts), self.offsets.copy())
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Unknowns:
-    """What may move.
-
-    Attributes
-    ----------
-    mounts, tips : tuple of str
-        Chains whose patch moves with six freedoms, probes whose tip moves with three.
-    joints : tuple of int
-        Columns of the angles that get an offset.
-    joint_sigma : float
-        Prior standard deviation of an offset [rad].
-    """
-
-    mounts: tuple[str, ...]
-    tips: tuple[str, ...]
-    joints: tuple[int, ...]
-    joint_sigma: float
-
-    def columns(self) -> tuple[dict[str, int], dict[int, int], int]:
-        """First column of each chain, column of each joint, and their number."""
-        first = {name: 6 * k for k, name in enumerate(self.mounts)}
-        base = 6 * len(self.mounts)
-        first |= {name: base + 3 * k for k, name in enumerate(self.tips)}
-        base += 3 * len(self.tips)
-        return (
-            first,
-            {joint: base + k for k, joint in enumerate(self.joints)},
-            base + len(self.joints),
-        )
 
 
 def fit_chains(
@@ -91,8 +49,12 @@ def fit_chains(
 def misses(contact: Contacts, chains: Mapping[str, Chain], state: ChainState) -> FloatArray:
     """Vectors (m, 3) between the places that met [m]."""
     T = [_pose(chains[name], contact, state) for name in contact.recording.chains]
-    first, second = contact.choose(T)
+    first, second = contact.choose(T, _standoff(contact, state)).places
     return _carry(T[0], first) - _carry(T[1], second)
+
+
+def _standoff(contact: Contacts, state: ChainState) -> float:
+    return state.standoffs.get(contact.recording.name, 0.0)
 
 
 def _pose(chain: Chain, contact: Contacts, state: ChainState) -> FloatArray:
@@ -117,7 +79,7 @@ def _place(
             continue
         own = contact.recording.chains.index(name)
         T = [_pose(chains[other], contact, state) for other in contact.recording.chains]
-        pair = contact.choose(T)
+        pair = contact.choose(T, _standoff(contact, state)).places
         points.append(pair[own])
         frames.append(chains[name].frames(contact.recording.angles, state.offsets))
         targets.append(_carry(T[1 - own], pair[1 - own]))
@@ -138,9 +100,13 @@ class _System:
     """Normal equations of one state."""
 
     normal: FloatArray  # (c, c), with the priors
+    by_touches: FloatArray  # (c, c), without
     slope: FloatArray  # (c,)
     length: FloatArray  # (m,) of the misses [m]
     weight: FloatArray  # (m,)
+    missed: FloatArray  # (m, 3) [m]
+    jacobian: FloatArray  # (m, 3, c)
+    cells: tuple[IntArray, ...]  # (m,) of each side: events in the same place of a skin share one
 
 
 def _system(
@@ -150,8 +116,8 @@ def _system(
     state: ChainState,
     robust: bool,
 ) -> _System:
-    first, joint, count = unknowns.columns()
-    parts = [_rows(contact, chains, state, first, joint, count) for contact in contacts]
+    columns = unknowns.columns()
+    parts = [_rows(contact, chains, state, columns) for contact in contacts]
     missed = np.concatenate([part[0] for part in parts])
     jacobian = np.concatenate([part[1] for part in parts])
     length = np.asarray(np.linalg.norm(missed, axis=1))
@@ -160,14 +126,30 @@ def _system(
     weighted = jacobian * weight[:, None, None]
     normal = np.tensordot(weighted, jacobian, axes=([0, 1], [0, 1]))
     slope = np.tensordot(weighted, missed, axes=([0, 1], [0, 1]))
-    prior = (scale / unknowns.joint_sigma) ** 2
-    for number, column in joint.items():
-        normal[column, column] += prior
-        slope[column] += prior * state.offsets[number]
-    diagonal = np.arange(count)
+    by_touches = normal.copy()
+    prior, off = unknowns.prior(state)
+    diagonal = np.arange(columns.count)
+    normal[diagonal, diagonal] += scale**2 * prior
+    slope += scale**2 * prior * off
     normal[diagonal, diagonal] *= 1.0 + RIDGE
     normal[diagonal, diagonal] += 1e-12  # a column that nothing touches stays where it is
-    return _System(normal, slope, length, weight)
+    cells = _cells([part[2] for part in parts], [one.recording.chains for one in contacts])
+    return _System(normal, by_touches, slope, length, weight, missed, jacobian, cells)
+
+
+def _cells(
+    places: Sequence[tuple[FloatArray, FloatArray]], names: Sequence[tuple[str, str]]
+) -> tuple[IntArray, ...]:
+    """For each side, the number of the cube of `CELL` on its patch that every event lies in."""
+    found = []
+    for side in (0, 1):
+        which = np.unique([own[side] for own in names], return_inverse=True)[1]
+        keys = [
+            np.column_stack([np.full(len(own[side]), chain), np.floor(own[side] / CELL)])
+            for own, chain in zip(places, which, strict=True)
+        ]
+        found.append(np.unique(np.concatenate(keys), axis=0, return_inverse=True)[1].ravel())
+    return tuple(found)
 
 
 def _step(
@@ -180,80 +162,125 @@ def _step(
     """One Gauss-Newton step; returns the largest move."""
     system = _system(contacts, chains, unknowns, state, robust)
     move: FloatArray = -np.asarray(np.linalg.solve(system.normal, system.slope), np.float64)
-    _apply(move, unknowns, state)
+    unknowns.apply(move, state)
     return float(np.abs(move).max(initial=0.0))
 
 
-def mount_covariances(
+@dataclass(frozen=True, eq=False, slots=True)
+class Information:
+    """What a fit knows of its unknowns, and of joints whose zeros it took as they are.
+
+    Attributes
+    ----------
+    columns : Columns
+        Of all unknowns, and after them of the joints that were only considered.
+    noise : (c, c) float
+        Covariance of the unknowns by the misses' own spread, as in `rigid_mount`, with what
+        events in the same place share.
+    considered : (c, c) float
+        Covariance that zeros of the other joints, off by `JOINT_ERROR`, bring (the consider
+        covariance of Schmidt, 1966).
+    evidence : (d, d) float
+        Inverse covariance of everything by the touches alone, without priors.
+    rows : dict of str to (m, 3, d) float
+        How everything moves the misses of each recording.
+    """
+
+    columns: Columns
+    noise: FloatArray
+    considered: FloatArray
+    evidence: FloatArray
+    rows: dict[str, FloatArray]
+
+    def mount(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """(6, 6) of one mount, from noise and from joints."""
+        own = slice(self.columns.chains[name], self.columns.chains[name] + 6)
+        return self.noise[own, own], self.considered[own, own]
+
+
+def information(
     contacts: Sequence[Contacts],
     chains: Mapping[str, Chain],
     unknowns: Unknowns,
     state: ChainState,
     loss: Loss,
-) -> dict[str, FloatArray]:
-    """(6, 6) covariance of each mount from the misses' own spread, as in `rigid_mount`."""
-    system = _system(contacts, chains, unknowns, state, loss == "cauchy")
-    count, weight = len(system.slope), system.weight
+) -> Information:
+    """What the touches tell in a state that was fitted to them."""
+    moving = {int(j) for one in contacts for c in one.recording.chains for j in chains[c].joints}
+    considered = tuple(sorted(moving - set(unknowns.joints)))
+    every = replace(unknowns, considered=considered)
+    system = _system(contacts, chains, every, state, loss == "cauchy")
+    columns, count = every.columns(), unknowns.columns().count
+    weight = system.weight
     free = max(1.0, 3.0 * len(weight) - count) / len(weight)
     slope = float(np.mean(weight + 2.0 * weight**2)) / 3.0
     variance = float(np.mean((weight * system.length) ** 2)) / free / slope**2
     # The normal matrix is weighted: on average by the slope's share of it.
-    inverse: FloatArray = np.asarray(np.linalg.inv(system.normal), np.float64)
-    every = variance * float(np.mean(weight)) * inverse
-    first, _, _ = unknowns.columns()
-    return {
-        name: every[column : column + 6, column : column + 6]
-        for name, column in first.items()
-        if name in unknowns.mounts
-    }
+    variance *= float(np.mean(weight))
+    inverse: FloatArray = np.asarray(np.linalg.inv(system.normal[:count, :count]))
+    noise = variance * inverse
+    for cell in system.cells:
+        noise += inverse @ _shared(system, cell)[:count, :count] @ inverse
+    dragged = JOINT_ERROR * inverse @ system.normal[:count, count:]
+    evidence = system.by_touches / variance
+    ends = np.cumsum([len(one) for one in contacts])[:-1]
+    rows = np.split(system.jacobian, ends)
+    names = [one.recording.name for one in contacts]
+    own = dict(zip(names, rows, strict=True))
+    return Information(columns, noise, dragged @ dragged.T, evidence, own)
 
 
-def _apply(move: FloatArray, unknowns: Unknowns, state: ChainState) -> None:
-    first, joint, _ = unknowns.columns()
-    for name, column in first.items():
-        mount = state.mounts[name].copy()
-        if name in unknowns.mounts:
-            turn = Rotation.from_rotvec(move[column : column + 3]).as_matrix()
-            mount[:3, :3] = turn @ mount[:3, :3]
-            column += 3
-        mount[:3, 3] += move[column : column + 3]
-        state.mounts[name] = mount
-    for number, column in joint.items():
-        state.offsets[number] += move[column]
+def _shared(system: _System, cell: IntArray) -> FloatArray:
+    """What events in the same place of a skin share, (c, c): dead taxels miss there every time.
+
+    Their misses go together by as much as the products of different events in a cell say, in the
+    mean over all cells.
+    """
+    weighted = system.missed * system.weight[:, None]
+    sums, count = np.zeros((cell.max() + 1, 3)), np.bincount(cell)
+    np.add.at(sums, cell, weighted)
+    pairs = float((count * (count - 1)).sum())
+    together = float((sums**2).sum() - (weighted**2).sum()) / max(3.0 * pairs, 1.0)
+    pull = np.zeros((len(count), 3, system.jacobian.shape[2]))
+    np.add.at(pull, cell, system.jacobian)
+    own = np.tensordot(pull, pull, axes=([0, 1], [0, 1]))
+    alone = np.tensordot(system.jacobian, system.jacobian, axes=([0, 1], [0, 1]))
+    return np.asarray(max(together, 0.0) * (own - alone))
 
 
 def _rows(
-    contact: Contacts,
-    chains: Mapping[str, Chain],
-    state: ChainState,
-    first: Mapping[str, int],
-    joint: Mapping[int, int],
-    count: int,
-) -> tuple[FloatArray, FloatArray]:
-    """Misses (m, 3) of one recording and their Jacobian (m, 3, count)."""
+    contact: Contacts, chains: Mapping[str, Chain], state: ChainState, columns: Columns
+) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+    """Misses (m, 3) of one recording, their Jacobian (m, 3, columns), and the places that met."""
     names = contact.recording.chains
     moved = [chains[name].motion(contact.recording.angles, state.offsets) for name in names]
-    pair = contact.choose(
-        [frames @ state.mounts[name] for (frames, _, _), name in zip(moved, names, strict=True)]
+    pairs = contact.choose(
+        [frames @ state.mounts[name] for (frames, _, _), name in zip(moved, names, strict=True)],
+        _standoff(contact, state),
     )
-    jacobian = np.zeros((len(contact), 3, count))
+    jacobian = np.zeros((len(contact), 3, columns.count))
     world = []
-    for sign, name, (frames, axes, origins), points in zip(
-        (1.0, -1.0), names, moved, pair, strict=True
+    for sign, name, (frames, axes, origins), points, outward in zip(
+        (1.0, -1.0), names, moved, pairs.places, pairs.outward, strict=True
     ):
         turn = frames[:, :3, :3]
-        arm = points @ state.mounts[name][:3, :3].T  # from the mount's origin, in the link
+        own = state.mounts[name][:3, :3].T
+        arm = points @ own  # from the mount's origin, in the link
         x = _carry(frames, arm + state.mounts[name][:3, 3])
         world.append(x)
-        if name in first:
-            column = first[name]
+        if name in columns.chains:
+            column = columns.chains[name]
             if not chains[name].is_probe:
                 lever = np.einsum("mij,mj->mi", turn, arm)
                 swept = np.cross(turn.transpose(0, 2, 1), lever[:, None])
                 jacobian[:, :, column : column + 3] += sign * swept.transpose(0, 2, 1)
                 column += 3
             jacobian[:, :, column : column + 3] += sign * turn
-        for number, axis, origin in zip(chains[name].joints.tolist(), axes, origins, strict=True):
-            if number in joint:
-                jacobian[:, :, joint[number]] += sign * np.cross(axis, x - origin)
-    return world[0] - world[1], jacobian
+        slopes = chains[name].slopes(axes, origins, x)
+        for number, slope in zip(chains[name].joints.tolist(), slopes, strict=True):
+            if number in columns.joints:
+                jacobian[:, :, columns.joints[number]] += sign * slope
+        if contact.recording.name in columns.standoffs:
+            away = np.einsum("mij,mj->mi", turn, outward @ own)
+            jacobian[:, :, columns.standoffs[contact.recording.name]] += sign * away
+    return world[0] - world[1], jacobian, pairs.places

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import InvalidArrayError
@@ -16,46 +17,129 @@ from skinmap.geometry.rigid import check_transform
 class Chain:
     """A kinematic chain that ends in a link with a patch, or in a probe.
 
+    From the base it takes, in turn, a fixed transform and a joint, and after the last joint one
+    more fixed transform to the link. `Chain.from_dh` makes one from rows of Denavit and
+    Hartenberg, `calibration.mount.robot_chains.robot_chain` from a robot's URDF.
+
     Attributes
     ----------
     name : str
-    dh : (k, 4) float
-        Denavit and Hartenberg's a [m], d [m], alpha [rad] and offset [rad] (the standard
-        convention), from the base; rows before the joints' own are fixed.
+    before : (j, 4, 4) float
+        Fixed transform that leads to each joint, from the joint before it or from the base [m].
+    axes : (j, 3) float
+        Axis of each joint in its own frame: turns are about it, slides go along it.
+    sliding : (j,) bool
+        Whether each joint slides instead of turning.
     joints : (j,) int
-        Column of a recording's angles of each of the last j rows.
+        Column of a recording's angles that moves each joint; one column may move several.
+    factors, shifts : (j,) float
+        A joint's own angle is factor * angle of its column + shift.
+    after : (4, 4) float
+        From the last joint to the link [m].
     mount : (4, 4) float
         T_link_patch.
     taxels : (n, 3) float
         Positions in the patch [m], NaN where an id has no taxel; none for a probe, whose tip
         is one unknown point of the link.
+    normals : (n, 3) float
+        Outward at each taxel, NaN where there is none; nothing where they are not known.
+    radius : float
+        Of a probe: how far from its tip it is felt [m], where that is known.
     """
 
     name: str
-    dh: FloatArray
-    joints: IntArray
+    before: FloatArray = field(default_factory=lambda: np.zeros((0, 4, 4)))
+    axes: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    sliding: BoolArray = field(default_factory=lambda: np.zeros(0, np.bool_))
+    joints: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    factors: FloatArray = field(default_factory=lambda: np.zeros(0))
+    shifts: FloatArray = field(default_factory=lambda: np.zeros(0))
+    after: FloatArray = field(default_factory=lambda: np.eye(4))
     mount: FloatArray = field(default_factory=lambda: np.eye(4))
     taxels: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    normals: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
-        dh = check_finite(np.reshape(self.dh, (-1, 4)), "dh", (None, 4))
         joints = check_whole(self.joints, "joints")
         if joints.min(initial=0) < 0:  # would count from the last angle
             raise InvalidArrayError(f"joints of {self.name!r} are columns from 0, got {joints}")
-        taxels = np.asarray(self.taxels)
-        if taxels.shape[1:] != (3,) or taxels.dtype.kind not in "iuf":
-            raise InvalidArrayError(
-                f"taxels of {self.name!r} must be numbers of shape (n, 3), "
-                f"got {taxels.dtype} {taxels.shape}"
-            )
-        if len(joints) > len(dh):
-            raise InvalidArrayError(f"{len(joints)} joints for {len(dh)} rows of {self.name!r}")
+        j = len(joints)
+        before = check_finite(self.before, f"before of {self.name!r}", (j, 4, 4))
+        axes = check_finite(self.axes, f"axes of {self.name!r}", (j, 3))
+        sliding = np.array(self.sliding, np.bool_)
+        if sliding.shape != (j,):
+            raise InvalidArrayError(f"{len(sliding)} of sliding for {j} joints of {self.name!r}")
+        length = np.asarray(np.linalg.norm(axes, axis=1))
+        if not length.all():
+            raise InvalidArrayError(f"joint {int(np.argmin(length))} of {self.name!r} has no axis")
         freeze(
             self,
-            dh=dh,
+            before=np.array([check_transform(T, "before") for T in before]).reshape(j, 4, 4),
+            # A turn is about the axis whatever its length; a slide goes its length a metre.
+            axes=np.where(sliding[:, None], axes, axes / length[:, None]),
+            sliding=sliding,
             joints=joints,
+            factors=check_finite(self.factors, f"factors of {self.name!r}", (j,)),
+            shifts=check_finite(self.shifts, f"shifts of {self.name!r}", (j,)),
+            after=check_transform(self.after, "after"),
             mount=check_transform(self.mount, "mount"),
-            taxels=taxels.astype(np.float64),
+            taxels=_check_taxels(self.taxels, self.name, "taxels"),
+            normals=_check_taxels(self.normals, self.name, "normals"),
+        )
+        if len(self.normals) not in (0, len(self.taxels)):
+            raise InvalidArrayError(
+                f"{len(self.normals)} normals for {len(self.taxels)} taxels of {self.name!r}"
+            )
+
+    @classmethod
+    def from_dh(
+        cls,
+        name: str,
+        dh: ArrayLike,
+        joints: ArrayLike,
+        mount: ArrayLike | None = None,
+        taxels: ArrayLike | None = None,
+        normals: ArrayLike | None = None,
+    ) -> Chain:
+        """A chain from rows of Denavit and Hartenberg, in the standard convention.
+
+        Parameters
+        ----------
+        name : str
+        dh : (k, 4) array-like of float
+            a [m], d [m], alpha [rad] and offset [rad] of each row, from the base; rows before the
+            joints' own are fixed.
+        joints : (j,) array-like of int
+            Column of a recording's angles of each of the last j rows.
+        mount : (4, 4) array-like of float, optional
+            T_link_patch.
+        taxels, normals : (n, 3) array-like of float, optional
+            None for a probe.
+        """
+        rows = check_finite(np.reshape(np.asarray(dh, np.float64), (-1, 4)), "dh", (None, 4))
+        columns = check_whole(joints, "joints")
+        j, T = len(columns), np.eye(4)
+        if j > len(rows):
+            raise InvalidArrayError(f"{j} joints for {len(rows)} rows of {name!r}")
+        before = []
+        for row, (a, d, alpha, offset) in enumerate(rows):
+            if row >= len(rows) - j:  # its joint turns about the z axis of the frame before it
+                before.append(T)
+                T = np.eye(4)
+            T = T @ _dh_link(a, d, alpha, offset)
+        return cls(
+            name,
+            np.array(before).reshape(j, 4, 4),
+            np.tile([0.0, 0.0, 1.0], (j, 1)),
+            np.zeros(j, np.bool_),
+            columns,
+            np.ones(j),
+            np.zeros(j),
+            T,
+            np.eye(4) if mount is None else np.asarray(mount),
+            np.zeros((0, 3)) if taxels is None else np.asarray(taxels),
+            np.zeros((0, 3)) if normals is None else np.asarray(normals),
         )
 
     @property
@@ -64,7 +148,7 @@ class Chain:
         return len(self.taxels) == 0
 
     def frames(self, angles: FloatArray, offsets: FloatArray | None = None) -> FloatArray:
-        """T_base_link (m, 4, 4) for joint angles (m, joints of the robot) [rad].
+        """T_base_link (m, 4, 4) for joint angles (m, joints of the robot) [rad, m].
 
         `offsets` (joints of the robot,) are added to the angles.
         """
@@ -73,33 +157,64 @@ class Chain:
     def motion(
         self, angles: FloatArray, offsets: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """T_base_link (m, 4, 4) with the axes (j, m, 3) and the origins (j, m, 3) of its joints."""
+        """T_base_link (m, 4, 4) with the axes (j, m, 3) and the origins (j, m, 3) of its joints.
+
+        Axes are in the frame of the base, as long as the joint goes for one unit of its column.
+        """
         every = angles if offsets is None else angles + offsets
-        T = np.broadcast_to(np.eye(4), (len(angles), 4, 4))
-        fixed = len(self.dh) - len(self.joints)
-        poses = []
-        for row, (a, d, alpha, offset) in enumerate(self.dh):
-            turn = np.full(len(angles), offset)
-            if row >= fixed:
-                poses.append(T)
-                turn = turn + every[:, self.joints[row - fixed]]
-            T = T @ _link(a, d, alpha, turn)
-        # A row of Denavit and Hartenberg's turns about the z axis of the frame before it.
-        before = np.array(poses).reshape(len(self.joints), len(angles), 4, 4)
-        return np.asarray(T), before[..., :3, 2], before[..., :3, 3]
+        m, j = len(angles), len(self.joints)
+        axes, origins = np.empty((j, m, 3)), np.empty((j, m, 3))
+        T = np.broadcast_to(np.eye(4), (m, 4, 4))
+        for k, column in enumerate(self.joints.tolist()):
+            T = T @ self.before[k]
+            origins[k] = T[:, :3, 3]
+            axes[k] = self.factors[k] * (T[:, :3, :3] @ self.axes[k])
+            own = self.factors[k] * every[:, column] + self.shifts[k]
+            T = T @ joint_transform(self.axes[k], own, sliding=bool(self.sliding[k]))
+        return np.asarray(T @ self.after), axes, origins
+
+    def slopes(self, axes: FloatArray, origins: FloatArray, points: FloatArray) -> FloatArray:
+        """How points (m, 3) of the link, in the frame of the base, move with each joint's angle.
+
+        `axes` and `origins` come from `motion`; (j, m, 3) [m a radian, or a metre].
+        """
+        turned = np.cross(axes, points - origins)
+        return np.where(self.sliding[:, None, None], axes, turned)
 
 
-def _link(a: float, d: float, alpha: float, turn: FloatArray) -> FloatArray:
-    """(m, 4, 4) of one row: rotation about z by `turn`, along z by d, along x by a, about x."""
+def _check_taxels(given: FloatArray, name: str, what: str) -> FloatArray:
+    taxels = np.asarray(given)
+    if taxels.shape[1:] != (3,) or taxels.dtype.kind not in "iuf":
+        raise InvalidArrayError(
+            f"{what} of {name!r} must be numbers of shape (n, 3), got {taxels.dtype} {taxels.shape}"
+        )
+    return taxels.astype(np.float64)
+
+
+def joint_transform(axis: FloatArray, angle: FloatArray, *, sliding: bool) -> FloatArray:
+    """(m, 4, 4) turns about a unit axis (3,) by angles (m,) [rad], or slides along it [lengths]."""
+    T = np.tile(np.eye(4), (len(angle), 1, 1))
+    if sliding:
+        T[:, :3, 3] = angle[:, None] * axis
+        return T
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine, rest = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
+    T[:, :3, :3] += sine * K + rest * (K @ K)  # Rodrigues' formula
+    return T
+
+
+def _dh_link(a: float, d: float, alpha: float, turn: float) -> FloatArray:
+    """(4, 4) of one row: rotation about z by `turn`, along z by d, along x by a, about x."""
     c, s, ca, sa = np.cos(turn), np.sin(turn), np.cos(alpha), np.sin(alpha)
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    rows = [
-        [c, -s * ca, s * sa, a * c],
-        [s, c * ca, -c * sa, a * s],
-        [zero, sa * one, ca * one, d * one],
-        [zero, zero, zero, one],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.array(
+        [
+            [c, -s * ca, s * sa, a * c],
+            [s, c * ca, -c * sa, a * s],
+            [0.0, sa, ca, d],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)

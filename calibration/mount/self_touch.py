@@ -8,28 +8,29 @@ them, and pairs are chosen again, as in iterated closest points.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calibration.mount.chain_fit import (
-    ChainState,
-    Unknowns,
-    fit_chains,
-    misses,
-    mount_covariances,
-)
+from calibration.mount.agreement import Agreement, Jury
+from calibration.mount.chain_fit import Information, fit_chains, information, misses
 from calibration.mount.chains import Chain, TouchRecording
+from calibration.mount.observability import Unobserved, unobserved
 from calibration.mount.pairing import Contacts, contacts_of
 from calibration.mount.rigid_mount import Loss, point_covariance
+from calibration.mount.unknowns import ChainState, Unknowns
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_points
 
 FOLDS = 5  # each event is held out once
-INCONSISTENT = 2.5  # a recording whose median is so many times that of the others
 FEWEST = 12  # events
 JOINT_SIGMA = np.deg2rad(2.0)  # what zero positions of joints are off by
+MOST_OFF = 4.0 * JOINT_SIGMA  # of any: recordings that ask for more contradict the robot
+BLAMED = 0.5  # pitches that a recording must be missed by at least to be blamed
+ENOUGH = 150  # touches that tell poses in their order from others
+ORDERS = 12  # seed of the poses' other orders, apart from the user's: they judge, no more
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -44,6 +45,8 @@ class SelfTouchFit:
         Tip of each probe in its link [m].
     joint_offsets : dict of int to float
         To be added to each column of the angles [rad]; empty where none were asked for.
+    standoffs : dict of str to float
+        How far the two sides of each recording stand apart along their normals [m].
     rms_before, rms_after, held_out : float
         Distance of the places that met, root mean square over events [m]: with the mounts
         as they came, after the fit, and of events that a fit to the others never saw.
@@ -52,11 +55,18 @@ class SelfTouchFit:
         the distances alone cannot tell.
     medians : dict of str to float
         Median distance of each recording [m].
-    inconsistent, dropped : tuple of str
-        Recordings that contradict the others, and those of them that were left out.
+    agreement : Agreement
+        Which recordings contradict the others.
+    dropped : tuple of str
+        Those of them that were left out.
+    left_alone : tuple of str
+        Chains that were to be calibrated, and whose recordings were all left out.
     covariances : dict of str to (6, 6) float
         Of each mount, ordered as in `MountFit`; widened to what the two halves show, because the
-        errors of a real robot's kinematics are no noise.
+        errors of a real robot's kinematics are no noise, and by what zeros of joints that were
+        not solved for are off by.
+    unobserved : Unobserved
+        What these touches cannot tell.
     distances_before, distances : (m,) float
         Of every event that was fitted to [m].
     """
@@ -64,16 +74,25 @@ class SelfTouchFit:
     mounts: dict[str, FloatArray]
     tips: dict[str, FloatArray]
     joint_offsets: dict[int, float]
+    standoffs: dict[str, float]
     rms_before: float
     rms_after: float
     held_out: float
     split_shift: float
     medians: dict[str, float]
-    inconsistent: tuple[str, ...]
+    agreement: Agreement
     dropped: tuple[str, ...]
+    left_alone: tuple[str, ...]
     covariances: dict[str, FloatArray]
+    unobserved: Unobserved
     distances_before: FloatArray
     distances: FloatArray
+    by_recording: dict[str, FloatArray] = field(default_factory=dict)
+
+    @property
+    def inconsistent(self) -> tuple[str, ...]:
+        """Recordings that contradict the others."""
+        return self.agreement.inconsistent
 
 
 def self_touch(
@@ -84,7 +103,7 @@ def self_touch(
     joint_offsets: bool = False,
     joint_sigma: float = JOINT_SIGMA,
     loss: Loss = "cauchy",
-    drop_inconsistent: bool = False,
+    keep_all: bool = False,
     rng: np.random.Generator,
 ) -> SelfTouchFit:
     """Fit the mounts of the named chains to recordings of self-touch.
@@ -101,9 +120,9 @@ def self_touch(
     joint_sigma : float
         Prior standard deviation of such an offset [rad].
     loss : {"linear", "cauchy"}
-    drop_inconsistent : bool
-        Leave out recordings whose median distance is 2.5 times that of the others; of two,
-        which one contradicts the other cannot be told, and both stay.
+    keep_all : bool
+        Keep recordings without which the others agree; they are left out otherwise. Where it
+        cannot be told which one is wrong, as of two, all stay.
     rng : numpy.random.Generator
         Draws the held-out events and the halves.
 
@@ -113,36 +132,44 @@ def self_touch(
         A chain that does not exist.
     InvalidArrayError
         Too few events, a taxel that a chain lacks, angles that a chain needs and a recording
-        lacks, recordings whose numbers of angles differ.
+        lacks, recordings whose numbers of angles differ or whose names do not.
     """
     given = [_check(recording, chains) for recording in recordings]
     _check_all(given, chains, calibrate)
-    used = [contacts_of(one, *(chains[name] for name in one.chains)) for one in given]
+    every = [contacts_of(one, *(chains[name] for name in one.chains)) for one in given]
     problem = _Problem(chains, tuple(calibrate), joint_offsets, joint_sigma, loss)
+    agreement = problem.jury(every).agreement(every)
+    dropped = agreement.inconsistent if agreement.told and not keep_all else ()
+    used = [one for one in every if one.recording.name not in dropped]
     state = problem.fit(used)
-    medians = problem.medians(used, state)
-    consistent, inconsistent = problem.consistent(used, medians)
-    if drop_inconsistent and inconsistent:
-        used = consistent
-        state = problem.fit(used)
+    told = problem.unknowns(used)
     halves = [rng.permutation(len(one)) < len(one) / 2 for one in used]
     one, other = (problem.fit(_masked(used, halves, keep=keep)) for keep in (True, False))
+    known = information(used, chains, told, state, loss)
+    shift = problem.shift(told.mounts, one, other)
+    distances = {each.recording.name: _distances(each, chains, state) for each in used}
     before = _every_distance(used, chains, problem.start(used))
-    after = _every_distance(used, chains, state)
+    after = np.concatenate(list(distances.values()))
+    covariances = _covariances(chains, known, told.mounts, state, shift)
     return SelfTouchFit(
-        {name: state.mounts[name] for name in calibrate},
-        {name: state.mounts[name][:3, 3] for name in problem.unknowns(used).tips},
-        {joint: float(state.offsets[joint]) for joint in problem.unknowns(used).joints},
+        {name: state.mounts[name] for name in told.mounts},
+        {name: state.mounts[name][:3, 3] for name in told.tips},
+        {joint: float(state.offsets[joint]) for joint in told.joints},
+        dict(state.standoffs),
         _root_mean_square(before),
         _root_mean_square(after),
         problem.held_out(used, rng),
-        problem.shift(one, other),
-        medians | problem.medians(used, state),
-        inconsistent,
-        inconsistent if drop_inconsistent else (),
-        problem.covariances(used, state, problem.shift(one, other)),
+        shift,
+        problem.medians(every, problem.fit(every))
+        | {name: float(np.median(own)) for name, own in distances.items()},
+        agreement,
+        dropped,
+        tuple(name for name in calibrate if name not in told.mounts),
+        covariances,
+        unobserved(used, known, told),
         before,
         after,
+        distances,
     )
 
 
@@ -157,22 +184,35 @@ class _Problem:
     loss: Loss
 
     def unknowns(self, contacts: Sequence[Contacts], *, mounts: bool = True) -> Unknowns:
+        """What may move: chains that no recording touches may not."""
         present = dict.fromkeys(name for one in contacts for name in one.recording.chains)
         probes = tuple(name for name in present if self.chains[name].is_probe)
         moving = sorted({int(j) for name in present for j in self.chains[name].joints})
-        joints = tuple(moving) if self.joint_offsets and mounts else ()
-        return Unknowns(self.calibrate if mounts else (), probes, joints, self.joint_sigma)
+        if not mounts:
+            unknown = tuple(name for name in probes if not self.chains[name].mount[:3, 3].any())
+            return Unknowns((), unknown, (), self.joint_sigma)
+        return Unknowns(
+            tuple(name for name in self.calibrate if name in present),
+            probes,
+            tuple(moving) if self.joint_offsets else (),
+            self.joint_sigma,
+            {one.recording.name: self._expected(one) for one in contacts if one.stands_apart},
+        )
+
+    def _expected(self, one: Contacts) -> float:
+        return sum(self.chains[name].radius for name in one.recording.chains)
 
     def start(self, contacts: Sequence[Contacts]) -> ChainState:
-        """Mounts as they came, with the tips that fit them best."""
+        """Mounts as they came, with the tips that fit them best where none was assumed."""
         width = contacts[0].recording.angles.shape[1]
         state = ChainState({name: c.mount for name, c in self.chains.items()}, np.zeros(width))
         unknowns = self.unknowns(contacts, mounts=False)
         return fit_chains(contacts, self.chains, unknowns, state, self.loss)
 
     def fit(self, contacts: Sequence[Contacts]) -> ChainState:
-        start = self.start(contacts)
-        return fit_chains(contacts, self.chains, self.unknowns(contacts), start, self.loss)
+        unknowns, start = self.unknowns(contacts), self.start(contacts)
+        start.standoffs = dict(unknowns.standoffs)
+        return fit_chains(contacts, self.chains, unknowns, start, self.loss)
 
     def medians(self, contacts: Sequence[Contacts], state: ChainState) -> dict[str, float]:
         return {
@@ -180,24 +220,32 @@ class _Problem:
             for one in contacts
         }
 
-    def consistent(
-        self, contacts: Sequence[Contacts], medians: Mapping[str, float]
-    ) -> tuple[list[Contacts], tuple[str, ...]]:
-        """Recordings that agree, and names of those that contradict them, the worst first.
+    def jury(self, contacts: Sequence[Contacts]) -> Jury:
+        """Who judges whether recordings agree: zeros of joints are no contradiction."""
+        freely = replace(self, joint_offsets=True)
+        rng = np.random.default_rng(ORDERS)
 
-        After each that is left out the mounts are fitted again: what a bad one had dragged along
-        is judged without it.
-        """
-        kept, found = list(contacts), list[str]()
-        while len(kept) > 2:
-            worst = max((one.recording.name for one in kept), key=medians.__getitem__)
-            rest = [one for one in kept if one.recording.name != worst]
-            others = [medians[one.recording.name] for one in rest]
-            if medians[worst] <= INCONSISTENT * float(np.median(others)):
-                break
-            kept, found = rest, [*found, worst]
-            medians = self.medians(kept, self.fit(kept))
-        return kept, tuple(found)
+        def shuffled(one: Contacts) -> float:
+            some = one.subset(rng.permutation(len(one)) < ENOUGH)
+            other = some.reordered(rng.permutation(len(some)))
+            return freely.medians([other], freely.fit([other]))[one.recording.name]
+
+        def missed(some: Sequence[Contacts]) -> tuple[dict[str, float], float]:
+            state = freely.fit(some)
+            return freely.medians(some, state), float(np.abs(state.offsets).max() / MOST_OFF)
+
+        def shared(one: Contacts, other: Contacts) -> int:
+            probes = {name for name, chain in self.chains.items() if chain.is_probe}
+            both = {*one.recording.chains} & {*other.recording.chains}
+            return len(both & {*self.calibrate, *probes})
+
+        floors = {one.recording.name: BLAMED * self._pitch(one.recording) for one in contacts}
+        return Jury(missed, shuffled, shared, floors)
+
+    def _pitch(self, recording: TouchRecording) -> float:
+        """The coarser pitch of the two sides [m]."""
+        skins = [self.chains[name].taxels for name in recording.chains]
+        return max(pitch_of(taxels) for taxels in skins if len(taxels))
 
     def held_out(self, contacts: Sequence[Contacts], rng: np.random.Generator) -> float:
         """Root mean square distance of events under fits that never saw them [m]."""
@@ -211,34 +259,47 @@ class _Problem:
             events += sum(map(len, unseen))
         return float(np.sqrt(squares / events))
 
-    def covariances(
-        self, contacts: Sequence[Contacts], state: ChainState, shift: float
-    ) -> dict[str, FloatArray]:
-        unknowns = self.unknowns(contacts)
-        found = mount_covariances(contacts, self.chains, unknowns, state, self.loss)
-        spread = [
-            np.einsum("nii->n", taxel_covariance(self.chains[name], state.mounts[name], own))
-            for name, own in found.items()
-        ]
-        # Fits to halves differ by twice the error of the fit to all.
-        seen = (0.5 * shift) ** 2 / max(float(np.concatenate(spread).mean()), 1e-18)
-        return {name: max(1.0, seen) * own for name, own in found.items()}
-
-    def shift(self, one: ChainState, other: ChainState) -> float:
+    def shift(self, calibrated: Sequence[str], one: ChainState, other: ChainState) -> float:
         """Root mean square move of the calibrated taxels between two states [m]."""
         moved = []
-        for name in self.calibrate:
-            taxels = self.chains[name].taxels
-            known = taxels[np.isfinite(taxels).all(axis=1)]
+        for name in calibrated:
+            known = known_taxels(self.chains[name])
             places = [transform_points(state.mounts[name], known) for state in (one, other)]
             moved.append(places[0] - places[1])
         return float(np.sqrt(np.mean(np.sum(np.concatenate(moved) ** 2, axis=1))))
 
 
+def _covariances(
+    chains: Mapping[str, Chain],
+    known: Information,
+    calibrated: Sequence[str],
+    state: ChainState,
+    shift: float,
+) -> dict[str, FloatArray]:
+    """(6, 6) of each mount: noise, widened to what two halves show, and zeros of joints."""
+    parts = {name: known.mount(name) for name in calibrated}
+    spread = [
+        np.einsum("nii->n", taxel_covariance(chains[name], state.mounts[name], noise))
+        for name, (noise, _) in parts.items()
+    ]
+    # Fits to halves differ by twice the error of the fit to all.
+    seen = (0.5 * shift) ** 2 / max(float(np.concatenate(spread).mean()), 1e-18)
+    return {name: max(1.0, seen) * noise + joints for name, (noise, joints) in parts.items()}
+
+
+def known_taxels(chain: Chain) -> FloatArray:
+    """Positions (n, 3) of the taxels that there are [m]."""
+    return chain.taxels[np.isfinite(chain.taxels).all(axis=1)]
+
+
+def pitch_of(taxels: FloatArray) -> float:
+    """Median spacing of the taxels that there are [m]."""
+    return median_spacing(taxels[np.isfinite(taxels).all(axis=1)])
+
+
 def taxel_covariance(chain: Chain, mount: FloatArray, covariance: FloatArray) -> FloatArray:
     """(n, 3, 3) of the taxels of a chain [m2], from that of its mount (6, 6)."""
-    taxels = chain.taxels[np.isfinite(chain.taxels).all(axis=1)]
-    return point_covariance(mount, taxels, covariance)
+    return point_covariance(mount, known_taxels(chain), covariance)
 
 
 def _masked(
@@ -264,16 +325,26 @@ def _root_mean_square(distances: FloatArray) -> float:
 def _check_all(
     recordings: Sequence[TouchRecording], chains: Mapping[str, Chain], calibrate: Sequence[str]
 ) -> None:
+    if not calibrate:
+        raise InvalidArrayError("no chain to calibrate")
+    touched = {name for one in recordings for name in one.chains}
     for name in calibrate:
         if name not in chains:
             raise UnknownNameError("chain", name, chains)
         if chains[name].is_probe:
             raise InvalidArrayError(f"{name!r} is a probe: its tip is always found")
-    if not calibrate:
-        raise InvalidArrayError("no chain to calibrate")
+        if name not in touched:
+            raise InvalidArrayError(f"no recording touches {name!r}")
+    names = [one.name for one in recordings]
+    for name in names:
+        if names.count(name) > 1:
+            raise InvalidArrayError(f"two recordings are called {name!r}")
     events = sum(map(len, recordings))
     if events < FEWEST:
         raise InvalidArrayError(f"{events} touches, at least {FEWEST} are needed")
+    for one in recordings:
+        if len(one) < 2:
+            raise InvalidArrayError(f"{one.name!r} has {len(one)} touches that both sides felt")
     widths = {one.name: one.angles.shape[1] for one in recordings}
     if len(set(widths.values())) > 1:
         words = ", ".join(f"{name!r} {width}" for name, width in widths.items())
@@ -302,9 +373,12 @@ def _check(recording: TouchRecording, chains: Mapping[str, Chain]) -> TouchRecor
         for row in range(len(recording)):
             active: IntArray = np.asarray(touched[row], np.int64)
             if len(active) and not 0 <= active.min() <= active.max() < len(known):
+                wrong = active.min() if active.min() < 0 else active.max()
                 raise InvalidArrayError(
-                    f"{recording.name!r}, event {row}: taxel {active.max()} of {name!r}, which "
+                    f"{recording.name!r}, event {row}: taxel {wrong} of {name!r}, which "
                     f"has 0..{len(known) - 1}"
                 )
             keep[row] &= bool(known[active].any())
+    if all(touched is None for touched in recording.touched):
+        raise InvalidArrayError(f"{recording.name!r}: neither side has taxels")
     return recording.subset(keep)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError, OutputError
 from skinmap.io.marked_events import part_events, taxel_columns
-from skinmap.io.track import Track
+from skinmap.io.track import MarkedTouch, Track
 from skinmap.touch.recording import Recording
 
 FORMAT = "skinmap-arrays-1"
@@ -160,3 +160,56 @@ def recordings_of_arrays(arrays: Any, path: Path) -> list[Recording]:
             )
         )
     return found
+
+
+def track_of_arrays(arrays: Any, path: Path) -> Track:
+    """The whole recording of an NPZ that `write_npz` made, joint angles too.
+
+    Parameters
+    ----------
+    arrays : numpy.lib.npyio.NpzFile
+    path : Path
+        For messages.
+
+    Raises
+    ------
+    DataFormatError
+        Another format, or arrays whose lengths differ.
+    """
+    told = json.loads(str(arrays["about"]))
+    if told["format"] != FORMAT:
+        raise DataFormatError(f"format {told['format']!r}, expected {FORMAT!r}", path)
+    parts = tuple(map(str, told["parts"]))
+    times = arrays["times"]
+    values = [arrays[f"{part}/values"] for part in parts]
+    joints = tuple(map(str, arrays.get("joints", ())))
+    angles = arrays.get("angles", np.zeros((0, 0)))
+    for what, array in [("angles", angles)] * bool(joints) + list(zip(parts, values, strict=True)):
+        if array.ndim != 2 or len(array) != len(times):
+            raise DataFormatError(f"{what} of shape {array.shape} for {len(times)} samples", path)
+    if joints and angles.shape[1] != len(joints):
+        raise DataFormatError(f"{angles.shape[1]} angles for {len(joints)} joints", path)
+    return Track(
+        str(told["name"]),
+        told["kind"],
+        parts,
+        tuple(one.shape[1] for one in values),
+        times,
+        np.concatenate(values, axis=1),
+        rate=float(told["rate_hz"]),
+        robot=str(told["robot"]),
+        fingerprints=told["fingerprints"],
+        clock=str(told["clock"]),
+        touches=tuple(touch for part in parts for touch in _marks(arrays, part)),
+        joints=joints,
+        angles=angles,
+        samples=told["samples"],
+    )
+
+
+def _marks(arrays: Any, part: str) -> Iterator[MarkedTouch]:
+    events = arrays[f"{part}/events"]
+    for event, label in enumerate(arrays[f"{part}/labels"]):
+        rows = np.flatnonzero(events == event)
+        if len(rows):
+            yield MarkedTouch(part, event, str(label), int(rows[0]), int(rows[-1]))

@@ -12,6 +12,7 @@ from skinmap.errors import MissingFileError, UnknownNameError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.io.text import is_file
 from skinmap.io.urdf import read_mesh
+from skinmap.skin.joints import Joint
 
 LINK = "body"
 
@@ -56,6 +57,11 @@ class MeshBody:
     def sliding_joints(self) -> frozenset[str]:
         """None: there are no joints."""
         return frozenset()
+
+    @property
+    def tree(self) -> dict[str, Joint]:
+        """No joint above the one link."""
+        return {}
 
     def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
         """The identity (4, 4) for the one link.

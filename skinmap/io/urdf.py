@@ -23,10 +23,12 @@ from skinmap.io.safe_xml import read_xml
 from skinmap.io.text import check_file, is_file
 from skinmap.io.urdf_check import read_urdf
 from skinmap.io.urdf_shapes import shape_mesh
+from skinmap.skin.joints import Joint, Kind
 
 # trimesh reads more, archives and scene formats among them, that may name or unpack other files.
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".glb", ".gltf", ".off")
 MOST_MESH_BYTES = 512 * 2**20
+KINDS: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
 # Kept once read: files that say all themselves (a .gltf names others), and are slow to parse.
 WHOLE = (".stl", ".obj", ".ply", ".dae", ".glb", ".off")
 WORTH_KEEPING = 50_000  # [bytes]
@@ -97,6 +99,26 @@ class UrdfBody:
         """Joints that slide instead of turning: theirs are lengths [m]."""
         kinds = {name: self._urdf.joint_map[name].type for name in self._urdf.actuated_joint_names}
         return frozenset(name for name, kind in kinds.items() if kind == "prismatic")
+
+    @property
+    def tree(self) -> dict[str, Joint]:
+        """The joint above each link but the root; joints of other kinds stand still, as in poses.
+
+        A joint that mimics one that does not move stands at its offset.
+        """
+        found, moving = {}, self._urdf.actuated_joint_names
+        for name, joint in self._urdf.joint_map.items():
+            kind = KINDS.get(joint.type, "fixed")
+            driver, factor, offset = ("" if kind == "fixed" else name), 1.0, 0.0
+            if kind != "fixed" and joint.mimic is not None:
+                driver = joint.mimic.joint if joint.mimic.joint in moving else ""
+                factor, offset = float(joint.mimic.multiplier), float(joint.mimic.offset)
+            origin = np.eye(4) if joint.origin is None else np.array(joint.origin)
+            axis = np.array(joint.axis, np.float64)
+            found[joint.child] = Joint(
+                name, joint.parent, kind, origin, axis, driver, factor, offset
+            )
+        return found
 
     def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
         """T_root_link (4, 4) of every link for joint angles [rad]; joints not named are at zero.

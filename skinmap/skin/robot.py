@@ -14,6 +14,7 @@ from skinmap.errors import UnknownNameError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
+from skinmap.skin.joints import Joint
 from skinmap.skin.layouts import ModuleLayout
 from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, repair_table, replace
 from skinmap.skin.skin import Skin, skin_from_table
@@ -38,6 +39,10 @@ class Body(Protocol):
     @property
     def sliding_joints(self) -> frozenset[str]:
         """Joints that slide instead of turning: theirs are lengths [m]."""
+
+    @property
+    def tree(self) -> Mapping[str, Joint]:
+        """The joint above each link but the root."""
 
     def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
         """T_root_link (4, 4) of every link for joint angles [rad]."""

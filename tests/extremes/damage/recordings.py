@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from calibration.files.mount_files import read_arrays, read_samples, read_wrenches
-from calibration.files.self_touch_files import load_self_touch
+from calibration.files.part_files import load_part_touches
 from calibration.response.response import ResponseCalibration
 from calibration.response.response_file import load_response, save_response
 from skinmap.cache import Cache
@@ -205,10 +205,10 @@ TARGETS = [
           ("skinmap.classify.convolution.load_network",)),
     *both("response", "t.npz", lambda: [response()], load_response,
           ("calibration.response.response_file.load_response",)),
-    *both("self-touch", "A_B.npz", lambda: [self_touch()], lambda p: load_self_touch([p]),
-          ("calibration.files.self_touch_files.load_self_touch",), PARTS),
+    *both("self-touch", "A_B.npz", lambda: [self_touch()], lambda p: load_part_touches([p]),
+          ("calibration.files.part_files.load_part_touches",), PARTS),
     *both("self-touch-part", "part_A.npz", lambda: [part(0)],
-          lambda p: load_self_touch([p.with_name("A_B.npz")]), (),
+          lambda p: load_part_touches([p.with_name("A_B.npz")]), (),
           {"A_B.npz": self_touch, "part_B.npz": lambda: part(1)}),
     *both("wrenches", "w.npz", lambda: [wrenches()], read_wrenches,
           ("calibration.files.mount_files.read_wrenches",)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -93,10 +94,10 @@ def body() -> dict[str, Chain]:
     """An arm and a chest, each with a patch where it truly is."""
     still, none = np.zeros((0, 4)), np.zeros(0, int)
     return {
-        "arm": Chain(
+        "arm": Chain.from_dh(
             "arm", ARM, np.arange(6), pose([0.2, 1.4, 0.3], [0.02, 0.01, 0.05]), sheet(0.05)
         ),
-        "chest": Chain("chest", still, none, pose([0, 0, 0.1], [0.2, 0, 0.1]), sheet(0.1)),
+        "chest": Chain.from_dh("chest", still, none, pose([0, 0, 0.1], [0.2, 0, 0.1]), sheet(0.1)),
     }
 
 
@@ -138,7 +139,7 @@ def fitted(
     arm = chains["arm"]
     T = arm.mount @ pose([0.0, 0.0, 0.0], [0.6 * distance, 0.8 * distance, 0.0])
     T[:3, :3] = Rotation.from_rotvec([0, 0.6 * angle, 0.8 * angle]).as_matrix() @ T[:3, :3]
-    given = chains | {"arm": Chain("arm", arm.dh, arm.joints, T, arm.taxels)}
+    given = chains | {"arm": replace(arm, mount=T)}
     one = TouchRecording("r", ("arm", "chest"), angles, (felt[0], felt[1]))
     return self_touch([one], given, calibrate=["arm"], rng=np.random.default_rng(0))
 

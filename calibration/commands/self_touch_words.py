@@ -1,0 +1,227 @@
+"""What a fit of self-touch is worth, in words: status, reasons, notes, and what to touch next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from calibration.files.self_touch_files import SelfTouchData
+from calibration.mount.chains import Chain
+from calibration.mount.self_touch import SelfTouchFit, pitch_of, taxel_covariance
+from calibration.patch.patch_calibration import Status
+from calibration.patch.status import COVERAGE, NEXT, weak_direction
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.geometry.rigid import transform_points
+
+MM = 1e3
+OVERFIT = 1.5  # times the misses of the fit that unseen touches may miss by
+SLIPPED = 10e-3  # how far a tip may lie from where it was thought to be without a word [m]
+Judged = list[tuple[str, str]]
+
+
+def placed(chain: Chain, fit: SelfTouchFit) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Channels (n,), positions (n, 3) [m] and covariances (n, 3, 3) of a chain's taxels."""
+    rows = np.flatnonzero(np.isfinite(chain.taxels).all(axis=1))
+    mount = fit.mounts[chain.name]
+    covariance = taxel_covariance(chain, mount, fit.covariances[chain.name])
+    return rows, transform_points(mount, chain.taxels[rows]), covariance
+
+
+def predicted(chain: Chain, fit: SelfTouchFit) -> FloatArray:
+    """(n,) predicted errors of a chain's taxels [m]."""
+    return np.asarray(np.sqrt(np.einsum("nii->n", placed(chain, fit)[2])))
+
+
+def touched(data: SelfTouchData, fit: SelfTouchFit, name: str) -> BoolArray:
+    """(n,) whether each taxel that there is was touched in a recording that counts."""
+    chain = data.chains[name]
+    count = np.zeros(len(chain.taxels), np.bool_)
+    for recording in data.recordings:
+        for side, own in zip(recording.chains, recording.touched, strict=True):
+            if side == name and own is not None and recording.name not in fit.dropped:
+                count[np.unique(np.concatenate([np.zeros(0, np.int64), *own]))] = True
+    return count[np.isfinite(chain.taxels).all(axis=1)]
+
+
+def judge(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> Judged:
+    """Statuses with their reasons, the gravest first; none where all is well."""
+    return [
+        *_contradictions(fit),
+        *_unobservable(data, fit, asked),
+        *_uncovered(data, fit),
+        *_too_few(fit),
+    ]
+
+
+def _contradictions(fit: SelfTouchFit) -> Judged:
+    left = [name for name in fit.inconsistent if name not in fit.dropped]
+    if not left:
+        return []
+    one = ", ".join(f"{name} (median {MM * fit.medians[name]:.1f} mm)" for name in left)
+    own = [name for name in left if name in fit.agreement.senseless]
+    if own:
+        why = (
+            f"{one}: poses and touches of {', '.join(own)} do not belong together (wrong joints, "
+            "another time, or another robot)"
+        )
+    elif len(fit.medians) == 1:
+        why = (
+            f"{one}: explained only by zeros of joints further off than joints are; a mount that "
+            "is not calibrated may be wrong"
+        )
+    elif len(fit.medians) == 2:
+        why = f"{one} contradict each other; of two it cannot be told which is wrong, so both stay"
+    elif fit.agreement.told:
+        why = f"{one} contradicts the other recordings, and was kept as asked for"
+    else:
+        why = f"{one}: one of them contradicts the others; it cannot be told which, so all stay"
+    if own and len(fit.medians) == 2:
+        why += "; of two it cannot be told which is wrong, so both stay"
+    return [(Status.AMBIGUOUS, why)]
+
+
+def _unobservable(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> Judged:
+    found: Judged = []
+    for name in fit.mounts:
+        chain = data.chains[name]
+        half = pitch_of(chain.taxels) / 2
+        _, places, covariance = placed(chain, fit)
+        sd = float(np.median(predicted(chain, fit)))
+        if sd > half:
+            found.append(
+                (
+                    Status.UNOBSERVABLE,
+                    f"taxels of {name} are known to {MM * sd:.1f} mm only, half a pitch is "
+                    f"{MM * half:.1f} mm; the patch {weak_direction(places, covariance)}"
+                    f"{_with(name, fit)}",
+                )
+            )
+    half = min(pitch_of(data.chains[name].taxels) for name in fit.mounts) / 2
+    if fit.split_shift > half:
+        found.append(
+            (
+                Status.UNOBSERVABLE,
+                f"taxels move by {MM * fit.split_shift:.1f} mm between fits to two halves, half "
+                f"a pitch is {MM * half:.1f} mm: more touches, in other poses",
+            )
+        )
+    for name in fit.left_alone:
+        if name in asked:
+            words = f"{name}: all its recordings were left out, its mount is as it came"
+            found.append((Status.UNOBSERVABLE, words))
+    return found
+
+
+def _with(name: str, fit: SelfTouchFit) -> str:
+    """The patch that one moves together with."""
+    for pair in fit.unobserved.together:
+        if name in pair:
+            return f", together with {pair[1 - pair.index(name)]}"
+    return ""
+
+
+def _uncovered(data: SelfTouchData, fit: SelfTouchFit) -> Judged:
+    shares = {name: float(touched(data, fit, name).mean()) for name in fit.mounts}
+    return [
+        (
+            Status.LOW_COVERAGE,
+            f"{100 * share:.0f} % of the taxels of {name} were touched, {100 * COVERAGE:.0f} % "
+            "are needed: those far from the others are a guess",
+        )
+        for name, share in shares.items()
+        if share < COVERAGE
+    ]
+
+
+def _too_few(fit: SelfTouchFit) -> Judged:
+    if fit.held_out <= OVERFIT * fit.rms_after:
+        return []
+    return [
+        (
+            Status.AMBIGUOUS,
+            f"touches that the fit never saw are missed by {MM * fit.held_out:.1f} mm, those "
+            f"it saw by {MM * fit.rms_after:.1f} mm: too few touches",
+        )
+    ]
+
+
+def notes_of(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> list[str]:
+    """What was left out, what the touches cannot tell, and what deserves a second look."""
+    told = fit.unobserved
+    notes = [*data.notes]
+    for name in fit.dropped:
+        why = "contradicts the others, which agree without it"
+        if name in fit.agreement.senseless:
+            why = "its poses and touches do not belong together; the others agree"
+        notes.append(
+            f"{name} was left out: median {MM * fit.medians[name]:.1f} mm, {why} "
+            "(--keep-all keeps it)"
+        )
+    for name in fit.left_alone:
+        if name not in asked:
+            notes.append(f"{name} was not calibrated: all its recordings were left out")
+    for pair, sd in told.together.items():
+        notes.append(
+            f"{pair[0]} and {pair[1]} are known to each other; both may move together by "
+            f"{MM * sd:.1f} mm: touch one of them with another part, or with a probe"
+        )
+    for joint, name in told.joints.items():
+        other = f"equals a move of {name}" if name else "equals moves of several others together"
+        notes.append(f"the zero of {joint_name(data, joint)} cannot be told: it {other}")
+    for recording, name in told.standoffs.items():
+        lifted = f"equals a lift of {name}" if name else "equals other moves"
+        notes.append(f"how far skins stand apart in {recording} cannot be told: it {lifted}")
+    for joint, way in told.still.items():
+        notes.append(
+            f"{joint_name(data, joint)} moved by {np.rad2deg(way):.0f} deg only: touch in poses "
+            "where it turns further"
+        )
+    return [*notes, *_tip_notes(data, fit)]
+
+
+def _tip_notes(data: SelfTouchData, fit: SelfTouchFit) -> list[str]:
+    found = []
+    for name, tip in fit.tips.items():
+        assumed = data.chains[name].mount[:3, 3]
+        way = float(np.linalg.norm(tip - assumed))
+        if assumed.any() and way > SLIPPED:
+            found.append(f"the tip of {name} lies {MM * way:.0f} mm from where it was assumed")
+    return found
+
+
+def joint_name(data: SelfTouchData, column: int) -> str:
+    """Name of a joint where recordings say it."""
+    return data.joints[column] if data.joints else f"joint {column}"
+
+
+def next_taxels(data: SelfTouchData, fit: SelfTouchFit) -> dict[str, list[int]]:
+    """Channels of each patch to touch next: the least known of those never touched, far apart."""
+    found = {}
+    for name in fit.mounts:
+        rows, places, _ = placed(data.chains[name], fit)
+        gain = predicted(data.chains[name], fit) * np.where(touched(data, fit, name), 0.5, 1.0)
+        chosen: list[int] = []
+        for _ in range(min(NEXT, len(rows))):
+            away = np.ones(len(rows))
+            if chosen:
+                gaps = np.linalg.norm(places[:, None] - places[chosen], axis=2).min(axis=1)
+                away = gaps / max(float(gaps.max()), 1e-12)
+            chosen.append(int(np.argmax(gain * away)))
+        found[name] = [int(rows[k]) for k in chosen]
+    return found
+
+
+def probe_words(data: SelfTouchData, fit: SelfTouchFit) -> dict[str, Mapping[str, object]]:
+    """What is known of each probe, for JSON."""
+    found: dict[str, Mapping[str, object]] = {}
+    for name, tip in fit.tips.items():
+        chain = data.chains[name]
+        assumed = chain.mount[:3, 3]
+        found[name] = {
+            "on": data.links.get(name, ""),
+            "tip_mm": MM * tip,
+            "assumed_tip_mm": MM * assumed if assumed.any() else None,
+            "radius_mm": MM * chain.radius if chain.radius else None,
+        }
+    return found
