@@ -19,7 +19,7 @@ from record import command
 from timing import timed
 from units import unit_rows
 from wiring import wiring_rows
-from wraps import family_rows, wrong_rows
+from wraps import family_rows, family_touch_rows, wrong_rows
 
 from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
 from calibration.patch.link_surface import make_target
@@ -155,6 +155,7 @@ def measure(quick: bool, *, repeats: int = 2, scans: int = 50, wirings: int = 35
     tables: dict[str, Callable[[], Any]] = {
         "wrap": lambda: wrap_rows(some, repeats),
         "family": lambda: family_rows(repeats, some=2 if quick else None),
+        "family_touch": lambda: family_touch_rows(some=2 if quick else None),
         "wrong": lambda: wrong_rows(cases, 2 if quick else WRONG),
         "touch": lambda: touch_rows(some, repeats),
         "units": lambda: unit_rows(some),

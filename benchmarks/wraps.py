@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 from links import family_cases
-from patches import Case, far_apart
+from patches import Case, far_apart, simulate_touches
 from timing import timed
 
-from calibration import Status, wrap_layout
+from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
 from calibration.patch import minima, sheet_model
 from calibration.patch.link_surface import make_target
 from skinmap.arrays import FloatArray, IntArray
@@ -73,6 +73,10 @@ def _run(case: Case, board: str, judged: bool, method: str, count: int, repeat: 
     else:
         with lengths_alone():
             found, seconds, _ = timed(solve)
+    return _measured(found, case, board, judged, seconds)
+
+
+def _measured(found: PatchCalibration, case: Case, board: str, judged: bool, seconds: float) -> Run:
     error = found.positions - case.truth
     length = np.linalg.norm(error, axis=1)
     square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error)
@@ -116,6 +120,25 @@ def anchored(case: Case, count: int, rng: np.random.Generator) -> tuple[IntArray
     """Taxels far apart, and where they were measured."""
     taxels = far_apart(case.layout, count, rng)
     return taxels, case.truth[taxels] + rng.normal(0.0, NOISE, (count, 3))
+
+
+def family_touch_rows(*, some: int | None = None) -> list[dict[str, Any]]:
+    """The same boards located by touches alone, gains spread by a quarter."""
+    rows = []
+    for count, how in ((32, {"noise": 1e-3}), (64, {"noise": 2e-3, "wrong": 0.3, "dead": 0.2})):
+        runs = []
+        for board in ("flat", "modules"):
+            for link, case in list(family_cases(board))[:some]:
+                rng = np.random.default_rng([count, len(case.layout), len(case.part)])
+                touches = simulate_touches(case, count, rng, **how)
+                make_target(case.vertices, case.faces)
+                found, seconds, _ = timed(partial(
+                    locate_by_touch, case.layout, case.vertices, case.faces, touches,
+                    modules=case.modules if board == "modules" else None, rng=rng,
+                ))  # fmt: skip
+                runs.append(_measured(found, case, board, link.judged, seconds))
+        rows += [row | {"touches": count, **how} for row in _summaries(runs, "touches", count)]
+    return rows
 
 
 def wrong_rows(icub: list[Case], each: int) -> list[dict[str, Any]]:
