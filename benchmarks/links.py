@@ -24,14 +24,15 @@ PITCH = 6.6e-3  # of the ten taxels of a module [m]
 Shape = Callable[[FloatArray, FloatArray], FloatArray]  # arc lengths (n,), (n,) [m] to (n, 3)
 
 
-def tube(bend: float, radius: float = 35e-3) -> Shape:
-    """A tube bent with a radius: u goes round it, v along it."""
+def tube(bend: float, radius: float = 35e-3, taper: float = 0.0) -> Shape:
+    """A tube bent with a radius: u goes round it, v along it; it widens by `taper` a length."""
 
     def place(u: FloatArray, v: FloatArray) -> FloatArray:
         a, b = u / radius, v / bend
         # The side that looks away from the centre of the bend is longer.
-        arm = bend + radius * np.cos(a)
-        return np.column_stack([arm * np.cos(b) - bend, radius * np.sin(a), arm * np.sin(b)])
+        wide = radius + taper * v
+        arm = bend + wide * np.cos(a)
+        return np.column_stack([arm * np.cos(b) - bend, wide * np.sin(a), arm * np.sin(b)])
 
     return place
 

@@ -1,4 +1,4 @@
-"""Make the files of this folder: a board on a bent tube, and evidence of where it is.
+"""Make the files of this folder: a board on a bent horn, and evidence of where it is.
 
     python docs/examples/board/make.py [FOLDER]
 
@@ -30,7 +30,7 @@ HEIGHT = 0.5e-3  # of the taxels above the mesh [m]
 ANCHORS, TOUCHES, PRESSES, POINTS = 6, 24, 60, 2500
 WRONG = 12e-3  # how far the misplaced anchor is off [m]
 BOARD = links.Link(
-    "tube of 300", links.tube(0.3), links.whole(35e-3), (-0.11, 0.11), "open", 4, 4, True
+    "bent horn", links.tube(0.3, taper=0.08), links.whole(35e-3), (-0.11, 0.11), "open", 4, 4, True
 )
 
 
@@ -49,11 +49,11 @@ def main(folder: Path) -> None:
 
 
 def board_case() -> Case:
-    """Sixteen rigid modules of ten taxels on a tube of 35 mm, bent with 300 mm."""
+    """Sixteen rigid modules of ten taxels on a tube of 35 mm that widens, bent with 300 mm."""
     vertices, faces = links.link_mesh(BOARD, np.random.default_rng(0))
     vertices, first = np.unique(vertices.round(9), axis=0, return_inverse=True)  # closes the seam
     layout, truth, modules = links.rigid_board(BOARD, HEIGHT)
-    return Case("tube of 300", layout, truth, modules, vertices, first.ravel()[faces])
+    return Case("bent horn", layout, truth, modules, vertices, first.ravel()[faces])
 
 
 def board_files(folder: Path, case: Case, channels: IntArray) -> None:
