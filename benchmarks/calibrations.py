@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from mounts import drift_rows, mount_rows
 from patches import Case, far_apart, icub_cases, simulate_touches
+from planes import plane_rows
 from record import command
 from timing import timed
 from units import unit_rows
@@ -135,7 +136,9 @@ def scan_table(cases: list[Case], runs: int) -> Any:
     return scan_rows(cases, runs)
 
 
-def measure(quick: bool, *, repeats: int = 2, scans: int = 50, wirings: int = 35) -> dict[str, Any]:
+def measure(
+    quick: bool, *, repeats: int = 2, scans: int = 50, wirings: int = 35, planes: int = 30
+) -> dict[str, Any]:
     """All tables.
 
     Parameters
@@ -148,6 +151,8 @@ def measure(quick: bool, *, repeats: int = 2, scans: int = 50, wirings: int = 35
         Scans that are registered.
     wirings : int
         Faulty wirings for each part and kind of touch; nine times as many healthy ones.
+    planes : int
+        Trials of each row of presses on a table.
     """
     cases = list(icub_cases())
     some = cases[7:8] if quick else cases
@@ -166,6 +171,7 @@ def measure(quick: bool, *, repeats: int = 2, scans: int = 50, wirings: int = 35
             healthy=9 if quick else 9 * wirings,
             rests=20 if quick else 10 * wirings,
         ),
+        "plane": lambda: plane_rows(1 if quick else planes),
         "drift": lambda: drift_rows(most=1 if quick else None),
     }
     result: dict[str, Any] = {"truth": TRUTH}

@@ -9,8 +9,12 @@ import importlib
 from typing import Any
 
 _PUBLIC = {
+    "Chain": "calibration.mount.chains",
     "MountFit": "calibration.mount.rigid_mount",
     "PatchCalibration": "calibration.patch.patch_calibration",
+    "Plane": "calibration.mount.plane_contacts",
+    "PlaneContacts": "calibration.mount.plane_contacts",
+    "PlaneFit": "calibration.mount.plane_fit",
     "ResponseCalibration": "calibration.response.response",
     "ScanRegistration": "calibration.scan.registration",
     "SelfTouchFit": "calibration.mount.self_touch",
@@ -18,9 +22,11 @@ _PUBLIC = {
     "Touch": "calibration.patch.touch",
     "TouchSession": "calibration.patch.touch_session",
     "fit_mount": "calibration.mount.rigid_mount",
+    "fit_plane": "calibration.mount.plane_fit",
     "fit_wrench": "calibration.mount.wrench",
     "locate_by_touch": "calibration.patch.touch",
     "register_scan": "calibration.scan.registration",
+    "robot_chain": "calibration.mount.robot_chains",
     "self_touch": "calibration.mount.self_touch",
     "wrap_layout": "calibration.patch.wrap",
 }

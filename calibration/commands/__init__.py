@@ -19,6 +19,7 @@ COMMANDS = {
     ),
     "touch": ("touch", "command", "By touches with a known probe."),
     "selftouch": ("mounts", "selftouch", "By skin that touches skin."),
+    "plane": ("plane", "command", "By presses on a table."),
     "scan": ("scan", "command", "A 3D scan of the link to its mesh."),
     "wrench": ("mounts", "wrench", "By the lines of forces that were felt."),
     "response": ("mounts", "response", "Baselines, gains, health of taxels."),

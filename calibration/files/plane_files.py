@@ -1,0 +1,282 @@
+"""Files of presses on a flat surface: joint angles and the taxels that felt each press.
+
+An `.npz` holds `joints (j,)` (names), `angles (m, j)` [rad, of sliding joints m] and, of each
+part, either `active_PART (m, c)` (true where a channel was active) or `ids_PART` with `ptr_PART
+(m + 1,)`: press i activated the channels `ids[ptr[i]:ptr[i + 1]]`. With `numbering` = "index" these
+are rows of the part's table instead of channels. Perhaps `surface (m,)`: which of several surfaces
+was pressed.
+
+A recording (`.mcap`) holds joint angles where its source has them; presses are found in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.files.mount_files import read_arrays
+from calibration.mount.plane_contacts import PlaneContacts
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole
+from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError
+from skinmap.io.track import Track
+from skinmap.skin.robot import Robot
+from skinmap.skin.skin import Skin
+
+EXPECTED = "presses on a flat surface (.npz, or a recording .mcap)"
+NUMBERINGS = ("channel", "index")
+SLACK = np.deg2rad(5.0)  # beyond a joint's limits: what calibrated zeros and flexible stops explain
+MARKS = ("joints", "angles", "surface", "numbering")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PlaneEvidence:
+    """Presses, and the joints that their angles belong to."""
+
+    joints: tuple[str, ...]
+    contacts: PlaneContacts
+
+
+def read_plane_evidence(
+    paths: Sequence[Path], robot: Robot, parts: Sequence[str] = (), *, threshold: float = 8.0
+) -> PlaneEvidence:
+    """Presses of all files, of some parts or of all that they speak of.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    robot : Robot
+        Its joints, and the channels of its parts.
+    parts : sequence of str
+        Parts to calibrate; every file must speak of them. All that the files share by default.
+    threshold : float
+        Of recordings: a channel is active where it reads so much above its rest [counts].
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, one that does not follow its format, or whose angles are not the robot's:
+        names what came and what was expected.
+    UnknownNameError
+        A joint or part that the robot lacks.
+    """
+    read = [_read(path, robot, parts, threshold) for path in paths]
+    joints = read[0].joints
+    whole: PlaneContacts | None = None
+    for path, one in zip(paths, read, strict=True):
+        if set(one.joints) != set(joints):
+            raise DataFormatError(
+                f"its joints are {', '.join(one.joints)}; those of {paths[0].name} "
+                f"{', '.join(joints)}",
+                path,
+            )
+        columns = [one.joints.index(joint) for joint in joints]
+        given = one.contacts
+        if set(given.active) != set(read[0].contacts.active):
+            raise DataFormatError(
+                f"speaks of {', '.join(given.active)}; {paths[0].name} of "
+                f"{', '.join(read[0].contacts.active)}: choose with --part",
+                path,
+            )
+        more = PlaneContacts(given.angles[:, columns], given.active, given.surface)
+        whole = more if whole is None else whole.joined(more)
+    assert whole is not None
+    return PlaneEvidence(joints, whole)
+
+
+def _read(path: Path, robot: Robot, parts: Sequence[str], threshold: float) -> PlaneEvidence:
+    for part in parts:
+        robot.part(part)
+    try:
+        if path.suffix.lower() == ".mcap":
+            found = _from_recording(path, robot, parts, threshold)
+        else:
+            found = _from_arrays(path, robot, parts)
+        _check_angles(found, robot)
+    except InvalidArrayError as error:
+        raise DataFormatError(str(error), path) from error
+    return found
+
+
+def _from_arrays(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvidence:
+    arrays = read_arrays(path, EXPECTED)
+    for name in ("joints", "angles"):
+        if name not in arrays:
+            raise DataFormatError(
+                f"lacks {name!r}; there is: {', '.join(arrays) or 'nothing'}", path
+            )
+    joints = _names(arrays["joints"], robot)
+    angles = check_finite(arrays["angles"], "angles", (None, len(joints)))
+    numbering = str(arrays.get("numbering", "channel"))
+    if numbering not in NUMBERINGS:
+        raise UnknownNameError("numbering", numbering, NUMBERINGS)
+    found = [name.split("_", 1)[1] for name in arrays if name.startswith(("active_", "ids_"))]
+    if not found:
+        raise DataFormatError(
+            f"lacks active_PART or ids_PART with ptr_PART; there is: {', '.join(arrays)}", path
+        )
+    for part in (*found, *parts):
+        robot.part(part)
+    for part in parts:
+        if part not in found:
+            raise DataFormatError(
+                f"does not speak of {part!r}; the parts are: {', '.join(found)}", path
+            )
+    active = {
+        part: _active(arrays, part, len(angles), robot.skin(part), numbering)
+        for part in (parts or found)
+    }
+    surface = check_whole(arrays.get("surface", np.zeros(len(angles), np.int64)), "surface")
+    return PlaneEvidence(joints, PlaneContacts(angles, active, surface))
+
+
+def _names(given: NDArray[Any], robot: Robot) -> tuple[str, ...]:
+    if given.ndim != 1 or given.dtype.kind != "U":
+        raise InvalidArrayError(f"joints must be names, got {given.dtype} {given.shape}")
+    names = tuple(str(name) for name in given)
+    for name in names:
+        if name not in robot.body.joints:
+            raise UnknownNameError("joint", name, robot.body.joints)
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InvalidArrayError(f"joint {twice[0]!r} is named twice")
+    return names
+
+
+def _active(
+    arrays: Mapping[str, NDArray[Any]], part: str, m: int, skin: Skin, numbering: str
+) -> BoolArray:
+    """(m, n) which taxels of a part were active, by channel or by row of its table."""
+    keys = np.arange(len(skin)) if numbering == "index" else skin.channels
+    if f"active_{part}" in arrays:
+        given = np.asarray(arrays[f"active_{part}"])
+        if given.dtype.kind not in "biu" or given.ndim != 2 or len(given) != m:
+            raise InvalidArrayError(
+                f"active_{part} must be true or false of shape ({m}, channels), "
+                f"got {given.dtype} {given.shape}"
+            )
+        if given.dtype != np.bool_ and not np.isin(given, (0, 1)).all():
+            raise InvalidArrayError(f"active_{part} must be true or false, got {given.max()}")
+        if given.shape[1] <= keys.max():
+            more = "" if given.shape[1] != len(skin) else ', or numbering="index" for table rows'
+            raise InvalidArrayError(
+                f"active_{part} has {given.shape[1]} columns, the {numbering}s of {part} reach "
+                f"{keys.max()}: as many columns as its live vector{more}"
+            )
+        return np.asarray(given[:, keys] != 0)
+    if f"ptr_{part}" not in arrays:
+        raise InvalidArrayError(f"lacks ptr_{part}, which says where each press begins in ids")
+    ids = check_whole(arrays[f"ids_{part}"], f"ids_{part}")
+    bounds = check_whole(arrays[f"ptr_{part}"], f"ptr_{part}")
+    if bounds.shape != (m + 1,) or bounds[0] != 0 or bounds[-1] != len(ids):
+        raise InvalidArrayError(
+            f"ptr_{part} must rise from 0 to {len(ids)} in {m} steps, one for each pose, "
+            f"got shape {bounds.shape}"
+        )
+    if (np.diff(bounds) < 0).any():
+        raise InvalidArrayError(f"ptr_{part} falls at {int(np.argmax(np.diff(bounds) < 0))}")
+    return _by_ids(ids, bounds, keys, part, numbering)
+
+
+def _by_ids(
+    ids: IntArray, bounds: IntArray, keys: IntArray, part: str, numbering: str
+) -> BoolArray:
+    order = np.argsort(keys)
+    place = np.minimum(np.searchsorted(keys[order], ids), len(keys) - 1)
+    wrong = keys[order][place] != ids
+    press = np.repeat(np.arange(len(bounds) - 1), np.diff(bounds))
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        raise InvalidArrayError(
+            f"ids_{part}, press {press[first]}: {numbering} {ids[first]} is no taxel of {part}, "
+            f"which has {len(keys)} {numbering}s between {keys.min()} and {keys.max()}"
+        )
+    active = np.zeros((len(bounds) - 1, len(keys)), np.bool_)
+    active[press, order[place]] = True
+    return active
+
+
+def _check_angles(found: PlaneEvidence, robot: Robot) -> None:
+    """Refuse angles beyond the joints' limits; degrees are recognised."""
+    limits = np.array([robot.body.joints[joint] for joint in found.joints]).reshape(-1, 2)
+    angles = found.contacts.angles
+    beyond = (angles < limits[:, 0] - SLACK) | (angles > limits[:, 1] + SLACK)
+    if not beyond.any():
+        return
+    press, column = np.argwhere(beyond)[0]
+    joint, value = found.joints[column], angles[press, column]
+    low, high = limits[column]
+    sliding = np.array([joint in robot.body.sliding_joints for joint in found.joints])
+    small = np.where(sliding, angles, np.deg2rad(angles))
+    inside = (small >= limits[:, 0] - SLACK) & (small <= limits[:, 1] + SLACK)
+    if inside.all():
+        raise InvalidArrayError(
+            f"the angles look like degrees ({joint} at press {press} is {value:.4g}, its limits "
+            f"are {low:.4g} to {high:.4g} rad): multiply them by pi / 180"
+        )
+    raise InvalidArrayError(
+        f"{joint} at press {press} is {value:.4g} rad, its limits are {low:.4g} to {high:.4g} rad"
+    )
+
+
+def _from_recording(
+    path: Path, robot: Robot, parts: Sequence[str], threshold: float
+) -> PlaneEvidence:
+    from skinmap.io.mcap_track import read_track
+
+    track = read_track(path)
+    if not track.joints:
+        raise DataFormatError(
+            "holds no joint angles; record them with it, or give an .npz of presses", path
+        )
+    joints = _names(np.array(track.joints), robot)
+    wanted = tuple(parts) or tuple(name for name in track.parts if name in robot.part_specs)
+    for part in wanted:
+        if part not in track.parts:
+            raise DataFormatError(
+                f"does not hold {part!r}; the parts are: {', '.join(track.parts)}", path
+            )
+    values = np.asarray(track.values[0 : len(track.times)], np.float64)
+    active = {}
+    for part in wanted:
+        own = values[:, track.columns(part)]
+        rest = np.median(own, axis=0) if track.kind == "raw" else 0.0
+        active[part] = _of_taxels(own - rest > threshold, robot.skin(part), part, path)
+    rows = _presses(track, np.sum([one.sum(axis=1) for one in active.values()], axis=0))
+    if len(rows) == 0:
+        raise DataFormatError(f"no channel reads {threshold:g} counts above its rest", path)
+    angles = track.angles[rows]
+    missing = ~np.isfinite(angles).all(axis=1)
+    if missing.any():
+        time = track.times[rows[int(np.argmax(missing))]]
+        raise DataFormatError(f"the press at {time:.2f} s has no joint angles", path)
+    felt = {part: one[rows] for part, one in active.items()}
+    return PlaneEvidence(joints, PlaneContacts(angles, felt))
+
+
+def _of_taxels(active: BoolArray, skin: Skin, part: str, path: Path) -> BoolArray:
+    """Columns of a recording as taxels: in dense order, or the live vector."""
+    if active.shape[1] == len(skin):
+        return active
+    if active.shape[1] <= skin.channels.max():
+        raise DataFormatError(
+            f"{part} has {active.shape[1]} columns, expected {len(skin)} taxels or a live vector "
+            f"that reaches channel {skin.channels.max()}",
+            path,
+        )
+    return active[:, skin.channels]
+
+
+def _presses(track: Track, count: FloatArray | IntArray) -> IntArray:
+    """The sample of most active taxels in each press: marked touches, or runs of activity."""
+    if track.touches:
+        spans = [np.arange(touch.first, touch.last + 1) for touch in track.touches]
+    else:
+        rows = np.flatnonzero(count > 0)
+        spans = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+    best = {int(span[np.argmax(count[span])]) for span in spans if len(span)}
+    return np.array(sorted(row for row in best if count[row] > 0), np.int64)
