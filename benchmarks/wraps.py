@@ -18,7 +18,8 @@ from patches import Case, far_apart, simulate_touches
 from timing import timed
 
 from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
-from calibration.patch import minima, sheet_model
+from calibration.patch import board as boards
+from calibration.patch import minima
 from calibration.patch.link_surface import make_target
 from skinmap.arrays import FloatArray, IntArray
 
@@ -35,12 +36,12 @@ Run = dict[str, Any]
 @contextmanager
 def lengths_alone() -> Iterator[None]:
     """The former method: all strain is unexpected."""
-    rounds, smooth = minima.ROUNDS, sheet_model.SMOOTH
-    minima.ROUNDS, sheet_model.SMOOTH = 0, 1e-6
+    rounds, smooth = minima.ROUNDS, boards.SMOOTH
+    minima.ROUNDS, boards.SMOOTH = 0, 1e-6
     try:
         yield
     finally:
-        minima.ROUNDS, sheet_model.SMOOTH = rounds, smooth
+        minima.ROUNDS, boards.SMOOTH = rounds, smooth
 
 
 def family_rows(repeats: int, *, some: int | None = None) -> list[dict[str, Any]]:

@@ -7,8 +7,9 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist, squareform
 
+from calibration.patch.board import Board
 from calibration.patch.link_surface import Target
-from calibration.patch.sheet_model import Board, Evidence
+from calibration.patch.sheet_model import Evidence
 from skinmap.arrays import BoolArray, FloatArray
 
 FEWEST = 3

@@ -12,12 +12,13 @@ from itertools import combinations
 
 import numpy as np
 
+from calibration.patch.board import Board, make_board
 from calibration.patch.consistency import consistent
 from calibration.patch.initial_guess import log_map_places, rigid_2d
 from calibration.patch.link_surface import Target
 from calibration.patch.minima import find_minima
 from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
-from calibration.patch.sheet_model import Board, Evidence, make_board
+from calibration.patch.sheet_model import Evidence
 from calibration.patch.solver_budget import Effort
 from calibration.patch.status import Names, judge
 from skinmap.arrays import FloatArray, IntArray

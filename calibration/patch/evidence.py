@@ -38,6 +38,11 @@ def check_layout(layout: ArrayLike) -> FloatArray:
     if (count > 1).any():
         row = int(first[count > 1][0])
         raise InvalidArrayError(f"two taxels of the layout share the place of row {row}")
+    across = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if across[1] < IN_A_ROW * 0.1 * across[0]:
+        raise InvalidArrayError(
+            f"the {len(points)} taxels of the layout lie in a row: a line could turn about itself"
+        )
     pitch = median_spacing(points)
     if not PITCH[0] <= pitch <= PITCH[1]:
         hint = [

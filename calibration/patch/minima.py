@@ -6,17 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.patch.board import Board
+from calibration.patch.expected_strain import expecting
 from calibration.patch.initial_guess import log_map_start
 from calibration.patch.link_surface import Target
 from calibration.patch.sheet_model import (
     ROUGHLY,
     SAME,
     STAGES,
-    Board,
     Evidence,
     State,
     apart,
-    expecting,
     linearise,
     settle,
 )

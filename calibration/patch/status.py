@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from calibration.patch.board import SCALE, chords, facing
 from calibration.patch.leave_one_out import LeftOut, leave_one_out
 from calibration.patch.link_surface import Target
 from calibration.patch.minima import Minimum
 from calibration.patch.next_places import best_next
 from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
-from calibration.patch.sheet_model import SCALE, Evidence, chords, facing
+from calibration.patch.sheet_model import Evidence
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.proximity import median_spacing
 

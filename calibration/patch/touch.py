@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist
 
+from calibration.patch.board import make_board
 from calibration.patch.consistency import FEWEST, consistent
 from calibration.patch.diagnosis import Names, Problem, explained
 from calibration.patch.evidence import (
@@ -23,7 +24,7 @@ from calibration.patch.evidence import (
 from calibration.patch.link_surface import make_target
 from calibration.patch.minima import find_minima
 from calibration.patch.patch_calibration import PatchCalibration
-from calibration.patch.sheet_model import Evidence, make_board
+from calibration.patch.sheet_model import Evidence
 from calibration.patch.solver_budget import FULL, Effort
 from calibration.patch.status import judge
 from calibration.threads import one_thread

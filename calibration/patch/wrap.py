@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calibration.patch.board import make_board
 from calibration.patch.diagnosis import Names, Problem, explained
 from calibration.patch.evidence import (
     check_anchors,
@@ -16,7 +17,6 @@ from calibration.patch.evidence import (
 from calibration.patch.link_surface import make_target
 from calibration.patch.minima import find_minima
 from calibration.patch.patch_calibration import PatchCalibration
-from calibration.patch.sheet_model import make_board
 from calibration.patch.solver_budget import FULL, Effort
 from calibration.patch.status import judge
 from calibration.threads import one_thread

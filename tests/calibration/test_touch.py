@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from calibration import Status, Touch, locate_by_touch
+from calibration.patch.board import make_board
 from calibration.patch.consistency import consistent
 from calibration.patch.link_surface import make_target
-from calibration.patch.sheet_model import make_board
 from calibration.patch.touch import check_touches
 from skinmap.errors import InvalidArrayError
 

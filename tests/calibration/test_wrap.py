@@ -231,6 +231,16 @@ def test_rigid_modules_rise_at_their_corners_and_are_found_there(bent):
     assert np.abs(rise[0] - true).mean() < 0.7 * np.abs(rise[1] - true).mean()
 
 
+def test_three_taxels_far_apart_are_a_board_too(bent):
+    layout = 40e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 0.8]])
+    places = np.column_stack([45e-3 * np.cos(layout[:, 0] / 45e-3),
+                              45e-3 * np.sin(layout[:, 0] / 45e-3), layout[:, 1]])  # fmt: skip
+    found = wrap(bent, np.arange(3), places, layout=layout)
+    assert miss(found, places) < 0.3e-3
+    drawn = wrap(bent, np.arange(3), places, layout=layout * [-1.0, 1.0])
+    assert drawn.status is not Status.OK
+
+
 def test_leave_one_out_in_closed_form_is_what_a_wrap_without_the_anchor_misses(bent, rng):
     taxels, points = bent.anchors(1e-3, rng)
     found = wrap(bent, taxels, points, sigma=1e-3)
@@ -325,6 +335,10 @@ CASES = {
     "anchors far away": ({"points": lambda x: x + 1.0}, r"channels 0, 7, 64, 71, 35, 39 lie up to"),
     "an empty mesh": ({"faces": lambda f: f[:0]}, "has no triangles"),
     "a face too far": ({"faces": lambda f: f + 1}, "point outside the vertices"),
+    "a layout in a row": (
+        {"layout": lambda x: x * [1.0, 0.0] + 1e-5 * np.arange(len(x))[:, None] * [1.0, 0.0]},
+        "72 taxels of the layout lie in a row",
+    ),
     "two taxels in one place": (
         {"layout": lambda x: np.concatenate([x, x[:1]])},
         "share the place of row 0",
