@@ -137,7 +137,14 @@ def scan_table(cases: list[Case], runs: int) -> Any:
 
 
 def measure(
-    quick: bool, *, repeats: int = 2, scans: int = 50, wirings: int = 35, planes: int = 30
+    quick: bool,
+    *,
+    repeats: int = 2,
+    wrong: int = WRONG,
+    scans: int = 50,
+    wirings: int = 35,
+    planes: int = 30,
+    trials: int = 20,
 ) -> dict[str, Any]:
     """All tables.
 
@@ -146,13 +153,17 @@ def measure(
     quick : bool
         One patch, four scans.
     repeats : int
-        Runs of each row on each of the 23 patches.
+        Runs of each row on each of the 23 patches, and of each board of the family.
+    wrong : int
+        Wrong inputs of each kind, and honest ones.
     scans : int
         Scans that are registered.
     wirings : int
         Faulty wirings for each part and kind of touch; nine times as many healthy ones.
     planes : int
         Trials of each row of presses on a table.
+    trials : int
+        Simulated robots that touch themselves, for each row.
     """
     cases = list(icub_cases())
     some = cases[7:8] if quick else cases
@@ -161,11 +172,11 @@ def measure(
         "wrap": lambda: wrap_rows(some, repeats),
         "family": lambda: family_rows(repeats, some=2 if quick else None),
         "family_touch": lambda: family_touch_rows(some=2 if quick else None),
-        "wrong": lambda: wrong_rows(cases, 2 if quick else WRONG),
+        "wrong": lambda: wrong_rows(cases, 2 if quick else wrong),
         "touch": lambda: touch_rows(some, repeats),
         "units": lambda: unit_rows(some),
         "scan": lambda: scan_table(cases, 4 if quick else scans),
-        "mount": lambda: mount_rows(trials=2 if quick else 20),
+        "mount": lambda: mount_rows(trials=2 if quick else trials),
         "wiring": lambda: wiring_rows(
             faulty=7 if quick else wirings,
             healthy=9 if quick else 9 * wirings,

@@ -156,7 +156,7 @@ def wrong_rows(icub: list[Case], each: int) -> list[dict[str, Any]]:
             "kind": kind, "runs": each,
             "ok": sum(run["ok"] for run in runs),
             "ok_and_wrong": sum(run["ok"] and run["median"] > WRONG_BY for run in runs),
-            "named": sum(run["named"] for run in runs),
+            "named_percent": 100.0 * float(np.mean([run["named"] for run in runs])),
             "seconds_mean": float(np.mean([run["seconds"] for run in runs])),
         })  # fmt: skip
     return rows
