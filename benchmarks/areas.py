@@ -47,8 +47,8 @@ AREAS = (
     Area("calibration", "calibrations", "accuracy and time of calibrations (simulated evidence)",
          {"repeats": 1, "wrong": 10, "scans": 16, "wirings": 7, "planes": 2, "trials": 4},
          "23 runs a row instead of 46, 16 scans instead of 50, 7 faulty wirings instead of 35, "
-         "2 trials of presses instead of 30, 10 wrong inputs of each kind instead of 67, 4 simulated "
-         "self-touches instead of 20"),
+         "2 trials of presses instead of 30, 10 wrong inputs of each kind instead of 67, "
+         "4 simulated self-touches instead of 20"),
     Area("live", "live", "streams, contacts, identities, memory and recordings",
          {"minutes": 1.0, "seconds": 30.0, "soaked": 20_000, "each": 5.0, "kills": 5, "pairs": 3},
          "60 s at 50 Hz instead of 10 minutes, 30 s at 1 kHz instead of 60, 20,000 samples soaked "
