@@ -214,7 +214,7 @@ def plane_lines(result: dict[str, Any]) -> list[str]:
         f"predicted error: median {sd['median']:.2f} mm, 95 % below {sd['p95']:.2f} mm, "
         f"worst {sd['max']:.2f} mm",
         *(f"{part}: {words}" for part, words in result["weakest"].items()),
-        f"left out: contacts {', '.join(map(str, result['dropped'])) or 'none'}",
+        f"contacts left out: {', '.join(map(str, result['dropped'])) or 'none'}",
         *(f"assumed: {words}" for words in result["assumed"]),
     ]
     for number, one in enumerate(result["next"], start=1):

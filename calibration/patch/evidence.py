@@ -46,9 +46,10 @@ def check_layout(layout: ArrayLike) -> FloatArray:
     pitch = median_spacing(points)
     if not PITCH[0] <= pitch <= PITCH[1]:
         hint = [
-            f"; is it in {name}? Multiply all lengths by {unit:g}"
+            f"; is it in {name}? Multiply all lengths by {factor:g}"
             for unit, name in UNITS.items()
-            if PITCH[0] <= pitch * unit <= PITCH[1]
+            for factor, name in ((unit, name), (1.0 / unit, f"metres, not {name}"))
+            if PITCH[0] <= pitch * factor <= PITCH[1] and unit != 1.0
         ]
         raise InvalidArrayError(
             f"the taxels of the layout are {pitch:.3g} m apart, expected {PITCH[0]:g} to "

@@ -323,6 +323,10 @@ CASES = {
     ),
     "sigma": ({"sigma": lambda s: 0.0}, "anchor_sigma must be above 0"),
     "layout in mm": ({"layout": lambda x: 1e3 * x}, r"millimetres\? Multiply all lengths by 0.001"),
+    "layout in m, taken for mm": (
+        {"layout": lambda x: 1e-3 * x},
+        r"metres, not millimetres\? Multiply all lengths by 1000",
+    ),
     "anchors in mm": ({"points": lambda x: 1e3 * x}, r"anchors in millimetres\? .* by 0.001"),
     "anchors in inches": ({"points": lambda x: x / 0.0254}, r"anchors in inches\? .* by 0.0254"),
     "mesh in m, the rest in mm": (
