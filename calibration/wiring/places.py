@@ -41,6 +41,7 @@ SHORTEST = 0.045  # of a stroke where the skin ends [m]
 NEVER = 1e-9  # a fault less probable asks for nothing (and slows sums of single floats down)
 PROBABLE, MANY = 0.05, 5  # faults above are told from each other, at most so many
 WORTH = 9.0  # most that showing a fault is worth [nats]
+ENOUGH = 6.0  # evidence for a board laid otherwise beyond which a poke is worth no more [nats]
 MISSED = 0.03  # chance that a module does not answer, however well it was aimed at
 AGAIN = 8e-3  # touches so near each other are one place [m]
 
@@ -93,7 +94,7 @@ def candidates(boards: Boards, how: str) -> Candidates:
         answers, silent, arrivals = _finger_answers(boards, paths)
     laid = np.zeros((0, 5, len(boards)))
     if how == "poke" and boards.turnable:
-        laid = telling(boards, middles, WORTH)
+        laid = telling(boards, middles, ENOUGH)
     return Candidates(how, tuple(paths), middles, answers, silent, arrivals, laid)
 
 
@@ -304,7 +305,7 @@ class Chooser:
         beside = np.array([conjugate(element, now) for now in laid.tolist()])
         read = (wiring.site >= 0) & ~wiring.mute
         found = self.places.laid[:, beside - 1, site]
-        return np.asarray(found * read / WORTH)
+        return np.asarray(found * read / ENOUGH)
 
     def _overlap(self, slots: IntArray) -> FloatArray:
         """(c, m) overlap of each module's answers with those of a board laid otherwise."""
