@@ -1,6 +1,6 @@
 """Make this example again: a simulated person pokes a right forearm with modules 3 and 7 swapped.
 
-    python docs/examples/board/wiring/make_wiring.py
+python docs/examples/board/wiring/make_wiring.py
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def main(folder: Path) -> None:
     values, marks = np.concatenate(blocks), np.concatenate(events)
     times = np.arange(len(values)) / 50.0
     recording = Recording(PART, times, values, marks, ("poke",) * POKES)
-    save_recordings([recording], folder / "pokes.npz")
+    save_recordings([recording], folder / "pokes.mcap", robot=robot)
     write_places(paths, folder / "places.csv")
     truth = {"part": PART, "kind": fault.kind, "modules": fault.numbers(boards), "simulated": True}
     (folder / "truth.json").write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
