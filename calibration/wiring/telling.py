@@ -1,4 +1,4 @@
-"""How well a poke tells a board laid otherwise: by the pattern of all that answers, not by its place.
+"""How well a poke tells a board laid otherwise: by all that answers, not by its place alone.
 
 A module alone cannot say whether its board is turned or the finger was off to a side. Its
 neighbours can, as they answer the same finger; so the error of the place is summed over jointly for
