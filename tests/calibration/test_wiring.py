@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -436,3 +437,13 @@ def test_a_faults_words_and_channels(boards):
     assert fault.words(boards) == "modules 3 and 7 are swapped"
     assert len(fault.channels(boards)) == 20
     assert Fault("healthy").words(boards) == "nothing is wrong"
+
+
+def test_the_example_names_what_its_truth_says():
+    folder = Path(__file__).parents[2] / "docs" / "examples" / "board" / "wiring"
+    truth = json.loads((folder / "truth.json").read_text())
+    words = [folder / "pokes.mcap", "--part", truth["part"]]
+    result = run([*words, "--places", folder / "places.csv"])
+    assert [(f["kind"], f["modules"]) for f in result["faults"]] == [
+        (truth["kind"], truth["modules"])
+    ]
