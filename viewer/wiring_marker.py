@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +19,7 @@ from viewer.playing.player import Player
 from viewer.web.server import serve
 
 AROUND = 9e-3  # taxels so near the place are marked [m]
+MILLIMETRES = re.compile(r" \([^()]* mm\)")  # coordinates: too long beside a body
 RATE = 20.0  # pictures a second
 
 
@@ -83,7 +85,8 @@ def next_touch(skin: PreparedSkin, path: FloatArray, words: str) -> NamedTouch:
     rows = np.flatnonzero(away < max(AROUND, float(away.min()) + 1e-4))
     centre = path[len(path) // 2]
     normal = skin.skin.normals[int(np.argmin(away))]
-    return NamedTouch(skin.skin.part, rows, centre, f"next: {words}", 1.0, 0, normal=normal)
+    label = MILLIMETRES.sub("", words).replace(f" {skin.skin.part}", "")  # what is seen is not said
+    return NamedTouch(skin.skin.part, rows, centre, f"next: {label}", 1.0, 0, normal=normal)
 
 
 def open_marker(

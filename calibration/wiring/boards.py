@@ -42,6 +42,12 @@ def compose(after: int, before: int) -> int:
     return int(np.argmin(np.abs(GROUP - product).sum(axis=(1, 2))))
 
 
+def conjugate(element: int, now: int) -> int:
+    """The element that does to a board as mapped what `element` does to one laid as `now`."""
+    product = GROUP[now].T @ GROUP[element] @ GROUP[now]
+    return int(np.argmin(np.abs(GROUP - product).sum(axis=(1, 2))))
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Boards:
     """m modules of at most k slots, each on a site of the body.

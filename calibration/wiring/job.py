@@ -351,7 +351,23 @@ def examine_live(
         info.part_slice(part)
     check_skin(info, robot)
     cases = open_cases(robot, there, chain=chain)
+    next_touch(cases, how)  # what takes seconds once, before anybody waits for it
     stream = _Stream(source, cases)
+    notes: list[str] = []
+    try:
+        level = _rest_of(stream, cases, info, told)
+        _ask(stream, cases, level, notes, how=how, most=most, patience=patience, told=told,
+             marker=marker)  # fmt: skip
+    except KeyboardInterrupt:
+        told("interrupted")
+        notes.append("interrupted: judged by what was touched until then")
+    return _concluded(info.name, robot.name, how, cases, {}, told, notes)
+
+
+def _rest_of(
+    stream: _Stream, cases: Mapping[str, Case], info: Any, told: Callable[[str], None]
+) -> dict[str, Baseline]:
+    """Judge the rest at the beginning; what each part sends untouched."""
     told(f"do not touch the skin for {REST_SECONDS:.0f} s")
     rate = info.rate or 50.0
     samples = stream.some(round(REST_SECONDS * rate), patience=5.0 * REST_SECONDS)
@@ -359,7 +375,22 @@ def examine_live(
     for part, case in cases.items():
         take_rest(case, samples[part])
         level[part] = Baseline.of(samples[part], info.kind)
-    notes: list[str] = []
+    return level
+
+
+def _ask(
+    stream: _Stream,
+    cases: Mapping[str, Case],
+    level: Mapping[str, Baseline],
+    notes: list[str],
+    *,
+    how: str,
+    most: int,
+    patience: float,
+    told: Callable[[str], None],
+    marker: Marker | None,
+) -> None:
+    """Name one place after the other, and hear what answers."""
     for number in range(1, most + 1):
         asked = next_touch(cases, how)
         if asked is None:
@@ -376,7 +407,6 @@ def examine_live(
         else:
             answers = heard[part]
         _hear(cases[part], answers, how, path, told)
-    return _concluded(info.name, robot.name, how, cases, {}, told, notes)
 
 
 class _Stream:

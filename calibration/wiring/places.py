@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from calibration.wiring.boards import Boards, Wiring
+from calibration.wiring.boards import Boards, Wiring, conjugate
 from calibration.wiring.evidence import (
     HAND_FEW,
     HAND_MANY,
@@ -28,18 +28,20 @@ from calibration.wiring.evidence import (
     step_of,
 )
 from calibration.wiring.faults import Fault, Hypotheses
+from calibration.wiring.telling import tangents, telling
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.distances import bridged_graph
 from skinmap.geometry.log_map import log_map
 from skinmap.geometry.triangles import unit
 
 ACROSS = 14e-3  # taxels of two modules so near have a place between them [m]
-APART = 7e-3  # candidates for pokes lie so far apart [m]
+APART = 3.5e-3  # candidates for pokes lie so far apart [m]
 STROKE, STEP, GAP = 0.09, 6e-3, 9e-3  # length of a stroke, its points, and the widest hole [m]
 SHORTEST = 0.045  # of a stroke where the skin ends [m]
 NEVER = 1e-9  # a fault less probable asks for nothing (and slows sums of single floats down)
 PROBABLE, MANY = 0.05, 5  # faults above are told from each other, at most so many
 WORTH = 9.0  # most that showing a fault is worth [nats]
+ENOUGH = 6.0  # evidence for a board laid otherwise beyond which a poke is worth no more [nats]
 MISSED = 0.03  # chance that a module does not answer, however well it was aimed at
 AGAIN = 8e-3  # touches so near each other are one place [m]
 
@@ -61,6 +63,8 @@ class Candidates:
         Chance that none of a site's slots does.
     arrivals : (c, m, k) float
         When a stroke comes by.
+    laid : (c, 5, m) float
+        Evidence that a poke brings where a site's board is laid otherwise [nats].
     """
 
     how: str
@@ -69,6 +73,7 @@ class Candidates:
     answers: FloatArray
     silent: FloatArray
     arrivals: FloatArray
+    laid: FloatArray
 
     def __len__(self) -> int:
         return len(self.paths)
@@ -87,7 +92,10 @@ def candidates(boards: Boards, how: str) -> Candidates:
         silent = 1.0 - answers.max(axis=2)
     else:
         answers, silent, arrivals = _finger_answers(boards, paths)
-    return Candidates(how, tuple(paths), middles, answers, silent, arrivals)
+    laid = np.zeros((0, 5, len(boards)))
+    if how == "poke" and boards.turnable:
+        laid = telling(boards, middles, ENOUGH)
+    return Candidates(how, tuple(paths), middles, answers, silent, arrivals, laid)
 
 
 def _between(boards: Boards) -> FloatArray:
@@ -157,13 +165,13 @@ def _finger_answers(
         near = np.flatnonzero(away < NEAR)
         slots = boards.places[near, 0]  # (b, k, 3)
         if len(path) == 1:
-            axes = _frame(boards, path[0])
+            axes = tangents(boards, path[0])
             points = path[0] + grid @ axes
             square = ((slots[None] - points[:, None, None]) ** 2).sum(axis=-1)
             chance = np.exp(log_weight)
         else:
             along = unit((path[-1] - path[0])[None])[0]
-            normal = np.cross(*_frame(boards, path[len(path) // 2]))
+            normal = np.cross(*tangents(boards, path[len(path) // 2]))
             side = unit(np.cross(normal, along)[None])[0]
             shifted = path[None] + (4e-3 * spread)[:, None, None] * side
             gap = ((slots[None, :, :, None] - shifted[:, None, None]) ** 2).sum(axis=-1)
@@ -180,13 +188,6 @@ def _finger_answers(
         none = (1.0 - felt).prod(axis=-1)  # errors of the place are shared by a module's slots
         silent[row, near] = np.einsum("o,sob->b", chance, none) / len(shapes)
     return np.where(boards.columns >= 0, answers, 0.0), MISSED + (1 - MISSED) * silent, arrivals
-
-
-def _frame(boards: Boards, place: FloatArray) -> FloatArray:
-    nearest = int(np.argmin(np.linalg.norm(boards.table.positions - place, axis=1)))
-    out = boards.normals[nearest]
-    first = unit(np.cross(out, np.eye(3)[np.argmin(np.abs(out))])[None])[0]
-    return np.stack([first, np.cross(out, first)])
 
 
 def _hand_answers(boards: Boards, middles: FloatArray) -> FloatArray:
@@ -237,7 +238,7 @@ class Chooser:
         first = 1 + len(hypotheses.swaps)
         self._powered = np.r_[first : first + 6 * len(boards), hypotheses.chain_first :
                               len(hypotheses)]  # fmt: skip
-        self.power = self._power()
+        self.power = self._power(wiring)
 
     def best(self, log_posterior: FloatArray, asked: list[FloatArray]) -> tuple[int, float]:
         """Place that tells most, and how much [nats]; `asked` are the middles touched so far."""
@@ -269,7 +270,7 @@ class Chooser:
             gain = gain / (1.0 + count)
         return gain
 
-    def _power(self) -> FloatArray:
+    def _power(self, wiring: Wiring) -> FloatArray:
         """(c, ...) evidence for faults that the answer at each place would bring [nats].
 
         Of those in `_powered`: swaps have a shorter way, and two channels of a module are not
@@ -280,6 +281,9 @@ class Chooser:
         blocks = [-np.log(silent) / WORTH]
         turns = self.boards.turns
         for element in range(1, 6):
+            if len(self.places.laid):
+                blocks.append(self._laid(wiring, element))
+                continue
             if turns is None:
                 blocks.append((1.0 - silent) * self.boards.turnable)
                 continue
@@ -293,6 +297,15 @@ class Chooser:
             mute = fault.kind == "mute_chain"
             blocks.append(np.minimum(-some / WORTH, 1.0) if mute else 1.0 - np.exp(some))
         return np.asarray(WORTH * np.concatenate(blocks, axis=1), np.float32)
+
+    def _laid(self, wiring: Wiring, element: int) -> FloatArray:
+        """(c, m) evidence for a board laid otherwise beyond what is known of it."""
+        site = np.where(wiring.site >= 0, wiring.site, 0)
+        laid = wiring.element[site]
+        beside = np.array([conjugate(element, now) for now in laid.tolist()])
+        read = (wiring.site >= 0) & ~wiring.mute
+        found = self.places.laid[:, beside - 1, site]
+        return np.asarray(found * read / ENOUGH)
 
     def _overlap(self, slots: IntArray) -> FloatArray:
         """(c, m) overlap of each module's answers with those of a board laid otherwise."""

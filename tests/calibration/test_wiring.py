@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from calibration.wiring.boards import GROUP, Wiring, boards_of, compose
 from calibration.wiring.channel_map import corrected, write_map
 from calibration.wiring.doctor import Doctor
 from calibration.wiring.faults import KINDS, Fault, parse_fault
+from calibration.wiring.job import examine_live
 from calibration.wiring.person import Patient, Person
 from calibration.wiring.places_file import write_places
 from calibration.wiring.rest import judge_rest
@@ -27,6 +29,7 @@ from skinmap.errors import (
     UnknownNameError,
 )
 from skinmap.io.readers import read_taxels
+from skinmap.live.source import Block, SourceEnded, StreamInfo
 from skinmap.touch.recording import Recording, save_recordings
 
 PART = "left_forearm"
@@ -311,7 +314,7 @@ def test_touches_without_marks_and_without_places(recorded):
     assert result["touches"] >= 20
     assert not result["parts"][0]["places_known"]
     assert any("no places are known" in note for note in result["notes"])
-    assert result["suspects"][0]["modules"] == [3, 7]
+    assert [*result["faults"], *result["suspects"]][0]["modules"] == [3, 7]
     assert not [f for f in result["faults"] if f["modules"] != [3, 7]]
 
 
@@ -384,6 +387,44 @@ def test_a_simulated_skin_is_examined_and_its_map_written(tmp_path):
     assert {**again, "seconds": 0, "files": 0} == {**result, "seconds": 0, "files": 0}
 
 
+class Robot:
+    """A live source of one part: rest, then the pokes of a recording, then Ctrl-C."""
+
+    def __init__(self, samples, ends):
+        self.info = StreamInfo("robot", (PART,), (samples.shape[1],), 50.0)
+        self.samples, self.ends, self.sent = samples, ends, 0
+
+    def read(self, timeout):
+        if self.sent >= len(self.samples):
+            raise self.ends
+        values = self.samples[self.sent : self.sent + 10]
+        self.sent += len(values)
+        return Block(np.arange(len(values)) / 50.0, values, 0.0)
+
+    def close(self):
+        pass
+
+
+def test_live_touches_are_heard_until_ctrl_c(boards, base, patient, icub):
+    person, _ = person_with(["swap:3,7"], boards, patient, seed=8)
+    blocks, doctor = [person.rest(400)], base.again()
+    level = Baseline.of(blocks[0], "pressure")
+    doctor.rest(judge_rest(blocks[0], boards))
+    for _ in range(4):
+        path, _ = doctor.next_place("poke")
+        blocks.append(person.poke(path[0]))
+        doctor.hear(make_touch(level.answers(blocks[-1]), "poke", path))
+        blocks.append(person.rest(48))  # to a whole number of blocks of ten
+    told = []
+    how = {"how": "poke", "most": 30, "patience": 30.0, "told": told.append}
+    found = examine_live(Robot(np.concatenate(blocks), KeyboardInterrupt()), icub, [PART], **how)
+    assert len(found.cases[0].doctor.touches) == 4
+    assert "interrupted" in told
+    assert found.notes[-1].startswith("interrupted")
+    with pytest.raises(InvalidArrayError, match="ended before"):
+        examine_live(Robot(np.concatenate(blocks), SourceEnded()), icub, [PART], **how)
+
+
 def test_a_map_is_never_written_over_another(tmp_path, boards):
     path = tmp_path / "map.csv"
     write_map(boards.table, path)
@@ -396,3 +437,13 @@ def test_a_faults_words_and_channels(boards):
     assert fault.words(boards) == "modules 3 and 7 are swapped"
     assert len(fault.channels(boards)) == 20
     assert Fault("healthy").words(boards) == "nothing is wrong"
+
+
+def test_the_example_names_what_its_truth_says():
+    folder = Path(__file__).parents[2] / "docs" / "examples" / "board" / "wiring"
+    truth = json.loads((folder / "truth.json").read_text())
+    words = [folder / "pokes.mcap", "--part", truth["part"]]
+    result = run([*words, "--places", folder / "places.csv"])
+    assert [(f["kind"], f["modules"]) for f in result["faults"]] == [
+        (truth["kind"], truth["modules"])
+    ]

@@ -1,0 +1,54 @@
+"""Make this example again: a simulated person pokes a right forearm with modules 3 and 7 swapped.
+
+python docs/examples/board/wiring/make_wiring.py
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import skinmap
+from calibration.wiring.boards import Wiring, boards_of
+from calibration.wiring.doctor import Doctor
+from calibration.wiring.faults import parse_fault
+from calibration.wiring.person import Patient, Person
+from calibration.wiring.places_file import write_places
+from calibration.wiring.samples import Baseline, make_touch
+from skinmap.io.recordings import save_recordings
+from skinmap.touch.recording import Recording
+
+PART, FAULT, POKES, SEED = "right_forearm", "swap:3,7", 16, 4
+
+
+def main(folder: Path) -> None:
+    """Write the recording, the places that were asked for, and the truth."""
+    robot = skinmap.load_robot("icub")
+    boards = boards_of(robot, PART)
+    fault = parse_fault(FAULT, boards)
+    sources = fault.apply(Wiring.as_mapped(boards), boards).sources(boards)
+    person = Person(Patient(robot.skin(PART)), np.random.default_rng(SEED), sources)
+    doctor = Doctor.of(boards)
+    blocks, events, paths = [person.rest(300)], [np.full(300, -1)], []
+    level = Baseline.of(blocks[0], "pressure")
+    for number in range(POKES):
+        path, _ = doctor.next_place("poke")
+        samples = person.poke(path[0])
+        doctor.hear(make_touch(level.answers(samples), "poke", path))
+        paths.append(path)
+        blocks += [samples, person.rest(25)]
+        events += [np.full(len(samples), number), np.full(25, -1)]
+    values, marks = np.concatenate(blocks), np.concatenate(events)
+    times = np.arange(len(values)) / 50.0
+    recording = Recording(PART, times, values, marks, ("poke",) * POKES)
+    save_recordings([recording], folder / "pokes.mcap", robot=robot)
+    write_places(paths, folder / "places.csv")
+    truth = {"part": PART, "kind": fault.kind, "modules": fault.numbers(boards), "simulated": True}
+    (folder / "truth.json").write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
