@@ -41,7 +41,7 @@ class EvidenceRow:
     leave_one_out_mm, expected_mm : float
         Distance from what all others predict, and the root of its expected mean square.
     misfit : float
-        Square of the one over that of the other, a coordinate: above 8 it contradicts.
+        Square of the one over that of the other, a coordinate: above 6 it contradicts.
     """
 
     channel: int

@@ -66,9 +66,14 @@ class Problem:
     seed: int
 
     def tried(
-        self, layout: FloatArray, evidence: Evidence, *, wide: bool = False
+        self,
+        layout: FloatArray,
+        evidence: Evidence,
+        *,
+        wide: bool = False,
+        patient: bool = False,
     ) -> PatchCalibration:
-        """The patch that other input gives, judged in the same way."""
+        """The patch that other input gives, judged in the same way; by more starts if patient."""
         board = make_board(layout, self.modules)
         if wide:
             board = replace(board, firmness=_with_free_scale(board))
@@ -77,8 +82,8 @@ class Problem:
             first = consistent(self.target, board, evidence)
         minima = find_minima(
             self.target, board, evidence, first,
-            effort=replace(self.effort, starts=min(STARTS, self.effort.starts)),
-            patient=False, rng=np.random.default_rng(self.seed),
+            effort=self.effort if patient else replace(self.effort, starts=STARTS),
+            patient=patient, rng=np.random.default_rng(self.seed),
         )  # fmt: skip
         return judge(self.target, evidence, minima, self.names)
 
@@ -184,10 +189,14 @@ def _left_out(problem: Problem, anchors: IntArray, found: PatchCalibration) -> C
         return None
     order = anchors[np.argsort(-found.left_out.misfit[anchors], kind="stable")]
     fits: list[tuple[float, int, PatchCalibration]] = []
-    for row in order[: TRIED + 1].tolist():
-        trial = problem.tried(problem.layout, evidence.only(np.arange(len(evidence)) != row))
+    # The most suspicious one again and more patiently, where none explains anything.
+    for row, patient in (*((row, False) for row in order[: TRIED + 1]), (order[0], True)):
+        if fits and patient:
+            break
+        rest = evidence.only(np.arange(len(evidence)) != row)
+        trial = problem.tried(problem.layout, rest, patient=patient)
         if _consistent(trial):
-            fits.append((trial.cost, row, trial))
+            fits.append((trial.cost, int(row), trial))
     if not fits:
         return None
     cost, row, trial = min(fits, key=lambda fit: fit[0])

@@ -28,7 +28,7 @@ class LeftOut:
     expected : (k,) float
         Root of the mean square that is expected of it: its own error and that of the rest [m].
     misfit : (k,) float
-        Mean square of a coordinate over what is expected; 1 on average, above 8 it contradicts.
+        Mean square of a coordinate over what is expected; 1 on average, above 6 it contradicts.
     """
 
     distance: FloatArray

@@ -34,6 +34,7 @@ NO_READERS = {
     "skinmap.cli.flat_job.read_channels": "words of a command line, tested with the command",
     "skinmap.classify.tuned.read_size": "a word of a profile, tested with the knobs",
     "skinmap.cli.structures.read_radius": "a word of a command line, tested with the command",
+    "calibration.commands.plane_job.read_planes": "words of a command line, tested with it",
     "skinmap.io.text.read_text": "under every reader of text",
     "skinmap.io.manifest.load_fields": "under read_manifest",
     "viewer.inputs.read_responses": "load_response, by name",

@@ -12,8 +12,13 @@ import numpy as np
 
 from calibration.files.mount_files import read_arrays, read_samples, read_wrenches
 from calibration.files.part_files import load_part_touches
+from calibration.files.plane_files import read_plane_evidence
+from calibration.files.probe_file import read_probes
+from calibration.files.robot_touches import load_robot_touches
 from calibration.response.response import ResponseCalibration
 from calibration.response.response_file import load_response, save_response
+from calibration.wiring.places_file import read_places
+from skinmap import load_robot
 from skinmap.cache import Cache
 from skinmap.classify.check import planted_touches
 from skinmap.classify.classifier import classifiers
@@ -140,6 +145,28 @@ def part(column: int) -> bytes:
                   dh=np.array([[0.1, 0, 1.5, 0]]), joint_cols=np.array([column]))  # fmt: skip
 
 
+PROBES = b'[[probe]]\nname = "finger"\nlink = "base"\ntip_mm = [1.0, 2.0, 3.0]\n'
+PLACES = b"touch,x,y,z,part,start_s,end_s\n0,0.1,0.2,0.3,forearm,1.0,2.0\n1,0.1,0,0,forearm,3,4\n"
+
+
+@cache
+def arm() -> Any:
+    """The robot of the documents: one arm with one part."""
+    return load_robot(str(Path(__file__).parents[3] / "docs/examples/robot/robot.toml"))
+
+
+def presses() -> bytes:
+    angles = np.linspace(0.1, 0.9, 4)[:, None]
+    return zipped(joints=np.array(["elbow"]), angles=angles, ids_forearm=np.array([0, 1, 2, 3, 1]),
+                  ptr_forearm=np.array([0, 1, 2, 4, 5]))  # fmt: skip
+
+
+def robot_touches() -> bytes:
+    return zipped(joint_names=np.array(["elbow"]), q=np.linspace(0.1, 0.9, 3)[:, None],
+                  chain1="finger", chain2="forearm", ids_forearm=np.array([0, 1, 2, 1]),
+                  ptr_forearm=np.array([0, 1, 2, 4]))  # fmt: skip
+
+
 def wrenches() -> bytes:
     rng = np.random.default_rng(0)
     frames = np.tile(np.eye(4), (3, 1, 1))
@@ -206,7 +233,18 @@ TARGETS = [
     *both("response", "t.npz", lambda: [response()], load_response,
           ("calibration.response.response_file.load_response",)),
     *both("self-touch", "A_B.npz", lambda: [self_touch()], lambda p: load_part_touches([p]),
-          ("calibration.files.part_files.load_part_touches",), PARTS),
+          ("calibration.files.part_files.load_part_touches",
+           "calibration.files.self_touch_files.read_touches",
+           "calibration.files.self_touch_files.read_members"), PARTS),
+    *both("robot-touches", "t.npz", lambda: [robot_touches()],
+          lambda p: load_robot_touches([p], arm(), p.with_name("probes.toml")),
+          ("calibration.files.robot_touches.load_robot_touches",), {"probes.toml": lambda: PROBES}),
+    Target("probes", "probes.toml", lambda: [PROBES], read_probes,
+           ("calibration.files.probe_file.read_probes",)),
+    *both("presses", "p.npz", lambda: [presses()], lambda p: read_plane_evidence([p], arm()),
+          ("calibration.files.plane_files.read_plane_evidence",)),
+    Target("places", "places.csv", lambda: [PLACES], lambda p: read_places(p, "forearm"),
+           ("calibration.wiring.places_file.read_places",)),
     *both("self-touch-part", "part_A.npz", lambda: [part(0)],
           lambda p: load_part_touches([p.with_name("A_B.npz")]), (),
           {"A_B.npz": self_touch, "part_B.npz": lambda: part(1)}),
