@@ -20,7 +20,7 @@ from skinmap.geometry.proximity import median_spacing
 COVERAGE = 0.25  # share of the patch inside the hull of its evidence
 RIVAL = 1.05  # a second minimum of at most this many times the cost is as good
 # Mean square of a coordinate of an anchor that the others predict, over what is expected of it.
-# The largest of 272 honest runs on the family of links and the iCub had 5.5; an anchor that is 9 mm
+# The largest of 199 honest runs on the family of links and the iCub had 5.5; an anchor that is 9 mm
 # off has 12 to 25 as a rule, and 3 to 7 where the noise of the others hides it.
 CONTRADICTION = 6.0
 TOUCHED = 0.4  # as COVERAGE, for touches, of which there are many
