@@ -21,9 +21,8 @@ from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
 from calibration.patch.sheet_model import Evidence
 from calibration.patch.solver_budget import Effort
 from calibration.patch.status import Names, judge
-from skinmap.arrays import FloatArray, IntArray
-
-__all__ = ["Names", "Problem", "explained"]
+from calibration.threads import one_thread
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 
 STARTS = 1  # of each trial: it only has to be better than what came
 TRIED = 3  # anchors to leave out, and pairs to exchange, the most suspicious first
@@ -77,15 +76,30 @@ class Problem:
         board = make_board(layout, self.modules)
         if wide:
             board = replace(board, firmness=_with_free_scale(board))
-        first = ~evidence.doubted
-        if not first.any():
-            first = consistent(self.target, board, evidence)
+        first = _first(self.target, board, evidence)
         minima = find_minima(
             self.target, board, evidence, first,
             effort=self.effort if patient else replace(self.effort, starts=STARTS),
             patient=patient, rng=np.random.default_rng(self.seed),
         )  # fmt: skip
         return judge(self.target, evidence, minima, self.names)
+
+
+def _first(target: Target, board: Board, evidence: Evidence) -> BoolArray:
+    """What starts are fitted to: anchors, or where there are none the touches that agree."""
+    anchors = ~evidence.doubted
+    return anchors if anchors.any() else consistent(target, board, evidence)
+
+
+def solve(problem: Problem, rng: np.random.Generator) -> PatchCalibration:
+    """The patch, judged, and explained where it is doubtful."""
+    with one_thread():
+        board = make_board(problem.layout, problem.modules)
+        first = _first(problem.target, board, problem.evidence)
+        minima = find_minima(
+            problem.target, board, problem.evidence, first, effort=problem.effort, rng=rng
+        )
+        return explained(problem, judge(problem.target, problem.evidence, minima, problem.names))
 
 
 @dataclass(frozen=True, slots=True)

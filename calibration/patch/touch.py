@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist
 
-from calibration.patch.board import make_board
-from calibration.patch.consistency import FEWEST, consistent
-from calibration.patch.diagnosis import Names, Problem, explained
+from calibration.patch.consistency import FEWEST
+from calibration.patch.diagnosis import Problem, solve
 from calibration.patch.evidence import (
     Link,
     check_anchors,
@@ -22,12 +21,10 @@ from calibration.patch.evidence import (
     check_spread,
 )
 from calibration.patch.link_surface import make_target
-from calibration.patch.minima import find_minima
 from calibration.patch.patch_calibration import PatchCalibration
 from calibration.patch.sheet_model import Evidence
 from calibration.patch.solver_budget import FULL, Effort
-from calibration.patch.status import judge
-from calibration.threads import one_thread
+from calibration.patch.status import Names
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import closest_on_mesh, median_spacing
@@ -130,14 +127,9 @@ def locate_by_touch(
         known = check_anchors(board_layout, link, *anchors, anchor_sigma, names.channels)
         evidence = _joined(felt, known)
     target = make_target(*link, detail=effort.detail)
-    with one_thread():
-        board = make_board(board_layout, plates)
-        first = ~evidence.doubted if anchors is not None else consistent(target, board, felt)
-        seed = int(rng.integers(2**32))
-        minima = find_minima(target, board, evidence, first, effort=effort, rng=rng)
-        found = judge(target, evidence, minima, names)
-        problem = Problem(target, board_layout, plates, evidence, names, mirror, effort, seed)
-        return explained(problem, found)
+    seed = int(rng.integers(2**32))
+    problem = Problem(target, board_layout, plates, evidence, names, mirror, effort, seed)
+    return solve(problem, rng)
 
 
 def check_touches(layout: FloatArray, link: Link, touches: Sequence[Touch]) -> Evidence:

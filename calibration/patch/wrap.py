@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.patch.board import make_board
-from calibration.patch.diagnosis import Names, Problem, explained
+from calibration.patch.diagnosis import Problem, solve
 from calibration.patch.evidence import (
     check_anchors,
     check_channels,
@@ -15,11 +14,9 @@ from calibration.patch.evidence import (
     check_modules,
 )
 from calibration.patch.link_surface import make_target
-from calibration.patch.minima import find_minima
 from calibration.patch.patch_calibration import PatchCalibration
 from calibration.patch.solver_budget import FULL, Effort
-from calibration.patch.status import judge
-from calibration.threads import one_thread
+from calibration.patch.status import Names
 
 
 def wrap_layout(
@@ -81,11 +78,6 @@ def wrap_layout(
         board_layout, link, anchor_indices, anchor_points, anchor_sigma, names.channels
     )
     target = make_target(*link, detail=effort.detail)
-    every = np.ones(len(anchors), bool)
-    with one_thread():
-        board = make_board(board_layout, plates)
-        seed = int(rng.integers(2**32))
-        minima = find_minima(target, board, anchors, every, effort=effort, rng=rng)
-        found = judge(target, anchors, minima, names)
-        problem = Problem(target, board_layout, plates, anchors, names, mirror, effort, seed)
-        return explained(problem, found)
+    seed = int(rng.integers(2**32))
+    problem = Problem(target, board_layout, plates, anchors, names, mirror, effort, seed)
+    return solve(problem, rng)
