@@ -60,41 +60,41 @@ lint: $(READY)  ## style, formatting, types, import order
 	$(BIN)/lint-imports
 
 bench: $(READY)  ## all areas beside their peers, asked and got (20 min), to benchmarks/results/bench.html (ARGS=--quick: 4 min)
-	$(BIN)/python benchmarks/bench.py $(ARGS)
+	$(BIN)/python -m benchmarks.harness.bench $(ARGS)
 
 bench-compare: $(READY)  ## two results of `make bench`: make bench-compare OLD=a.json NEW=b.json
 	@test -n "$(OLD)" -a -n "$(NEW)" || { echo "make bench-compare OLD=a.json NEW=b.json"; exit 2; }
-	@$(BIN)/python benchmarks/compare.py "$(OLD)" "$(NEW)" $(ARGS)
+	@$(BIN)/python -m benchmarks.harness.compare "$(OLD)" "$(NEW)" $(ARGS)
 
 bench-needs: $(READY)  ## time and memory against what is asked for, to benchmarks/results and docs/needs.md
-	$(BIN)/python benchmarks/needs.py $(ARGS)
+	$(BIN)/python -m benchmarks.scale.needs $(ARGS)
 
 bench-geometry: $(READY)  ## meshes, flat maps and contact images beside their peers, to benchmarks/results
-	$(BIN)/python benchmarks/geometry.py $(ARGS)
+	$(BIN)/python -m benchmarks.geometry.geometry $(ARGS)
 
 bench-classify: $(READY)  ## speed of histograms, SVM and labels, to benchmarks/results
-	$(BIN)/python benchmarks/classify.py $(ARGS)
+	$(BIN)/python -m benchmarks.classify.classify $(ARGS)
 
 gallery: $(READY)  ## the pictures of docs/viewer.md
 	$(BIN)/python -m viewer.gallery $(ARGS)
 
 bench-calibration: $(READY)  ## accuracy of calibrations by anchors, touches, scans, to benchmarks/results
-	$(BIN)/python benchmarks/calibrations.py $(ARGS)
+	$(BIN)/python -m benchmarks.calibration.calibrations $(ARGS)
 
 bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 min), to benchmarks/results (ARGS=--quick)
-	$(BIN)/python benchmarks/live.py $(ARGS)
+	$(BIN)/python -m benchmarks.live.live $(ARGS)
 
 bench-scale: $(READY)  ## one thousand robots, estimated and measured up to what fits, to benchmarks/results
-	$(BIN)/python benchmarks/scale.py $(ARGS)
+	$(BIN)/python -m benchmarks.scale.scale $(ARGS)
 
 soak: $(READY)  ## 50 recorders killed, a full disk, a press of ten minutes, 200,000 samples, as many pictures
-	$(BIN)/python benchmarks/recordings.py --kills 50
-	$(BIN)/python benchmarks/live.py --only press $(ARGS)
-	$(BIN)/python benchmarks/live.py --only soak $(ARGS)
-	$(BIN)/python benchmarks/viewer_soak.py
+	$(BIN)/python -m benchmarks.live.recordings --kills 50
+	$(BIN)/python -m benchmarks.live.live --only press $(ARGS)
+	$(BIN)/python -m benchmarks.live.live --only soak $(ARGS)
+	$(BIN)/python -m benchmarks.viewer.viewer_soak
 
 bench-viewer: $(READY)  ## frames, start-up, age and memory of the viewer (4 min), to benchmarks/results (ARGS=--quick)
-	$(BIN)/python benchmarks/viewer_speed.py $(ARGS)
+	$(BIN)/python -m benchmarks.viewer.viewer_speed $(ARGS)
 
 wheel: $(READY)  ## the distribution, written to dist (or DIST=folder)
 	rm -rf build/lib build/bdist.*  # a module deleted since would still be packed from here

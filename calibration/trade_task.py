@@ -1,7 +1,7 @@
 """The trade task `calibrate`: one patch laid on its link, by starts, steps and detail of the wrap.
 
 The truth is planted: the taxels of the user's own part. The board is the flat map of a patch, of
-at most `MOST_MODULES` neighbouring modules as boards are sold; anchors are its taxels with noise
+at most `MAX_MODULES` neighbouring modules as boards are sold; anchors are its taxels with noise
 of a known spread. So the errors are simulated, and those of a real board also hold what its
 layout and its cover add.
 """
@@ -23,7 +23,7 @@ from skinmap.trade.task import Knob, Outcome, Setting, around, defaults
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
 
-MOST_MODULES = 16
+MAX_MODULES = 16
 PATCHES = 2  # of the parts: more only cost time, the seeds vary the anchors
 ANCHORS, NOISE = 5, 1e-3  # how many, and standard deviation of each coordinate [m]
 FEWEST = 12  # taxels that make a patch
@@ -141,7 +141,7 @@ def _together(modules: IntArray, uv: FloatArray) -> IntArray:
     names = np.unique(modules)
     middle = np.array([uv[modules == name].mean(axis=0) for name in names])
     order = np.argsort(np.linalg.norm(middle - np.median(uv, axis=0), axis=1), kind="stable")
-    return np.flatnonzero(np.isin(modules, names[order[:MOST_MODULES]]))
+    return np.flatnonzero(np.isin(modules, names[order[:MAX_MODULES]]))
 
 
 def _with_anchors(one: Planted, rng: np.random.Generator) -> Planted:

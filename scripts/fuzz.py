@@ -23,7 +23,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 START = 600  # s beyond those asked for: libraries are imported with a target's first file
 SLOWEST = 10  # s for one input: real files of this size take a millisecond
-MOST_MEMORY = 2048  # MB of one process: its libraries take 400 of them
+MAX_MEMORY = 2048  # MB of one process: its libraries take 400 of them
 LONGEST = 1 << 16  # bytes: the originals have a few kilobytes
 
 
@@ -100,7 +100,7 @@ def fuzz(name: str, folder: Path, seconds: int) -> None:
             (folder / "kept" / f"original-{number}").write_bytes(seed)
             target.try_one(seed, place)  # what it imports is imported by now
         options = [
-            f"-max_total_time={seconds}", f"-timeout={SLOWEST}", f"-rss_limit_mb={MOST_MEMORY}",
+            f"-max_total_time={seconds}", f"-timeout={SLOWEST}", f"-rss_limit_mb={MAX_MEMORY}",
             f"-max_len={LONGEST}", f"-artifact_prefix={folder}{os.sep}", "-print_final_stats=1",
             "-verbosity=0",
         ]  # fmt: skip

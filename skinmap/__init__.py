@@ -15,7 +15,7 @@ _PUBLIC = {
     "flatten": ("skinmap.flat.flat_map", "flatten"),
     "flatteners": ("skinmap.flat.methods", "flattener_names"),
     "load_classifier": ("skinmap.classify.model_file", "load_classifier"),
-    "load_robot": ("skinmap.io.manifest", "load_robot"),
+    "load_robot": ("skinmap.io.robots.manifest", "load_robot"),
 }
 __all__ = ["__version__", *_PUBLIC]
 

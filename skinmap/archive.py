@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from skinmap.errors import DataFormatError
 
 MAGIC = b"\x93NUMPY"
-MOST_LETTER = 0x10FFFF  # of Unicode; the surrogates below it stand for no letter either
+MAX_LETTER = 0x10FFFF  # of Unicode; the surrogates below it stand for no letter either
 LARGEST = 2**32  # bytes unpacked: an hour of 4,326 taxels at 50 Hz has 0.8e9
 
 
@@ -65,7 +65,7 @@ class _Arrays(NpzFile):
         if array.dtype.kind == "U" and array.dtype.itemsize:
             number = np.dtype(np.uint32).newbyteorder(array.dtype.byteorder)
             codes = np.ascontiguousarray(array).reshape(-1).view(number)
-            if ((codes > MOST_LETTER) | ((codes >= 0xD800) & (codes < 0xE000))).any():
+            if ((codes > MAX_LETTER) | ((codes >= 0xD800) & (codes < 0xE000))).any():
                 raise ValueError(f"{name!r} holds code points that are no letters")
         return array
 

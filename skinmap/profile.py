@@ -16,7 +16,7 @@ from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, Unkno
 from skinmap.knobs import KNOBS, Value, tables
 
 FORMAT = 1
-MOST_BYTES = 2**16  # a profile has about one kB
+MAX_BYTES = 2**16  # a profile has about one kB
 ABOUT = "profile"  # the table that says where a profile is from
 ABOUT_TEXTS = ("skinmap", "robot", "part", "machine")
 ABOUT_NUMBERS = ("seed", "seeds")
@@ -126,12 +126,12 @@ def _read_toml(path: Path) -> dict[str, Any]:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
             raise DataFormatError(f"not a file; expected {WHAT}", path)
-        if status.st_size > MOST_BYTES:
+        if status.st_size > MAX_BYTES:
             raise DataFormatError(
-                f"{status.st_size / 1024:.0f} kB; a profile has at most {MOST_BYTES // 1024}", path
+                f"{status.st_size / 1024:.0f} kB; a profile has at most {MAX_BYTES // 1024}", path
             )
         with path.open("rb") as file:
-            return tomllib.loads(file.read(MOST_BYTES + 1).decode("utf-8"))
+            return tomllib.loads(file.read(MAX_BYTES + 1).decode("utf-8"))
     except (FileNotFoundError, NotADirectoryError):
         raise MissingFileError(path, WHAT) from None
     except UnicodeDecodeError as error:

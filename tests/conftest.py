@@ -13,7 +13,7 @@ import pytest
 from hypothesis import settings
 
 import skinmap
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 # The same examples each time: a gate must not depend on luck. Hypothesis still replays what it
 # once found failing; `HYPOTHESIS_PROFILE=search` looks for new examples. How long an example takes

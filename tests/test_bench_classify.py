@@ -15,8 +15,10 @@ ROOT = Path(__file__).parents[1]
 def test_the_quick_benchmark_of_classification_writes_all_rows(tmp_path):
     pytest.importorskip("numba", reason="the benchmark compares compiled loops")
     out = tmp_path / "classify.json"
-    command = [sys.executable, str(ROOT / "benchmarks" / "classify.py"), "--quick"]
-    subprocess.run([*command, "--out", str(out)], check=True, capture_output=True, timeout=300)
+    command = [sys.executable, "-m", "benchmarks.classify.classify", "--quick"]
+    subprocess.run(
+        [*command, "--out", str(out)], check=True, capture_output=True, timeout=300, cwd=ROOT
+    )
     told = json.loads(out.read_text())
     assert [row["votes_that_differ"] for row in told["histogram"]] == [0, 0]
     for row in told["intersection_svm"]:

@@ -15,17 +15,18 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory) -> dict:
-    """The result of `benchmarks/geometry.py --quick`."""
+    """The result of `benchmarks/geometry/geometry.py --quick`."""
     out = tmp_path_factory.mktemp("geometry")
     command = [
         sys.executable,
-        str(ROOT / "benchmarks" / "geometry.py"),
+        "-m",
+        "benchmarks.geometry.geometry",
         "--quick",
         "--out",
         out / "geometry.json",
     ]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    subprocess.run(command, check=True, capture_output=True, env=environment)
+    subprocess.run(command, check=True, capture_output=True, env=environment, cwd=ROOT)
     assert (out / "cost_of_flattening.png").stat().st_size > 10_000
     return json.loads((out / "geometry.json").read_text(encoding="utf-8"))
 

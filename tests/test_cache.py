@@ -15,11 +15,11 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-import skinmap.io.urdf as urdf
+import skinmap.io.robots.urdf as urdf
 from skinmap.cache import Cache, CacheWarning, cached, hash_of, open_cache
 from skinmap.cli.main import cli
 from skinmap.errors import InvalidArrayError, OutputError, UnknownNameError
-from skinmap.io.manifest import load_robot
+from skinmap.io.robots.manifest import load_robot
 
 ARRAYS = {"a": np.arange(12.0).reshape(3, 4), "b": np.array([[1, 2]], np.int64)}
 

@@ -18,7 +18,7 @@ from skinmap.errors import (
     UnknownNameError,
 )
 from skinmap.knobs import KNOBS, Allowed, tables
-from skinmap.profile import MOST_BYTES, read_profile
+from skinmap.profile import MAX_BYTES, read_profile
 
 HEAD = f'[profile]\nformat = 1\nskinmap = "{__version__}"\n'
 GOOD = (
@@ -86,7 +86,7 @@ def test_read_profile_warns_of_another_version(profile):
         (b"\xff\xfe", DataFormatError, "not a text file"),
         ("a = " + "[" * 5000 + "]" * 5000, DataFormatError, "not TOML: "),
         (HEAD + "seed = " + "9" * 5000, DataFormatError, "not TOML: "),
-        ("#" * (MOST_BYTES + 1), DataFormatError, "64 kB; a profile has at most 64"),
+        ("#" * (MAX_BYTES + 1), DataFormatError, "64 kB; a profile has at most 64"),
     ],
 )  # fmt: skip
 def test_read_profile_refuses_in_one_line(profile, text, error, words):

@@ -14,7 +14,7 @@ from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, find_structures
 from skinmap.skin.fit import SkinFit, measure_fit
 from skinmap.skin.robot import Robot
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 
 PER_GESTURE = 24  # touches of each of the four gestures on each part

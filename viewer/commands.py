@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from skinmap.cli.common import (
+from skinmap.cli.shared.common import (
     emit,
     json_option,
     open_robot,

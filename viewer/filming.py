@@ -9,7 +9,7 @@ import numpy as np
 
 from skinmap.geometry.rigid import transform_directions
 from skinmap.live.moment import Moment
-from viewer.drawing.camera import front_view
+from viewer.drawing.frame.camera import front_view
 from viewer.export.movie import MOVIE_FPS, Picture
 from viewer.look import Look
 from viewer.scene import Scene

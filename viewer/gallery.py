@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from skinmap.io.manifest import load_robot
+from skinmap.io.robots.manifest import load_robot
 from skinmap.live.moment import Moment
 from skinmap.skin.robot import Robot
 from viewer.filming import Best, show

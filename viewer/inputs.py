@@ -15,12 +15,12 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.classifier import DEFAULT, TouchClassifier, classifiers
 from skinmap.classify.descriptors import Touch
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
-from skinmap.io.readers import read_taxels
-from skinmap.io.table import COLUMNS, COVARIANCE
+from skinmap.io.taxels.readers import read_taxels
+from skinmap.io.taxels.table import COLUMNS, COVARIANCE
 from skinmap.io.text import read_text
-from skinmap.live.skins import fingerprint
+from skinmap.live.sources.skins import fingerprint
 from skinmap.skin.robot import Robot
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 
 TEACHERS = 2  # parts that the default classifier learns from: touches are alike on all

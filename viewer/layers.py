@@ -19,7 +19,7 @@ from skinmap.live.moment import Moment
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import find_structures
 from skinmap.touch.contacts import ACTIVE
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import (
     CATEGORIES,
     DISTORTION_STOPS,

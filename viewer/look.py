@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 from skinmap.errors import SkinMismatchError
 from skinmap.skin.robot import Robot
-from viewer.drawing.body import check_links
-from viewer.drawing.body_view import GOOD_PX
-from viewer.drawing.kept_contours import EVERY
-from viewer.drawing.lazy_maps import LazyMaps
+from viewer.drawing.body.bare_body import check_links
+from viewer.drawing.body.body_view import GOOD_PX
+from viewer.drawing.skin.lazy_maps import LazyMaps
+from viewer.drawing.touches.contour_cache import EVERY
 from viewer.interaction.saving import apply_view
 from viewer.interaction.selection import Selection
 from viewer.interaction.view_file import SavedView

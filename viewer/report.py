@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skinmap.flat.distortion import spread
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 TYPES = {".png": "image/png", ".mp4": "video/mp4", ".gif": "image/gif"}
 STYLE = """

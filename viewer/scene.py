@@ -20,24 +20,29 @@ from numpy.typing import ArrayLike, NDArray
 from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.output import staged_file
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.touches import NamedTouch
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import SurfaceMesh
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.display import require_opengl
-from viewer.drawing.body import Links
-from viewer.drawing.body_view import GOOD_PX
-from viewer.drawing.camera import View
-from viewer.drawing.canvas import TURN_STEP, Canvas, Content
-from viewer.drawing.content_checks import check_moment, check_part, check_taxels, check_touches
-from viewer.drawing.framing import Mode
-from viewer.drawing.kept_contours import EVERY
-from viewer.drawing.lazy_maps import LazyMaps, SomeMaps
-from viewer.drawing.posing import posed
-from viewer.drawing.skin_layer import SkinLayer, build_layer
-from viewer.drawing.taxel_drawing import check_style
-from viewer.drawing.traces import History
+from viewer.drawing.body.bare_body import Links
+from viewer.drawing.body.body_view import GOOD_PX
+from viewer.drawing.body.posing import posed
+from viewer.drawing.frame.camera import View
+from viewer.drawing.frame.canvas import TURN_STEP, Canvas, Content
+from viewer.drawing.frame.content_checks import (
+    check_moment,
+    check_part,
+    check_taxels,
+    check_touches,
+)
+from viewer.drawing.frame.framing import Mode
+from viewer.drawing.skin.lazy_maps import LazyMaps, SomeMaps
+from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
+from viewer.drawing.skin.taxel_drawing import check_style
+from viewer.drawing.touches.contour_cache import EVERY
+from viewer.drawing.touches.traces import History
 from viewer.layers import Layers
 from viewer.shown import Shown
 

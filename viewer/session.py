@@ -18,10 +18,10 @@ from skinmap.classify.model_file import load_classifier
 from skinmap.errors import SkinError, UnknownNameError, UnreachableError
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
-from skinmap.live.opening import open_source
-from skinmap.live.source import Seekable, Source, SourceEnded
+from skinmap.live.sources.open_source import open_source
+from skinmap.live.sources.source import Seekable, Source, SourceEnded
 from skinmap.skin.robot import Robot
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.inputs import default_classifier
 from viewer.playing.stepwise import OneByOne, stepwise
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from skinmap.live.moment import Moment
-from viewer.export.excerpt import Excerpt
 from viewer.export.gltf import write_gltf
 from viewer.export.html_page import write_html
 from viewer.export.movie import MOVIE_FPS, write_movie
+from viewer.export.thinned_moments import Excerpt
 from viewer.filming import Best, movie_frames, show
 from viewer.look import Look, new_scene
 from viewer.playing.player import Player

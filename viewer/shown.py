@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import pyvista as pv
 
 from skinmap.arrays import IntArray
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.touches import NamedTouch
-from viewer.drawing.camera import View
-from viewer.drawing.canvas import Canvas, Content
-from viewer.drawing.flat_panel import FlatPanel
-from viewer.drawing.framing import Framing
+from viewer.drawing.frame.camera import View
+from viewer.drawing.frame.canvas import Canvas, Content
+from viewer.drawing.frame.framing import Framing
+from viewer.drawing.panel.flat_panel import FlatPanel
 from viewer.layer import Layer
 
 

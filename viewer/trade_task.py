@@ -23,10 +23,10 @@ from skinmap.trade.measuring import cpu_seconds
 from skinmap.trade.task import Knob, Outcome, Setting
 
 if TYPE_CHECKING:
+    from skinmap.live.contacts.named_touch import NamedTouch
     from skinmap.live.moment import Moment
-    from skinmap.live.touches import NamedTouch
     from skinmap.skin.robot import Robot
-    from skinmap.touch.prepared import PreparedSkin
+    from skinmap.touch.prepared_skin import PreparedSkin
 
 SIZE = (1024, 768)
 LEAST = 0.15  # seconds of updates that are timed: they differ more than other work does
@@ -89,7 +89,7 @@ class ViewTask:
 
     def prepare(self, robot: Robot, parts: tuple[str, ...], *, seed: int) -> Show:
         """Touches on the parts, simulated with the seed."""
-        from skinmap.touch.prepared import PreparedSkin
+        from skinmap.touch.prepared_skin import PreparedSkin
 
         skins = {part: PreparedSkin(robot.skin(part)) for part in parts}
         return Show(robot, skins, _moments(skins, seed), [])
@@ -143,7 +143,7 @@ def colour_difference(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float
 
 
 def _scene(show: Show, setting: Setting) -> Any:
-    from viewer.drawing.lazy_maps import LazyMaps
+    from viewer.drawing.skin.lazy_maps import LazyMaps
     from viewer.scene import Scene
 
     links: Any = {"all": None, "skin": "skin", "none": ()}[str(setting.get("links", "all"))]
@@ -231,7 +231,7 @@ def _named(
     part: str, skin: PreparedSkin, values: FloatArray, label: str, number: int
 ) -> NamedTouch | None:
     """The touch that values (n,) are of; None where nothing is active."""
-    from skinmap.live.touches import NamedTouch
+    from skinmap.live.contacts.named_touch import NamedTouch
     from skinmap.touch.contacts import ACTIVE
 
     taxels = np.flatnonzero(values >= ACTIVE)

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from skinmap.cli.common import open_robot
+from skinmap.cli.shared.common import open_robot
 from skinmap.errors import InvalidArrayError, OutputError, UnknownNameError
 from viewer.commands import LAYERS
 from viewer.display import has_display, require_opengl
@@ -32,7 +32,7 @@ def run_view(options: Mapping[str, Any]) -> dict[str, Any]:
     """
     _check(options)
     require_opengl()
-    from viewer.drawing.taxel_drawing import check_style
+    from viewer.drawing.skin.taxel_drawing import check_style
     from viewer.interaction.view_file import load_view
     from viewer.look import Look
     from viewer.show import Wanted, open_window, write_files

@@ -14,8 +14,8 @@ from viewer.filming import show
 from viewer.interaction.controls import Controls
 from viewer.interaction.events import Events
 from viewer.interaction.mouse import Pace
+from viewer.playing.frame_deadline import Punctual
 from viewer.playing.player import Player
-from viewer.playing.punctual import Punctual
 from viewer.scene import Scene
 
 IDLE = 0.02  # longest wait for a sample before keys and mouse are looked at again [s]

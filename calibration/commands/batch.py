@@ -17,8 +17,15 @@ from calibration.commands.options import (
     sigma_option,
     units_option,
 )
-from skinmap.cli.common import emit, json_option, profile_option, progress, seed_option, table
-from skinmap.cli.workers import worker_options, workers_options
+from skinmap.cli.shared.common import (
+    emit,
+    json_option,
+    profile_option,
+    progress,
+    seed_option,
+    table,
+)
+from skinmap.cli.shared.workers import worker_options, workers_options
 
 NOT_OK = 3
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.patch.patch_calibration import Status
 from skinmap.arrays import FloatArray
-from skinmap.cli.common import emit
+from skinmap.cli.shared.common import emit
 from skinmap.geometry.proximity import median_spacing
 
 

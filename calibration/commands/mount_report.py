@@ -13,7 +13,7 @@ import numpy as np
 from calibration.commands.patch_report import STYLE
 from calibration.response.response import ResponseCalibration
 from skinmap.arrays import FloatArray
-from skinmap.cli.figures import picture_bytes, plain_figure
+from skinmap.report.figure import picture_bytes, plain_figure
 
 MM = 1e3
 PLACED = "Calibrated taxels from two sides, coloured by their predicted error."

@@ -9,7 +9,7 @@ import click
 
 from calibration.commands.mount_jobs import finish
 from calibration.commands.options import FILE, accept_option, format_option, units_option
-from skinmap.cli.common import (
+from skinmap.cli.shared.common import (
     json_option,
     open_robot,
     outside_option,

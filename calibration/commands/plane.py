@@ -8,7 +8,7 @@ import click
 
 from calibration.commands.mount_jobs import finish
 from calibration.commands.options import FILE, accept_option, format_option, out_option
-from skinmap.cli.common import (
+from skinmap.cli.shared.common import (
     json_option,
     part_option,
     profile_option,
@@ -78,7 +78,7 @@ def command(
     Example:  skinmap calibrate plane presses.npz --robot icub --part right_forearm -o out
     """
     from calibration.commands.plane_job import PlaneOptions, plane_job, plane_lines, read_planes
-    from skinmap.cli.common import open_robot
+    from skinmap.cli.shared.common import open_robot
 
     options = PlaneOptions(
         evidence,

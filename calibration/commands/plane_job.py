@@ -14,9 +14,9 @@ from calibration.commands.mount_jobs import Job, spread
 from calibration.commands.plane_report import plane_pictures, plane_rows
 from calibration.files.mount_files import write_mounts, write_tables
 from calibration.files.plane_files import PlaneEvidence, read_plane_evidence
-from calibration.mount.plane_contacts import Plane
-from calibration.mount.plane_fit import PlaneFit, fit_plane
-from calibration.mount.plane_robot import Pressing, candidates, part_chains, pressing, stood_still
+from calibration.plane.contacts import Plane
+from calibration.plane.fit import PlaneFit, fit_plane
+from calibration.plane.robot import Pressing, candidates, part_chains, pressing, stood_still
 from skinmap.errors import InvalidArrayError
 from skinmap.skin.robot import Robot
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from calibration.commands.mount_report import PLACED, taxel_picture
 from calibration.files.plane_files import PlaneEvidence
-from calibration.mount.plane_fit import PlaneFit
+from calibration.plane.fit import PlaneFit
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.cli.figures import picture_bytes, plain_figure
+from skinmap.report.figure import picture_bytes, plain_figure
 
 MM = 1e3
 COVERED = "How often each taxel felt a press, from two sides; grey: never."

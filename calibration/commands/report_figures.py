@@ -9,9 +9,9 @@ import numpy as np
 
 from calibration.patch.patch_calibration import PatchCalibration
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.cli.figures import picture_bytes, plain_figure
-from skinmap.cli.projection import View, draw_surface
 from skinmap.geometry.triangles import face_normals, unit
+from skinmap.report.figure import picture_bytes, plain_figure
+from skinmap.report.projection import View, draw_surface
 
 if TYPE_CHECKING:
     from calibration.commands.patch_job import PatchResult
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 MM = 1e3
 TURN = np.radians(50.0)  # of each of the two side views
 MARGIN = 12e-3  # round the patch: what of the link lies further is cut off [m]
-MOST_FACES = 30_000  # of the link: more cannot be seen at this size
+MAX_FACES = 30_000  # of the link: more cannot be seen at this size
 COLOURS = "viridis"
-MOST_NAMED = 24  # taxels with evidence that are named
-MOST_DOTS = 4000  # pairs whose strain is drawn
+MAX_NAMED = 24  # taxels with evidence that are named
+MAX_DOTS = 4000  # pairs whose strain is drawn
 
 
 def patch_picture(found: PatchCalibration, link: tuple[FloatArray, IntArray]) -> bytes:
@@ -86,7 +86,7 @@ def board_picture(
             *places[taxels].T, s=110, facecolors="none", edgecolors="black", linewidths=1.4,
             label=name,
         )  # fmt: skip
-        for taxel in taxels[:MOST_NAMED]:
+        for taxel in taxels[:MAX_NAMED]:
             axis.annotate(
                 str(channels[taxel]), places[taxel], xytext=(6, 6), textcoords="offset points",
                 fontsize=8,
@@ -123,13 +123,13 @@ def judged_picture(result: PatchResult, found: PatchCalibration) -> bytes:
         np.append(place - 0.5, len(left) - 0.5), np.append(expected, expected[-1]), where="post",
         color="black", linewidth=1.2, label="expected (rms)",
     )  # fmt: skip
-    if len(left) <= MOST_NAMED:
+    if len(left) <= MAX_NAMED:
         errors.set_xticks(place, [str(one.channel) for one in result.evidence])
     errors.set_xlabel("channel of the anchor or touch", fontsize=9)
     errors.set_ylabel("mm", fontsize=9)
     figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     wanted, got = 100.0 * found.expected_strain, 100.0 * found.strain
-    rows = slice(None, None, max(1, len(got) // MOST_DOTS))
+    rows = slice(None, None, max(1, len(got) // MAX_DOTS))
     strains.scatter(wanted[rows], got[rows], s=4, color="#3b6ea8", linewidths=0, alpha=0.5)
     reach = float(max(np.percentile(np.abs(wanted), 99), np.percentile(np.abs(got), 99), 0.5))
     strains.plot([-reach, reach], [-reach, reach], color="black", linewidth=1.0)
@@ -174,4 +174,4 @@ def _near(found: PatchCalibration, vertices: FloatArray, faces: IntArray) -> Int
     near = faces[((middle > low) & (middle < high)).all(axis=1)]
     if len(near) == 0:  # huge triangles: all of them
         near = faces
-    return near[:: max(1, len(near) // MOST_FACES)]
+    return near[:: max(1, len(near) // MAX_FACES)]

@@ -21,7 +21,7 @@ from skinmap.errors import SkinMismatchError
 if TYPE_CHECKING:
     from skinmap.skin.skin import Skin
 
-MOST_UNFIT = 0.05  # share of channels that may be unfit in a skin that works
+MAX_UNFIT = 0.05  # share of channels that may be unfit in a skin that works
 UNFIT = (Health.DEAD, Health.STUCK, Health.SATURATED, Health.NOISY)
 
 
@@ -51,7 +51,7 @@ def response_job(
     health = {str(state): int((found.health == state).sum()) for state in Health}
     unfit = np.isin(found.health, UNFIT)
     judged: list[tuple[str, str]] = []
-    if unfit.mean() > MOST_UNFIT:
+    if unfit.mean() > MAX_UNFIT:
         words = ", ".join(f"{health[state]} {state}" for state in UNFIT if health[state])
         judged.append(("faulty", f"{int(unfit.sum())} of {len(found)} channels are unfit: {words}"))
     result = {
@@ -89,7 +89,7 @@ def response_job(
 def _skin_of(robot: str, part: str, count: int) -> tuple[Any, str]:
     """Modules and fingerprint of a part with as many taxels as there are channels."""
     from skinmap.classify.trained_skin import remember
-    from skinmap.cli.common import open_robot
+    from skinmap.cli.shared.common import open_robot
 
     loaded, _ = open_robot(robot, (part,))
     skin: Skin = loaded.skin(part)

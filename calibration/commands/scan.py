@@ -16,7 +16,7 @@ from calibration.commands.options import (
     out_option,
     units_option,
 )
-from skinmap.cli.common import emit, json_option, plain, profile_option, seed_option
+from skinmap.cli.shared.common import emit, json_option, plain, profile_option, seed_option
 
 if TYPE_CHECKING:
     from calibration.scan.registration import ScanRegistration
@@ -81,8 +81,8 @@ def command(
     from calibration.patch.patch_calibration import Status
     from calibration.scan.registration import carried, register_scan
     from skinmap.io.output import staged_folder
+    from skinmap.io.robots.urdf import read_mesh
     from skinmap.io.units import UNITS
-    from skinmap.io.urdf import read_mesh
 
     with staged_folder(out) as stage:
         unit = UNITS[units]

@@ -12,15 +12,15 @@ import numpy as np
 from calibration.commands.patch_report import page, picture, rows_table
 from calibration.scan.registration import ScanRegistration
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.cli.figures import picture_bytes, plain_figure
-from skinmap.cli.projection import View, draw_surface
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import face_normals
+from skinmap.report.figure import picture_bytes, plain_figure
+from skinmap.report.projection import View, draw_surface
 
 MM = 1e3
 FAR_MM = 3.0  # end of the colour scale
-MOST_FACES, MOST_DRAWN = 30_000, 4_000
+MAX_FACES, MAX_DRAWN = 30_000, 4_000
 
 
 def write_scan_report(
@@ -55,12 +55,12 @@ def scan_picture(
 ) -> bytes:
     """PNG of the scan on the mesh from two sides, and how far it lies off."""
     vertices, faces = link
-    here = transform_points(found.T_mesh_scan, points)[:: max(1, len(points) // MOST_DRAWN)]
+    here = transform_points(found.T_mesh_scan, points)[:: max(1, len(points) // MAX_DRAWN)]
     distance, _, _ = closest_on_mesh(here, vertices, faces)
     off = MM * distance
     figure = plain_figure((11.0, 4.2))
     axes = figure.subplots(1, 3)
-    drawn = faces[:: max(1, len(faces) // MOST_FACES)]
+    drawn = faces[:: max(1, len(faces) // MAX_FACES)]
     grey = np.tile([0.80, 0.82, 0.85, 1.0], (len(drawn), 1))
     for axis, view in zip(axes[:2], _views(vertices), strict=True):
         normals = face_normals(vertices, drawn)

@@ -19,7 +19,7 @@ from calibration.commands.options import (
     units_option,
 )
 from calibration.commands.wrap import STEPS, show
-from skinmap.cli.common import json_option, profile_option, progress, seed_option
+from skinmap.cli.shared.common import json_option, profile_option, progress, seed_option
 
 
 @click.command("touch")

@@ -19,7 +19,7 @@ from calibration.commands.options import (
     sigma_option,
     units_option,
 )
-from skinmap.cli.common import emit, json_option, profile_option, progress, seed_option
+from skinmap.cli.shared.common import emit, json_option, profile_option, progress, seed_option
 
 STEPS = 3
 REFUSED = "refused.html"  # as in patch_job, which a command imports only when it runs

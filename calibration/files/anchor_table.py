@@ -12,8 +12,8 @@ from calibration.commands.patch_job import PatchTask
 from calibration.files.tables import BoardTable, read_anchors, read_board
 from calibration.patch.solver_budget import FULL, Effort
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.io.robots.urdf import read_mesh
 from skinmap.io.units import UNITS
-from skinmap.io.urdf import read_mesh
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,9 @@ from calibration.files.tables import ENTRIES, read_numbers, read_placed, read_ta
 from skinmap.archive import open_arrays, quiet_headers
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError
-from skinmap.io.export import write_icub
-from skinmap.io.icub import CHANNELS_PER_MODULE
-from skinmap.io.table import COLUMNS, COVARIANCE
+from skinmap.io.taxels.export import write_icub
+from skinmap.io.taxels.icub import CHANNELS_PER_MODULE
+from skinmap.io.taxels.table import COLUMNS, COVARIANCE
 from skinmap.io.text import check_file
 from skinmap.skin.taxels import TaxelTable
 

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.files.mount_files import read_arrays
-from calibration.mount.plane_contacts import PlaneContacts
+from calibration.plane.contacts import PlaneContacts
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole
 from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError
-from skinmap.io.track import Track
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 
@@ -226,7 +226,7 @@ def _check_angles(found: PlaneEvidence, robot: Robot) -> None:
 def _from_recording(
     path: Path, robot: Robot, parts: Sequence[str], threshold: float
 ) -> PlaneEvidence:
-    from skinmap.io.mcap_track import read_track
+    from skinmap.io.recordings.mcap_track import read_track
 
     track = read_track(path)
     if not track.joints:
@@ -271,7 +271,7 @@ def _of_taxels(active: BoolArray, skin: Skin, part: str, path: Path) -> BoolArra
     return active[:, skin.channels]
 
 
-def _presses(track: Track, count: FloatArray | IntArray) -> IntArray:
+def _presses(track: RecordedStream, count: FloatArray | IntArray) -> IntArray:
     """The sample of most active taxels in each press: marked touches, or runs of activity."""
     if track.touches:
         spans = [np.arange(touch.first, touch.last + 1) for touch in track.touches]

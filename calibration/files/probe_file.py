@@ -24,7 +24,7 @@ from skinmap.io.text import is_file, read_text
 
 KEYS = ("name", "link", "part", "tip_mm", "radius_mm")
 BESIDE = "probes.toml"  # read from beside the recordings where no other is named
-MOST_MM = 5000.0  # of a tip in its link: more are other units
+MAX_MM = 5000.0  # of a tip in its link: more are other units
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -99,9 +99,9 @@ def _probe(entry: Any, what: str, path: Path) -> Probe:
         radius = float(check_finite([entry.get("radius_mm", 0.0)], "radius_mm", (1,))[0])
     except InvalidArrayError as error:
         raise DataFormatError(f"probe {words['name']!r}: {error}", path) from None
-    if not 0.0 <= radius <= MOST_MM or (tip is not None and np.abs(tip).max() > MOST_MM):
+    if not 0.0 <= radius <= MAX_MM or (tip is not None and np.abs(tip).max() > MAX_MM):
         raise DataFormatError(
-            f"probe {words['name']!r}: lengths are millimetres, {MOST_MM:.0f} at most", path
+            f"probe {words['name']!r}: lengths are millimetres, {MAX_MM:.0f} at most", path
         )
     return Probe(**words, tip=None if tip is None else 1e-3 * tip, radius=1e-3 * radius)
 

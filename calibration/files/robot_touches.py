@@ -26,7 +26,7 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
-from skinmap.live.skins import fingerprint
+from skinmap.live.sources.skins import fingerprint
 from skinmap.skin.joints import check_link, common_ancestor
 from skinmap.skin.robot import Robot
 

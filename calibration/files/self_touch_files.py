@@ -114,11 +114,11 @@ def read_touches(path: Path, probes: Mapping[str, Probe]) -> tuple[list[TouchFil
         A file that does not exist, or does not follow a format (names what it lacks).
     """
     if path.suffix.lower() == ".mcap":
-        from skinmap.io.mcap_track import read_track
+        from skinmap.io.recordings.mcap_track import read_track
 
         track = read_track(path)
     else:
-        from skinmap.io.learning import track_of_arrays
+        from skinmap.io.recordings.learning import track_of_arrays
 
         arrays = read_members(path, "a recording of self-touch")
         if "head" in arrays:

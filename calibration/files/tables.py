@@ -13,11 +13,11 @@ from calibration.patch.patch_calibration import PatchCalibration
 from calibration.patch.touch import Touch
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError
-from skinmap.io.export import write_icub
-from skinmap.io.icub import CHANNELS_PER_MODULE
-from skinmap.io.table import COLUMNS, COVARIANCE
-from skinmap.io.text import MOST_CHANNEL, parse_floats, read_text
-from skinmap.io.urdf import MESH_SUFFIXES, read_mesh
+from skinmap.io.robots.urdf import MESH_SUFFIXES, read_mesh
+from skinmap.io.taxels.export import write_icub
+from skinmap.io.taxels.icub import CHANNELS_PER_MODULE
+from skinmap.io.taxels.table import COLUMNS, COVARIANCE
+from skinmap.io.text import MAX_CHANNEL, parse_floats, read_text
 from skinmap.skin.taxels import TaxelTable
 
 CHANNEL = ("channel", "taxel")  # how a first column may be called
@@ -194,7 +194,7 @@ def check_channels(
 
 
 def _check_whole(values: FloatArray, lines: Sequence[int], path: Path) -> None:
-    wrong = (values != np.floor(values)) | (values < 0) | (values > MOST_CHANNEL)
+    wrong = (values != np.floor(values)) | (values < 0) | (values > MAX_CHANNEL)
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
         raise DataFormatError(

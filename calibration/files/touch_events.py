@@ -17,13 +17,15 @@ from calibration.files.probe_file import Probe
 from calibration.mount.chains import TouchRecording
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import DataFormatError
-from skinmap.io.track import Track
+from skinmap.io.recordings.recorded_stream import RecordedStream
 
 ACTIVE = 10  # counts: above what response calibration leaves of noise (4), below a light touch
 ROLLED = np.deg2rad(4.0)  # how far a joint turns until a contact counts as another
 
 
-def track_events(track: Track, probes: Mapping[str, Probe], path: Path) -> list[TouchRecording]:
+def track_events(
+    track: RecordedStream, probes: Mapping[str, Probe], path: Path
+) -> list[TouchRecording]:
     """The contacts of a recording, one `TouchRecording` for each two sides that touched.
 
     Touches that are marked with the name of a probe, or that only one part felt where there is one
@@ -67,7 +69,7 @@ def track_events(track: Track, probes: Mapping[str, Probe], path: Path) -> list[
     ]
 
 
-def lone_touches(track: Track, found: Sequence[TouchRecording], path: Path) -> list[str]:
+def lone_touches(track: RecordedStream, found: Sequence[TouchRecording], path: Path) -> list[str]:
     """A note on touches that one part felt alone, and that were left out."""
     if any(side is None for one in found for side in one.touched):
         return []
@@ -78,7 +80,7 @@ def lone_touches(track: Track, found: Sequence[TouchRecording], path: Path) -> l
     return [f"{path.name}: {count} touches that one part felt alone were left out"]
 
 
-def _force(track: Track) -> FloatArray:
+def _force(track: RecordedStream) -> FloatArray:
     """Counts (t, parts) above what is noise, summed over each part."""
     values = np.asarray(track.values[:], np.float64)
     values = np.where(values > ACTIVE, values, 0.0)
@@ -86,7 +88,7 @@ def _force(track: Track) -> FloatArray:
 
 
 def _sides(
-    track: Track, probes: Mapping[str, Probe], active: BoolArray
+    track: RecordedStream, probes: Mapping[str, Probe], active: BoolArray
 ) -> list[tuple[str, str] | None]:
     """The two sides of each sample; None where nothing, one part or more than two are pressed."""
     marked: dict[int, str] = {}
@@ -123,7 +125,7 @@ def _spans(
 
 
 def _recording(
-    track: Track, pair: tuple[str, str], rows: Sequence[int], name: str
+    track: RecordedStream, pair: tuple[str, str], rows: Sequence[int], name: str
 ) -> TouchRecording:
     """The active channels of both sides in some samples."""
     values = np.stack([np.asarray(track.values[row : row + 1])[0] for row in rows])
@@ -133,7 +135,7 @@ def _recording(
     return TouchRecording(name, pair, track.angles[np.array(rows)], (first, second))
 
 
-def _channels(track: Track, part: str, values: NDArray[np.generic]) -> list[IntArray]:
+def _channels(track: RecordedStream, part: str, values: NDArray[np.generic]) -> list[IntArray]:
     """Channels of a part above the noise in each of some samples."""
     own = values[:, track.columns(part)]
     table = track.tables.get(part)

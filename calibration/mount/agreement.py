@@ -22,7 +22,7 @@ from calibration.mount.pairing import Contacts
 # ones by 3 to 30 times.
 RATIO = 2.0
 OTHERS = 2.0  # times what others are missed by alone: more, and the recording contradicts itself
-MOST_TRIES = 60  # sets of recordings that are left out in turn, each a fit
+MAX_TRIES = 60  # sets of recordings that are left out in turn, each a fit
 SHUFFLED = 0.6  # of what it is missed by with poses in another order: more, and they say nothing
 
 
@@ -107,7 +107,7 @@ class Jury:
         if self._excess(kept, bounds) == 0.0:
             return tuple(wrong), True
         for count in range(1, (len(kept) + 1) // 2):
-            if comb(len(kept), count) > MOST_TRIES:
+            if comb(len(kept), count) > MAX_TRIES:
                 break
             healed = [
                 some

@@ -27,7 +27,7 @@ from skinmap.geometry.rigid import transform_points
 FOLDS = 5  # each event is held out once
 FEWEST = 12  # events
 JOINT_SIGMA = np.deg2rad(2.0)  # what zero positions of joints are off by
-MOST_OFF = 4.0 * JOINT_SIGMA  # of any: recordings that ask for more contradict the robot
+MAX_OFF = 4.0 * JOINT_SIGMA  # of any: recordings that ask for more contradict the robot
 BLAMED = 0.5  # pitches that a recording must be missed by at least to be blamed
 ENOUGH = 150  # touches that tell poses in their order from others
 ORDERS = 12  # seed of the poses' other orders, apart from the user's: they judge, no more
@@ -232,7 +232,7 @@ class _Problem:
 
         def missed(some: Sequence[Contacts]) -> tuple[dict[str, float], float]:
             state = freely.fit(some)
-            return freely.medians(some, state), float(np.abs(state.offsets).max() / MOST_OFF)
+            return freely.medians(some, state), float(np.abs(state.offsets).max() / MAX_OFF)
 
         def shared(one: Contacts, other: Contacts) -> int:
             probes = {name for name, chain in self.chains.items() if chain.is_probe}

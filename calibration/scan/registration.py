@@ -18,7 +18,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import check_transform, transform_points
 
 FEWEST_POINTS = 100
-MOST_POINTS = 3000  # of a scan: more only cost time, the noise is far below a millimetre by then
+MAX_POINTS = 3000  # of a scan: more only cost time, the noise is far below a millimetre by then
 SIZE = (0.1, 2.5)  # of a scan against the mesh, longest extents
 TRIES = 6  # starts around the given one
 TURN, SHIFT = np.radians(30.0), 25e-3  # how far around [rad, m]
@@ -113,8 +113,8 @@ def register_scan(
     link = check_link(vertices, faces)
     _check_scan(scan, link[0])
     start = _start(initial, anchors)
-    if len(scan) > MOST_POINTS:
-        scan = scan[np.sort(rng.choice(len(scan), MOST_POINTS, replace=False))]
+    if len(scan) > MAX_POINTS:
+        scan = scan[np.sort(rng.choice(len(scan), MAX_POINTS, replace=False))]
     scene = make_scene(make_target(*link), scan, rng)
     poses = [register(scene, start)]
     poses += [register(scene, pose, roughly=True) for pose in _starts(start, scan, rng)]

@@ -10,7 +10,7 @@ from calibration.wiring.boards import Boards, Wiring
 from calibration.wiring.faults import Fault
 from skinmap.arrays import IntArray
 from skinmap.errors import OutputError
-from skinmap.io.table import write_csv
+from skinmap.io.taxels.table import write_csv
 from skinmap.skin.taxels import TaxelTable
 
 

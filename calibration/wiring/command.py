@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.common import (
+from skinmap.cli.shared.common import (
     emit,
     json_option,
     open_robot,
@@ -130,7 +130,7 @@ def _check(simulated: bool, recording: bool, planted: tuple[str, ...], places: P
 
 def _is_file(source: str) -> bool:
     from skinmap.errors import MissingFileError
-    from skinmap.live.opening import FILES, sources
+    from skinmap.live.sources.open_source import FILES, sources
 
     if source.partition(":")[0] in sources.names():
         return False
@@ -176,7 +176,7 @@ def _examine(
         return job.examine_recording(
             Path(source), robot, parts, how=how, places=places, unit=unit, chain=chain, told=told
         )
-    from skinmap.live.opening import open_source
+    from skinmap.live.sources.open_source import open_source
 
     opened = open_source(source, robot=robot, parts=parts or None, seed=seed)
     try:

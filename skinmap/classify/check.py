@@ -28,12 +28,12 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.classify.classifier import NO_CONTACT, TouchClassifier
 from skinmap.classify.descriptors import Touch
-from skinmap.classify.inputs import descriptor_of
 from skinmap.classify.model_file import read_model, save_classifier
 from skinmap.classify.plugins import touch_classifier
+from skinmap.classify.sample_descriptors import descriptor_of
 from skinmap.errors import BrokenPluginError, SkinError
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 PITCH = 5e-3  # [m]
 RADII = {"small": 6e-3, "large": 18e-3}  # of the planted touches [m]

@@ -15,7 +15,7 @@ from skinmap.classify.trained_skin import SkinDifference, TrainedSkin, compare_s
 from skinmap.errors import InvalidArrayError, NotFittedError
 from skinmap.registry import Registry
 from skinmap.skin.skin import Skin
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 NO_CONTACT = "no_contact"
 CALIBRATION_FOLDS = 5
@@ -96,7 +96,7 @@ class TouchClassifier:
 
         Nothing has to be prepared; the first touches only take longer without.
         """
-        from skinmap.classify.quick import compile_decisions
+        from skinmap.classify.fast_probabilities import compile_decisions
 
         for one in getattr(self, "members", (self,)):
             if hasattr(one.descriptor, "counter"):
@@ -115,7 +115,7 @@ class TouchClassifier:
         if len(rows) == 0:
             return None
         if self._quick is None or self._quick[0] is not self.estimator:
-            from skinmap.classify.quick import quick_probabilities
+            from skinmap.classify.fast_probabilities import quick_probabilities
 
             self._quick = (self.estimator, quick_probabilities(self.estimator))
         mean = np.asarray(self._quick[1](rows)).mean(axis=0)

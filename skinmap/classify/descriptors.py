@@ -25,10 +25,10 @@ from skinmap.touch.codebook import (
 )
 from skinmap.touch.contact_geometry import contact_geometry
 from skinmap.touch.contacts import check_pressures, pool_event, pressed
-from skinmap.touch.course import course
 from skinmap.touch.histogram import PatchSamples
-from skinmap.touch.prepared import PreparedSkin
-from skinmap.touch.unseen import Coverage, adopt_nearest, coverage
+from skinmap.touch.nearest_structure import Coverage, adopt_nearest, coverage
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.pressure_course import course
 from skinmap.touch.votes import VoteCounter
 
 ROWS = 8  # samples of one touch that histograms are counted on: neighbours in time are alike

@@ -10,7 +10,7 @@ import numpy as np
 from skinmap.classify.classifier import NO_CONTACT, Prediction, TouchClassifier
 from skinmap.classify.descriptors import Touch
 from skinmap.errors import UnknownNameError
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 
 HELD_OUT = 0.3  # share of the touches of the trained parts that only test

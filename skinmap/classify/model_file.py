@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 
 from skinmap import __version__
 from skinmap.archive import quiet_headers
+from skinmap.classify.allowed_types import foreign_types
 from skinmap.classify.classifier import TouchClassifier, classifiers
 from skinmap.classify.trained_skin import TrainedSkin
-from skinmap.classify.trust import foreign_types
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
 
 FORMAT = "skinmap-model-2"

@@ -14,7 +14,7 @@ from skinmap.classify.descriptors import Touch
 from skinmap.errors import SkinMismatchError
 from skinmap.touch.contacts import pool_event
 from skinmap.touch.grouping import RULE, GroupingRule, group_touches
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 JOIN = "+"  # between the labels of touches that overlap in time
 

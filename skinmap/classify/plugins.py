@@ -16,7 +16,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin, clone
 
 from skinmap.arrays import FloatArray
 from skinmap.classify.classifier import TouchClassifier, calibrated
-from skinmap.classify.inputs import INPUT_KINDS, descriptor_of
+from skinmap.classify.sample_descriptors import INPUT_KINDS, descriptor_of
 from skinmap.errors import InvalidArrayError
 
 

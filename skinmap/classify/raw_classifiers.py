@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from skinmap.classify.classifier import TouchClassifier, calibrated
-from skinmap.classify.inputs import RawSamples
 from skinmap.classify.intersection import IntersectionSVC
+from skinmap.classify.sample_descriptors import RawSamples
 
 # Penalties over three decades; widths around "scale", 1 / (features x variance), scikit-learn's
 # own choice, and three powers of ten round the inverse of the squared distances of pressures.

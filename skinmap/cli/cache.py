@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from skinmap.cli.common import emit, json_option, profile_option, table
-from skinmap.cli.groups import NamedGroup
+from skinmap.cli.shared.common import emit, json_option, profile_option, table
+from skinmap.cli.shared.groups import NamedGroup
 from skinmap.errors import OutputError, UnknownNameError
 
 

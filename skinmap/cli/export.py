@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.common import (
+from skinmap.cli.shared.common import (
     emit,
     json_option,
     open_robot,
@@ -87,16 +87,16 @@ def command(
 def _export_recording(path: Path, output: Path, as_json: bool) -> None:
     """Write a recording as arrays."""
     from skinmap.errors import UnknownNameError
-    from skinmap.io import learning
     from skinmap.io.output import staged_file
-    from skinmap.live.recorded import open_track
+    from skinmap.io.recordings import learning
+    from skinmap.live.sources.open_recording import open_track
 
     suffix = output.suffix.lower()
     formats = [*WRITERS, *([MCAP] if path.suffix.lower() == MCAP else [])]
     if suffix not in formats:
         raise UnknownNameError("format of a recording for files ending in", suffix, formats)
     if suffix == MCAP:
-        from skinmap.io.mcap_repair import write_repaired
+        from skinmap.io.recordings.mcap_repair import write_repaired
 
         with staged_file(output) as stage:
             track = write_repaired(path, stage)
@@ -123,7 +123,7 @@ def _table(
     robot: str, parts: tuple[str, ...], unrepaired: bool, read_as: str | None
 ) -> tuple[str, str, TaxelTable]:
     """Names of the robot and the part, and the taxels."""
-    from skinmap.io.readers import SUFFIXES, read_taxels
+    from skinmap.io.taxels.readers import SUFFIXES, read_taxels
     from skinmap.skin.taxels import TaxelTable
 
     path = Path(robot)
@@ -145,8 +145,8 @@ def _table(
 
 
 def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) -> None:
-    from skinmap.io import export
-    from skinmap.io.table import write_csv
+    from skinmap.io.taxels import export
+    from skinmap.io.taxels.table import write_csv
 
     if format == "urdf":
         export.write_tactile_urdf({part: table}, path, robot=robot)

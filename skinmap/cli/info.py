@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.common import emit, json_option, profile_option
+from skinmap.cli.shared.common import emit, json_option, profile_option
 
 if TYPE_CHECKING:
-    from skinmap.io.track import Track
+    from skinmap.io.recordings.recorded_stream import RecordedStream
     from skinmap.skin.robot import Robot
 
 
@@ -28,8 +28,8 @@ def command(recording: Path, robot: str | None, as_json: bool) -> None:
     \b
     Example:  skinmap info touch.mcap --json
     """
-    from skinmap.cli.common import open_robot
-    from skinmap.live.recorded import open_track
+    from skinmap.cli.shared.common import open_robot
+    from skinmap.live.sources.open_recording import open_track
 
     loaded = open_robot(robot, ())[0] if robot else None
     track = open_track(recording, robot=loaded)
@@ -55,7 +55,7 @@ def command(recording: Path, robot: str | None, as_json: bool) -> None:
         )
 
 
-def describe(track: Track) -> dict[str, Any]:
+def describe(track: RecordedStream) -> dict[str, Any]:
     """The keys of `skinmap info --json`."""
     taxels = sum(len(table) for table in track.tables.values())
     return {
@@ -75,8 +75,8 @@ def describe(track: Track) -> dict[str, Any]:
     }
 
 
-def _check_skin(track: Track, robot: Robot) -> None:
-    from skinmap.live.recorded import stream_info
-    from skinmap.live.skins import check_skin
+def _check_skin(track: RecordedStream, robot: Robot) -> None:
+    from skinmap.live.sources.open_recording import stream_info
+    from skinmap.live.sources.skins import check_skin
 
     check_skin(stream_info(track), robot)

@@ -12,24 +12,36 @@ from importlib.metadata import entry_points
 import click
 
 from skinmap import __version__
-from skinmap.cli.groups import NamedGroup
-from skinmap.cli.interrupts import end_on_interrupt
+from skinmap.cli.shared.groups import NamedGroup
+from skinmap.cli.shared.interrupts import end_on_interrupt
 from skinmap.errors import SkinError
 
 # name: (module, one line for the list); the module holds a click command called `command`.
 COMMANDS = {
-    "inspect": ("skinmap.cli.inspect", "What a robot's skin is made of, and whether it fits."),
+    "inspect": (
+        "skinmap.cli.inspect.command",
+        "What a robot's skin is made of, and whether it fits.",
+    ),
     "export": ("skinmap.cli.export", "Taxels or recordings in the formats of others."),
-    "flatten": ("skinmap.cli.flatten", "Flat maps of the skin and what they distort."),
-    "structures": ("skinmap.cli.structures", "Periodic neighbourhood structures of the layout."),
-    "simulate": ("skinmap.cli.simulate", "Simulated touches on the skin, as a recording."),
+    "flatten": ("skinmap.cli.flatten.command", "Flat maps of the skin and what they distort."),
+    "structures": (
+        "skinmap.cli.structures.command",
+        "Periodic neighbourhood structures of the layout.",
+    ),
+    "simulate": ("skinmap.cli.simulate.command", "Simulated touches on the skin, as a recording."),
     "train": ("skinmap.cli.train", "Train a touch classifier on a recording."),
-    "evaluate": ("skinmap.cli.evaluate", "How well classifiers do, by the papers' protocols."),
-    "trade": ("skinmap.cli.trade", "Speed against accuracy on your own skin, and a profile."),
+    "evaluate": (
+        "skinmap.cli.evaluate.command",
+        "How well classifiers do, by the papers' protocols.",
+    ),
+    "trade": (
+        "skinmap.cli.trade.command",
+        "Speed against accuracy on your own skin, and a profile.",
+    ),
     "record": ("skinmap.cli.record", "Record a live source; a killed process loses 0.2 s."),
     "replay": ("skinmap.cli.replay", "Play a recording, and publish it to other programs."),
     "info": ("skinmap.cli.info", "What a recording holds, and what it lacks."),
-    "classify": ("skinmap.cli.classify", "Name the touches of a recording, or live."),
+    "classify": ("skinmap.cli.classify.command", "Name the touches of a recording, or live."),
     "cache": ("skinmap.cli.cache", "What is kept between runs, and dropping it."),
 }
 GROUP = "skinmap.commands"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.common import (
+from skinmap.cli.shared.common import (
     emit,
     json_option,
     open_robot,
@@ -23,8 +23,8 @@ from skinmap.cli.common import (
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.recorder import Recorder
-    from skinmap.live.source import Source
+    from skinmap.live.recording.recorder import Recorder
+    from skinmap.live.sources.source import Source
 
 LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk before dropping
 
@@ -89,10 +89,10 @@ def command(
     from skinmap.classify.model_file import load_classifier
     from skinmap.errors import UnknownNameError
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.opening import open_source
-    from skinmap.live.recorder import Recorder
-    from skinmap.live.recording_source import Recorded
-    from skinmap.live.source import Seekable, blocks
+    from skinmap.live.recording.recorder import Recorder
+    from skinmap.live.recording.recording_tap import RecordingTap
+    from skinmap.live.sources.open_source import open_source
+    from skinmap.live.sources.source import Seekable, blocks
 
     if label is not None and model is not None:
         raise click.UsageError("--label and --model both name the touches; give one")
@@ -113,7 +113,9 @@ def command(
             rotate_seconds=rotate_minutes * 60.0,
         )
         patience = FILE_PATIENCE if isinstance(origin, Seekable) else LIVE_PATIENCE
-        recorded = Recorded(origin, recorder, patience=patience, seconds=seconds, one_by_one=named)
+        recorded = RecordingTap(
+            origin, recorder, patience=patience, seconds=seconds, one_by_one=named
+        )
         with _stopped_politely(), closing(recorder), suppress(KeyboardInterrupt):
             if named:
                 _follow(TouchLoop(loaded, recorded, classifier=classifier), recorder, label)
@@ -177,7 +179,7 @@ def _stopped_politely() -> Iterator[None]:
 
 def _follow(loop: TouchLoop, recorder: Recorder, label: str | None) -> None:
     """Record samples, pressures and touches with their names."""
-    from skinmap.live.source import SourceEnded
+    from skinmap.live.sources.source import SourceEnded
 
     seen: set[int] = set()
     try:
@@ -201,7 +203,7 @@ def _follow(loop: TouchLoop, recorder: Recorder, label: str | None) -> None:
 def _mark_ended(loop: TouchLoop, recorder: Recorder, label: str | None, seen: set[int]) -> None:
     from skinmap.classify.classifier import NO_CONTACT
     from skinmap.classify.rejection import UNKNOWN
-    from skinmap.live.touches import UNNAMED
+    from skinmap.live.contacts.named_touch import UNNAMED
 
     for event in loop.finished():
         seen.discard(event.identity)
@@ -214,7 +216,7 @@ def _mark_ended(loop: TouchLoop, recorder: Recorder, label: str | None, seen: se
 def _pressure_block(moment: Any, parts: tuple[str, ...]) -> Any:
     import numpy as np
 
-    from skinmap.live.source import Block
+    from skinmap.live.sources.source import Block
 
     row = np.concatenate([np.asarray(moment.pressures[part]) for part in parts])
     # Counts, as a classifier is trained on; a response calibration gives fractions of them.

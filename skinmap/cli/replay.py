@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from skinmap.cli.common import emit, json_option, part_option, profile_option
+from skinmap.cli.shared.common import emit, json_option, part_option, profile_option
 
 
 @click.command("replay")
@@ -38,9 +38,9 @@ def command(
     \b
     Example:  skinmap replay touch.mcap --publish lsl:demo --loop
     """
-    from skinmap.cli.common import open_robot
-    from skinmap.live.publish import open_publisher
-    from skinmap.live.recorded import open_recording
+    from skinmap.cli.shared.common import open_robot
+    from skinmap.live.publishing.publish import open_publisher
+    from skinmap.live.sources.open_recording import open_recording
 
     loaded = open_robot(robot, ())[0] if robot else None
     source = open_recording(recording, robot=loaded, parts=parts or None, speed=speed, loop=loop)
@@ -63,7 +63,7 @@ def _play(source: Any, publisher: Any, seconds: float | None) -> tuple[int, floa
     """Samples sent, and how long it took [s]."""
     import time
 
-    from skinmap.live.source import SourceEnded
+    from skinmap.live.sources.source import SourceEnded
 
     began, sent = time.perf_counter(), 0
     try:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from skinmap.cli.common import (
+from skinmap.cli.shared.common import (
     emit,
     json_option,
     open_robot,
@@ -72,13 +72,13 @@ def command(
     """
     import numpy as np
 
+    from skinmap.classify.classifier_options import tuned_classifier
     from skinmap.classify.evaluate import score, split_touches
     from skinmap.classify.model_file import save_classifier
-    from skinmap.classify.tuned import tuned_classifier
-    from skinmap.cli.classify import prepare_skins
-    from skinmap.cli.structures import auto_radius_of, read_radius
+    from skinmap.cli.classify.command import prepare_skins
+    from skinmap.cli.structures.command import auto_radius_of, read_radius
     from skinmap.io.output import staged_file
-    from skinmap.io.recordings import load_recordings
+    from skinmap.io.recordings.touch_files import load_recordings
     from skinmap.neighbours.structures import RADIUS
 
     knobs = _own_knobs(knobs)

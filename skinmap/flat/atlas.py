@@ -13,7 +13,7 @@ from skinmap.flat.outlines import Outline, clearance, outline
 from skinmap.flat.packing import pack
 from skinmap.geometry.topology import edges
 
-MOST_ARRANGED = 48  # charts: more are no skin of one limb, they go in shelves
+MAX_ARRANGED = 48  # charts: more are no skin of one limb, they go in shelves
 SAMPLES = 24  # vertices a chart that neighbours are laid out by
 STEPS = 30  # of the layout of a pair: it converges to a thousandth of a gap within 20
 NEAREST = 12  # vertices round the closest one that tell a chart's directions
@@ -49,7 +49,7 @@ def arrange(charts: Sequence[Laid], *, side: float = 1.0) -> list[FloatArray]:
     """
     if not charts:
         return []
-    if len(charts) > MOST_ARRANGED:
+    if len(charts) > MAX_ARRANGED:
         gap = float(np.median([_edge(chart) for chart in charts]))
         return pack([chart.uv for chart in charts], gap)
     gaps = _gaps(charts)

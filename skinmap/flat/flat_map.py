@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.atlas import Laid, arrange
-from skinmap.flat.cutting import open_surface
 from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, flatten_disc, map_disc
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.methods import check_effort, flatteners
 from skinmap.flat.orientation import limb_frame, turn_upright
+from skinmap.flat.seams import open_surface
 from skinmap.geometry.topology import check_surface
 from skinmap.surface.surface_mesh import SurfaceMesh
 

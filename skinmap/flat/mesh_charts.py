@@ -9,15 +9,15 @@ from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
 from skinmap.errors import InvalidMeshError
-from skinmap.flat.cutting import split_along
 from skinmap.flat.flat_map import FlatMap, flatten
+from skinmap.flat.seams import split_along
 from skinmap.geometry.topology import check_surface, face_components, half_edges
 from skinmap.geometry.triangles import smallest_altitudes, vertex_normals
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 NO_AREA = 1e-12  # altitude against the size of the mesh: flatter triangles join nothing
-MOST_COMPONENTS = 5000  # of one file: each is a patch with a map of its own
+MAX_COMPONENTS = 5000  # of one file: each is a patch with a map of its own
 
 
 def flatten_mesh(
@@ -54,7 +54,7 @@ def mesh_surface(vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh") -
     ------
     InvalidMeshError
         No triangle with an area, an edge in three faces, a surface with one side only, or more
-        components than `MOST_COMPONENTS`.
+        components than `MAX_COMPONENTS`.
     """
     points = check_points(vertices, "vertices")
     triangles = check_faces(faces, len(points))
@@ -67,9 +67,9 @@ def mesh_surface(vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh") -
     order = np.argsort(origin, kind="stable")  # rows of the file keep their order
     opened, origin = np.argsort(order)[opened], origin[order]
     label = face_components(opened)
-    if label.max() >= MOST_COMPONENTS:
+    if label.max() >= MAX_COMPONENTS:
         raise InvalidMeshError(
-            f"{name} falls into {label.max() + 1} pieces, at most {MOST_COMPONENTS}: a soup of "
+            f"{name} falls into {label.max() + 1} pieces, at most {MAX_COMPONENTS}: a soup of "
             "triangles whose corners nearly meet?"
         )
     corners = points[origin]

@@ -25,7 +25,7 @@ from skinmap.registry import Registry
 Flattener = Callable[[FloatArray, IntArray, IntArray], FloatArray]
 flatteners: Registry[Flattener] = Registry("flattening method", "skinmap.flatteners")
 SLIM_ITERATIONS = 5
-MOST_SLIM = 20_000  # vertices: above, the factorisation that SLIM needs for each step is too dear
+MAX_SLIM = 20_000  # vertices: above, the factorisation that SLIM needs for each step is too dear
 
 
 def flattener_names() -> tuple[str, ...]:
@@ -99,7 +99,7 @@ def lscm(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
 
 def accurate(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     """SLIM on small discs, our own descent on the same energy on large ones."""
-    if len(vertices) <= MOST_SLIM:
+    if len(vertices) <= MAX_SLIM:
         return slim(vertices, faces, loop)
     return locally_injective_map(Disc(vertices, faces, loop))
 

@@ -10,7 +10,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.topology import boundary_loops, loop_length
 from skinmap.geometry.triangles import cross_2d
 
-MOST_CORNERS = 96  # of an outline that is compared with others; finer ones are coarsened
+MAX_CORNERS = 96  # of an outline that is compared with others; finer ones are coarsened
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,7 +36,7 @@ def outline(faces: IntArray, uv: FloatArray) -> Outline:
     """The longest border of a chart with faces (m, 3) over coordinates (n, 2) [m]."""
     loop = max(boundary_loops(faces), key=lambda loop: loop_length(uv, loop))
     border = uv[loop]
-    keep = np.unique(np.linspace(0, len(loop), MOST_CORNERS, endpoint=False).astype(np.int64))
+    keep = np.unique(np.linspace(0, len(loop), MAX_CORNERS, endpoint=False).astype(np.int64))
     if len(keep) == len(loop):
         return Outline(border, 0.0, uv.mean(axis=0))
     ends = np.append(keep, len(loop))

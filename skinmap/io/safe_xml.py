@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from skinmap.errors import DataFormatError
-from skinmap.io.text import MOST_BYTES, check_file
+from skinmap.io.text import MAX_BYTES, check_file
 
 FORBIDDEN = (b"<!DOCTYPE", b"<!ENTITY")  # the door of entity bombs and of external references
-MOST_TAGS = 200_000  # the parsed tree takes some 500 bytes for each
+MAX_TAGS = 200_000  # the parsed tree takes some 500 bytes for each
 INCLUDE = "{http://www.w3.org/2001/XInclude}"
 
 
-def read_xml(path: Path, expected: str, most_bytes: int = MOST_BYTES) -> Any:
+def read_xml(path: Path, expected: str, most_bytes: int = MAX_BYTES) -> Any:
     """The root element (lxml) of an XML file, comments left out.
 
     Raises
@@ -35,8 +35,8 @@ def read_xml(path: Path, expected: str, most_bytes: int = MOST_BYTES) -> Any:
         if word in data:
             line = data[: data.index(word)].count(b"\n") + 1
             raise DataFormatError(f"{word.decode()} is not allowed (entities)", path, line)
-    if data.count(b"<") > MOST_TAGS:
-        raise DataFormatError(f"more than {MOST_TAGS} tags", path)
+    if data.count(b"<") > MAX_TAGS:
+        raise DataFormatError(f"more than {MAX_TAGS} tags", path)
     parser = etree.XMLParser(
         resolve_entities=False,
         no_network=True,

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from skinmap.errors import DataFormatError, MissingFileError
 
-MOST_BYTES = 64 * 2**20  # the largest real table has 0.1 MB; more is another kind of file
-MOST_WHOLE = 2**53  # beyond it a float has no room for every whole number
+MAX_BYTES = 64 * 2**20  # the largest real table has 0.1 MB; more is another kind of file
+MAX_WHOLE = 2**53  # beyond it a float has no room for every whole number
 # Channels and modules are counted, so a number beyond this is damage; it also keeps sums in range.
-MOST_CHANNEL = 2**31 - 1
+MAX_CHANNEL = 2**31 - 1
 
 
 def is_file(path: Path) -> bool:
@@ -23,7 +23,7 @@ def is_file(path: Path) -> bool:
         return False
 
 
-def check_file(path: Path, expected: str, most_bytes: int = MOST_BYTES) -> None:
+def check_file(path: Path, expected: str, most_bytes: int = MAX_BYTES) -> None:
     """Refuse what is no regular file, or too large, before any of it is read.
 
     Raises
@@ -78,7 +78,7 @@ def parse_floats(words: Sequence[str], path: Path, line: int | None) -> list[flo
 
 
 def parse_whole(
-    words: Sequence[str], path: Path, line: int | None, *, most: int = MOST_WHOLE
+    words: Sequence[str], path: Path, line: int | None, *, most: int = MAX_WHOLE
 ) -> list[int]:
     """Whole numbers in -most..most from the words of one line.
 

@@ -10,13 +10,13 @@ from typing import Any
 
 _PUBLIC = {
     "Moment": ("skinmap.live.moment", "Moment"),
-    "NamedTouch": ("skinmap.live.touches", "NamedTouch"),
-    "Receiver": ("skinmap.live.receiver", "Receiver"),
+    "NamedTouch": ("skinmap.live.contacts.named_touch", "NamedTouch"),
+    "Receiver": ("skinmap.live.sources.receiver", "Receiver"),
     "TouchLoop": ("skinmap.live.loop", "TouchLoop"),
-    "check_source": ("skinmap.live.check", "check_source"),
-    "open_publisher": ("skinmap.live.publish", "open_publisher"),
-    "open_recording": ("skinmap.live.recorded", "open_recording"),
-    "open_source": ("skinmap.live.opening", "open_source"),
+    "check_source": ("skinmap.live.sources.check", "check_source"),
+    "open_publisher": ("skinmap.live.publishing.publish", "open_publisher"),
+    "open_recording": ("skinmap.live.sources.open_recording", "open_recording"),
+    "open_source": ("skinmap.live.sources.open_source", "open_source"),
 }
 __all__ = [*_PUBLIC]
 

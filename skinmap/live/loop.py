@@ -18,22 +18,22 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.classify.classifier import TouchClassifier
-from skinmap.live.counts import Counts
-from skinmap.live.events import ContactEvent, TouchEvent, taken
-from skinmap.live.feed import STALE, Feed
-from skinmap.live.fitting import check_classifier, chosen_parts, dense_info, gather
-from skinmap.live.identity import ContactTracker
-from skinmap.live.joined import JoinedSkin
+from skinmap.live.compatibility import check_classifier, chosen_parts, dense_info, gather
+from skinmap.live.contacts.contact_tracker import ContactTracker
+from skinmap.live.contacts.events import ContactEvent, TouchEvent, taken
+from skinmap.live.contacts.touch_history import TouchBook
 from skinmap.live.moment import Moment
 from skinmap.live.namer import Namer
-from skinmap.live.response import Response, Responses
-from skinmap.live.sample_checks import SampleChecks
-from skinmap.live.skins import check_skin
-from skinmap.live.source import Seekable, Source, SourceEnded, StreamInfo
-from skinmap.live.touch_book import TouchBook
+from skinmap.live.response.pressures import Response, Responses
+from skinmap.live.response.sample_checks import SampleChecks
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.live.sources.feed import STALE, Feed
+from skinmap.live.sources.sample_counts import Counts
+from skinmap.live.sources.skins import check_skin
+from skinmap.live.sources.source import Seekable, Source, SourceEnded, StreamInfo
 from skinmap.skin.robot import Robot
 from skinmap.touch.grouping import RULE, GroupingRule
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 PACE = 100.0  # labels a second for each part at most
 MOST = 64  # samples that one step works on

@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from skinmap.live.touches import NamedTouch
+from skinmap.live.contacts.named_touch import NamedTouch
 
 
 @dataclass(frozen=True, eq=False, slots=True)

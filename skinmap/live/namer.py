@@ -10,10 +10,10 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.classifier import Prediction, TouchClassifier
 from skinmap.classify.naming import Named, name_touches
-from skinmap.live.joined import JoinedSkin
-from skinmap.live.track import Track
+from skinmap.live.contacts.followed_contact import Track
+from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.grouping import RULE, GroupingRule
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 RATE = 50.0  # samples a second that touches are named from at most: that classifiers learnt from
 MEMORY = 200  # of these (4 s at 50 Hz); what lasts longer forgets its beginning

@@ -19,7 +19,7 @@ from skinmap.arrays import BoolArray, FloatArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.proximity import median_spacing
 
-MOST_BYTES = 64 * 2**20  # as of every text file that is read
+MAX_BYTES = 64 * 2**20  # as of every text file that is read
 # What strange content comes to: deep nests, numbers that no float holds and cells without end too.
 NO_LAYOUT = (
     ValueError, TypeError, KeyError, IndexError, OverflowError, RecursionError, csv.Error, OSError,
@@ -143,8 +143,8 @@ def module_layout(name: str, folder: Path = Path()) -> ModuleLayout:
         raise UnknownNameError("module layout (or a .toml or .csv file)", name, BUILTIN)
     if not path.is_file():
         raise MissingFileError(path, "a module layout")
-    if path.stat().st_size > MOST_BYTES:
-        raise DataFormatError(f"more than {MOST_BYTES >> 20} MB: no module layout", path)
+    if path.stat().st_size > MAX_BYTES:
+        raise DataFormatError(f"more than {MAX_BYTES >> 20} MB: no module layout", path)
     try:
         text = path.read_text(encoding="utf-8")
         rows, centre, side = _read_toml(text) if path.suffix == ".toml" else _read_csv(text)

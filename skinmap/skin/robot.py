@@ -22,7 +22,7 @@ from skinmap.skin.taxels import TaxelTable
 
 
 class Body(Protocol):
-    """Links with meshes and poses; `skinmap.io.urdf.UrdfBody` is one."""
+    """Links with meshes and poses; `skinmap.io.robots.urdf.UrdfBody` is one."""
 
     @property
     def links(self) -> tuple[str, ...]:

@@ -14,10 +14,10 @@ from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import unit
 from skinmap.surface.body_surface import fine_surface, walking_graph
-from skinmap.surface.cloud import Cloud
+from skinmap.surface.consensus_meshing import Limits, close_small_holes
+from skinmap.surface.delaunay_stars import contains, delaunay_stars
 from skinmap.surface.merge import consensus
-from skinmap.surface.recipe import Limits, close_small_holes
-from skinmap.surface.stars import contains, delaunay_stars
+from skinmap.surface.taxel_cloud import Cloud
 
 LIFT = 0.3  # in spacings: taxels are dropped onto the body from there, so on their own side of it
 CROWD = 40  # nearest others, of which those on the far side of a thin part are none of a star
@@ -25,7 +25,7 @@ STRETCH = 1.6  # way along the body against straight way: on a flat lattice at m
 SLACK = 0.5  # in spacings: added to it, for taxels that nearly touch
 DUAL_VOTES = 2  # of a triangle of the Voronoi dual, beside up to three of its taxels' stars
 ROW_HEIGHT = 0.86  # of a hexagonal lattice, in spacings: so many rings reach the longest edge
-MOST_RINGS = 6
+MAX_RINGS = 6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -163,7 +163,7 @@ def _shortest(rows: IntArray, columns: IntArray, length: FloatArray, n: int) -> 
 
 
 def _rings(cloud: Cloud, limits: Limits) -> int:
-    return int(np.clip(np.ceil(limits.max_edge / (ROW_HEIGHT * cloud.spacing)), 1, MOST_RINGS))
+    return int(np.clip(np.ceil(limits.max_edge / (ROW_HEIGHT * cloud.spacing)), 1, MAX_RINGS))
 
 
 def _as_near_as_seen(cloud: Cloud, reached: csr_array) -> csr_array:

@@ -14,12 +14,12 @@ from skinmap.geometry.topology import check_surface, face_components
 from skinmap.geometry.triangles import vertex_areas
 from skinmap.skin.skin import Skin
 from skinmap.surface.accurate import accurate_faces
-from skinmap.surface.cloud import make_cloud
-from skinmap.surface.cloud import merge_coincident as merge_coincident
+from skinmap.surface.consensus_meshing import Limits, consensus_faces
+from skinmap.surface.delaunay_stars import FEW, NEIGHBOURS
 from skinmap.surface.holes import SMALL_HOLE
 from skinmap.surface.merge import pinched_vertex, without_pinches
-from skinmap.surface.recipe import Limits, consensus_faces
-from skinmap.surface.stars import FEW, NEIGHBOURS
+from skinmap.surface.taxel_cloud import make_cloud
+from skinmap.surface.taxel_cloud import merge_coincident as merge_coincident
 
 MESHING = ("consensus", "fast", "accurate")
 DEFAULT = MESHING[0]

@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 
 from skinmap.skin.skin import Skin
 from skinmap.touch.gestures import FOUR
-from skinmap.touch.people import draw_subjects
 from skinmap.touch.recording import Recording
 from skinmap.touch.sensing import FULL_SCALE, Sensing
 from skinmap.touch.simulator import (
@@ -23,6 +22,7 @@ from skinmap.touch.simulator import (
     place,
     prepare,
 )
+from skinmap.touch.subjects import draw_subjects
 
 APART = 20e-3  # skin left free between two touches [m]
 DELAY = 0.6  # the second begins within this time after the first [s]

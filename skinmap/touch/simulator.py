@@ -26,7 +26,9 @@ from skinmap.geometry.log_map import log_map
 from skinmap.geometry.proximity import median_spacing
 from skinmap.skin.skin import Skin
 from skinmap.touch.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, Pad
-from skinmap.touch.people import (
+from skinmap.touch.recording import Recording
+from skinmap.touch.sensing import Sensing, Sensors
+from skinmap.touch.subjects import (
     HABIT_SHIFT,
     HABIT_TURN,
     HABITS,
@@ -35,8 +37,6 @@ from skinmap.touch.people import (
     Subject,
     draw_subjects,
 )
-from skinmap.touch.recording import Recording
-from skinmap.touch.sensing import Sensing, Sensors
 
 SENSING = Sensing()
 RATE = SENSING.rate

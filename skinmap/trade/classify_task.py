@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.classify.classifier import DEFAULT, TouchClassifier
+from skinmap.classify.classifier_options import tuned_classifier
 from skinmap.classify.descriptors import Touch
 from skinmap.classify.evaluate import likeliest, score
-from skinmap.classify.tuned import tuned_classifier
 from skinmap.errors import InvalidArrayError
 from skinmap.touch.gestures import FOUR
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 from skinmap.trade.measuring import cpu_seconds
 from skinmap.trade.task import Knob, Outcome, Setting, Value

@@ -1,30 +1,16 @@
-"""The programs of benchmarks/ are no package: their folder is put on the path for these tests."""
+"""A planted run of `make bench`."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
-
-FOLDER = Path(__file__).parents[2] / "benchmarks"
-
-
-@pytest.fixture(autouse=True)
-def _on_path(monkeypatch):
-    monkeypatch.syspath_prepend(str(FOLDER))
-    yield
-    for name, module in list(sys.modules.items()):
-        if (getattr(module, "__file__", None) or "").startswith(str(FOLDER)):
-            del sys.modules[name]
 
 
 @pytest.fixture
 def planted() -> dict:
     """A run of `make bench` as short as can be, with one area that failed."""
-    from asked import judge
-    from figures import figures_of
-    from record import about
+    from benchmarks.harness.asked import judge
+    from benchmarks.harness.figures import figures_of
+    from benchmarks.harness.record import about
 
     curves = [
         {"curve": name, "taxels": n, "peer": peer, "cpu_s": n * 1e-6, "wall_s": n * 1e-6,

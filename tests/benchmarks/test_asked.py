@@ -19,8 +19,8 @@ NEWER = {
 
 
 def test_every_entry_of_the_table_is_complete():
-    from areas import NAMES
-    from asked import BOUNDS, asked
+    from benchmarks.harness.areas import NAMES
+    from benchmarks.harness.asked import BOUNDS, asked
 
     entries = asked()
     assert len({(one["area"], one["what"]) for one in entries}) == len(entries)
@@ -33,7 +33,7 @@ def test_every_entry_of_the_table_is_complete():
 
 @pytest.mark.parametrize("area", ["geometry", "classify", "calibration"])
 def test_the_tables_paths_exist_in_a_full_result(area):
-    from asked import asked, find
+    from benchmarks.harness.asked import asked, find
 
     rows = json.loads((RESULTS / f"{area}.json").read_text(encoding="utf-8"))
     for one in asked():
@@ -46,7 +46,7 @@ def test_the_tables_paths_exist_in_a_full_result(area):
 
 
 def test_the_tables_paths_exist_in_files_kept_from_long_runs():
-    from asked import asked, find
+    from benchmarks.harness.asked import asked, find
 
     for one in asked():
         if "file" in one:
@@ -55,7 +55,7 @@ def test_the_tables_paths_exist_in_files_kept_from_long_runs():
 
 
 def test_find_takes_the_rows_that_a_table_picks():
-    from asked import find, worst
+    from benchmarks.harness.asked import find, worst
 
     rows = {"list": [{"a": 1, "x": 2.0}, {"a": 1, "x": 3.0}, {"a": 2, "x": 9.0}, {"a": 1}]}
     assert list(find(rows, ["list", {"a": 1}, "x"])) == [2.0, 3.0]
@@ -65,7 +65,7 @@ def test_find_takes_the_rows_that_a_table_picks():
 
 
 def test_ratio_is_above_one_where_a_figure_is_better():
-    from asked import met, ratio
+    from benchmarks.harness.asked import met, ratio
 
     for bound, got, limit in (("most", 2.0, 4.0), ("least", 4.0, 2.0)):
         assert met(got, limit, bound)
@@ -86,7 +86,7 @@ def test_judge_says_met_short_and_why_not_measured(planted):
 
 
 def test_the_printed_table_names_what_falls_short(planted):
-    from asked import table_text
+    from benchmarks.harness.asked import table_text
 
     text = table_text(planted["asked"])
     assert "1 fall short" in text

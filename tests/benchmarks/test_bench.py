@@ -13,10 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import ROOT
+
 
 def areas_of(**codes):
     """Planted areas, each a module of so much code."""
-    from areas import Area
+    from benchmarks.harness.areas import Area
 
     return tuple(Area(name, f"planted_{name}", "planted", seconds=60.0) for name in codes)
 
@@ -26,7 +28,7 @@ def planted_areas(tmp_path, monkeypatch):
     """Areas whose children run a harness of the test's own: a folder with planted modules."""
 
     def plant(**codes):
-        import bench
+        from benchmarks.harness import bench
 
         folder = tmp_path / "modules"
         folder.mkdir()
@@ -34,11 +36,12 @@ def planted_areas(tmp_path, monkeypatch):
             (folder / f"planted_{name}.py").write_text(code)
         table = ", ".join(f"areas.Area({n!r}, 'planted_{n}', 'planted')" for n in codes)
         (folder / "child.py").write_text(
-            f"import sys\nsys.path[:0] = [{str(folder)!r}, {str(bench.HERE)!r}]\n"
-            f"import areas\nareas.AREAS = ({table},)\nareas.NAMES = {tuple(codes)!r}\n"
-            "import bench\nraise SystemExit(bench.main(sys.argv[1:]))\n"
+            f"import sys\nsys.path[:0] = [{str(folder)!r}, {str(ROOT)!r}]\n"
+            "from benchmarks.harness import areas, bench\n"
+            f"areas.AREAS = ({table},)\nareas.NAMES = {tuple(codes)!r}\n"
+            "raise SystemExit(bench.main(sys.argv[1:]))\n"
         )
-        monkeypatch.setattr(bench, "PROGRAM", folder / "child.py")
+        monkeypatch.setattr(bench, "PROGRAM", (sys.executable, str(folder / "child.py")))
         monkeypatch.setattr(bench.areas, "AREAS", areas_of(**codes))
         return bench
 
@@ -74,7 +77,7 @@ def test_an_area_that_takes_too_long_is_ended_with_all_that_it_started(planted_a
 
 
 def test_the_short_form_passes_on_what_a_module_takes(monkeypatch):
-    import areas
+    from benchmarks.harness import areas
 
     took = {}
 
@@ -92,7 +95,7 @@ def test_the_short_form_passes_on_what_a_module_takes(monkeypatch):
 
 
 def test_the_page_has_table_curves_and_no_external_address(planted):
-    from bench_page import page_of
+    from benchmarks.harness.bench_page import page_of
 
     text = page_of(planted)
     assert not re.search(r"https?:|//[a-z]|@import|<script|<link|url\(", re.sub(
@@ -111,9 +114,11 @@ def test_a_harness_that_is_ended_ends_the_area_that_runs(planted_areas, tmp_path
         f" os.rename({str(pid)!r} + '_', {str(pid)!r})\n time.sleep(600)"
     )
     bench = planted_areas(slow=code)
-    program = bench.PROGRAM.with_name("harness.py")
-    text = bench.PROGRAM.read_text().replace(
-        "raise SystemExit", f"bench.PROGRAM = {str(bench.PROGRAM)!r}\nraise SystemExit"
+    program = Path(bench.PROGRAM[-1]).with_name("harness.py")
+    text = (
+        Path(bench.PROGRAM[-1])
+        .read_text()
+        .replace("raise SystemExit", f"bench.PROGRAM = {bench.PROGRAM!r}\nraise SystemExit")
     )
     program.write_text(text)
     out = str(tmp_path / "x.json")
@@ -134,7 +139,7 @@ def wait_for(condition):
 
 
 def test_take_turns_gives_cpu_and_wall_of_each_turn():
-    from timing import medians, spreads, take_turns
+    from benchmarks.harness.timing import medians, spreads, take_turns
 
     calls = []
     tasks = {"a": lambda: calls.append("a"), "b": (lambda: calls.append("b"), 2)}
@@ -146,14 +151,15 @@ def test_take_turns_gives_cpu_and_wall_of_each_turn():
 
 
 def test_quartiles_are_in_order():
-    from timing import quartiles
+    from benchmarks.harness.timing import quartiles
 
     assert quartiles([5.0, 1.0, 3.0, 2.0, 4.0]) == (2.0, 3.0, 4.0)
 
 
 def test_results_are_readable_json_with_the_same_values(tmp_path):
     import numpy as np
-    from record import write
+
+    from benchmarks.harness.record import write
 
     result = {"a": [1.0 / 3.0] * 40, "b": {"c": np.float64(2.5), "d": float("nan")}, "n": 12345678}
     write(tmp_path / "x.json", result)

@@ -13,7 +13,7 @@ def run(planted, tmp_path, capsys):
     """Compare the planted run with a changed copy of itself: exit code, what it printed."""
 
     def compare(change, *arguments):
-        from compare import main
+        from benchmarks.harness.compare import main
 
         new = copy.deepcopy(planted)
         change(new)
@@ -71,7 +71,7 @@ def test_a_change_within_the_spread_is_none(run):
 
 
 def test_a_figure_that_should_be_large_regresses_when_it_shrinks():
-    from compare import verdict
+    from benchmarks.harness.compare import verdict
 
     assert verdict(100.0, 50.0, "more", None, 1.25) == "regression"
     assert verdict(100.0, 50.0, "less", None, 1.25) == "better"
@@ -117,7 +117,7 @@ def test_files_that_cannot_be_compared_are_refused_in_one_line(run, change, word
 
 
 def test_a_missing_or_damaged_file_is_refused_in_one_line(tmp_path, capsys):
-    from compare import main
+    from benchmarks.harness.compare import main
 
     (tmp_path / "half.json").write_text('{"format": 1,')
     for name in ("half.json", "none.json"):

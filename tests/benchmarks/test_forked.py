@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 
 PROGRAM = """
-import os, sys
-sys.path.insert(0, {here!r})
-import forked
+import os
+from benchmarks.harness import forked
 kept = []
 def run(what, n=1):
     kept.append(what)
@@ -18,7 +19,7 @@ def run(what, n=1):
     if what == "full":
         raise MemoryError
     print("said by a library")
-    return {{"n": n, "kept": kept, "pid": os.getpid()}}
+    return {"n": n, "kept": kept, "pid": os.getpid()}
 forked.serve(["json"], run)
 """
 
@@ -26,11 +27,11 @@ forked.serve(["json"], run)
 @pytest.fixture
 def cases(tmp_path):
     """A program with planted cases."""
-    import forked
+    from benchmarks.harness import forked
 
     program = tmp_path / "cases.py"
-    program.write_text(PROGRAM.format(here=str(forked.Path(forked.__file__).parent)))
-    with forked.Cases(program) as asked:
+    program.write_text(PROGRAM)
+    with forked.Cases([sys.executable, str(program)]) as asked:
         yield asked
 
 
@@ -52,7 +53,7 @@ def test_each_case_has_a_process_of_its_own(cases):
     ],
 )
 def test_a_case_that_fails_is_named_and_the_next_one_runs(cases, what, words):
-    from forked import CaseError
+    from benchmarks.harness.forked import CaseError
 
     with pytest.raises(CaseError, match=words):
         cases.ask(what)

@@ -16,8 +16,8 @@ def rows_of(whats):
 
 
 def test_the_page_has_a_table_for_each_question_and_says_how_much_more_it_costs(tmp_path):
-    from needs import WHATS
-    from needs_page import write_page
+    from benchmarks.scale.needs import WHATS
+    from benchmarks.scale.needs_page import write_page
 
     machine = {"cores": 2, "processor": "P", "load_average": 0.5}
     result = {"cases": list(rows_of(WHATS)), "commit": "abc", "machine": machine}
@@ -31,16 +31,16 @@ def test_the_page_has_a_table_for_each_question_and_says_how_much_more_it_costs(
 
 
 def test_every_question_has_a_group_of_imports_and_a_case_to_run():
-    from needs import WHATS
-    from needs_cases import GROUPS, IMPORTS, MAKE
+    from benchmarks.scale.needs import WHATS
+    from benchmarks.scale.needs_cases import GROUPS, IMPORTS, MAKE
 
     assert set(WHATS) == set(GROUPS) == set(MAKE)
     assert set(GROUPS.values()) == set(IMPORTS)
 
 
 def test_cases_run_in_processes_of_their_own_and_tell_time_and_memory():
-    from forked import CaseError, Cases
-    from needs import PROGRAM
+    from benchmarks.harness.forked import CaseError, Cases
+    from benchmarks.scale.needs import PROGRAM
 
     with Cases(PROGRAM, "skins") as cases:
         one, three = (cases.ask("parts loaded", str(n)) for n in (1, 3))

@@ -12,8 +12,8 @@ RESULTS = ROOT / "benchmarks" / "results"
 
 
 def test_the_page_of_benchmarks_has_every_key_and_what_falls_short(planted):
-    from asked import asked
-    from bench_doc import doc_of
+    from benchmarks.harness.asked import asked
+    from benchmarks.harness.bench_doc import doc_of
 
     text = doc_of(planted)
     assert all(f"| `{one['area']}.{one['key']}` |" in text for one in asked())
@@ -25,8 +25,8 @@ def test_the_page_of_benchmarks_has_every_key_and_what_falls_short(planted):
 
 @pytest.mark.parametrize(("page", "result"), [("benchmarks", "bench"), ("needs", "needs")])
 def test_a_page_is_what_its_results_say(page, result):
-    from bench_doc import doc_of
-    from needs_page import page_of
+    from benchmarks.harness.bench_doc import doc_of
+    from benchmarks.scale.needs_page import page_of
 
     rows = json.loads((RESULTS / f"{result}.json").read_text(encoding="utf-8"))
     text = {"benchmarks": doc_of, "needs": page_of}[page](rows)

@@ -8,7 +8,7 @@ import pytest
 @pytest.fixture
 def measured(monkeypatch):
     """Run `measure` with planted costs: CPU seconds for each 1,000 taxels of a curve."""
-    import scaling
+    from benchmarks.scale import scaling
 
     class Planted:
         def __init__(self, _program):
@@ -36,7 +36,7 @@ def measured(monkeypatch):
 
 
 def test_all_sizes_are_measured_where_time_and_memory_allow(measured):
-    from scaling import CURVES
+    from benchmarks.scale.scaling import CURVES
 
     found = measured(False)
     left = [row for row in found["curves"] if "left_out" in row]
@@ -47,7 +47,7 @@ def test_all_sizes_are_measured_where_time_and_memory_allow(measured):
 
 
 def test_what_is_left_out_says_by_how_much(measured, monkeypatch):
-    import scaling
+    from benchmarks.scale import scaling
 
     rows = measured(False, budget=0.5)["curves"]
     large = [row["left_out"] for row in rows if row["taxels"] == 1_000_000]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import skinmap
+from benchmarks.calibration.self_touch_rows import world
 from calibration.commands.self_touch_words import judge, notes_of
 from calibration.mount.self_touch import self_touch
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 NAO = Path(__file__).parents[3] / "shared" / "data" / "nao"
 FINGER, LEFT, RIGHT, HAND = "right_finger", "left_forearm", "right_forearm", "right_hand"
 PAIRS = ((RIGHT, LEFT), (FINGER, LEFT), (HAND, LEFT), (FINGER, LEFT))
@@ -24,13 +24,6 @@ UNKNOWN = (LEFT, RIGHT)
 @cache
 def made(seed: int, count: int):
     """A world with `count` recordings of 60 touches, each with a name."""
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        from self_touch_rows import world
-
-        import skinmap
-    finally:
-        sys.path.remove(str(BENCHMARKS))
     rng = np.random.default_rng([seed, 5])
     found = world(skinmap.load_robot("icub"), PAIRS[:count], UNKNOWN, rng, touches=60)
     named = [replace(one, name=name) for one, name in zip(found.recordings, NAMES, strict=False)]
@@ -119,7 +112,7 @@ def test_of_two_that_contradict_each_other_none_is_left_out():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_planted_mounts_come_back_within_twice_the_stated_error(seed):
-    from self_touch_rows import _errors
+    from benchmarks.calibration.self_touch_rows import _errors
 
     world = made(seed, 3)
     fit = fitted(world.data())
@@ -138,7 +131,7 @@ def test_touches_with_the_poses_of_others_are_not_ok(rng):
 
 
 def test_a_corner_alone_is_not_ok():
-    from self_touch_rows import cornered
+    from benchmarks.calibration.self_touch_rows import cornered
 
     world = made(2, 2)
     lone = [cornered(world, world.recordings[1])]
@@ -179,7 +172,7 @@ def test_a_joint_that_hardly_moves_is_asked_for():
 
 @pytest.mark.skipif(not NAO.is_dir(), reason="no NAO recordings beside the checkout")
 def test_a_real_robots_chains_from_rows_and_from_a_urdf_give_the_same(tmp_path):
-    from nao import as_urdf, real_data
+    from benchmarks.calibration.nao import as_urdf, real_data
 
     data = real_data([NAO])
     other = as_urdf(data, NAO, tmp_path / "rows.urdf")

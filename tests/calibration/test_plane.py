@@ -13,14 +13,14 @@ from calibration import Chain, Plane, PlaneContacts, fit_plane, robot_chain
 from calibration.commands import calibrate
 from calibration.commands.plane_job import read_planes
 from calibration.files.plane_files import read_plane_evidence
-from calibration.mount.plane_model import PlaneProblem, patch_of
-from calibration.mount.plane_poses import pressing_poses
-from calibration.mount.plane_robot import candidates, pressing
-from calibration.mount.plane_solve import first_states
+from calibration.plane.model import PlaneProblem, patch_of
+from calibration.plane.poses import pressing_poses
+from calibration.plane.robot import candidates, pressing
+from calibration.plane.solve import first_states
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
-from skinmap.io.manifest import load_robot
-from skinmap.io.readers import read_taxels
+from skinmap.io.robots.manifest import load_robot
+from skinmap.io.taxels.readers import read_taxels
 
 PART, LINK = "right_forearm", "r_forearm"
 JOINTS = (
@@ -204,7 +204,7 @@ def test_the_exact_nulls_are_nulls(case, chain):
     null = np.zeros(layout.count)
     null[layout.joint[0]] = 1.0
     axis, origin = axes[0, 0], origins[0, 0]
-    from calibration.mount.plane_model import tangents
+    from calibration.plane.model import tangents
 
     turned = np.cross(axis, state.normals[0])
     u, v = tangents(state.normals[0])
@@ -319,7 +319,7 @@ def test_proposed_poses_keep_limits_and_the_arm_off_the_table(case, robot, fit):
 
 def test_readings_that_mean_nothing_weigh_little():
     """The likelihood against its own formula, far from the surface."""
-    from calibration.mount.plane_model import SENSELESS, weigh
+    from calibration.plane.model import SENSELESS, weigh
 
     z = np.array([-40.0, -2.0, 0.0, 3.0, 40.0])
     _, _, loss = weigh(z, np.ones(5, bool))
@@ -396,7 +396,7 @@ def test_files_give_back_what_was_saved(case, robot, tmp_path):
 
 
 def test_a_recording_with_joint_angles_gives_its_presses(case, robot, tmp_path):
-    from skinmap.io.mcap_recording import McapRecording
+    from skinmap.io.recordings.mcap_recording import McapRecording
 
     contacts, skin, path = case[0], robot.skin(PART), tmp_path / "table.mcap"
     file = McapRecording(
@@ -416,7 +416,7 @@ def test_a_recording_with_joint_angles_gives_its_presses(case, robot, tmp_path):
 
 
 def test_a_recording_without_joint_angles_is_refused(robot, tmp_path):
-    from skinmap.io.mcap_recording import McapRecording
+    from skinmap.io.recordings.mcap_recording import McapRecording
 
     path = tmp_path / "plain.mcap"
     file = McapRecording(path, parts=[PART], widths={"pressure": [240]}, rate=50.0)

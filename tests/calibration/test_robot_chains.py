@@ -9,7 +9,7 @@ import skinmap
 from calibration.mount.chains import Chain
 from calibration.mount.robot_chains import robot_chain
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.io.urdf import UrdfBody
+from skinmap.io.robots.urdf import UrdfBody
 from skinmap.skin.joints import common_ancestor
 from skinmap.skin.robot import Robot
 

@@ -18,7 +18,7 @@ from calibration.mount.pairing import side_of
 from calibration.mount.self_touch import taxel_covariance
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
-from skinmap.io.readers import read_taxels
+from skinmap.io.taxels.readers import read_taxels
 
 PITCH, REACH = 6.5e-3, 12e-3  # of the taxels, and how far from the contact they answer [m]
 ARM = np.array(

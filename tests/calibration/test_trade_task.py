@@ -7,7 +7,7 @@ import pytest
 
 import skinmap
 from calibration.patch.solver_budget import Effort
-from calibration.trade_task import MOST_MODULES, CalibrateTask, calibrate_task
+from calibration.trade_task import MAX_MODULES, CalibrateTask, calibrate_task
 from skinmap.errors import InvalidArrayError
 from skinmap.knobs import KNOBS
 from skinmap.trade.task import defaults, tasks
@@ -38,7 +38,7 @@ def test_prepare_plants_anchors_on_boards_that_keep_their_lengths(prepared):
     # Flat maps of real patches strain by 7.5 % at most, and a chord is shorter than its arc.
     assert np.abs(far[close] / near[close] - 1.0).max() < 0.15
     robot = skinmap.load_robot("icub")
-    assert len(one.layout) <= 12 * MOST_MODULES <= len(robot.skin("torso"))
+    assert len(one.layout) <= 12 * MAX_MODULES <= len(robot.skin("torso"))
     again = calibrate_task.prepare(robot, ("left_hand",), seed=3)
     np.testing.assert_array_equal(again[0].points, one.points)
 

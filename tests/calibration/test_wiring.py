@@ -28,8 +28,8 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
-from skinmap.io.readers import read_taxels
-from skinmap.live.source import Block, SourceEnded, StreamInfo
+from skinmap.io.taxels.readers import read_taxels
+from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
 from skinmap.touch.recording import Recording, save_recordings
 
 PART = "left_forearm"

@@ -11,8 +11,8 @@ from skinmap.classify.choose_words import CANDIDATES
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Histograms, Touch
 from skinmap.classify.image_descriptor import PaperImages
-from skinmap.classify.inputs import RawSamples, descriptor_of
 from skinmap.classify.raw_classifiers import PENALTIES, WIDTHS
+from skinmap.classify.sample_descriptors import RawSamples, descriptor_of
 from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError, UnknownNameError
 
 NAMES = ("raw-rbf", "raw-intersection", "histogram-chi2", "histogram-sqrt")

@@ -17,7 +17,7 @@ from skinmap.classify.protocols.baxter import LABELS, evaluate_baxter
 from skinmap.classify.protocols.baxter_images import GESTURES, simulate_images, split_images
 from skinmap.classify.protocols.baxter_methods import Bench, default_settings, mean_diagonal, tune
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 
 NETWORK = Path(__file__).parents[1] / "golden" / "contact_cnn.npz"

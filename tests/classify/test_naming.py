@@ -8,7 +8,7 @@ from skinmap.classify.descriptors import Touch
 from skinmap.classify.naming import Named, all_right, name_touches, true_labels
 from skinmap.classify.rejection import UNKNOWN
 from skinmap.errors import SkinMismatchError
-from skinmap.live.replay import replay
+from skinmap.live.sources.replay import replay
 from skinmap.touch.pairs import simulate_pairs
 from skinmap.touch.simulator import RATE, simulate
 

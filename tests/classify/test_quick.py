@@ -5,8 +5,8 @@ import pytest
 from sklearn.linear_model import LogisticRegression
 
 from skinmap.classify.classifier import calibrated
+from skinmap.classify.fast_probabilities import quick_probabilities
 from skinmap.classify.intersection import IntersectionSVC
-from skinmap.classify.quick import quick_probabilities
 from skinmap.errors import SkinWarning
 
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import skinmap
+from skinmap.classify.classifier_options import read_size, tuned_classifier
 from skinmap.classify.descriptors import Histograms, Touch
 from skinmap.classify.evaluate import likeliest
 from skinmap.classify.image_descriptor import PaperImages
 from skinmap.classify.model_file import load_classifier, save_classifier
-from skinmap.classify.tuned import read_size, tuned_classifier
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.neighbours.structures import RADIUS
 from skinmap.touch.gestures import FOUR
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 from skinmap.touch.votes import VoteCounter
 

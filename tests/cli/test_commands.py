@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from skinmap.cli.common import plain
 from skinmap.cli.main import cli
+from skinmap.cli.shared.common import plain
 from skinmap.errors import SkinError
 
 
@@ -57,7 +57,7 @@ def test_inspect_fits_and_reports_in_html(tmp_path):
 
 
 def test_inspect_reads_a_bare_table(tmp_path):
-    from skinmap.io.manifest import data_folder
+    from skinmap.io.robots.manifest import data_folder
 
     path = data_folder() / "icub" / "taxels" / "left_foot.csv"
     (part,) = run("inspect", str(path), "--module", "triangle_10pad")["parts"]
@@ -235,7 +235,7 @@ def test_inspect_compares_with_a_drawing(tmp_path, drawing, missing):
     gui = Path(__file__).parents[3] / "shared" / "data" / "icub-main" / "skinGui"
     if not gui.is_dir():
         pytest.skip("the drawings of icub-main are not beside the checkout")
-    from skinmap.io.manifest import data_folder
+    from skinmap.io.robots.manifest import data_folder
 
     shutil.copy(data_folder() / "icub" / "taxels" / "left_arm.csv", tmp_path)
     shutil.copy(gui / drawing, tmp_path)

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 
-from skinmap.cli.flat_job import FlatJob, read_channels, run_job
+from skinmap.cli.flatten.job import FlatJob, read_channels, run_job
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.flat.face_metrics import METRICS
@@ -183,7 +183,7 @@ def test_drawings_are_laid_over_the_charts(tmp_path, icub):
     for k in range(4):
         lines.append(f"triangle_10pad {k} {16.0 * k} {9.2 * (k % 2)} {180 * (k % 2)} 1 0")
     (tmp_path / "sole.ini").write_text("\n".join(lines) + "\n")
-    from skinmap.io.drawing import read_drawing
+    from skinmap.io.flat_maps.drawing import read_drawing
 
     drawing = read_drawing(tmp_path / "sole.ini")
     rows = ["channel,module,x,y,z,nx,ny,nz"]

@@ -7,9 +7,9 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from skinmap.cli.checkerboard import checkerboard, square_side
-from skinmap.cli.projection import ENOUGH, SEEN, View, choose_views, draw_surface, shaded
+from skinmap.cli.flatten.checkerboard import checkerboard, square_side
 from skinmap.geometry.triangles import cross_2d, face_areas, face_normals, signed_areas
+from skinmap.report.projection import ENOUGH, SEEN, View, choose_views, draw_surface, shaded
 
 FRAME = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # up, front, side
 FRONT = View("front", FRAME[1], FRAME[0])

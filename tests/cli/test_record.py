@@ -15,8 +15,8 @@ from mcap.reader import make_reader
 from skinmap.cli.main import cli
 from skinmap.cli.record import _mark_ended
 from skinmap.errors import SkinError
-from skinmap.io.mcap_track import read_track
-from skinmap.io.recordings import load_recordings
+from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.touch.recording import load_recordings as load_archive
 
 

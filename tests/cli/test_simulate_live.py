@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.live import open_publisher, open_source
-from skinmap.live.source import StreamInfo
+from skinmap.live.sources.source import StreamInfo
 
 # As docs/json.md lists them.
 KEYS = [

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from skinmap import archive
 from skinmap.errors import DataFormatError, InvalidArrayError
-from skinmap.live.addresses import parse_address
+from skinmap.live.network.addresses import parse_address
 from skinmap.touch.recording import Recording
 from viewer.interaction.view_file import load_view
 from viewer.web.hub import Client
@@ -29,14 +29,14 @@ ROOT = Path(__file__).parents[2]
 FEW = 25  # examples of each target in the suite; `make fuzz` takes 5,000
 # Nothing that is read comes from elsewhere, or it runs through one that is listed.
 NO_READERS = {
-    "skinmap.live.lsl_settings.load_lsl": "loads a library",
-    "skinmap.live.response_files.load_responses": "load_response, by entry point",
-    "skinmap.cli.flat_job.read_channels": "words of a command line, tested with the command",
-    "skinmap.classify.tuned.read_size": "a word of a profile, tested with the knobs",
-    "skinmap.cli.structures.read_radius": "a word of a command line, tested with the command",
+    "skinmap.live.network.lsl_settings.load_lsl": "loads a library",
+    "skinmap.live.response.files.load_responses": "load_response, by entry point",
+    "skinmap.cli.flatten.job.read_channels": "words of a command line, tested with the command",
+    "skinmap.classify.classifier_options.read_size": "a word of a profile, tested with the knobs",
+    "skinmap.cli.structures.command.read_radius": "words of a command line, tested with it",
     "calibration.commands.plane_job.read_planes": "words of a command line, tested with it",
     "skinmap.io.text.read_text": "under every reader of text",
-    "skinmap.io.manifest.load_fields": "under read_manifest",
+    "skinmap.io.robots.manifest.load_fields": "under read_manifest",
     "viewer.inputs.read_responses": "load_response, by name",
 }
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from skinmap.errors import FlatteningError, InvalidMeshError, SkinError, SkinWarning
-from skinmap.flat.cutting import open_surface
 from skinmap.flat.distortion import measure_distortion
 from skinmap.flat.flat_map import flatten, flatten_disc
 from skinmap.flat.methods import flatteners
+from skinmap.flat.seams import open_surface
 from skinmap.geometry.triangles import signed_areas
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.surface_mesh import build_surface

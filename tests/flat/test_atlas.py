@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skinmap.flat.atlas import MOST_ARRANGED, Laid, arrange
+from skinmap.flat.atlas import MAX_ARRANGED, Laid, arrange
 from skinmap.flat.flat_map import flatten
 from skinmap.flat.orientation import limb_frame, turn_upright, upright
 from skinmap.flat.outlines import clearance, outline
@@ -230,7 +230,7 @@ def test_many_charts_go_in_shelves():
     uv, faces = sheet(2, 2, (0, 0))
     charts = [
         Laid(np.column_stack([uv + 2.0 * k, 0 * uv[:, 0]]), faces, uv)
-        for k in range(MOST_ARRANGED + 1)
+        for k in range(MAX_ARRANGED + 1)
     ]
     boxes = [(chart.min(axis=0), chart.max(axis=0)) for chart in arrange(charts)]
     for i, (low, high) in enumerate(boxes):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from skinmap.flat.cutting import open_surface, split_along
 from skinmap.flat.flat_map import flatten, flatten_disc
+from skinmap.flat.seams import open_surface, split_along
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number
 from skinmap.geometry.triangles import face_areas
 from skinmap.skin.skin import skin_from_points

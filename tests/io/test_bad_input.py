@@ -7,11 +7,11 @@ import pytest
 
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.io import text as text_module
-from skinmap.io.manifest import load_robot
-from skinmap.io.readers import read_taxels
-from skinmap.io.tactile_urdf import read_tactile_urdf
-from skinmap.io.text import MOST_BYTES, parse_floats, read_text
-from skinmap.io.urdf import UrdfBody, read_mesh
+from skinmap.io.robots.manifest import load_robot
+from skinmap.io.robots.urdf import UrdfBody, read_mesh
+from skinmap.io.taxels.readers import read_taxels
+from skinmap.io.taxels.tactile_urdf import read_tactile_urdf
+from skinmap.io.text import MAX_BYTES, parse_floats, read_text
 
 BOMB = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]>'
 OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]>'
@@ -171,7 +171,7 @@ def test_read_mesh_names_a_missing_file(tmp_path):
 def test_large_files_are_refused_before_they_are_read(tmp_path, monkeypatch, name):
     monkeypatch.setattr(text_module.Path, "read_text", None)
     monkeypatch.setattr(text_module.Path, "read_bytes", None)
-    path = sparse(tmp_path / name, MOST_BYTES + 1)
+    path = sparse(tmp_path / name, MAX_BYTES + 1)
     with pytest.raises(DataFormatError, match="64 MB; at most 64 MB are read"):
         read_taxels(path)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning
-from skinmap.io.drawing import PLACES, Drawing, read_drawing
-from skinmap.io.icub import read_icub
+from skinmap.io.flat_maps.drawing import PLACES, Drawing, read_drawing
+from skinmap.io.taxels.icub import read_icub
 from skinmap.skin.layouts import BUILTIN
 from skinmap.skin.repair import repair_table
 

@@ -8,8 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from skinmap.errors import DataFormatError, MissingFileError, SkinError, UnknownNameError
-from skinmap.io.dumper import read_dump
-from skinmap.io.track import Track
+from skinmap.io.recordings.dumper import read_dump
+from skinmap.io.recordings.recorded_stream import RecordedStream
 
 RATE = 50.0
 
@@ -146,6 +146,6 @@ def test_damaged_logs_are_read_or_refused(tmp_path, values, places, end):
         track = read_dump(store(tmp_path / "a", bytes(data[: int(end * len(data))])))
     except SkinError:
         return
-    assert isinstance(track, Track)
+    assert isinstance(track, RecordedStream)
     assert track.values[:].min() >= 0
     assert track.values[:].max() <= 255

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from skinmap.errors import OutputError
-from skinmap.io.export import write_icub, write_ply, write_tactile_urdf, write_vtp
-from skinmap.io.icub import read_icub
-from skinmap.io.table import read_csv, write_csv
-from skinmap.io.tactile_urdf import read_tactile_sensors, read_tactile_urdf
+from skinmap.io.taxels.export import write_icub, write_ply, write_tactile_urdf, write_vtp
+from skinmap.io.taxels.icub import read_icub
+from skinmap.io.taxels.table import read_csv, write_csv
+from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
 from skinmap.skin.taxels import ABSENT, THERMAL, TaxelTable
 
 # Any float that a place can be; products of larger ones leave the range of a double.
@@ -158,7 +158,7 @@ def test_write_tactile_urdf_is_read_by_what_knows_no_attributes_of_ours(tmp_path
 
 
 def test_write_tactile_urdf_loads_as_a_urdf_and_holds_several_sensors(tmp_path):
-    from skinmap.io.urdf import UrdfBody
+    from skinmap.io.robots.urdf import UrdfBody
 
     sensors = {"<a> & b": table_of([0, 1]), "c": table_of([5])}
     write_tactile_urdf(sensors, tmp_path / "t.urdf")

@@ -14,8 +14,8 @@ from damage.mutations import accidents, mutate
 from damage.target import Target
 from hypothesis import HealthCheck, given, settings
 
-from skinmap.io.drawing import read_drawing
-from skinmap.io.icub import read_icub
+from skinmap.io.flat_maps.drawing import read_drawing
+from skinmap.io.taxels.icub import read_icub
 
 NAMES = [
     "taxels-csv", "taxels-icub", "taxels-skinware", "taxels-urdf", "urdf", "manifest", "mesh-ply",

@@ -17,13 +17,13 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
-from skinmap.io.cdr import decode, definition, encode
-from skinmap.io.mcap_recording import McapRecording
-from skinmap.io.mcap_track import read_track
-from skinmap.io.mcap_writer import McapWriter
-from skinmap.io.recordings import load_recordings, save_recordings
-from skinmap.io.table import parse_csv
-from skinmap.io.track import nanoseconds_of
+from skinmap.io.recordings.cdr import decode, definition, encode
+from skinmap.io.recordings.mcap_recording import McapRecording
+from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.recordings.mcap_writer import McapWriter
+from skinmap.io.recordings.recorded_stream import nanoseconds_of
+from skinmap.io.recordings.touch_files import load_recordings, save_recordings
+from skinmap.io.taxels.table import parse_csv
 from skinmap.touch.pairs import simulate_pairs
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulator import simulate

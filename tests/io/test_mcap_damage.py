@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from skinmap.errors import SkinError
-from skinmap.io import mcap_scan
-from skinmap.io.cdr import definition, encode, schema_name
-from skinmap.io.mcap_recording import McapRecording
-from skinmap.io.mcap_scan import MOST_RECORD
-from skinmap.io.mcap_track import read_track
-from skinmap.io.mcap_writer import MAGIC, McapWriter
+from skinmap.io.recordings import mcap_scan
+from skinmap.io.recordings.cdr import definition, encode, schema_name
+from skinmap.io.recordings.mcap_recording import McapRecording
+from skinmap.io.recordings.mcap_scan import MAX_RECORD
+from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.recordings.mcap_writer import MAGIC, McapWriter
 
 N, RATE, COUNT = 40, 50.0, 100
 STEP = 1 / RATE
@@ -233,11 +233,11 @@ def test_chunks_that_unfold_to_too_much_are_refused_before_they_do(tmp_path, sta
 
 
 def test_record_larger_than_any_of_ours_is_not_read(tmp_path, whole):
-    head = struct.pack("<BQ", mcap_scan.METADATA, MOST_RECORD + 1)
+    head = struct.pack("<BQ", mcap_scan.METADATA, MAX_RECORD + 1)
     offset, _ = chunks(whole)[3]
     with (tmp_path / "t.mcap").open("wb") as file:
         file.write(whole[:offset] + head)
-        file.truncate(offset + 9 + MOST_RECORD + 1)  # a hole: no disk is used
+        file.truncate(offset + 9 + MAX_RECORD + 1)  # a hole: no disk is used
     tracemalloc.start()
     track = read_track(tmp_path / "t.mcap")
     peak = tracemalloc.get_traced_memory()[1]

@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
-from skinmap.io.manifest import load_robot
-from skinmap.io.mesh_body import MeshBody
-from skinmap.io.table import write_csv
+from skinmap.io.robots.manifest import load_robot
+from skinmap.io.robots.mesh_body import MeshBody
+from skinmap.io.taxels.table import write_csv
 from skinmap.skin.taxels import TaxelTable
 
 MANIFEST = """

@@ -16,9 +16,9 @@ from skinmap.errors import (
     SkinError,
     UnknownNameError,
 )
-from skinmap.io import urdf
-from skinmap.io.manifest import data_folder, load_robot
-from skinmap.io.urdf import UrdfBody, read_mesh
+from skinmap.io.robots import urdf
+from skinmap.io.robots.manifest import data_folder, load_robot
+from skinmap.io.robots.urdf import UrdfBody, read_mesh
 
 MANIFEST = """
 [robot]
@@ -239,7 +239,7 @@ def test_urdf_of_a_manifest_may_not_read_meshes_outside(tmp_path):
 
 
 def test_dh_frames_are_used_where_they_fit_better(tmp_path, icub):
-    from skinmap.io.table import write_csv
+    from skinmap.io.taxels.table import write_csv
     from skinmap.skin.repair import replace
 
     table = icub.part("right_hand").read()

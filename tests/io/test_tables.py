@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
-from skinmap.io.icub import read_icub
-from skinmap.io.readers import read_taxels, readers
-from skinmap.io.table import COLUMNS, read_csv, write_csv
+from skinmap.io.taxels.icub import read_icub
+from skinmap.io.taxels.readers import read_taxels, readers
+from skinmap.io.taxels.table import COLUMNS, read_csv, write_csv
 from skinmap.skin.taxels import TaxelTable
 
 HEADER = ",".join(COLUMNS)

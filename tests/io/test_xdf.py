@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from skinmap.errors import DataFormatError, MissingFileError, SkinError, UnknownNameError
-from skinmap.io.track import Track
-from skinmap.io.xdf import BOUNDARY, read_xdf
+from skinmap.io.recordings.recorded_stream import RecordedStream
+from skinmap.io.recordings.xdf import BOUNDARY, read_xdf
 
 RATE = 50.0
 START = 1000.0
@@ -66,7 +66,7 @@ def values() -> np.ndarray:
     return np.random.default_rng(0).integers(0, 256, (100, 8)).astype(np.uint8)
 
 
-def read(tmp_path, data: bytes, **how) -> Track:
+def read(tmp_path, data: bytes, **how) -> RecordedStream:
     (tmp_path / "t.xdf").write_bytes(data)
     return read_xdf(tmp_path / "t.xdf", **how)
 

@@ -6,11 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skinmap.geometry.proximity import closest_on_mesh
-from skinmap.live.contacts import Components, basins, centre_of_pressure, closest_on_faces, measure
-from skinmap.live.joined import JoinedSkin
+from skinmap.live.contacts.sample_contacts import (
+    Components,
+    basins,
+    centre_of_pressure,
+    closest_on_faces,
+    measure,
+)
+from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.contacts import connected
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 
 @pytest.fixture(scope="module")

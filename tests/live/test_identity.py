@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from skinmap.live.identity import BRIDGE, ContactTracker
-from skinmap.live.joined import JoinedSkin
-from skinmap.live.track import SETTLED
+from skinmap.live.contacts.contact_tracker import BRIDGE, ContactTracker
+from skinmap.live.contacts.followed_contact import SETTLED
+from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 RATE = 50.0
 PRINT = 9e-3
@@ -182,12 +179,8 @@ def test_taxels_of_one_that_is_over_belong_to_nobody(sheet):
 
 def test_two_touches_30_mm_apart_keep_their_numbers(prepared):
     """The benchmark's pairs on two parts; all 13 parts are in benchmarks/results/live.json."""
-    path = Path(__file__).parents[2] / "benchmarks" / "live_planted.py"
-    spec = importlib.util.spec_from_file_location("live_planted", path)
-    assert spec is not None
-    assert spec.loader is not None
-    planted = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(planted)
+    from benchmarks.live import live_planted as planted
+
     rng = np.random.default_rng(5)
     shares = []
     for part in ("left_foot", "left_forearm"):

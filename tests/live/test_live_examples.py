@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from skinmap.live import open_publisher
-from skinmap.live.source import StreamInfo
+from skinmap.live.sources.source import StreamInfo
 
 ROOT = Path(__file__).parents[2]
 INFO = StreamInfo("demo", ("left_hand",), (48,), 200.0, "pressure", "iCub")

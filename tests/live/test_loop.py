@@ -11,8 +11,8 @@ from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
 from skinmap.errors import SkinMismatchError, UnknownNameError, UnreachableError
 from skinmap.live.loop import TouchLoop
-from skinmap.live.playback import Playback
-from skinmap.live.source import Block, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.playback import Playback
+from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
 from skinmap.touch.simulator import RATE, simulate
 
 PART = "left_hand"
@@ -359,7 +359,7 @@ def test_memory_stays_flat(icub, prepared, model):
 
 
 def test_what_a_source_and_the_loop_count_is_counted_once(icub, prepared):
-    from skinmap.live.receiver import Receiver
+    from skinmap.live.sources.receiver import Receiver
 
     values = np.zeros((3, N), np.float32)
     values[1, 3] = np.nan

@@ -23,12 +23,13 @@ from skinmap.errors import (
     SkinWarning,
     UnknownNameError,
 )
-from skinmap.live import check_source, lsl_settings, open_publisher, open_source
-from skinmap.live.lsl_description import read_description
-from skinmap.live.lsl_settings import load_lsl, settings, split_scope
+from skinmap.live import check_source, open_publisher, open_source
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.source import StreamInfo
-from skinmap.live.touches import NamedTouch
+from skinmap.live.network import lsl_settings
+from skinmap.live.network.lsl_description import read_description
+from skinmap.live.network.lsl_settings import load_lsl, settings, split_scope
+from skinmap.live.sources.source import StreamInfo
 
 DEADLINE = 30.0  # [s]; only a fault takes as long
 INFO = StreamInfo("demo", ("arm", "hand"), (3, 2), 50.0, "raw", "icub", {"arm": "ab"})

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skinmap.errors import MessageError
-from skinmap.live.messages import (
+from skinmap.live.network.messages import (
     HEADER,
     Header,
     pack_info,
@@ -18,7 +18,7 @@ from skinmap.live.messages import (
     unpack_info,
     unpack_values,
 )
-from skinmap.live.source import StreamInfo
+from skinmap.live.sources.source import StreamInfo
 
 INFO = StreamInfo(
     "demo", ("arm", "hand"), (3, 2), 50.0, "raw", "icub", {"arm": "ab12"}, "simulation"

@@ -10,8 +10,8 @@ import pytest
 from skinmap.classify.classifier import DEFAULT, classifiers
 from skinmap.classify.descriptors import Touch
 from skinmap.live.loop import TouchLoop
-from skinmap.live.playback import Playback
-from skinmap.live.source import StreamInfo
+from skinmap.live.sources.playback import Playback
+from skinmap.live.sources.source import StreamInfo
 from skinmap.touch.simulator import simulate
 
 

@@ -11,8 +11,8 @@ from skinmap.errors import (
     UnknownNameError,
 )
 from skinmap.live import open_source
-from skinmap.live.opening import sources
-from skinmap.live.source import Source, blocks
+from skinmap.live.sources.open_source import sources
+from skinmap.live.sources.source import Source, blocks
 from skinmap.touch.recording import Recording, save_recordings
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError
-from skinmap.live.playback import MOST, Playback
-from skinmap.live.source import Seekable, SourceEnded, StreamInfo, blocks
+from skinmap.live.sources.playback import MOST, Playback
+from skinmap.live.sources.source import Seekable, SourceEnded, StreamInfo, blocks
 
 
 def info(channels: int = 3, rate: float = 50.0) -> StreamInfo:

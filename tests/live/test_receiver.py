@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from skinmap.errors import UnreachableError
-from skinmap.live.counts import Counts
-from skinmap.live.receiver import Receiver
-from skinmap.live.source import Block, SourceEnded, StreamInfo
+from skinmap.live.sources.receiver import Receiver
+from skinmap.live.sources.sample_counts import Counts
+from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
 
 WIDTH = 4
 

@@ -3,38 +3,28 @@
 from __future__ import annotations
 
 import errno
-import importlib.util
 import io
 import threading
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from benchmarks.live import recordings
 from skinmap.errors import OutputError, SkinMismatchError
-from skinmap.io.mcap_recording import McapRecording
-from skinmap.io.mcap_track import read_track
-from skinmap.io.mcap_writer import McapWriter
-from skinmap.live import recorder as module
-from skinmap.live.playback import Playback
-from skinmap.live.recorder import Recorder
-from skinmap.live.recording_source import Recorded
-from skinmap.live.source import Block, SourceEnded, StreamInfo, blocks
+from skinmap.io.recordings.mcap_recording import McapRecording
+from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.recordings.mcap_writer import McapWriter
+from skinmap.live.recording import recorder as module
+from skinmap.live.recording.recorder import Recorder
+from skinmap.live.recording.recording_tap import RecordingTap
+from skinmap.live.sources.playback import Playback
+from skinmap.live.sources.source import Block, SourceEnded, StreamInfo, blocks
 
 ROOT = Path(__file__).parents[2]
 N = 300
 DEADLINE = 60.0  # of waiting for an event that comes at once
-
-
-def load_benchmark() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("b", ROOT / "benchmarks" / "recordings.py")
-    assert spec is not None
-    assert spec.loader is not None
-    loaded = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(loaded)
-    return loaded
 
 
 @pytest.fixture
@@ -77,7 +67,7 @@ def test_joint_angles_of_a_source_are_recorded_where_they_change(tmp_path, info,
         info, times, values, speed=float("inf"), joints=("elbow", "wrist"), angles=angles
     )
     recorder = Recorder(tmp_path / "t.mcap", info)
-    for _ in blocks(Recorded(played, recorder)):
+    for _ in blocks(RecordingTap(played, recorder)):
         pass
     recorder.close()
     track = read_track(tmp_path / "t.mcap")
@@ -172,7 +162,7 @@ def test_bad_time_ends_the_recording_with_an_error_and_a_whole_file(tmp_path, in
 def test_recorded_source_passes_on_what_it_records_and_ends_in_time(tmp_path, info, values):
     source = Playback(info, np.arange(600) / 50, values, speed=np.inf)
     recorder = Recorder(tmp_path / "t.mcap", info)
-    recorded = Recorded(source, recorder, seconds=6.0)
+    recorded = RecordingTap(source, recorder, seconds=6.0)
     passed = np.concatenate([one.values for one in blocks(recorded)])
     with pytest.raises(SourceEnded):
         recorded.read(1.0)
@@ -218,7 +208,7 @@ def test_full_disk_leaves_a_file_that_the_standard_reader_opens(room):
 
 
 def test_full_disk_is_said_and_what_was_written_stays_readable(tmp_path, values):
-    told = load_benchmark().fill_disk(tmp_path, values, room=60_000)
+    told = recordings.fill_disk(tmp_path, values, room=60_000)
     assert "File too large; what was written stays readable" in told["error"]
     assert told["readable"] == told["readable_by_mcap"]
     # 300 random bytes a sample: all but the last chunk and the ends of the file.
@@ -245,7 +235,7 @@ def test_killed_process_loses_a_fifth_of_a_second_at_most(tmp_path):
     # 4,326 channels at 50 Hz; the full form with 50 kills is `make soak`.
     noise = np.random.default_rng(0).normal(0, 1.2, (100, 4326))
     samples = np.rint(noise).clip(0, 255).astype(np.uint8)
-    losses = load_benchmark().kill_many(tmp_path, samples, 3, rng=np.random.default_rng(1), most=40)
+    losses = recordings.kill_many(tmp_path, samples, 3, rng=np.random.default_rng(1), most=40)
     for one in losses:
         assert one["opened"]
         assert one["found"] > 0

@@ -6,7 +6,7 @@ import pytest
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
 from skinmap.errors import SkinMismatchError
-from skinmap.live.replay import replay
+from skinmap.live.sources.replay import replay
 from skinmap.touch.simulator import RATE, simulate
 
 

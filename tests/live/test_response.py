@@ -8,10 +8,10 @@ from calibration.response.response import ResponseCalibration
 from calibration.response.response_file import save_response
 from skinmap.classify.trained_skin import remember
 from skinmap.errors import InvalidArrayError, MissingFileError, SkinMismatchError, UnknownNameError
-from skinmap.live.joined import JoinedSkin
-from skinmap.live.response import MARGIN, Response, Responses, RestBaseline
-from skinmap.live.response_files import load_responses
-from skinmap.live.source import StreamInfo
+from skinmap.live.response.files import load_responses
+from skinmap.live.response.pressures import MARGIN, Response, Responses, RestBaseline
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.live.sources.source import StreamInfo
 
 RATE = 50.0
 ONE = np.zeros(20, np.int64)

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from skinmap.errors import MessageError, OutputError, SkinMismatchError, UnreachableError
 from skinmap.live import check_source, open_publisher, open_source
-from skinmap.live.addresses import Address
-from skinmap.live.messages import Header, pack_info
-from skinmap.live.receiver import SILENT
-from skinmap.live.source import StreamInfo
-from skinmap.live.zmq_source import ZmqSource
+from skinmap.live.network.addresses import Address
+from skinmap.live.network.messages import Header, pack_info
+from skinmap.live.sources.receiver import SILENT
+from skinmap.live.sources.source import StreamInfo
+from skinmap.live.sources.zmq_source import ZmqSource
 
 DEADLINE = 30.0  # [s]; only a fault takes as long
 INFO = StreamInfo("demo", ("arm", "hand"), (3, 2), 50.0, fingerprints={"arm": "ab"})

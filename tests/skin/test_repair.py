@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, UnknownNameError
 from skinmap.geometry.proximity import nearest
 from skinmap.geometry.rigid import rigid_fit
-from skinmap.io.icub import read_icub
+from skinmap.io.taxels.icub import read_icub
 from skinmap.skin.checks import check_modules, mirror_distance
 from skinmap.skin.layouts import BUILTIN, ModuleLayout, module_layout
 from skinmap.skin.modules import fit_modules, shared_places

@@ -13,13 +13,13 @@ from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.body_surface import is_closed
-from skinmap.surface.cloud import make_cloud
 from skinmap.surface.compiled import compile_kernel
+from skinmap.surface.consensus_meshing import Limits, consensus_faces
+from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
 from skinmap.surface.holes import close_loop
 from skinmap.surface.merge import take_in_turn
-from skinmap.surface.recipe import Limits, consensus_faces
-from skinmap.surface.stars import NEIGHBOURS, delaunay_stars
 from skinmap.surface.surface_mesh import MESHING, build_surface
+from skinmap.surface.taxel_cloud import make_cloud
 
 
 def canonical(faces: np.ndarray) -> set[tuple[int, ...]]:
@@ -51,7 +51,7 @@ def test_fast_meshes_the_icub_whole_without_spurious_holes(icub):
 
 @pytest.mark.parametrize("part", ["left_arm", "left_forearm", "left_foot", "right_hand"])
 def test_accurate_meshes_parts_of_the_icub_whole(icub, prepared, part):
-    # All 13 take 10 s: benchmarks/meshing.py does them.
+    # All 13 take 10 s: benchmarks/geometry/meshing.py does them.
     skin = icub.skin(part)
     mesh = build_surface(skin, method="accurate", body=icub.mesh(skin.link))
     assert (mesh.taxel_patches >= 0).all()
@@ -174,7 +174,7 @@ def test_compiled_and_plain_meshing_agree(rng):
 
 
 def test_stars_of_few_neighbours_first_are_those_of_all_at_once(rng):
-    from skinmap.surface import stars
+    from skinmap.surface import delaunay_stars as stars
 
     points, normals = wavy(200, rng)
     both = []

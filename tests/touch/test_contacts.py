@@ -9,7 +9,7 @@ from skinmap.surface.surface_mesh import build_surface
 from skinmap.touch import contacts
 from skinmap.touch.contact_geometry import FEATURES, contact_geometry, skin_plane
 from skinmap.touch.contacts import find_contacts, measure_skin, pool_event, pressed
-from skinmap.touch.course import COURSE, course
+from skinmap.touch.pressure_course import COURSE, course
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from skinmap.neighbours.offsets import concatenate, neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
 from skinmap.touch.codebook import histograms
 from skinmap.touch.histogram import PatchSamples, StructureHistogram
-from skinmap.touch.unseen import adopt_nearest, coverage
+from skinmap.touch.nearest_structure import adopt_nearest, coverage
 
 
 def hoods_of(points):

@@ -8,10 +8,10 @@ from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.touch.gestures import EIGHT, GESTURES, gesture_set
 from skinmap.touch.pairs import APART, simulate_pairs
 from skinmap.touch.patches import cut_into_patches
-from skinmap.touch.people import draw_subjects
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.sensing import FULL_SCALE, Sensing, Sensors
 from skinmap.touch.simulator import simulate
+from skinmap.touch.subjects import draw_subjects
 
 
 @pytest.fixture(scope="module")

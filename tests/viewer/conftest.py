@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from skinmap.errors import MissingLibraryError
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.touches import NamedTouch
 from viewer.display import require_opengl
 
 PARTS = ("torso", "left_arm")
@@ -124,7 +124,7 @@ class Hands:
 
     def seen_taxels(self, part="torso"):
         """Taxels in full view of the camera, and where they are in the window (n, 2) [px]."""
-        from viewer.drawing.camera import project
+        from viewer.drawing.frame.camera import project
 
         scene = self.window.scene
         target = self.window.controls.pointing._target(part)
@@ -141,7 +141,7 @@ class Hands:
 
     def map_places(self):
         """Taxel of each vertex of the flat map shown, and its place in the window (k, 2) [px]."""
-        from viewer.drawing.camera import project
+        from viewer.drawing.frame.camera import project
 
         panel = self.window.scene.panel
         targets = self.window.controls.pointing._map_targets(panel.part)
@@ -235,7 +235,7 @@ def wandering(icub) -> list[Moment]:
 @pytest.fixture(scope="package")
 def drawn(opengl, icub, prepared) -> Iterator:
     """One scene for all windows; each window lets go of it again."""
-    from viewer.drawing.lazy_maps import LazyMaps
+    from viewer.drawing.skin.lazy_maps import LazyMaps
     from viewer.layers import Layers
     from viewer.scene import Scene
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.touches import NamedTouch
 
 GOLDEN = Path(__file__).parent / "golden"
 SIZE = (480, 360)
@@ -138,7 +138,7 @@ if __name__ == "__main__":
     import imageio.v3 as iio
 
     import skinmap
-    from skinmap.touch.prepared import PreparedSkin
+    from skinmap.touch.prepared_skin import PreparedSkin
 
     robot = skinmap.load_robot("icub")
     skins = {part: PreparedSkin(robot.skin(part)) for part in ("torso", "left_arm")}

@@ -4,7 +4,7 @@ import pytest
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.live.moment import Moment
 from skinmap.neighbours.structures import find_structures
-from viewer.drawing.taxel_drawing import fade
+from viewer.drawing.skin.taxel_drawing import fade
 from viewer.health import DEAD, NEVER, OK, SATURATED, STALE, STATES
 from viewer.layers import LAYERS, Layers
 

@@ -29,7 +29,7 @@ def test_python_of_the_page_works_as_written(opengl, tmp_path, monkeypatch, bloc
 
 def test_scene_of_one_part_prepares_no_other_and_reads_no_other_link(opengl, monkeypatch):
     import skinmap
-    from skinmap.touch.prepared import PreparedSkin
+    from skinmap.touch.prepared_skin import PreparedSkin
     from viewer.scene import Scene
 
     robot = skinmap.load_robot("icub")

@@ -9,7 +9,7 @@ from skinmap.geometry.rigid import transform_directions, transform_points
 
 def places(scene, part):
     """(n, 2) rows and columns of a part's taxels in the picture, (n,) cosine to the camera."""
-    from viewer.drawing.camera import project
+    from viewer.drawing.frame.camera import project
 
     layer = scene.layers[part]
     pose = scene.poses[layer.skin.link]
@@ -132,7 +132,7 @@ def test_outline_surrounds_the_touch_on_body_and_flat_map(at_rest, press):
 
 
 def test_outline_leaves_other_touches_on_the_part_out(at_rest, press):
-    from viewer.drawing.outlines import outline_touch
+    from viewer.drawing.touches.outlines import outline_touch
 
     skin = at_rest.layers["torso"].skin
     ends = np.argmin(skin.positions[:, 2]), np.argmax(skin.positions[:, 2])
@@ -146,7 +146,7 @@ def test_outline_leaves_other_touches_on_the_part_out(at_rest, press):
 
 
 def test_labels_stay_in_the_picture_clear_of_each_other_and_of_the_bar(at_rest, press):
-    from viewer.drawing.label_places import overlaps
+    from viewer.drawing.words.label_places import overlaps
 
     touches = []
     for taxel in (5, 120, 240, 400):
@@ -178,7 +178,7 @@ def test_body_fits_in_the_picture_beside_the_panel(at_rest):
 
 
 def test_corners_of_a_plain_box_are_in_the_picture(opengl):
-    from viewer.drawing.camera import project
+    from viewer.drawing.frame.camera import project
     from viewer.scene import Scene
 
     example = Path(__file__).parents[2] / "docs" / "examples" / "robot" / "robot.toml"
@@ -228,7 +228,7 @@ def test_same_state_gives_the_same_picture(at_rest, press):
 
 
 def test_camera_turns_step_by_step_to_a_touch_that_it_does_not_see(at_rest, press):
-    from viewer.drawing.camera import View
+    from viewer.drawing.frame.camera import View
 
     pressures, touch = press("torso", middle_taxel(at_rest))
     at_rest.set_pressures("torso", pressures)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.touches import NamedTouch
-from viewer.drawing.refinement import boundary_edges
+from viewer.drawing.skin.refinement import boundary_edges
 from viewer.layers import LAYERS
 
 
@@ -65,7 +65,7 @@ def test_layers_and_styles_change_the_picture_and_add_no_actor(shown, moment):
 
 def test_body_and_flat_map_show_a_taxel_in_the_colour_of_its_layer(shown, moment):
     """Discs on the flat map, which nothing shades, have exactly the layer's colour."""
-    from viewer.drawing.camera import project
+    from viewer.drawing.frame.camera import project
 
     shown.show_moment(replace(moment, touches=()))
     shown.set_style("discs")
@@ -289,7 +289,7 @@ def test_overlays_follow_the_size_of_the_window(opengl, icub, prepared):
         assert scene.font_px == 18
         assert scene.canvas.legend.box[3] > 1.3 * small[3]
         places = scene.panel.places(part).points
-        from viewer.drawing.camera import project
+        from viewer.drawing.frame.camera import project
 
         xy = project(scene.panel.renderer, places)
         assert (xy > 0).all()

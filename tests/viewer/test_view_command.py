@@ -212,13 +212,13 @@ class Dying:
     """A live source that sends some samples and then does what a test wants."""
 
     def __init__(self, robot, then) -> None:
-        from skinmap.live.source import StreamInfo
+        from skinmap.live.sources.source import StreamInfo
 
         self.n, self.then, self.sent = len(robot.skin("left_foot")), then, 0
         self.info = StreamInfo("dying", ("left_foot",), (self.n,), 50.0, clock="local")
 
     def read(self, timeout):
-        from skinmap.live.source import Block
+        from skinmap.live.sources.source import Block
 
         self.sent += 1
         if self.sent > 5:
@@ -234,7 +234,7 @@ def silent(source):
 
 
 def shorter(source):
-    from skinmap.live.source import check_block
+    from skinmap.live.sources.source import check_block
 
     return check_block(source.info, [1.0], np.zeros((1, source.n - 1)), time.perf_counter())
 
@@ -284,7 +284,7 @@ def test_source_that_comes_back_is_shown_again(window_on, icub):
     shown = []  # the window, once there is one
 
     def after_a_while(source):
-        from skinmap.live.source import Block
+        from skinmap.live.sources.source import Block
 
         if not shown or not shown[0].scene.moment.stale:
             return None
@@ -311,7 +311,7 @@ def test_source_that_changes_its_length_is_told_in_the_picture_and_at_the_end(wi
 
 
 def test_window_closed_in_mid_update_ends_quietly(window_on, icub):
-    from skinmap.live.opening import open_source
+    from skinmap.live.sources.open_source import open_source
     from viewer.window import run
 
     window = window_on(open_source("sim", robot=icub, parts=["left_foot"]))
@@ -323,7 +323,7 @@ def test_window_closed_in_mid_update_ends_quietly(window_on, icub):
 
 
 def test_calibrated_table_gives_the_uncertainty_of_each_taxel(tmp_path, icub, prepared):
-    from skinmap.io.table import COLUMNS, COVARIANCE
+    from skinmap.io.taxels.table import COLUMNS, COVARIANCE
     from viewer.inputs import read_covariances
     from viewer.layers import Layers
 

@@ -24,8 +24,8 @@ from viewer.anchors.marks import (
     ranked,
 )
 from viewer.colours import FAINT, PANEL, rgb
-from viewer.drawing.overlays import Line
-from viewer.drawing.polydata import make_lines
+from viewer.drawing.frame.polydata import make_lines
+from viewer.drawing.words.text_lines import Line
 
 LOW, HIGH, SIDE = 0.30, 0.90, 0.08  # where the board lies, in shares of the panel
 DISC, RING = 0.42, 0.72  # radii in pitches

@@ -19,7 +19,7 @@ from calibration.commands.options import (
     sigma_option,
     units_option,
 )
-from skinmap.cli.common import emit, json_option, profile_option, seed_option
+from skinmap.cli.shared.common import emit, json_option, profile_option, seed_option
 
 if TYPE_CHECKING:
     from calibration.commands.anchor_session import AnchorSession

@@ -25,7 +25,7 @@ from viewer.anchors.marks import (
     round_limits,
 )
 from viewer.colours import BODY
-from viewer.drawing.polydata import make_mesh
+from viewer.drawing.frame.polydata import make_mesh
 
 FEATURE_ANGLE = 35.0  # sharper edges stay sharp [deg]
 LIFT = 2.0e-3  # of the patch above its taxels [m]: covers lie up to 1 mm above taxels

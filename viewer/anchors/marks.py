@@ -19,9 +19,9 @@ from vtkmodules.vtkRenderingCore import (
 from calibration.commands.anchor_session import AnchorSession
 from skinmap.arrays import FloatArray, IntArray
 from viewer.colours import INK, rgb
-from viewer.drawing.overlays import Line
-from viewer.drawing.places import hexagons
-from viewer.drawing.polydata import make_lines, make_mesh
+from viewer.drawing.frame.polydata import make_lines, make_mesh
+from viewer.drawing.skin.draw_positions import hexagons
+from viewer.drawing.words.text_lines import Line
 
 ANCHOR, NEXT, CHOSEN = "#101418", "#d3202f", "#d6249f"  # none is a colour of viridis
 UNKNOWN = "#c9ced4"  # taxels before there is a solution

@@ -20,8 +20,8 @@ from viewer.anchors.board import BoardPanel
 from viewer.anchors.link import LinkPicture
 from viewer.anchors.marks import NEXT, ErrorBar
 from viewer.colours import BACKGROUND, FAINT, INK, rgb
-from viewer.drawing.overlays import Line
-from viewer.drawing.plotter import BODY_SHARE, new_plotter
+from viewer.drawing.frame.plotter import BODY_SHARE, new_plotter
+from viewer.drawing.words.text_lines import Line
 
 SIZE = (1280, 800)  # of the window [px]
 GOOD, DOUBTFUL = "#00795c", "#b04a00"

@@ -18,7 +18,7 @@ from skinmap.io.output import staged_file
 from skinmap.live.moment import Moment
 from viewer.scene import Scene
 from viewer.web.files import joined_scripts, page_text
-from viewer.web.reel import pack_reel
+from viewer.web.offline_page_data import pack_reel
 from viewer.web.scene_data import WebScene, make_scene
 
 CELL = 4e-3  # of the body's meshes [m]: files stay small

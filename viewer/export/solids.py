@@ -12,7 +12,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.triangles import unit
 from skinmap.skin.skin import Skin
-from viewer.drawing.body import body_meshes
+from viewer.drawing.body.bare_body import body_meshes
 from viewer.scene import Scene
 
 CORNERS = 6

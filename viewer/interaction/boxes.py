@@ -11,8 +11,8 @@ from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRend
 
 from skinmap.arrays import FloatArray
 from viewer.colours import INK, PANEL, rgb
-from viewer.drawing.overlays import Line
-from viewer.drawing.polydata import make_lines
+from viewer.drawing.frame.polydata import make_lines
+from viewer.drawing.words.text_lines import Line
 
 ASIDE = 1.1  # of the box from what it tells of, in letters
 SECONDS = 4.0  # that a notice stays [s]

@@ -7,7 +7,7 @@ from operator import attrgetter
 from pathlib import Path
 
 from skinmap.errors import SkinError
-from viewer.drawing.canvas import FOOT
+from viewer.drawing.frame.canvas import FOOT
 from viewer.interaction.boxes import Notice, TextBox
 from viewer.interaction.files import Files
 from viewer.interaction.keys import help_lines, key_for

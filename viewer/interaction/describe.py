@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from skinmap.arrays import IntArray
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.touches import NamedTouch
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.interaction.picking import Pick
 from viewer.layers import Layer
 

@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.arrays import FloatArray, IntArray
-from viewer.drawing.camera import FACING
+from viewer.drawing.frame.camera import FACING
 
 Where = Literal["body", "map"]
 SHARE = 0.75  # of the spacing: how far beside a taxel it is still meant

@@ -11,8 +11,8 @@ from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.live.moment import Moment
 from viewer.colours import INK
-from viewer.drawing import camera
-from viewer.drawing.camera import project
+from viewer.drawing.frame import camera
+from viewer.drawing.frame.camera import project
 from viewer.interaction.boxes import RING, TextBox, Trace2D
 from viewer.interaction.describe import describe
 from viewer.interaction.lasso import Lasso

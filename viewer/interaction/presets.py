@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from skinmap.errors import UnknownNameError
-from viewer.drawing.camera import Target, View, fit, silhouette
-from viewer.drawing.framing import Framing
+from viewer.drawing.frame.camera import Target, View, fit, silhouette
+from viewer.drawing.frame.framing import Framing
 
 THREE_QUARTER = 20.0  # the front view stands so far to the side [deg]
 RISE = 8.0  # of the level views: feet and shoulders show their tops [deg]

@@ -10,8 +10,8 @@ from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer
 
 from viewer.colours import FAINT, INK, RIM, rgb
-from viewer.drawing.overlays import Line
-from viewer.drawing.polydata import make_mesh
+from viewer.drawing.frame.polydata import make_mesh
+from viewer.drawing.words.text_lines import Line
 
 LEFT, RIGHT = 0.24, 0.97  # ends of the bar, in widths of the picture
 RISE = 0.9  # of the bar above the lower edge, in letters

@@ -17,10 +17,10 @@ from typing import Self
 
 from skinmap.errors import InvalidArrayError
 from skinmap.live.moment import Moment
-from skinmap.live.source import SourceEnded
-from viewer.playing.history import History, Past
-from viewer.playing.moments import Feed, feed_of
-from viewer.playing.outlet import Outlet
+from skinmap.live.sources.source import SourceEnded
+from viewer.playing.latest_moment import Outlet
+from viewer.playing.playable import Feed, feed_of
+from viewer.playing.rewind import History, Past
 from viewer.playing.worker import Worker
 
 WAIT = 0.1  # longest wait of the thread before it looks for wishes again [s]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from skinmap.live.source import Block, Seekable, Source, StreamInfo
+from skinmap.live.sources.source import Block, Seekable, Source, StreamInfo
 
 
 class OneByOne:

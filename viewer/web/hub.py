@@ -77,7 +77,7 @@ class Hub:
     first : mapping
         Layer, style and saved view that a page shows first.
     counts : callable, optional
-        What became of the source's samples, by the names of `skinmap.live.counts.Counts`.
+        Counts of the source's samples (`skinmap.live.sources.sample_counts.Counts`).
     """
 
     def __init__(

@@ -11,7 +11,7 @@ import numpy as np
 
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.live.moment import Moment
-from viewer.drawing.touch_list import caption
+from viewer.drawing.panel.touch_list import caption
 from viewer.interaction.describe import neighbours
 from viewer.layer import Layer
 from viewer.layers import Layers

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import SkinError
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.touches import NamedTouch
 from viewer.colours import class_colour
-from viewer.drawing.contours import Outline
-from viewer.drawing.outlines import outline_touch
-from viewer.drawing.posing import posed
-from viewer.drawing.touch_list import caption
+from viewer.drawing.body.posing import posed
+from viewer.drawing.panel.touch_list import caption
+from viewer.drawing.touches.contours import Outline
+from viewer.drawing.touches.outlines import outline_touch
 from viewer.layers import Layer
 from viewer.web.packing import finite, pack
 from viewer.web.scene_data import WebScene, pack_poses

@@ -16,13 +16,13 @@ from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.geometry.triangles import edge_lengths
 from skinmap.skin.robot import Robot
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import BACKGROUND, BODY, DOT, INK, RIM, TRACES, UNKNOWN
-from viewer.drawing.body import Links, body_meshes, check_links
-from viewer.drawing.camera import VIEW_ANGLE, front_view
-from viewer.drawing.places import DISC_LIFT, DOT_SHARE, LIFT
-from viewer.drawing.posing import posed
-from viewer.drawing.skin_layer import SkinLayer, build_layer
+from viewer.drawing.body.bare_body import Links, body_meshes, check_links
+from viewer.drawing.body.posing import posed
+from viewer.drawing.frame.camera import VIEW_ANGLE, front_view
+from viewer.drawing.skin.draw_positions import DISC_LIFT, DOT_SHARE, LIFT
+from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
 from viewer.web.packing import pack
 
 CELL = 6e-3  # of the body's meshes [m]: four pixels of a whole robot in a picture of 768

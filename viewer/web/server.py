@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Self
 
 from skinmap.errors import SkinWarning, UnreachableError
 from skinmap.skin.robot import Robot
-from skinmap.touch.prepared import PreparedSkin
-from viewer.drawing.body import Links
+from skinmap.touch.prepared_skin import PreparedSkin
+from viewer.drawing.body.bare_body import Links
 from viewer.interaction.view_file import SavedView, content_of
 from viewer.layers import Layers
 from viewer.playing.player import Player

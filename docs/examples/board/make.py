@@ -2,9 +2,9 @@
 
     python docs/examples/board/make.py [FOLDER]
 
-The truth is a formula (`benchmarks/links.py`), so what a calibration finds can be compared with
-`truth.csv`. All evidence is simulated: anchors, touches and pairs have errors of 1 mm in each
-coordinate, the scan of 0.7 mm. The files are the same with every run.
+The truth is a formula (`benchmarks/calibration/links.py`), so what a calibration
+finds can be compared with `truth.csv`. All evidence is simulated: anchors, touches and pairs have
+errors of 1 mm in each coordinate, the scan of 0.7 mm. The files are the same with every run.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[2] / "benchmarks"))
+sys.path.insert(0, str(HERE.parents[2]))
 
 import links  # noqa: E402
-from patches import Case, far_apart, simulate_touches  # noqa: E402
 from scipy.spatial.transform import Rotation  # noqa: E402
 
+from benchmarks.calibration.patches import Case, far_apart, simulate_touches  # noqa: E402
 from skinmap.arrays import FloatArray, IntArray  # noqa: E402
 from skinmap.geometry.triangles import face_normals  # noqa: E402
 

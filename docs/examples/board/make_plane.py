@@ -2,9 +2,9 @@
 
     python docs/examples/board/make_plane.py [FOLDER]
 
-The presses are those of `benchmarks/planes.py`: eight poses at random and 32 as the calibration
-proposes them, mount off by 20 mm and 10 degrees, joints by 0.5 degrees, table and arm by 1 mm. The
-files are the same with every run.
+The presses are those of `benchmarks/calibration/planes.py`: eight poses at random and 32 as the
+calibration proposes them, mount off by 20 mm and 10 degrees, joints by 0.5 degrees, table and arm
+by 1 mm. The files are the same with every run.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[2] / "benchmarks"))
+sys.path.insert(0, str(HERE.parents[2]))
 
-from planes import bench, chosen  # noqa: E402
+from benchmarks.calibration.planes import bench, chosen  # noqa: E402
 
 PART, SEED, PRESSES = "right_forearm", 1000, 40
 

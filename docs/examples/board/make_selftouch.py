@@ -15,11 +15,10 @@ from pathlib import Path
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[2] / "benchmarks"))
-
-from self_touch_rows import FINGER, HAND, JOINTS, LEFT, RIGHT, TIP, world  # noqa: E402
+sys.path.insert(0, str(HERE.parents[2]))
 
 import skinmap  # noqa: E402
+from benchmarks.calibration.self_touch_rows import FINGER, HAND, JOINTS, LEFT, RIGHT, TIP, world  # noqa: E402
 from calibration.files.self_touch_files import write_touches  # noqa: E402
 
 TOUCHES = 120

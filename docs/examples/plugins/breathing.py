@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 import skinmap
-from skinmap.live.source import Block, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
 
 
 class Breathing:

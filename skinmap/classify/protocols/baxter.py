@@ -27,7 +27,7 @@ from skinmap.classify.protocols.folds import FoldKind
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
 from skinmap.parallel.run import run_tasks, task_rng
 from skinmap.parallel.workers import ONE, Workers
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 ROBOT, PART = "baxter-forearm", "forearm"
 IMAGES = 1800

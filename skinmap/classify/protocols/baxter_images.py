@@ -13,7 +13,7 @@ from skinmap.classify.protocols.folds import FoldKind, Names
 from skinmap.errors import InvalidArrayError
 from skinmap.touch.contacts import pressed
 from skinmap.touch.paper_image import paper_images
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 
 HAND, OTHER = "hand", "other"

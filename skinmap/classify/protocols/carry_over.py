@@ -32,7 +32,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.parallel.run import run_tasks, task_rng
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.codebook import WORDS
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 FOLDS = 4
 PERCENT = 10.0  # of the samples of each patch

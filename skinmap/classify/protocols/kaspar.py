@@ -27,8 +27,8 @@ from skinmap.classify.protocols.samples import (
 from skinmap.parallel.run import run_tasks, task_rng
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.codebook import WORDS
-from skinmap.touch.people import Places
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.subjects import Places
 
 # Samples of each class at 50 Hz, the shares drawn of them, and the folds.
 SAMPLES = {"poke": 1419, "full_finger": 1712, "three_finger": 1697, "whole_hand": 2318}

@@ -13,7 +13,7 @@ from skinmap.parallel.workers import ONE, Workers
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import build_surface
 from skinmap.touch.patches import cut_into_patches
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 
 

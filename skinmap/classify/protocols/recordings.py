@@ -15,7 +15,7 @@ from skinmap.classify.protocols.folds import FoldKind, make_folds, recalls
 from skinmap.errors import InvalidArrayError, SkinError, SkinMismatchError, UnknownNameError
 from skinmap.parallel.run import run_tasks, task_rng
 from skinmap.parallel.workers import ONE, Workers
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 
 FOLDS = 4

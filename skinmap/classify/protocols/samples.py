@@ -17,10 +17,10 @@ from skinmap.skin.skin import Skin
 from skinmap.touch.codebook import Codebook, learn_codebook
 from skinmap.touch.contacts import ACTIVE
 from skinmap.touch.gestures import ON_SKIN
-from skinmap.touch.people import Places, draw_subjects
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulator import SUBJECTS, Player, place, prepare
+from skinmap.touch.subjects import Places, draw_subjects
 from skinmap.touch.votes import VoteCounter
 
 COUNTS = 255.0

@@ -23,7 +23,7 @@ from skinmap.classify.protocols.samples import (
 )
 from skinmap.parallel.run import run_tasks, task_rng
 from skinmap.parallel.workers import ONE, Workers
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 # Between the rings of the 12-pad lattice (5, 8.7, 10, 13.2 and 15 mm), and the paper's 8 mm.
 RADII = (0.0055, 0.008, 0.0095, 0.0115, 0.014)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 import skinmap
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 
 @pytest.fixture(scope="session")

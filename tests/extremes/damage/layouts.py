@@ -18,15 +18,15 @@ from calibration.files.tables import (
     read_points,
     read_touches,
 )
-from skinmap.io.drawing import read_drawing
-from skinmap.io.export import write_icub, write_tactile_urdf
-from skinmap.io.icub import read_icub
-from skinmap.io.manifest import data_folder, load_robot
-from skinmap.io.readers import read_taxels
-from skinmap.io.skinware import read_skinware
-from skinmap.io.table import COLUMNS, COVARIANCE, read_csv
-from skinmap.io.tactile_urdf import read_tactile_sensors, read_tactile_urdf
-from skinmap.io.urdf import UrdfBody, read_mesh
+from skinmap.io.flat_maps.drawing import read_drawing
+from skinmap.io.robots.manifest import data_folder, load_robot
+from skinmap.io.robots.urdf import UrdfBody, read_mesh
+from skinmap.io.taxels.export import write_icub, write_tactile_urdf
+from skinmap.io.taxels.icub import read_icub
+from skinmap.io.taxels.readers import read_taxels
+from skinmap.io.taxels.skinware import read_skinware
+from skinmap.io.taxels.table import COLUMNS, COVARIANCE, read_csv
+from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.taxels import TaxelTable
 
@@ -182,27 +182,28 @@ CAL = "calibration.files.tables"
 
 TARGETS = [
     Target("taxels-csv", "t.csv", lambda: [HAND.read_bytes(), calibrated()], own,
-           ("skinmap.io.table.read_csv", "skinmap.io.readers.read_taxels")),
+           ("skinmap.io.taxels.table.read_csv", "skinmap.io.taxels.readers.read_taxels")),
     Target("taxels-icub", "t.txt", lambda: [written(lambda p: write_icub(table(), p, name="h"))],
-           read_icub, ("skinmap.io.icub.read_icub",)),
+           read_icub, ("skinmap.io.taxels.icub.read_icub",)),
     Target("taxels-skinware", "t", lambda: [skinware()], read_skinware,
-           ("skinmap.io.skinware.read_skinware",)),
+           ("skinmap.io.taxels.skinware.read_skinware",)),
     Target("taxels-urdf", "t.urdf", lambda: [tactile()], read_tactile_urdf,
-           ("skinmap.io.tactile_urdf.read_tactile_urdf",)),
+           ("skinmap.io.taxels.tactile_urdf.read_tactile_urdf",)),
     Target("sensors-urdf", "t.urdf", lambda: [tactile()], read_tactile_sensors,
-           ("skinmap.io.tactile_urdf.read_tactile_sensors", "skinmap.io.safe_xml.read_xml")),
+           ("skinmap.io.taxels.tactile_urdf.read_tactile_sensors", "skinmap.io.safe_xml.read_xml")),
     Target("covariances", "t.csv", lambda: [calibrated()], covariances,
            ("viewer.inputs.read_covariances",)),
     Target("drawing", "d.ini", lambda: [DRAWING], read_drawing,
-           ("skinmap.io.drawing.read_drawing",)),
+           ("skinmap.io.flat_maps.drawing.read_drawing",)),
     Target("module-layout", "m.toml", lambda: [LAYOUT], lambda p: module_layout(str(p))),
     Target("module-layout-csv", "m.csv", lambda: [LAYOUT_CSV], lambda p: module_layout(str(p))),
     Target("manifest", "one.toml", lambda: [MANIFEST], walk_robot,
-           ("skinmap.io.manifest.load_robot", "skinmap.io.manifest.read_manifest"), ROBOT),
+           ("skinmap.io.robots.manifest.load_robot",
+            "skinmap.io.robots.manifest.read_manifest"), ROBOT),
     Target("urdf", "damaged.urdf", lambda: [URDF], walk_body,
-           ("skinmap.io.urdf_check.read_urdf",), ROBOT),
+           ("skinmap.io.robots.urdf_check.read_urdf",), ROBOT),
     *(Target(f"mesh-{kind}", f"m.{kind}", lambda kind=kind: [mesh(kind)], read_mesh,
-             ("skinmap.io.urdf.read_mesh",)) for kind in MESHES),
+             ("skinmap.io.robots.urdf.read_mesh",)) for kind in MESHES),
     Target("link", "m.stl", lambda: [mesh("stl")], lambda p: load_link(p, 1e-3),
            ("calibration.files.anchor_table.load_link",)),
     Target("board", "board.csv", lambda: [BOARD.encode()], read_board, (f"{CAL}.read_board",)),

@@ -14,14 +14,14 @@ import numpy as np
 
 from skinmap import __version__
 from skinmap.errors import MessageError
-from skinmap.live.addresses import parse_address
-from skinmap.live.counts import Counts
-from skinmap.live.lsl_description import read_description
-from skinmap.live.messages import Header, pack_info, read_json, unpack_info
-from skinmap.live.source import StreamInfo
-from skinmap.live.zmq_source import ZmqSource
+from skinmap.live.network.addresses import parse_address
+from skinmap.live.network.lsl_description import read_description
+from skinmap.live.network.messages import Header, pack_info, read_json, unpack_info
+from skinmap.live.sources.sample_counts import Counts
+from skinmap.live.sources.source import StreamInfo
+from skinmap.live.sources.zmq_source import ZmqSource
 from skinmap.profile import read_profile
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.interaction.view_file import SavedView, load_view, save_view
 from viewer.layers import Layers
 from viewer.playing.player import Player

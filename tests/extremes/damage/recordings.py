@@ -24,13 +24,13 @@ from skinmap.classify.check import planted_touches
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.convolution import Network, load_network, network_bytes
 from skinmap.classify.model_file import load_classifier, save_classifier
-from skinmap.io.dumper import read_dump, read_log
-from skinmap.io.learning import write_npz
-from skinmap.io.mcap_recording import McapRecording
-from skinmap.io.mcap_repair import write_repaired
-from skinmap.io.mcap_track import read_track
-from skinmap.io.recordings import load_recordings
-from skinmap.io.xdf import read_xdf
+from skinmap.io.recordings.dumper import read_dump, read_log
+from skinmap.io.recordings.learning import write_npz
+from skinmap.io.recordings.mcap_recording import McapRecording
+from skinmap.io.recordings.mcap_repair import write_repaired
+from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.recordings.touch_files import load_recordings
+from skinmap.io.recordings.xdf import read_xdf
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording, save_recordings
 
@@ -212,19 +212,22 @@ PARTS = {"part_A.npz": lambda: part(0), "part_B.npz": lambda: part(1)}
 
 TARGETS = [
     *both("recording", "t.npz", lambda: [recording()], load_recordings,
-          ("skinmap.io.recordings.load_recordings", "skinmap.touch.recording.load_recordings")),
+          ("skinmap.io.recordings.touch_files.load_recordings",
+           "skinmap.touch.recording.load_recordings")),
     Target("recording-archive", "t.npz", lambda: [recording()], archive.load_recordings),
     *both("learning", "t.npz", lambda: [learning()], load_recordings),
     Target("mcap", "t.mcap", lambda: [mcap(), mcap("pressure")], samples,
-           ("skinmap.io.mcap_track.read_track", "skinmap.io.mcap_head.read_head",
-            "skinmap.io.mcap_scan.read_chunk")),
+           ("skinmap.io.recordings.mcap_track.read_track",
+            "skinmap.io.recordings.mcap_head.read_head",
+            "skinmap.io.recordings.mcap_scan.read_chunk")),
     Target("mcap-touches", "t.mcap", lambda: [mcap("pressure")], load_recordings),
     Target("mcap-repair", "t.mcap", lambda: [mcap()], repaired),
     Target("xdf", "t.xdf", lambda: [xdf()], lambda p: read_xdf(p).values[:],
-           ("skinmap.io.xdf.read_xdf",)),
+           ("skinmap.io.recordings.xdf.read_xdf",)),
     Target("dump", "data.log", lambda: [dump()], lambda p: read_dump(p).values[:],
-           ("skinmap.io.dumper.read_dump",)),
-    Target("log", "data.log", lambda: [dump()], read_log, ("skinmap.io.dumper.read_log",)),
+           ("skinmap.io.recordings.dumper.read_dump",)),
+    Target("log", "data.log", lambda: [dump()], read_log,
+           ("skinmap.io.recordings.dumper.read_log",)),
     *both("model", "t.skinmodel", lambda: [model("histogram"), model("contact-geometry")],
           load_classifier, ("skinmap.classify.model_file.load_classifier",
            "skinmap.classify.model_file.read_model")),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError
-from skinmap.live.contacts import centre_of_pressure
+from skinmap.live.contacts.sample_contacts import centre_of_pressure
 from skinmap.neighbours.structures import Structures, find_structures
 from skinmap.touch.codebook import Codebook, histograms, learn_codebook
 from skinmap.touch.contact_geometry import contact_geometry

@@ -11,12 +11,12 @@ from calibration.response.drift import DriftTracker
 from calibration.response.gain import ReferenceLoads
 from calibration.response.response import ResponseCalibration
 from skinmap.errors import InvalidArrayError, SkinMismatchError
-from skinmap.live.counts import Counts
-from skinmap.live.identity import ContactTracker
-from skinmap.live.joined import JoinedSkin
+from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.loop import TouchLoop
-from skinmap.live.response import RestBaseline
-from skinmap.live.source import Block, SourceEnded, StreamInfo
+from skinmap.live.response.pressures import RestBaseline
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.live.sources.sample_counts import Counts
+from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 

@@ -12,9 +12,9 @@ import numpy as np
 from calibration.response.response import ResponseCalibration
 from calibration.response.response_file import load_response, save_response
 from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError
-from skinmap.io.mcap_recording import McapRecording
-from skinmap.io.mcap_track import read_track
-from skinmap.io.recordings import load_recordings
+from skinmap.io.recordings.mcap_recording import McapRecording
+from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.parallel.plain import pack, unpack
 from skinmap.touch.recording import Recording, save_recordings
 

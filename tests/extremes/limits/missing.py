@@ -9,14 +9,14 @@ import numpy as np
 
 from skinmap.errors import SkinMismatchError
 from skinmap.flat.flat_map import flatten
-from skinmap.live.contacts import centre_of_pressure
+from skinmap.live.contacts.sample_contacts import centre_of_pressure
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
 from skinmap.surface.surface_mesh import build_surface
 from skinmap.touch.codebook import histograms, learn_codebook
 from skinmap.touch.contact_geometry import contact_geometry
 from skinmap.touch.contacts import find_contacts
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 from .law import Law, Outside
 from .shapes import PITCH, bent_skin, lattice, prepared, press, with_holes

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.errors import DataFormatError
-from skinmap.io.table import COLUMNS, read_csv
-from skinmap.live.counts import Counts
-from skinmap.live.sample_checks import SampleChecks
-from skinmap.live.source import Block, StreamInfo
+from skinmap.io.taxels.table import COLUMNS, read_csv
+from skinmap.live.response.sample_checks import SampleChecks
+from skinmap.live.sources.sample_counts import Counts
+from skinmap.live.sources.source import Block, StreamInfo
 
 from .law import Law, Outside
 from .shapes import lattice, normals

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from skinmap.skin.skin import Skin, skin_from_points
-from skinmap.touch.prepared import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 PITCH = 6.5e-3
 

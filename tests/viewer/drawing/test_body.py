@@ -7,7 +7,7 @@ from skinmap.geometry.mesh import TriangleMesh
 
 def test_drawable_is_light_near_the_original_and_shaded(opengl, icub):
     from skinmap.geometry.proximity import closest_on_mesh
-    from viewer.drawing.body import drawable
+    from viewer.drawing.body.bare_body import drawable
 
     mesh = icub.mesh("root_link")
     drawn = drawable(mesh, cell=6e-3)
@@ -24,14 +24,14 @@ def test_drawable_is_light_near_the_original_and_shaded(opengl, icub):
 
 
 def test_drawable_takes_an_empty_mesh(opengl):
-    from viewer.drawing.body import drawable
+    from viewer.drawing.body.bare_body import drawable
 
     empty = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64))
     assert drawable(empty).n_cells == 0
 
 
 def test_check_links_takes_those_under_the_skin(opengl, icub):
-    from viewer.drawing.body import check_links
+    from viewer.drawing.body.bare_body import check_links
 
     assert check_links(icub, "skin", ("torso", "left_arm")) == ("chest", "l_upper_arm")
     assert check_links(icub, "all") == icub.body.visible_links
@@ -39,7 +39,7 @@ def test_check_links_takes_those_under_the_skin(opengl, icub):
 
 def test_body_meshes_reads_only_the_links_asked_for(opengl):
     import skinmap
-    from viewer.drawing.body import body_meshes
+    from viewer.drawing.body.bare_body import body_meshes
 
     robot = skinmap.load_robot("icub")
     read = []
@@ -50,7 +50,7 @@ def test_body_meshes_reads_only_the_links_asked_for(opengl):
 
 
 def test_check_links_names_what_exists(opengl, icub):
-    from viewer.drawing.body import check_links
+    from viewer.drawing.body.bare_body import check_links
 
     with pytest.raises(UnknownNameError, match=r"'r_forarm'.*r_forearm"):
         check_links(icub, ["r_forarm"])
@@ -71,8 +71,8 @@ def test_standing_pose_keeps_the_robot_upright_within_its_limits(icub):
 
 
 def test_links_have_fewer_triangles_the_coarser_the_detail(opengl, icub):
-    from viewer.drawing.body_view import BodyView
-    from viewer.drawing.plotter import new_plotter
+    from viewer.drawing.body.body_view import BodyView
+    from viewer.drawing.frame.plotter import new_plotter
 
     poses, counts = icub.body.poses(icub.pose), []
     for detail in (5.0, 15.0, 45.0):  # the mesh itself is as fine as 2 px
@@ -88,7 +88,7 @@ def test_links_have_fewer_triangles_the_coarser_the_detail(opengl, icub):
 @pytest.mark.parametrize("detail", [0.0, -1.0, float("nan"), float("inf")])
 def test_detail_must_be_a_size_in_pixels(detail):
     from skinmap.errors import InvalidArrayError
-    from viewer.drawing.body_view import check_detail
+    from viewer.drawing.body.body_view import check_detail
 
     with pytest.raises(InvalidArrayError, match="above 0 pixels"):
         check_detail(detail)

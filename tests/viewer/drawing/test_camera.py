@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from viewer.drawing.camera import Margins, Target, View, best_view, fit, front_view, sees
-from viewer.drawing.occlusion import Surface
+from viewer.drawing.body.occlusion import Surface
+from viewer.drawing.frame.camera import Margins, Target, View, best_view, fit, front_view, sees
 
 SIZE = (900, 700)
 

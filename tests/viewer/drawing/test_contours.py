@@ -1,8 +1,8 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from viewer.drawing.contours import outline
-from viewer.drawing.refinement import boundary_edges
+from viewer.drawing.skin.refinement import boundary_edges
+from viewer.drawing.touches.contours import outline
 
 
 def perimeter(ends):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from viewer.drawing import joined
+from viewer.drawing.skin import merged_sheets as joined
 
 PARTS = ("torso", "left_arm")
 CALM = 3

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError
-from viewer.drawing import kept_contours
-from viewer.drawing.kept_contours import KeptContours
-from viewer.drawing.skin_layer import build_layer
-from viewer.drawing.touch_marks import Ground
+from viewer.drawing.skin.skin_layer import build_layer
+from viewer.drawing.touches import contour_cache as kept_contours
+from viewer.drawing.touches.contour_cache import KeptContours
+from viewer.drawing.touches.touch_marks import Ground
 
 
 @pytest.fixture

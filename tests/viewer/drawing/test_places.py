@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from skinmap.geometry.triangles import face_areas, signed_areas
-from skinmap.touch.prepared import PreparedSkin
-from viewer.drawing.places import body_places, flat_places, taxel_cells
-from viewer.drawing.refinement import refine
+from skinmap.touch.prepared_skin import PreparedSkin
+from viewer.drawing.skin.draw_positions import body_places, flat_places, taxel_cells
+from viewer.drawing.skin.refinement import refine
 
 
 @pytest.fixture(scope="module")

@@ -155,7 +155,7 @@ def test_memory_stays_flat_over_many_updates(at_rest, press):
 
 def test_cached_pictures_are_identical_when_still_colours_are_kept(at_rest, press):
     """Colours that stay for a while move into the kept picture, and come out of it again."""
-    from viewer.drawing.resting import IDLE
+    from viewer.drawing.frame.idle_actors import IDLE
 
     scene = at_rest
     rest(scene)

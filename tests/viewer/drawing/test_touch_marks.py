@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from skinmap.live.touches import NamedTouch
-from viewer.drawing.touch_list import caption, details, largest
-from viewer.drawing.touch_marks import LONG, SHORT, arrow, carried_steps, solid_arrow
+from skinmap.live.contacts.named_touch import NamedTouch
+from viewer.drawing.panel.touch_list import caption, details, largest
+from viewer.drawing.touches.touch_marks import LONG, SHORT, arrow, carried_steps, solid_arrow
 
 
 def made(**more):

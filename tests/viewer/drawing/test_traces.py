@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from viewer.drawing.traces import ROOM, SAMPLES, History
+from viewer.drawing.touches.traces import ROOM, SAMPLES, History
 
 
 def test_history_gives_back_what_was_felt_oldest_first():

@@ -7,7 +7,7 @@ from operator import attrgetter
 import numpy as np
 import pytest
 
-from viewer.drawing.camera import project
+from viewer.drawing.frame.camera import project
 from viewer.interaction.keys import KEYS, help_lines
 from viewer.layers import LAYERS
 

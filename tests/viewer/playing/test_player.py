@@ -12,9 +12,9 @@ import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.live.moment import Moment
-from skinmap.live.source import SourceEnded, StreamInfo
-from viewer.playing.history import LENGTH, History, size
+from skinmap.live.sources.source import SourceEnded, StreamInfo
 from viewer.playing.player import Player
+from viewer.playing.rewind import LENGTH, History, size
 
 DEADLINE = 10.0  # far beyond what any machine needs: a test that waits so long has failed
 RATE = 50.0
@@ -284,7 +284,7 @@ def test_player_needs_no_vtk():
 def test_real_recording_is_led_to_the_sample(icub, rate):
     """Through playback and touch loop: what is sought and stepped to is that very sample."""
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.playback import Playback
+    from skinmap.live.sources.playback import Playback
     from viewer.playing.stepwise import Stepwise
 
     n = len(icub.skin("left_hand"))
@@ -319,7 +319,7 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
 
 
 def test_one_by_one_passes_no_sample_over():
-    from skinmap.live.playback import Playback
+    from skinmap.live.sources.playback import Playback
     from viewer.playing.stepwise import OneByOne
 
     values = np.arange(300, dtype=np.float32)[:, None]

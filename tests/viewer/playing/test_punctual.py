@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from skinmap.live.moment import Moment
-from viewer.playing.outlet import Outlet
-from viewer.playing.punctual import OLDEST, PATIENCE, Punctual
+from viewer.playing.frame_deadline import OLDEST, PATIENCE, Punctual
+from viewer.playing.latest_moment import Outlet
 
 PERIOD = 0.02
 

@@ -94,7 +94,7 @@ def test_keys_choose_layer_style_and_map(tab):
 
 
 def test_presets_look_from_where_the_window_s_do(tab):
-    from viewer.drawing.camera import View
+    from viewer.drawing.frame.camera import View
 
     first = View(*tab.page.evaluate("skinmap.header.front"))
     for key, name in {"f": "front", "b": "back", "[": "left", "]": "right", "t": "top"}.items():

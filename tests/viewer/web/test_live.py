@@ -12,9 +12,9 @@ import pytest
 from click.testing import CliRunner
 
 from skinmap.cli.main import cli
-from skinmap.live.publish import open_publisher
-from skinmap.live.skins import fingerprint
-from skinmap.live.source import StreamInfo
+from skinmap.live.publishing.publish import open_publisher
+from skinmap.live.sources.skins import fingerprint
+from skinmap.live.sources.source import StreamInfo
 from viewer.look import Look
 from viewer.playing.player import Player
 from viewer.session import Session

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skinmap.live.moment import Moment
-from viewer.drawing.outlines import outline_touch
+from viewer.drawing.touches.outlines import outline_touch
 from viewer.layers import LAYERS, Layers
 from viewer.web.packing import unpack
 from viewer.web.picking import describe

@@ -1,10 +1,10 @@
 // Brings the page together: what comes over the socket, what is drawn, what people do.
 
 import { Camera } from "./camera.js";
-import { Chosen, partOf } from "./choosing.js";
+import { Chosen, partOf } from "./selection.js";
 import { Controls } from "./controls.js";
 import { $ } from "./dom.js";
-import { Film, stored } from "./film.js";
+import { Film, stored } from "./offline_player.js";
 import { Flat } from "./flat.js";
 import { Hover } from "./hover.js";
 import { Labels } from "./labels.js";
@@ -12,7 +12,7 @@ import { Link } from "./link.js";
 import { Marks } from "./marks.js";
 import { dot, place, turn } from "./matrices.js";
 import { unpack } from "./packing.js";
-import { Smoother } from "./pieces.js";
+import { Smoother } from "./gl_buffers.js";
 import { Picture } from "./picture.js";
 import { Pointer } from "./pointer.js";
 import { Traces } from "./traces.js";

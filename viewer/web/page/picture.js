@@ -1,11 +1,11 @@
 // The robot. While camera and robot rest, all is drawn once and kept, and with it which point of the
 // skin each pixel shows: a sample then costs a look at each pixel, and no triangles.
 
-import { Pieces, Ribbons } from "./pieces.js";
+import { Pieces, Ribbons } from "./gl_buffers.js";
 import { colour } from "./packing.js";
 import { multiply } from "./matrices.js";
-import { Rest } from "./rest.js";
-import { closeRooms, openRooms } from "./rooms.js";
+import { Rest } from "./cpu_raster.js";
+import { closeRooms, openRooms } from "./framebuffers.js";
 
 const FULL_DISC = 0.47; // radius of a disc in spacings
 const COVER = 0.62; // the same where discs are to leave no gap: for categories and for picking

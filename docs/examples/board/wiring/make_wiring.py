@@ -18,7 +18,7 @@ from calibration.wiring.faults import parse_fault
 from calibration.wiring.person import Patient, Person
 from calibration.wiring.places_file import write_places
 from calibration.wiring.samples import Baseline, make_touch
-from skinmap.io.recordings import save_recordings
+from skinmap.io.recordings.touch_files import save_recordings
 from skinmap.touch.recording import Recording
 
 PART, FAULT, POKES, SEED = "right_forearm", "swap:3,7", 16, 4

@@ -1,0 +1,196 @@
+"""Accuracy and time of calibrations: `make bench-calibration` (`--quick` for a glance).
+
+Evidence is simulated on real boards and links of the iCub and on a family of made links, so every
+accuracy here is simulated; the truth is named with each table. Times are CPU time of one thread,
+the wrap of a link's mesh apart, as it is kept. Results go to benchmarks/results/calibration.json.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from benchmarks.calibration.mounts import drift_rows, mount_rows
+from benchmarks.calibration.patches import Case, far_apart, icub_cases, simulate_touches
+from benchmarks.calibration.planes import plane_rows
+from benchmarks.calibration.units import unit_rows
+from benchmarks.calibration.wiring import wiring_rows
+from benchmarks.calibration.wraps import family_rows, family_touch_rows, wrong_rows
+from benchmarks.harness.record import command
+from benchmarks.harness.timing import timed
+from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
+from calibration.patch.link_surface import make_target
+
+TRUTH = "taxels of the built-in iCub; evidence simulated"
+WRAPS = (  # anchors, scale and jitter of the layout [m], goals for median and p95 [mm]
+    (3, 1.0, 0.0, None),
+    (4, 1.0, 0.0, (1.2, 2.3)),
+    (8, 1.0, 0.0, (0.8, 1.7)),
+    (4, 1.01, 0.3e-3, (1.2 * 1.15, 2.3 * 1.15)),
+    (8, 1.01, 0.3e-3, (0.8 * 1.15, 1.7 * 1.15)),
+)
+WRONG = 67  # inputs of each kind: 200 that are mirrored, misplaced or exchanged
+TOUCHES: tuple[tuple[int, dict[str, Any], float | None], ...] = (  # count, how, goal [mm]
+    (32, {"noise": 1e-3}, 0.9),
+    (64, {"noise": 2e-3, "wrong": 0.3, "dead": 0.2}, 1.3),
+    (32, {"noise": 1e-3, "one_module": True}, None),
+    (7, {"noise": 1e-3}, None),
+)
+
+
+def wrap_rows(cases: list[Case], repeats: int) -> list[dict[str, Any]]:
+    """Boards wrapped by 3, 4 and 8 anchors of 1 mm, with true layouts and with wrong ones."""
+    rows = []
+    for anchors, scale, jitter, goal in WRAPS:
+        runs = []
+        for number, case in enumerate(cases):
+            for repeat in range(repeats):
+                rng = np.random.default_rng([repeat, anchors, number, 1])
+                layout = scale * case.layout + rng.normal(0.0, jitter, case.layout.shape)
+                taxels = far_apart(layout, anchors, rng)
+                points = case.truth[taxels] + rng.normal(0.0, 1e-3, (anchors, 3))
+                make_target(case.vertices, case.faces)
+                found, seconds, _ = timed(
+                    partial(
+                        wrap_layout, layout, case.vertices, case.faces, taxels, points,
+                        modules=case.modules, rng=rng,
+                    )
+                )  # fmt: skip
+                runs.append(_measured(found, case.truth, seconds))
+        rows.append(
+            {"anchors": anchors, "scale": scale, "jitter_mm": 1e3 * jitter, "goal_mm": goal}
+            | _table_row(runs)
+        )
+    return rows
+
+
+def touch_rows(cases: list[Case], repeats: int) -> list[dict[str, Any]]:
+    """Boards located by touches alone, gains spread by a quarter."""
+    rows = []
+    for count, how, goal in TOUCHES:
+        runs = []
+        for number, case in enumerate(cases):
+            if how.get("one_module") and len(np.unique(case.modules)) < 2:
+                continue
+            for repeat in range(repeats):
+                rng = np.random.default_rng([repeat, count, number, 2])
+                touches = simulate_touches(case, count, rng, **how)
+                make_target(case.vertices, case.faces)
+                link = case.vertices, case.faces
+                found, seconds, _ = timed(
+                    partial(
+                        locate_by_touch, case.layout, *link, touches, modules=case.modules, rng=rng
+                    )
+                )
+                runs.append(_measured(found, case.truth, seconds))
+        row = {"touches": count, "one_module": False, **how, "goal_mm": goal}
+        rows.append(row | _table_row(runs))
+    return rows
+
+
+def _measured(found: PatchCalibration, truth: Any, seconds: float) -> dict[str, Any]:
+    error = found.positions - truth
+    length = 1e3 * np.linalg.norm(error, axis=1)
+    square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error)
+    return {
+        "median": float(np.median(length)),
+        "p95": float(np.percentile(length, 95)),
+        "nees": float(square.mean() / 3),
+        "seconds": seconds,
+        "status": found.status,
+    }
+
+
+def _table_row(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    statuses = [str(run["status"]) for run in runs]
+    trusted = [run["median"] for run in runs if run["status"] is Status.OK]
+    return {
+        "runs": len(runs),
+        "median_mm": float(np.median([run["median"] for run in runs])),
+        "p95_mm": float(np.median([run["p95"] for run in runs])),
+        "worst_median_mm": max(run["median"] for run in runs),
+        "worst_median_ok_mm": max(trusted, default=None),
+        "ok": len(trusted),
+        "normalised_error_squared": float(np.mean([run["nees"] for run in runs])),
+        "statuses": {name: statuses.count(name) for name in sorted(set(statuses))},
+        "seconds": {
+            "mean": float(np.mean([run["seconds"] for run in runs])),
+            "max": max(run["seconds"] for run in runs),
+        },
+    }
+
+
+def scan_table(cases: list[Case], runs: int) -> Any:
+    """Rows of scans, none without their optional package."""
+    try:
+        import open3d  # noqa: F401
+    except ImportError:
+        print("no table of scans: open3d is not installed", file=sys.stderr)
+        return []
+    from benchmarks.calibration.scans import scan_rows
+
+    return scan_rows(cases, runs)
+
+
+def measure(
+    quick: bool,
+    *,
+    repeats: int = 2,
+    wrong: int = WRONG,
+    scans: int = 50,
+    wirings: int = 35,
+    planes: int = 30,
+    trials: int = 20,
+) -> dict[str, Any]:
+    """All tables.
+
+    Parameters
+    ----------
+    quick : bool
+        One patch, four scans.
+    repeats : int
+        Runs of each row on each of the 23 patches, and of each board of the family.
+    wrong : int
+        Wrong inputs of each kind, and honest ones.
+    scans : int
+        Scans that are registered.
+    wirings : int
+        Faulty wirings for each part and kind of touch; nine times as many healthy ones.
+    planes : int
+        Trials of each row of presses on a table.
+    trials : int
+        Simulated robots that touch themselves, for each row.
+    """
+    cases = list(icub_cases())
+    some = cases[7:8] if quick else cases
+    repeats = 1 if quick else repeats
+    tables: dict[str, Callable[[], Any]] = {
+        "wrap": lambda: wrap_rows(some, repeats),
+        "family": lambda: family_rows(repeats, some=2 if quick else None),
+        "family_touch": lambda: family_touch_rows(some=2 if quick else None),
+        "wrong": lambda: wrong_rows(cases, 2 if quick else wrong),
+        "touch": lambda: touch_rows(some, repeats),
+        "units": lambda: unit_rows(some),
+        "scan": lambda: scan_table(cases, 4 if quick else scans),
+        "mount": lambda: mount_rows(trials=2 if quick else trials),
+        "wiring": lambda: wiring_rows(
+            faulty=7 if quick else wirings,
+            healthy=9 if quick else 9 * wirings,
+            rests=20 if quick else 10 * wirings,
+        ),
+        "plane": lambda: plane_rows(1 if quick else planes),
+        "drift": lambda: drift_rows(most=1 if quick else None),
+    }
+    result: dict[str, Any] = {"truth": TRUTH}
+    for name, table in tables.items():
+        result[name], cpu, _ = timed(table)
+        print(f"{name}: {cpu:.0f} s CPU", file=sys.stderr, flush=True)
+    return result
+
+
+if __name__ == "__main__":
+    command(measure, __doc__, "calibration")

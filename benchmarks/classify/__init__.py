@@ -1,0 +1,1 @@
+"""Classifiers: speed and accuracy."""

@@ -1,0 +1,1 @@
+"""Meshes, flat maps, structures and contact images beside their peers."""

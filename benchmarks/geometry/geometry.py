@@ -1,0 +1,164 @@
+"""Surface meshes, flat maps and contact images, with the peers in one run: `make bench-geometry`.
+
+Writes benchmarks/results/geometry.json and cost_of_flattening.png. CPU time of one thread; C is
+one sparse Cholesky (or LDL or LU) factorisation of the same mesh's cotangent Laplacian by the
+fastest solver installed, measured in turns with everything else. `--quick` takes 1,000 vertices
+only and leaves out what takes long.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.geometry.contact_images import contact_image_rows
+from benchmarks.geometry.meshing import meshing_rows, missing
+from benchmarks.geometry.saddle import flattening_rows, large_rows
+from benchmarks.harness.record import command
+from benchmarks.harness.timing import quartiles, timed
+
+SIZES = (1_000, 3_000, 10_000, 30_000, 100_000)
+LARGE = 1_000_000
+PLOTTED = ("fast", "balanced", "dirichlet", "libigl LSCM", "libigl ARAP-10 from BFF",
+           "libigl SLIM-2 from BFF")  # fmt: skip
+
+
+def measure(quick: bool, *, sizes: tuple[int, ...] = SIZES, large: int = LARGE) -> dict[str, Any]:
+    """Rows of flattening, meshing and contact images, and what follows from them.
+
+    Parameters
+    ----------
+    quick : bool
+        1,000 vertices only, no contact images.
+    sizes : tuple of int
+        Vertices of the flattened meshes.
+    large : int
+        Vertices of the mesh that shows its memory; 0 leaves it out.
+    """
+    rows = flattening_rows((1_000,) if quick else sizes)
+    if large and not quick:
+        rows += large_rows(large, ("fast", "balanced", "dirichlet"))
+    result: dict[str, Any] = {
+        "flattening": rows,
+        "exponents": exponents(rows),
+        "cost_model": cost_model(rows),
+        "icub": icub_row(repeats=1 if quick else 5),
+        "meshing": meshing_rows((1_000,) if quick else (1_000, 10_000)),
+        "meshing_peers_not_installed": missing(),
+    }
+    return result if quick else result | {"contact_images": contact_image_rows()}
+
+
+def exponents(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Slope of log seconds over log n of each method, from 10,000 vertices on where possible."""
+    fits = {}
+    for name in dict.fromkeys(row["method"] for row in rows if "method" in row):
+        points = np.array([(row["n"], row["seconds"]) for row in rows if row.get("method") == name])
+        large = points[points[:, 0] >= 9_000]
+        if len(large) >= 2:
+            fits[name] = float(np.polyfit(*np.log(large).T, 1)[0])
+    return fits
+
+
+def cost_model(rows: list[dict[str, Any]]) -> dict[str, tuple[float, float]]:
+    """What `auto` needs: seconds at 100,000 vertices and exponent, `fast` taken off the others."""
+    model = {}
+    for name in ("fast", "balanced", "dirichlet"):
+        seconds = {row["n"]: row["seconds"] for row in rows if row.get("method") == name}
+        base = {row["n"]: row["seconds"] for row in rows if row.get("method") == "fast"}
+        sizes = np.array([n for n in seconds if n >= 900], float)
+        values = np.array([seconds[n] - (base[n] if name != "fast" else 0.0) for n in seconds])
+        if len(sizes) >= 2 and (values > 0).all():
+            slope, level = np.polyfit(np.log(sizes / 1e5), np.log(values), 1)
+            model[name] = (float(np.exp(level)), float(slope))
+    return model
+
+
+def icub_row(repeats: int) -> dict[str, Any]:
+    """All parts of the iCub meshed and flattened, warm."""
+    import skinmap
+    from skinmap.flat.flat_map import flatten
+    from skinmap.surface.surface_mesh import build_surface
+
+    robot = skinmap.load_robot("icub")
+    skins = [robot.skin(part) for part in robot.parts]
+    times = []
+    for _ in range(repeats + 1):  # the first warms up
+        meshes, meshed, _ = timed(lambda: [build_surface(skin) for skin in skins])
+        maps, flattened, _ = timed(lambda meshes=meshes: [flatten(mesh) for mesh in meshes])
+        times.append((meshed, flattened))
+    charts = [chart for flat in maps for chart in flat.charts]
+    errors = [100.0 * chart.distortion.edge_rms for chart in charts]
+    meshing, flattening = np.median(times[1:], axis=0)
+    return {
+        "patches": len(charts),
+        "flips": sum(flat.flips for flat in maps),
+        "edge_rms_percent": {"median": float(np.median(errors)), "worst": max(errors)},
+        "meshing_seconds": float(meshing),
+        "flattening_seconds": float(flattening),
+        "seconds": float(np.median(np.sum(times[1:], axis=1))),
+        "seconds_quartiles": quartiles(np.sum(times[1:], axis=1)),
+        **normals_of(robot, skins),
+    }
+
+
+def normals_of(robot: Any, skins: list[Any]) -> dict[str, Any]:
+    """Angles between taxels' normals and the nearest face of their link, sign aside."""
+    from skinmap.geometry.proximity import closest_on_mesh
+
+    angles = []
+    for skin in skins:
+        mesh = robot.mesh(skin.link)
+        _, face, _ = closest_on_mesh(skin.positions, mesh.vertices, mesh.faces)
+        a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
+        side = np.cross(b - a, c - a)
+        cosine = np.abs(np.einsum("ni,ni->n", side, skin.normals))
+        cosine /= np.maximum(np.linalg.norm(side, axis=1), 1e-300)
+        angles.append(np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))))
+    every = np.concatenate(angles)
+    return {
+        "taxels": len(every),
+        "normals_deg_median": float(np.median(every)),
+        "normals_within_15_deg_percent": 100.0 * float((every <= 15.0).mean()),
+    }
+
+
+def plot(rows: list[dict[str, Any]], fits: dict[str, float], target: Path) -> None:
+    """CPU seconds against vertices, both logarithmic, with the fitted exponents."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(7.5, 5.0), layout="constrained")
+    factors = sorted((row["n"], row["seconds"]) for row in rows if row.get("is_C"))
+    axes.loglog(*zip(*factors, strict=True), "k--", lw=1, label="C: one factorisation")
+    for name in PLOTTED:
+        points = sorted((row["n"], row["seconds"]) for row in rows if row.get("method") == name)
+        if not points:
+            continue
+        slope = f", n^{fits[name]:.2f}" if name in fits else ""
+        style = ":s" if name.startswith("libigl") else "-o"
+        axes.loglog(*zip(*points, strict=True), style, ms=4, label=name + slope)
+    axes.set_xlabel("vertices n")
+    axes.set_ylabel("CPU time of one thread [s]")
+    axes.set_title("Cost of flattening a saddle")
+    axes.grid(which="major", alpha=0.3)
+    axes.legend(frameon=False, fontsize=9)
+    figure.savefig(target, dpi=110)
+    pyplot.close(figure)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Measure, write, and plot beside the file."""
+    target = command(measure, __doc__, "geometry", arguments)
+    if target is not None:
+        found = json.loads(target.read_text(encoding="utf-8"))
+        plot(found["flattening"], found["exponents"], target.with_name("cost_of_flattening.png"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,225 @@
+"""Flattening a saddle: our methods and the peers in turns, in multiples of one factorisation.
+
+`flattening_rows` gives one row a method and size; `large_row` runs a mesh of a million vertices
+in a process of its own, which shows its memory. CPU time of one thread throughout.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.util import find_spec
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from benchmarks import ROOT
+from benchmarks.harness.timing import quartiles, timed
+from skinmap.flat.disc import Disc
+from skinmap.flat.disc_map import map_disc
+from skinmap.flat.distortion import measure_distortion
+from skinmap.flat.factorisation import factorise, solvers
+from skinmap.geometry.topology import boundary_loops
+
+OURS = ("tutte", "harmonic", "lscm", "fast", "balanced", "dirichlet")
+REPEATS = {1_000: 9, 3_000: 7, 10_000: 5}
+ONCE_FROM = 30_000  # vertices: peers that take more than 5 C run once from here on
+
+
+def saddle(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (about n, 3) and faces of z = (x^2 - y^2) / 2 over the square of side 2."""
+    side = round(n**0.5)
+    row, column = np.divmod(np.arange(side * side), side)
+    x, y = 2.0 * column / (side - 1) - 1.0, 2.0 * row / (side - 1) - 1.0
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    lower = np.column_stack([corner, corner + 1, corner + side])
+    upper = np.column_stack([corner + 1, corner + side + 1, corner + side])
+    return np.column_stack([x, y, 0.5 * (x * x - y * y)]), np.concatenate([lower, upper])
+
+
+def flattening_rows(sizes: tuple[int, ...], *, slow_peers: bool = True) -> list[dict[str, Any]]:
+    """One row a method and size: CPU seconds, multiples of C, flips and distortion."""
+    return [row for n in sizes for row in _rows_of_size(n, slow_peers)]
+
+
+def _rows_of_size(n: int, slow_peers: bool) -> list[dict[str, Any]]:
+    vertices, faces = saddle(n)
+    loop = boundary_loops(faces)[0]
+    factors = factor_cases(vertices, faces, loop)
+    methods: dict[str, Callable[[], np.ndarray]] = {
+        name: lambda name=name: map_disc(vertices, faces, method=name).uv for name in OURS
+    }
+    methods |= peer_cases(vertices, faces, loop)
+    slow = [name for name in methods if "SLIM" in name or "lscm" in name.lower()]
+    methods = {name: run for name, run in methods.items() if slow_peers or name not in slow}
+    times: dict[str, list[float]] = {name: [] for name in (*factors, *methods)}
+    maps = {}
+    for repeat in range(REPEATS.get(n, 3)):
+        for name, run in factors.items():
+            times[name].append(_cpu(run)[0])
+        for name, run in methods.items():
+            if repeat and n >= ONCE_FROM and name in slow:
+                continue
+            seconds, maps[name] = _cpu(run)
+            times[name].append(seconds)
+    fastest = min(factors, key=lambda name: median(times[name]))
+    rows: list[dict[str, Any]] = [
+        {
+            "n": n,
+            "vertices": len(vertices),
+            "solver": name,
+            "seconds": median(times[name]),
+            "is_C": name == fastest,
+        }
+        for name in factors
+    ]
+    for name, uv in maps.items():
+        seconds = median(times[name])
+        # Of the same turns: a busy machine slows both.
+        ratios = quartiles(np.array(times[name]) / np.array(times[fastest][: len(times[name])]))
+        rows.append(
+            {
+                "n": n,
+                "method": name,
+                "peer": name not in OURS,
+                "seconds": seconds,
+                "C": ratios[1],
+                "C_quartiles": ratios,
+                "quartiles_s": quartiles(times[name]),
+                **distortion(vertices, faces, uv),
+            }
+        )
+    return rows
+
+
+def distortion(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> dict[str, Any]:
+    """Flips, symmetric Dirichlet energy and edge error of a map."""
+    measured = measure_distortion(vertices, faces, uv)
+    energy = float(np.average(measured.symmetric_dirichlet, weights=measured.face_areas))
+    return {
+        "flips": measured.flips,
+        "symmetric_dirichlet": energy if np.isfinite(energy) else None,
+        "edge_rms_percent": 100.0 * measured.edge_rms,
+    }
+
+
+def factor_cases(
+    vertices: np.ndarray, faces: np.ndarray, loop: np.ndarray
+) -> dict[str, Callable[[], object]]:
+    """Factorisations of the cotangent Laplacian with one vertex held, by solver."""
+    import igl
+
+    matrix = Disc(vertices, faces, loop).laplacian[1:, 1:].tocsc()
+    full = Disc(vertices, faces, loop).laplacian.tocsc()
+    cases: dict[str, Callable[[], object]] = {
+        name: lambda name=name: factorise(matrix, solver=name) for name in solvers()
+    }
+
+    def eigen() -> object:
+        data = igl.min_quad_with_fixed_data()
+        igl.min_quad_with_fixed_precompute(full, np.array([0]), pd=True, data=data)
+        return data
+
+    return {**cases, "Eigen (libigl)": eigen}
+
+
+def peer_cases(
+    vertices: np.ndarray, faces: np.ndarray, loop: np.ndarray
+) -> dict[str, Callable[[], np.ndarray]]:
+    """The libraries' own methods, each with all that it needs, from our BFF where it needs one."""
+    import igl
+
+    disc = Disc(vertices, faces, loop)
+
+    def start() -> np.ndarray:
+        return Disc(vertices, faces, loop).conformal
+
+    def harmonic() -> np.ndarray:
+        length = np.linalg.norm(vertices[np.roll(loop, -1)] - vertices[loop], axis=1)
+        angle = 2 * np.pi * np.concatenate([[0.0], np.cumsum(length)[:-1]]) / length.sum()
+        circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        return np.asarray(igl.harmonic(vertices, faces, loop, circle, 1))
+
+    def lscm() -> np.ndarray:
+        ends = np.array([loop[0], loop[len(loop) // 2]])
+        return np.asarray(igl.lscm(vertices, faces, ends, np.array([[0.0, 0], [2.0, 0]]))[0])
+
+    def arap() -> np.ndarray:
+        first, data = start(), igl.ARAPData()
+        data.max_iter = 10
+        igl.arap_precomputation(vertices, faces, 2, np.array([0], np.int32), data)
+        return np.asarray(igl.arap_solve(first[[0]], data, first))
+
+    def slim(steps: int) -> np.ndarray:
+        column, energy = np.asfortranarray, igl.MappingEnergyType.SYMMETRIC_DIRICHLET
+        none = np.zeros(0, np.int32), np.zeros((0, 2), order="F")
+        mesh = column(vertices), column(faces.astype(np.int32)), column(start())
+        return np.asarray(igl.slim_solve(igl.slim_precompute(*mesh, energy, *none, 0.0), steps))
+
+    cases = {
+        "libigl harmonic": harmonic,
+        "libigl LSCM": lscm,
+        "libigl ARAP-10 from BFF": arap,
+        "libigl SLIM-2 from BFF": lambda: slim(2),
+    }
+    if find_spec("pymeshlab"):
+        filters = {"harmonic": "harmonic", "LSCM": "least_squares_conformal_maps"}
+        for name, end in filters.items():
+            cases[f"pymeshlab {name}"] = lambda end=end: _pymeshlab(disc, end)
+    return cases
+
+
+def _pymeshlab(disc: Disc, end: str) -> np.ndarray:
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.add_mesh(pymeshlab.Mesh(disc.vertices, disc.faces.astype(np.int32)))
+    getattr(meshes, f"compute_texcoord_parametrization_{end}")()
+    return np.asarray(meshes.current_mesh().vertex_tex_coord_matrix())
+
+
+def _cpu(run: Callable[[], Any]) -> tuple[float, Any]:
+    result, seconds, _ = timed(run)
+    return seconds, result
+
+
+def large_rows(n: int, methods: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Methods on a large saddle, each once, in a process of its own that shows its memory."""
+    child = subprocess.Popen(
+        [sys.executable, "-m", "benchmarks.geometry.saddle", str(n), *methods],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+    rows = []
+    for line in child.stdout or ():
+        print(line, end="", file=sys.stderr, flush=True)
+        rows.append(json.loads(line))
+    if child.wait():
+        raise RuntimeError(f"the large case ended with {child.returncode}")
+    unit = next(row["seconds"] for row in rows if "solver" in row)
+    return [row | ({} if "solver" in row else {"C": row["seconds"] / unit}) for row in rows]
+
+
+def _large(n: int, methods: list[str]) -> None:
+    """Print a row a method, then that of the factorisation."""
+    vertices, faces = saddle(n)
+    for name in methods:
+        seconds, flat = _cpu(lambda name=name: map_disc(vertices, faces, method=name))
+        # The largest so far: of the method that runs first, its own.
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        row = {"n": len(vertices), "method": name, "peer": False, "seconds": seconds}
+        row |= {"fallback": flat.fallback, "peak_gb": peak}
+        print(json.dumps({**row, **distortion(vertices, faces, flat.uv)}), flush=True)
+    matrix = Disc(vertices, faces, boundary_loops(faces)[0]).laplacian[1:, 1:].tocsc()
+    unit, _ = _cpu(lambda: factorise(matrix))
+    row = {"n": len(vertices), "solver": "scipy", "seconds": unit, "is_C": True}
+    print(json.dumps(row), flush=True)
+
+
+if __name__ == "__main__":
+    _large(int(sys.argv[1]), sys.argv[2:])

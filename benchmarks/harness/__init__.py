@@ -1,0 +1,1 @@
+"""What every benchmark uses, and the run of all areas."""

@@ -1,0 +1,89 @@
+"""The areas of `make bench`: what measures each, and what is shorter in its short form.
+
+A module of an area has `measure(quick) -> dict`; those with a long full form take what the short
+form changes as keywords, named here. `make bench-live` and the like run the full form.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """One area.
+
+    Attributes
+    ----------
+    name, module : str
+        Its name in the results, and the module here that measures it.
+    about : str
+        What is measured.
+    short : mapping of str to Any
+        Keywords of `measure` in the short form.
+    shorter : str
+        In words: how the short form differs from the full one; empty where it does not.
+    seconds : float
+        Longest time that the area may take [s]; it is stopped then.
+    """
+
+    name: str
+    module: str
+    about: str
+    short: Mapping[str, Any] = field(default_factory=dict)
+    shorter: str = ""
+    seconds: float = 1800.0
+
+
+AREAS = (
+    Area("geometry", "benchmarks.geometry.geometry",
+         "surface meshes, flat maps and contact images beside their peers",
+         {"large": 0}, "1,000,000 vertices are under scaling"),
+    Area("classify", "benchmarks.classify.classify",
+         "histograms, SVM, labels and structures beside their peers",
+         {"rounds": 5}, "5 turns instead of 15"),
+    Area("calibration", "benchmarks.calibration.calibrations",
+         "accuracy and time of calibrations (simulated evidence)",
+         {"repeats": 1, "wrong": 10, "scans": 16, "wirings": 7, "planes": 2, "trials": 4},
+         "23 runs a row instead of 46, 16 scans instead of 50, 7 faulty wirings instead of 35, "
+         "2 trials of presses instead of 30, 10 wrong inputs of each kind instead of 67, "
+         "4 simulated self-touches instead of 20"),
+    Area("live", "benchmarks.live.live",
+         "streams, contacts, identities, memory and recordings",
+         {"minutes": 1.0, "seconds": 30.0, "soaked": 20_000, "each": 5.0, "kills": 5, "pairs": 3},
+         "60 s at 50 Hz instead of 10 minutes, 30 s at 1 kHz instead of 60, 20,000 samples soaked "
+         "instead of 200,000, 5 recorders killed instead of 10"),
+    Area("viewer", "benchmarks.viewer.viewer_area",
+         "frames, first picture and memory beside plain PyVista",
+         {"updates": 5_000, "turns": 5}, "5,000 updates instead of 200,000, 5 turns instead of 9"),
+    Area("page", "benchmarks.viewer.page_area",
+         "the page in headless Chromium beside viser",
+         {"openings": 1}, "opened once instead of three times"),
+    Area("scaling", "benchmarks.scale.scaling",
+         "time and memory from 1,000 to 1,000,000 taxels beside the peers",
+         {"longest": 80.0, "budget": 180.0},
+         "180 s of CPU time in all instead of 1,200, 80 s a point instead of 300; what is left out "
+         "is named"),
+    Area("needs", "benchmarks.scale.needs",
+         "time and memory against what is asked for",
+         {"turns": 3}, "3 fresh processes a case instead of 5"),
+)  # fmt: skip
+NAMES = tuple(area.name for area in AREAS)
+
+
+def area_of(name: str) -> Area:
+    """The area of a name."""
+    return next(area for area in AREAS if area.name == name)
+
+
+def run(area: Area, form: str) -> dict[str, Any]:
+    """The rows of an area in one of the forms "full", "short" and "quick"."""
+    measure = import_module(area.module).measure
+    # A module may be older or newer than this table: what it does not take stays as it is there.
+    taken = inspect.signature(measure).parameters
+    short = {k: v for k, v in area.short.items() if k in taken} if form == "short" else {}
+    return dict(measure(form == "quick", **short))

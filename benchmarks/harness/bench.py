@@ -1,0 +1,181 @@
+"""All areas in one go, at most 20 minutes on 2 cores: `make bench` (ARGS=--quick: 4 minutes).
+
+Each area runs in a process of its own, one after the other, with one thread; one that fails or
+takes too long is reported and the others go on (exit code 1 at the end). Writes
+benchmarks/results/{bench,needs}.json, bench.html and docs/{benchmarks,needs}.md, and prints what
+the issues asked for beside what came out. What is quick or of some areas goes to build/bench.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks import ROOT
+from benchmarks.harness import areas
+from benchmarks.harness.asked import judge, table_text
+from benchmarks.harness.bench_doc import write_doc
+from benchmarks.harness.bench_page import page_of
+from benchmarks.harness.figures import figures_of
+from benchmarks.harness.record import RESULTS, about, write
+from benchmarks.scale.needs_page import write_page
+
+KEPT = RESULTS / "bench.json"
+BUILD = RESULTS.parents[1] / "build" / "bench"  # of runs with no figures to keep
+PROGRAM = (sys.executable, "-m", "benchmarks.harness.bench")  # what a child runs, in ROOT
+HEAD = ("format", "commit", "form", "python", "versions", "machine", "threads")
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the areas, write the result and its page, print the table."""
+    options = _parser().parse_args(arguments)
+    if options.child:
+        write(options.out, areas.run(areas.area_of(options.child), options.form))
+        return 0
+    form = "quick" if options.quick else "full" if options.full else "short"
+    os.environ.update(ONE_THREAD)
+    # Ended from outside, it still ends the area that runs.
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    whole = set(options.only) == set(areas.NAMES) and not options.quick
+    target = options.out or (KEPT if whole else BUILD / f"bench_{form}.json")
+    measure_all(options.only, form, target)
+    result = json.loads(target.read_text(encoding="utf-8"))  # what the pages say is in the file
+    page = write_pages(result, target)
+    print(table_text(result["asked"]))
+    print(f"\n{result['seconds']:.0f} s in all; written to {target} and {page.name}")
+    for name, area in result["areas"].items():
+        if "failed" in area:
+            print(f"FAILED {name}: {area['failed']}")
+    return 1 if any("failed" in area for area in result["areas"].values()) else 0
+
+
+def write_pages(result: dict[str, Any], target: Path) -> Path:
+    """The page beside a result; of the result that is kept, the pages in docs too."""
+    page = target.with_suffix(".html")
+    page.write_text(page_of(result), encoding="utf-8")
+    if target == KEPT:
+        write_doc(result)
+        if rows := result["areas"].get("needs", {}).get("rows"):
+            needs = RESULTS / "needs.json"
+            write(needs, {key: one for key, one in result.items() if key in HEAD} | rows)
+            write_page(json.loads(needs.read_text(encoding="utf-8")))
+    return page
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
+    size = parser.add_mutually_exclusive_group()
+    size.add_argument("--quick", action="store_true", help="whether all of it runs (4 minutes)")
+    size.add_argument("--full", action="store_true", help="the full form of each area (an hour)")
+    parser.add_argument("--only", nargs="+", choices=areas.NAMES, default=areas.NAMES)
+    parser.add_argument("--out", type=Path, help="JSON to write; the page stands beside it")
+    parser.add_argument("--child", choices=areas.NAMES, help=argparse.SUPPRESS)
+    parser.add_argument("--form", default="short", help=argparse.SUPPRESS)
+    return parser
+
+
+def measure_all(names: Sequence[str], form: str, keep: Path) -> dict[str, Any]:
+    """Every area's rows, what they are judged by, and the figures that `compare.py` compares.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Areas to run.
+    form : {"short", "full", "quick"}
+    keep : Path
+        Written after each area, so that a run that is broken off leaves what it had.
+    """
+    result: dict[str, Any] = about(form) | {"areas": {}}
+    began = time.perf_counter()
+    for area in areas.AREAS:
+        if area.name in names:
+            place = f"{len(result['areas']) + 1} of {len(names)}"
+            print(f"{area.name} ({place}): {area.about} ...", file=sys.stderr, flush=True)
+            found = measure_one(area, form)
+            result["areas"][area.name] = found
+            state = found.get("failed") or "done"
+            _judge(result, time.perf_counter() - began)
+            write(keep, result)
+            print(f"  {state} ({found['seconds']:.0f} s)", file=sys.stderr, flush=True)
+    return result
+
+
+def _judge(result: dict[str, Any], seconds: float) -> None:
+    result["seconds"] = seconds
+    result["asked"] = judge(result)
+    result["figures"] = figures_of(result)
+
+
+def measure_one(area: areas.Area, form: str) -> dict[str, Any]:
+    """The rows of one area from a process of its own, or `failed`: why there are none.
+
+    Returns
+    -------
+    dict
+        `rows` or `failed`, `seconds` (wall), `cpu_seconds` (of the process and of all that it
+        started), `form`, `shorter` and `load_average` as it began.
+    """
+    limit = area.seconds * (4.0 if form == "full" else 1.0)
+    found: dict[str, Any] = {
+        "form": form,
+        "shorter": area.shorter if form == "short" else "",
+        "load_average": os.getloadavg()[0],
+    }
+    began, spent = time.perf_counter(), _children_seconds()
+    with tempfile.TemporaryDirectory() as name:
+        out, said = Path(name) / "rows.json", Path(name) / "said.txt"
+        command = [*PROGRAM, "--child", area.name, "--form", form, "--out", str(out)]
+        failed = _run(command, said, limit)
+        if failed is None:
+            found["rows"] = json.loads(out.read_text(encoding="utf-8"))
+        else:
+            found["failed"] = failed
+    found["seconds"] = time.perf_counter() - began
+    found["cpu_seconds"] = _children_seconds() - spent
+    return found
+
+
+def _run(command: list[str], said: Path, limit: float) -> str | None:
+    """Run a process with all that it starts; None, or in one line why it failed."""
+    with said.open("w", encoding="utf-8") as file:
+        child = subprocess.Popen(
+            command, stdout=file, stderr=subprocess.STDOUT, start_new_session=True, cwd=ROOT,
+            env={**os.environ, **ONE_THREAD},
+        )  # fmt: skip
+        try:
+            code = child.wait(limit)
+        except subprocess.TimeoutExpired:
+            return f"took longer than {limit:.0f} s"
+        finally:
+            _end(child)
+    if code == 0:
+        return None
+    lines = said.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return f"exit {code}: {lines[-1].strip()[:300] if lines else 'it said nothing'}"
+
+
+def _end(child: subprocess.Popen[bytes]) -> None:
+    """End a process with those that it left behind: publishers, recorders, a browser."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child.pid, signal.SIGKILL)
+    child.wait()
+
+
+def _children_seconds() -> float:
+    times = os.times()
+    return times.children_user + times.children_system
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,161 @@
+"""What a benchmark writes: its rows, and where, when and with what they were measured.
+
+Every file of benchmarks/results that a program here writes goes through `write`; every program
+that measures one area has `measure(quick) -> dict` and ends with `command`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Callable, Iterable
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from benchmarks import ROOT
+
+RESULTS = ROOT / "benchmarks" / "results"
+FORMAT = 1  # of the files; `compare.py` refuses another
+LIBRARIES = (
+    "skinmap", "numpy", "scipy", "scikit-learn", "numba", "libigl", "trimesh", "pymeshlab",
+    "cholespy", "scikit-sparse", "potpourri3d", "open3d", "pyvista", "vtk", "viser", "websockets",
+    "mcap", "zstandard", "pyzmq", "pylsl", "joblib", "torch",
+)  # fmt: skip
+Measure = Callable[..., dict[str, Any]]
+
+
+def about(form: str) -> dict[str, Any]:
+    """Commit, form, versions and machine: the head of every result.
+
+    Parameters
+    ----------
+    form : {"full", "short", "quick"}
+        How long the benchmark was allowed to be.
+    """
+    return {
+        "format": FORMAT,
+        "commit": commit(),
+        "form": form,
+        "python": platform.python_version(),
+        "versions": versions(LIBRARIES),
+        "machine": machine(),
+        "threads": int(os.environ.get("OMP_NUM_THREADS", "0")) or "all",
+    }
+
+
+def versions(names: Iterable[str]) -> dict[str, str]:
+    """Versions of libraries, or that they are not installed."""
+    found = {}
+    for name in names:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def commit() -> str:
+    """The commit that is measured, `-dirty` where files differ from it."""
+    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty"]
+    try:
+        run = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:  # there is no git
+        return "unknown"
+    return run.stdout.strip() or "unknown"
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores, memory [GB] and how busy the machine is."""
+    pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return {
+        "system": f"{platform.system()} {platform.machine()}",
+        "processor": _processor(),
+        "cores": len(os.sched_getaffinity(0)),
+        "memory_gb": round(pages / 2**30, 1),
+        "load_average": round(os.getloadavg()[0], 2),
+    }
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    fields = dict(line.split(":", 1) for line in lines if ":" in line)
+    names = {key.strip(): value.strip() for key, value in fields.items()}
+    return f"{names.get('model name', 'unknown')} (model {names.get('model', '?')})"
+
+
+def write(path: Path, result: dict[str, Any]) -> None:
+    """Write a result as JSON that people can read: one number a line, short lists in one."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(readable(result) + "\n", encoding="utf-8")
+    partial.replace(path)  # never half a file
+
+
+def readable(value: Any, indent: int = 0) -> str:
+    """JSON whose objects and lists stand on one line where they fit into a hundred characters."""
+    short = json.dumps(rounded(value), allow_nan=False)
+    if len(short) + indent <= 100 or not isinstance(value, dict | list | tuple) or not value:
+        return short
+    inner, outer = " " * (indent + 1), " " * indent
+    if isinstance(value, dict):
+        pairs = value.items()
+        lines = [f"{inner}{json.dumps(str(k))}: {readable(v, indent + 1)}" for k, v in pairs]
+        return "{\n" + ",\n".join(lines) + f"\n{outer}}}"
+    return "[\n" + ",\n".join(inner + readable(v, indent + 1) for v in value) + f"\n{outer}]"
+
+
+def rounded(value: Any) -> Any:
+    """The same with numbers of six figures, as no clock is better; null for what is no number."""
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: rounded(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(one) for one in value]
+    return rounded(value.item()) if hasattr(value, "item") else value
+
+
+def command(measure: Measure, what: str | None, name: str, arguments: Any = None) -> Path | None:
+    """The program of one area: measure in full (or `--quick`), and write its file.
+
+    Parameters
+    ----------
+    measure : callable
+        `measure(quick)`, which gives the rows.
+    what : str
+        Said by `--help`.
+    name : str
+        Of the file in benchmarks/results.
+    arguments : sequence of str, optional
+        Instead of the command line's.
+
+    Returns
+    -------
+    Path or None
+        The file; None where the rows were only printed.
+    """
+    from threadpoolctl import threadpool_limits
+
+    parser = argparse.ArgumentParser(description=what)
+    parser.add_argument("--quick", action="store_true", help="whether it runs; no figures to keep")
+    parser.add_argument("--out", type=Path, help="file to write instead of benchmarks/results")
+    options = parser.parse_args(arguments)
+    head = about("quick" if options.quick else "full")
+    with threadpool_limits(1):
+        rows = measure(options.quick)
+    target = options.out or RESULTS / f"{name}.json"
+    if options.quick and not options.out:
+        print(readable(rows))
+        return None
+    write(target, head | rows)
+    print(f"written to {target}", file=sys.stderr)
+    return target

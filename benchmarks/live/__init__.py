@@ -1,0 +1,1 @@
+"""The live loop, its transports and its recordings."""

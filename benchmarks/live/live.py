@@ -1,0 +1,283 @@
+"""All of live: transport, arrival to label, contacts, identities, memory, recordings.
+
+A publisher in another process sends simulated touches on the whole iCub over ZeroMQ on loopback.
+Writes benchmarks/results/live.json; `--quick` looks whether it runs.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import skinmap
+from benchmarks.harness.record import command, readable
+from benchmarks.harness.timing import quartiles, timed
+from benchmarks.live import recordings, transport
+from benchmarks.live.live_memory import soak
+from benchmarks.live.live_planted import finger, kept_share, read
+from benchmarks.live.live_planted import pairs as pairs_on
+from skinmap.classify.classifier import TouchClassifier, classifiers
+from skinmap.classify.descriptors import Touch
+from skinmap.live.contacts.contact_tracker import ContactTracker
+from skinmap.live.loop import TouchLoop
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.live.sources.open_source import open_source
+from skinmap.live.sources.source import SourceEnded
+from skinmap.skin.robot import Robot
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.simulator import simulate
+
+WARM = 2.0  # seconds of a stream that are left out: who joins works off what waited
+
+
+def measure(
+    quick: bool,
+    *,
+    minutes: float = 10.0,
+    seconds: float = 60.0,
+    soaked: int = 200_000,
+    each: float = 10.0,
+    kills: int = 10,
+    pairs: int = 10,
+    only: str | None = None,
+) -> dict[str, Any]:
+    """All parts, or only one.
+
+    Parameters
+    ----------
+    quick : bool
+        Seconds of each.
+    minutes, seconds : float
+        Length of the streams at 50 Hz, at 1 kHz.
+    soaked : int
+        Samples that memory is watched over.
+    each : float
+        Seconds of each transport at each rate.
+    kills, pairs : int
+        Recorders killed; pairs of touches on each part.
+    only : str, optional
+        Name of one part.
+    """
+    if quick:
+        minutes, seconds, soaked, each, kills, pairs = 0.1, 3.0, 2000, 1.0, 1, 1
+    robot = skinmap.load_robot("icub")
+    skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
+    model = train(skins)
+    joined = JoinedSkin(skins)
+    parts: dict[str, Callable[[], Any]] = {
+        "transport": lambda: transport.rows(each),
+        "contacts": lambda: contacts(joined, 50 if quick else 2000),
+        "identities": lambda: identities(joined, pairs),
+        "press": lambda: press(joined, minutes=minutes),
+        "live_50_hz": lambda: live(robot, skins, model, 50.0, 60.0 * minutes),
+        "live_1_khz": lambda: live(robot, skins, model, 1000.0, seconds),
+        "live_1_khz_raw": lambda: live(robot, skins, model, 1000.0, seconds, raw=True),
+        "soak": lambda: soak(robot, skins, model, soaked),
+        "recordings": lambda: recordings.measure(kills=kills, minutes=minutes),
+    }
+    result: dict[str, Any] = {"channels": len(joined)}
+    for name in parts if only is None else [only]:
+        result[name], cpu, wall = timed(parts[name])
+        print(f"{name}: {wall:.0f} s, {cpu:.0f} s CPU", file=sys.stderr, flush=True)
+    return result
+
+
+def main() -> None:
+    """Measure and write, or print one part (`--only press`: `make soak`)."""
+    if "--only" in sys.argv:
+        name = sys.argv[sys.argv.index("--only") + 1]
+        print(readable(measure("--quick" in sys.argv, only=name)[name]))
+    else:
+        command(measure, __doc__, "live")
+
+
+def train(skins: dict[str, PreparedSkin]) -> TouchClassifier:
+    """Contact geometry that learnt on two parts."""
+    rng = np.random.default_rng(2)
+    touches = [
+        Touch(skins[part], samples, label)
+        for part in ("torso", "right_forearm")
+        for _, label, samples in simulate(skins[part].skin, rng=rng, per_gesture=16).touches()
+    ]
+    return classifiers.get("contact-geometry")().fit(touches, rng=rng)
+
+
+def contacts(skin: JoinedSkin, repeats: int) -> dict[str, Any]:
+    """CPU time for the contacts of one sample with five touches that tremble."""
+    rng = np.random.default_rng(0)
+    gains = np.clip(rng.normal(1.0, 0.15, len(skin)), 0.4, 1.6)
+    parts = ("torso", "left_arm", "right_forearm", "left_leg_upper", "left_foot")
+    prints = [
+        finger(skin, part, skin.positions[skin.slices[part]][rng.integers(len(skin.skins[part]))])
+        for part in parts
+    ]
+    tracker = ContactTracker(skin)
+    times, counts = [], []
+    for step in range(repeats + 50):
+        press = 140.0 * (1.0 + 0.05 * rng.standard_normal(len(prints)))
+        sample = read(press @ np.stack(prints), gains, rng)
+        start = time.process_time()
+        tracker.update(step / 50.0, sample)
+        times.append((time.process_time() - start) * 1e3)
+        counts.append(len(tracker.present))
+    cost = np.array(times[50:])
+    return {
+        "touches": int(np.median(counts)),
+        "active_taxels": int(sum(len(track.taxels) for track in tracker.present)),
+        "median_ms": float(np.median(cost)),
+        "quartiles_ms": quartiles(cost),
+        "p95_ms": float(np.percentile(cost, 95)),
+    }
+
+
+def identities(skin: JoinedSkin, count: int) -> dict[str, Any]:
+    """Share of samples in which two wandering touches 30 mm apart keep their numbers."""
+    rng = np.random.default_rng(1)
+    shares = []
+    for part in skin.parts:
+        own = JoinedSkin({part: skin.skins[part]})
+        shares += [
+            kept_share(own, part, pair, samples=500, rng=rng)
+            for pair in pairs_on(own, part, count, rng)
+        ]
+    return {
+        "pairs": len(shares),
+        "share": float(np.mean(shares)),
+        "worst": float(np.min(shares)),
+        "pairs_always_kept": float(np.mean(np.array(shares) == 1.0)),
+    }
+
+
+def press(skin: JoinedSkin, *, minutes: float) -> dict[str, Any]:
+    """A press that is held, raw values without a calibration: contacts, and what is left of it."""
+    from skinmap.live.response.pressures import RestBaseline
+
+    rng = np.random.default_rng(3)
+    part = "torso"
+    own = JoinedSkin({part: skin.skins[part]})
+    gains = np.clip(rng.normal(1.0, 0.15, len(own)), 0.4, 1.6)
+    shares = finger(own, part, own.positions[100])
+    response = RestBaseline(own.part_of, 50.0)
+    tracker = ContactTracker(own)
+    numbers: set[int] = set()
+    peaks = []
+    held = round(60.0 * minutes * 50.0)
+    for step in range(200 + held):
+        load = 120.0 * shares if step >= 200 else np.zeros(len(own))
+        raw = 240.0 - read(load, gains, rng)
+        tracker.update(step / 50.0, response.apply(raw[None])[0])
+        if step >= 250:
+            numbers |= {track.identity for track in tracker.tracks}
+            peaks.append(max((track.peak for track in tracker.present), default=0.0))
+    return {
+        "minutes": minutes,
+        "contacts": len(numbers),
+        "samples_without": int(np.sum(np.array(peaks) == 0.0)),
+        "peak_first_second": float(np.mean(peaks[:50])),
+        "peak_last_second": float(np.mean(peaks[-50:])),
+    }
+
+
+def live(
+    robot: Robot,
+    skins: dict[str, PreparedSkin],
+    model: TouchClassifier,
+    rate: float,
+    seconds: float,
+    *,
+    raw: bool = False,
+) -> dict[str, Any]:
+    """Follow a publisher in another process, and measure in this one."""
+    port = transport.free_port()
+    command = [
+        str(Path(sys.executable).with_name("skinmap")),
+        "simulate",
+        "icub",
+        "--rate",
+        str(rate),
+    ]
+    command += ["--publish", f"zmq:{port}", "--seconds", str(seconds + 4.0)]
+    publisher = subprocess.Popen(
+        [*command, *(["--raw"] if raw else [])],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert publisher.stderr is not None
+        publisher.stderr.readline()  # it says so when it publishes
+        source = open_source(f"zmq:127.0.0.1:{port}", robot=robot)
+        loop = TouchLoop(robot, source, classifier=model, skins=skins)
+        return follow(loop, seconds)
+    finally:
+        publisher.terminate()
+        publisher.wait()
+
+
+def follow(loop: TouchLoop, seconds: float) -> dict[str, Any]:
+    """Latencies, losses and CPU of a loop for some seconds of its stream."""
+    latencies, costs, touched, behind = [], [], 0, 0
+    first = started = spent = named = float("nan")
+    used = 0
+    try:
+        while True:
+            cost = time.thread_time()
+            moment = loop.step(0.2)
+            cost = time.thread_time() - cost
+            loop.happenings()
+            loop.finished()
+            if moment is None or moment.stale:
+                continue
+            if first != first:
+                first = moment.time
+            if moment.time - first < WARM:
+                continue
+            if started != started:
+                started, spent = moment.time, time.process_time()
+                wall, named = time.perf_counter(), loop.labels_given
+                used = loop.counts.used
+            latencies.append(moment.latency)
+            costs.append(cost)
+            touched += bool(moment.touches)
+            behind = max(behind, loop.counts.used - used)
+            used = loop.counts.used
+            if moment.time - started >= seconds:
+                break
+    except SourceEnded:
+        pass
+    finally:
+        loop.close()
+    cpu = (time.process_time() - spent) / (time.perf_counter() - wall)
+    late = np.array(latencies) * 1e3
+    return {
+        "seconds": moment.time - started if moment is not None else None,
+        "samples": loop.counts.used,
+        "moments": len(late),
+        "touched_share": touched / len(late),
+        "lost": loop.totals()["lost"],
+        "dropped": loop.totals()["dropped"],
+        "most_samples_in_a_step": behind,
+        "labels_a_second": (loop.labels_given - named) / seconds,
+        "labels_a_second_while_touched": (loop.labels_given - named)
+        / seconds
+        / (touched / len(late)),
+        "latency_ms": spread(late),
+        "cpu_ms_a_step": spread(np.array(costs) * 1e3),
+        "cpu_share_of_one_core": cpu,
+    }
+
+
+def spread(values: np.ndarray) -> dict[str, float]:
+    """Median, 99th percentile and largest."""
+    median, p99 = np.percentile(values, (50, 99))
+    return {"median": float(median), "p99": float(p99), "max": float(values.max())}
+
+
+if __name__ == "__main__":
+    main()

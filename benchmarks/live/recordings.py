@@ -1,0 +1,276 @@
+"""What recordings cost and survive: size, speed, kill -9 at random moments, a full disk.
+
+`python -m benchmarks.live.recordings` prints one JSON object; `measure` is part of
+`make bench-live`, and `make soak` runs it with 50 kills. A child process plays simulated samples
+of the whole iCub at 50 Hz into a recorder and reports each sample that it has handed over through
+a pipe.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import select
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import ROOT
+
+RATE = 50.0  # samples a second
+MINUTES = 10
+LONGEST_LOSS = 0.2  # seconds that a killed process may lose
+MAX_MB = 70.0
+PLAYED = 500  # samples that a child plays over and over
+FEWEST, MOST = 10, 120  # samples that a child sends before it is killed
+WAIT = 60.0  # for a child to start [s]
+REPORT = struct.Struct("<I")
+
+
+def main() -> None:
+    """Print all figures, or be a child that is killed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--child", nargs=2, type=Path, metavar=("SAMPLES", "FILE"))
+    parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--minutes", type=float, default=MINUTES)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    if arguments.child:
+        record_until_killed(*arguments.child)
+        return
+    found = measure(kills=arguments.kills, minutes=arguments.minutes, seed=arguments.seed)
+    print(json.dumps(found, indent=2))
+
+
+def measure(*, kills: int = 50, minutes: float = MINUTES, seed: int = 0) -> dict[str, Any]:
+    """All figures of recordings.
+
+    Parameters
+    ----------
+    kills : int
+        Children that are killed.
+    minutes : float
+        Simulated time that is recorded to measure size and speed.
+    seed : int
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        samples, size = measure_size(folder, minutes=minutes, seed=seed)
+        losses = kill_many(folder, samples, kills, rng=np.random.default_rng(seed))
+        full = fill_disk(folder, samples)
+    return {
+        "size": size,
+        "kills": {
+            "count": len(losses),
+            "opened": sum(one["opened"] for one in losses),
+            "most_lost_s": max((one["lost_s"] for one in losses), default=None),
+            "median_lost_s": float(np.median([one["lost_s"] for one in losses])),
+            "goal_s": LONGEST_LOSS,
+            "most_stated_s": max((one["stated_s"] for one in losses), default=None),
+        },
+        "disk_full": full,
+    }
+
+
+def measure_size(
+    folder: Path, *, minutes: float, seed: int
+) -> tuple[NDArray[np.uint8], dict[str, Any]]:
+    """Record the simulator as fast as it goes; some of its samples, and what the file costs."""
+    import skinmap
+    from skinmap.io.recordings.mcap_track import read_track
+    from skinmap.live.recording.recorder import Recorder
+    from skinmap.live.sources.open_source import open_source
+
+    robot = skinmap.load_robot("icub")
+    source = open_source("sim", robot=robot, seed=seed, speed=float("inf"))
+    path = folder / "size.mcap"
+    recorder = Recorder(path, source.info, robot=robot)
+    wanted, spent, kept = round(minutes * 60 * RATE), 0.0, []
+    count = 0
+    while count < wanted:
+        block = source.read(10.0)
+        if block is None:
+            continue
+        if len(kept) * len(block) < PLAYED:
+            kept.append(block.values)
+        began = time.process_time()
+        recorder.put(block, patience=WAIT)
+        spent += time.process_time() - began  # the simulator's threads and the writer's are in it
+        count += len(block)
+    source.close()
+    recorder.close()
+    began = time.process_time()
+    track = read_track(path)
+    opened = time.process_time() - began
+    began = time.process_time()
+    for start in range(0, len(track.times), 256):
+        track.values[start : start + 256]
+    played = time.process_time() - began
+    megabytes = path.stat().st_size / 1e6
+    return np.concatenate(kept)[:PLAYED], {
+        "channels": source.info.channels,
+        "samples": count,
+        "minutes": count / RATE / 60,
+        "megabytes": megabytes,
+        "megabytes_in_10_minutes": megabytes * MINUTES / (count / RATE / 60),
+        "goal_megabytes": MAX_MB,
+        "uncompressed_megabytes": count * source.info.channels / 1e6,
+        "uncompressed_megabytes_in_10_minutes": 60 * RATE * MINUTES * source.info.channels / 1e6,
+        "open_cpu_s": opened,
+        "read_all_cpu_s": played,
+    }
+
+
+def kill_many(
+    folder: Path,
+    samples: NDArray[np.uint8],
+    kills: int,
+    *,
+    rng: np.random.Generator,
+    most: int = MOST,
+) -> list[dict[str, Any]]:
+    """What each of many children lost; they are killed after at most so many samples."""
+    stored = folder / "samples.npy"
+    np.save(stored, samples)
+    return [
+        kill_once(stored, folder / f"kill_{number}.mcap", rng=rng, most=most)
+        for number in range(kills)
+    ]
+
+
+def kill_once(
+    stored: Path, path: Path, *, rng: np.random.Generator, most: int = MOST
+) -> dict[str, Any]:
+    """Kill a child that records at a random moment; what it had sent and what is found.
+
+    Returns
+    -------
+    dict
+        `sent` and `found` samples, `lost_s`, `opened`, and `stated_s`: the loss that the file
+        states of itself.
+    """
+    from skinmap.io.recordings.mcap_track import read_track
+
+    after = int(rng.integers(FEWEST, most))
+    child = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "benchmarks.live.recordings",
+            "--child",
+            str(stored.resolve()),
+            str(path.resolve()),
+        ],
+        stdout=subprocess.PIPE,
+        cwd=ROOT,
+    )
+    assert child.stdout is not None
+    try:
+        sent = _reports(child.stdout.fileno(), after)
+        # Anywhere between two samples, and anywhere between two chunks.
+        select.select([], [], [], float(rng.uniform(0.0, 2.0 / RATE)))
+    finally:
+        child.send_signal(signal.SIGKILL)
+        child.wait()
+    rest = child.stdout.read()
+    child.stdout.close()
+    sent += len(rest) // REPORT.size
+    track = read_track(path)
+    found = len(track.times)
+    played = np.load(stored, mmap_mode="r")
+    expected = played[np.arange(found) % len(played)]
+    opened = bool(np.array_equal(track.values[:], expected))
+    return {
+        "sent": sent,
+        "found": found,
+        "lost_s": max(sent - found, 0) / RATE,
+        "opened": opened,
+        "stated_s": track.loss.seconds,
+    }
+
+
+def _reports(pipe: int, wanted: int) -> int:
+    """Wait until so many samples were reported; how many there are."""
+    data, deadline = b"", time.monotonic() + WAIT
+    while len(data) < wanted * REPORT.size:
+        ready, _, _ = select.select([pipe], [], [], max(deadline - time.monotonic(), 0.0))
+        piece = os.read(pipe, 4096) if ready else b""
+        if not piece:
+            raise RuntimeError("the child that records said nothing")
+        data += piece
+    return len(data) // REPORT.size
+
+
+def record_until_killed(stored: Path, path: Path) -> None:
+    """What a child does: play samples at 50 Hz, record them, report each one."""
+    from skinmap.live.recording.recorder import Recorder
+    from skinmap.live.sources.playback import Playback
+    from skinmap.live.sources.source import Block, StreamInfo
+
+    values = np.load(stored)
+    info = StreamInfo("simulated", ("all",), (values.shape[1],), RATE)
+    source = Playback(info, np.arange(len(values)) / RATE, values, loop=True)
+    recorder = Recorder(path, info)
+    sent = 0
+    while True:
+        block = source.read(1.0)
+        for row in range(0 if block is None else len(block)):
+            assert block is not None
+            recorder.put(Block(np.array([sent / RATE]), block.values[row : row + 1], 0.0))
+            sent += 1
+            os.write(1, REPORT.pack(sent))
+
+
+def fill_disk(folder: Path, samples: NDArray[np.uint8], *, room: int = 500_000) -> dict[str, Any]:
+    """Record until the system refuses; what it said, and what can be read then."""
+    from mcap.reader import make_reader
+
+    from skinmap.errors import OutputError
+    from skinmap.io.recordings.mcap_track import read_track
+    from skinmap.live.recording.recorder import Recorder
+    from skinmap.live.sources.source import Block, StreamInfo
+
+    info = StreamInfo("simulated", ("all",), (samples.shape[1],), RATE)
+    path, message, sent = folder / "full.mcap", "", 0
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+    try:
+        recorder = Recorder(path, info)
+        try:
+            for sent in range(100_000):
+                row = samples[sent % len(samples)][None]
+                recorder.put(Block(np.array([sent / RATE]), row, 0.0))
+        except OutputError as error:
+            message = str(error)
+        try:
+            recorder.close()
+        except OutputError as error:
+            message = message or str(error)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    track = read_track(path)
+    with path.open("rb") as file:
+        standard = sum(1 for _ in make_reader(file).iter_messages())
+    return {
+        "error": message.replace(str(folder), ""),
+        "sent": sent,
+        "readable": len(track.times),
+        "readable_by_mcap": standard,
+        "recovered": track.loss.recovered,
+        "bytes": path.stat().st_size,
+        "room": room,
+    }
+
+
+if __name__ == "__main__":
+    main()

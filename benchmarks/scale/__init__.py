@@ -1,0 +1,1 @@
+"""Time and memory over decades of size."""

@@ -1,0 +1,168 @@
+"""Many updates of one scene: what memory grows by, and how old is what is shown."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+# This folder has a calibration.py of its own: the package of that name comes first.
+PERIOD = 1.0 / 50.0  # of the samples [s]
+WARM = 2_000  # updates until caches are filled
+SIZE = (320, 240)
+
+
+def moments(skins: dict[str, Any], seed: int = 0) -> Iterator[Any]:
+    """Touches that wander over the parts, appear and go, without end."""
+    from skinmap.live.contacts.named_touch import NamedTouch
+    from skinmap.live.moment import Moment
+
+    rng = np.random.default_rng(seed)
+    number, parts = 0, list(skins)
+    while True:
+        part = parts[number // 60 % len(parts)]
+        skin = skins[part]
+        taxel = int(rng.integers(len(skin)))
+        distance = np.linalg.norm(skin.positions - skin.positions[taxel], axis=1)
+        load = 200.0 * np.clip(1.0 - (distance / 0.02) ** 2, 0.0, None)
+        pressures = {name: np.zeros(len(one)) for name, one in skins.items()}
+        pressures[part] = load
+        touched = np.flatnonzero(load > 12.0)
+        touches = (NamedTouch(part, touched, skin.positions[taxel], "poke", 0.9),)
+        yield Moment(number * PERIOD, pressures, touches if number % 60 < 50 else ())
+        number += 1
+
+
+def memory_mb() -> float:
+    """Memory of this process that is in use now [MB]."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * resource.getpagesize() / 2**20
+
+
+def soak(
+    scene: Any, updates: int, report: Callable[[str], None] = lambda _: None
+) -> dict[str, Any]:
+    """Show so many updates, as fast as they can be drawn."""
+    skins = {part: layer.skin for part, layer in scene.layers.items()}
+    source = moments(skins)
+    before, started = 0.0, time.process_time()
+    warm = min(WARM, updates // 4)
+    for number in range(updates):
+        if number == warm:
+            before = memory_mb()
+        scene.show_moment(next(source))
+        scene.refresh()
+        if number % 20_000 == 0:
+            report(f"{number:,} updates, {memory_mb():.1f} MB")
+    return {
+        "updates": updates,
+        "cpu_ms_per_update": (time.process_time() - started) / updates * 1e3,
+        "grown_mb": memory_mb() - before,
+    }
+
+
+class Live:
+    """A live source at 50 Hz, as a player's thread asks it: the newest moment that is due.
+
+    A moment's time is when it was due, in perf_counter's seconds: what the thread comes too late
+    by counts as age too.
+    """
+
+    loop = seekable = halts = False
+    duration, period = float("nan"), PERIOD
+
+    def __init__(self, source: Iterator[Any]) -> None:
+        self._source, self._due = source, time.perf_counter()
+
+    def step(self, timeout: float, wake: threading.Event) -> Any:
+        """The newest moment, None after `timeout` [s]."""
+        late = time.perf_counter() - self._due
+        if late < 0.0:
+            wake.wait(min(-late, timeout))
+            if time.perf_counter() < self._due:
+                return None
+        behind = int(max(0.0, time.perf_counter() - self._due) / PERIOD)
+        arrived = self._due + behind * PERIOD
+        self._due = arrived + PERIOD
+        late = time.perf_counter() - arrived
+        return replace(next(self._source), time=arrived, latency=late, rate=1.0 / PERIOD)
+
+    def seek(self, seconds: float) -> None:
+        """A live source goes its own way."""
+
+    def pace(self, speed: float, *, halted: bool, hurried: bool) -> None:
+        """And at its own pace."""
+
+    def close(self) -> None:
+        """There is nothing to give back."""
+
+
+def ages(scene: Any, seconds: float = 6.0, turn: float = 0.0) -> dict[str, float]:
+    """How old what is shown is: the window's own loop, its player's thread, a source at 50 Hz.
+
+    From a sample's arrival to its picture on the screen; those that say themselves that they are
+    late are counted apart. The camera turns by `turn` [deg] with each picture. Ends with the
+    scene closed, as a window does.
+    """
+    from viewer.playing.player import Player
+    from viewer.window import Window
+
+    player: Any = Player(Live(moments({p: one.skin for p, one in scene.layers.items()}, seed=1)))
+    window = Window(scene, player)
+    window.open()
+    scene.refresh()
+    player.start()
+    shown: list[float] = []
+    late = 0  # pictures that say themselves that they are late
+    start = time.perf_counter()
+    try:
+        while time.perf_counter() < start + seconds:
+            if turn:
+                scene.look(20.0 + turn * window.drawn)
+            before = window.drawn
+            window.turn()
+            if window.drawn > before and scene.moment.time > 0.0:  # NaN before the first sample
+                if window.punctual.late > late:
+                    late += 1
+                else:
+                    shown.append(time.perf_counter() - scene.moment.time)
+            window.wait()
+    finally:
+        window.close()
+    told = {"held_back": window.punctual.held, "shown_with_a_mark": late}
+    if not shown:  # a machine with so much to do that every picture says that it is late
+        return {"drawn_per_s": late / seconds, **told}
+    middle, most, worst = np.quantile(shown, [0.5, 0.95, 1.0]) * 1e3
+    return {
+        "drawn_per_s": (len(shown) + late) / seconds,
+        "median_ms": float(middle),
+        "p95_ms": float(most),
+        "worst_ms": float(worst),
+        "share_over_100_ms": float(np.mean(np.array(shown) > 0.1)),
+        **told,
+    }
+
+
+def main() -> None:
+    """Show many updates and print what they cost."""
+    from viewer.scene import Scene
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--updates", type=int, default=200_000)
+    options = parser.parse_args()
+    scene = Scene.load("icub", ["torso"], links="skin", window_size=SIZE)
+    told = soak(scene, options.updates, lambda line: print(line, file=sys.stderr, flush=True))
+    print(json.dumps(told))
+
+
+if __name__ == "__main__":
+    main()

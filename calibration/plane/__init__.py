@@ -1,0 +1,1 @@
+"""Presses on a table: where the patches of a robot are mounted."""

@@ -1,0 +1,413 @@
+"""How likely a flat surface is felt: taxels that felt it lie below it, silent ones above.
+
+With the signed distance s of a taxel from the surface and the press depth c of the contact, the
+taxel is active with the probability of a logistic curve of (c - s) / tau, mixed with a few
+readings that mean nothing. Unknown are mounts, planes, zero positions of joints and tau; by
+contact its depth; by module a shift; by taxel a height at which it answers. The last three are
+random, with spreads that are found from the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.special import expit
+
+from calibration.mount.chains import Chain
+from calibration.plane.contacts import Plane, PlaneContacts
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+
+SENSELESS = 0.01  # share of readings that say nothing: each weighs no more than four in doubt
+MOUNT_TURN, MOUNT_SHIFT = 1.0, 0.2  # priors of mount and plane that bound, and decide nothing
+KNOWN_DEPTH = 2e-3  # prior of the press depth that is common to all contacts of a known plane [m]
+TAU, TAU_FOLD = 1e-3, 1.0  # where the width of the logistic curve is sought [m, log]
+TAIL = 4.0  # degrees of freedom of the press depths: one wrong contact cannot pull the rest
+
+
+@dataclass(frozen=True, slots=True)
+class Spreads:
+    """Standard deviations of what is random [m]."""
+
+    depth: float = 1e-3  # of a contact's press depth round the common one
+    shift: float = 0.3e-3  # of a module, along each axis
+    height: float = 0.3e-3  # at which a taxel answers
+    fitted: float = 0.0  # how many unknowns the evidence has settled
+
+
+@dataclass(eq=False, slots=True)
+class PlaneState:
+    """Unknowns: mounts by patch, planes, joint offsets, tau [m], depths, shifts, heights."""
+
+    mounts: dict[str, FloatArray]
+    normals: FloatArray  # (p, 3)
+    points: FloatArray  # (p, 3)
+    offsets: FloatArray  # (joints of the robot,)
+    tau: float
+    depths: FloatArray  # (m,)
+    shifts: dict[str, FloatArray]  # (g, 3) by patch
+    heights: dict[str, FloatArray]  # (n,) by patch
+
+    def copy(self) -> PlaneState:
+        """Another state with the same values."""
+        return PlaneState(
+            dict(self.mounts), self.normals.copy(), self.points.copy(), self.offsets.copy(),
+            self.tau, self.depths.copy(), dict(self.shifts), dict(self.heights),
+        )  # fmt: skip
+
+    def plane(self, number: int = 0) -> Plane:
+        """One of the surfaces."""
+        return Plane(self.points[number], self.normals[number])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Patch:
+    """A patch of the problem: its chain, and the module of each taxel as 0..g-1."""
+
+    chain: Chain
+    module: IntArray
+    usable: BoolArray  # (n,): dead and stuck taxels say nothing
+
+    @property
+    def member(self) -> FloatArray:
+        """(n, g) of ones where a taxel belongs to a module."""
+        return np.asarray(np.eye(int(self.module.max()) + 1)[self.module])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Layout:
+    """Columns of the unknowns."""
+
+    mount: dict[str, int]
+    plane: int
+    tilting: bool
+    joint: dict[int, int]
+    tau: int
+    main: int  # how many come before the random ones
+    depth: int
+    shift: dict[str, int]
+    height: dict[str, int]
+    count: int
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class System:
+    """Normal equations at one state."""
+
+    normal: FloatArray  # (count, count), of the evidence alone
+    slope: FloatArray  # (count,), of the evidence alone
+    cost: float  # -log likelihood of the evidence
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PlaneProblem:
+    """Contacts, patches and priors."""
+
+    contacts: PlaneContacts
+    patches: Mapping[str, Patch]
+    joint_sigma: float
+    tilting: bool = True  # False: planes are known but for the common press depth
+    surfaces: int = 1
+
+    def layout(self) -> Layout:
+        """Where each unknown stands."""
+        mount = {name: 6 * k for k, name in enumerate(self.patches)}
+        plane = 6 * len(mount)
+        used = sorted({int(k) for one in self.patches.values() for k in one.chain.joints})
+        first = plane + (3 if self.tilting else 1) * self.surfaces
+        joint = {number: first + k for k, number in enumerate(used)}
+        tau = first + len(used)
+        column = depth = tau + 1
+        column += len(self.contacts)
+        shift, height = {}, {}
+        for name, one in self.patches.items():
+            shift[name] = column
+            column += 3 * (int(one.module.max()) + 1)
+        for name, one in self.patches.items():
+            height[name] = column
+            column += len(one.module)
+        return Layout(mount, plane, self.tilting, joint, tau, depth, depth, shift, height, column)
+
+    def signed(self, name: str, state: PlaneState) -> FloatArray:
+        """(m, n) distances of a patch's taxels above the surface [m]."""
+        return self._seen(name, state)[0]
+
+    def _seen(
+        self, name: str, state: PlaneState
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Distances (m, n), places (m, n, 3) in the base, T (m, 4, 4), axes and origins."""
+        patch = self.patches[name]
+        T, axes, origins = patch.chain.motion(self.contacts.angles, state.offsets)
+        local = patch.chain.taxels + state.shifts[name][patch.module]
+        M = state.mounts[name]
+        own = local @ M[:3, :3].T + M[:3, 3]
+        x = np.einsum("mij,nj->mni", T[:, :3, :3], own) + T[:, None, :3, 3]
+        n, p = state.normals[self.contacts.surface], state.points[self.contacts.surface]
+        s = np.einsum("mni,mi->mn", x - p[:, None], n) + state.heights[name]
+        return np.asarray(s), np.asarray(x), T, axes, origins
+
+    def chances(self, name: str, state: PlaneState) -> FloatArray:
+        """(m, n) probability that a taxel is active."""
+        z = (state.depths[:, None] - self.signed(name, state)) / state.tau
+        return np.asarray(SENSELESS + (1 - 2 * SENSELESS) * expit(z))
+
+    def evidence_cost(self, state: PlaneState) -> float:
+        """-log likelihood of all readings."""
+        return float(sum(self._losses(name, state).sum() for name in self.patches))
+
+    def contact_losses(self, state: PlaneState) -> FloatArray:
+        """(m,) -log likelihood of the readings of each contact."""
+        return np.sum([self._losses(name, state).sum(axis=1) for name in self.patches], axis=0)
+
+    def _losses(self, name: str, state: PlaneState) -> FloatArray:
+        chance, felt = self.chances(name, state), self.contacts.active[name]
+        loss = -np.log(np.where(felt, chance, 1.0 - chance))
+        return np.asarray(loss * self.patches[name].usable)
+
+    def system(self, state: PlaneState, layout: Layout) -> System:
+        """Scores and their expected information (Fisher's scoring)."""
+        normal, slope = np.zeros((layout.count,) * 2), np.zeros(layout.count)
+        cost = 0.0
+        for name in self.patches:
+            cost += self._add(name, state, layout, normal, slope)
+        return System(np.triu(normal) + np.triu(normal, 1).T, slope, cost)
+
+    def rows(
+        self, name: str, state: PlaneState, layout: Layout
+    ) -> tuple[FloatArray, FloatArray, float, FloatArray]:
+        """Places z (m, n) on the curve; slopes to main unknowns (m, n, main), c, a shift (m, 3).
+
+        The slope to a taxel's own height is minus that to c.
+        """
+        patch, tau = self.patches[name], state.tau
+        s, x, T, axes, origins = self._seen(name, state)
+        z = (state.depths[:, None] - s) / tau
+        slopes = np.zeros((*s.shape, layout.main))
+        M = state.mounts[name]
+        normal = state.normals[self.contacts.surface]
+        inward = np.einsum("mji,mj->mi", T[:, :3, :3], normal)  # the surface's normal in the link
+        arm = (patch.chain.taxels + state.shifts[name][patch.module]) @ M[:3, :3].T
+        first = layout.mount[name]
+        slopes[:, :, first : first + 3] = np.cross(arm[None], inward[:, None])
+        slopes[:, :, first + 3 : first + 6] = inward[:, None]
+        for k, number in enumerate(patch.chain.joints.tolist()):
+            if patch.chain.sliding[k]:
+                moved = np.einsum("mi,mi->m", axes[k], normal)[:, None]
+            else:  # n . (axis x (x - origin)) = (n x axis) . (x - origin)
+                off = x - origins[k][:, None]
+                moved = np.einsum("mi,mni->mn", np.cross(normal, axes[k]), off)
+            slopes[:, :, layout.joint[number]] += moved
+        self._plane_slopes(slopes, x, state, layout)
+        slopes /= -tau
+        slopes[:, :, layout.tau] = -z  # to log tau
+        return np.asarray(z), slopes, 1.0 / tau, np.asarray(-(inward @ M[:3, :3]) / tau)
+
+    def _plane_slopes(
+        self, slopes: FloatArray, x: FloatArray, state: PlaneState, layout: Layout
+    ) -> None:
+        """Of the distances to the height of each plane and its two tilts, in place."""
+        width = 3 if layout.tilting else 1
+        for number, normal in enumerate(state.normals):
+            rows = np.flatnonzero(self.contacts.surface == number)
+            column = layout.plane + width * number
+            slopes[rows, :, column] = -1.0
+            if layout.tilting:
+                off = x[rows] - state.points[number]
+                for k, tangent in enumerate(tangents(normal), start=1):
+                    slopes[rows, :, column + k] = off @ tangent
+
+    def _add(
+        self,
+        name: str,
+        state: PlaneState,
+        layout: Layout,
+        normal: FloatArray,
+        slope: FloatArray,
+    ) -> float:
+        """Add one patch's evidence to the upper triangle of `normal` and to `slope`."""
+        usable = self.patches[name].usable
+        z, slopes, k, shifts = self.rows(name, state, layout)
+        weighed = weigh(z, self.contacts.active[name])
+        w, g, loss = (one * usable for one in weighed)
+        m, main = len(z), layout.main
+        weighted = w[:, :, None] * slopes
+        flat = slopes.reshape(-1, main)
+        normal[:main, :main] += flat.T @ weighted.reshape(-1, main)
+        slope[:main] += flat.T @ g.ravel()
+        depths = np.arange(layout.depth, layout.depth + m)
+        normal[:main, depths] += k * weighted.sum(axis=1).T
+        normal[depths, depths] += k * k * w.sum(axis=1)
+        slope[depths] += k * g.sum(axis=1)
+        self._add_shifts(name, layout, normal, slope, w, g, weighted, k, shifts)
+        self._add_heights(name, layout, normal, slope, w, g, weighted, k, shifts)
+        return float(loss.sum())
+
+    def _add_shifts(
+        self,
+        name: str,
+        layout: Layout,
+        normal: FloatArray,
+        slope: FloatArray,
+        w: FloatArray,
+        g: FloatArray,
+        weighted: FloatArray,
+        k: float,
+        shifts: FloatArray,
+    ) -> None:
+        """Evidence on the modules' shifts, alone and with main unknowns and depths."""
+        member = self.patches[name].member
+        m, groups = len(w), member.shape[1]
+        own = slice(layout.shift[name], layout.shift[name] + 3 * groups)
+        by_module = weighted.transpose(0, 2, 1) @ member  # (m, main, g)
+        crossed = np.einsum("mpg,mk->pgk", by_module, shifts)
+        normal[: layout.main, own] += crossed.reshape(layout.main, -1)
+        w_module = w @ member  # (m, g)
+        depths = slice(layout.depth, layout.depth + m)
+        normal[depths, own] += (k * w_module[:, :, None] * shifts[:, None]).reshape(m, -1)
+        square = np.einsum("mg,mi,mj->gij", w_module, shifts, shifts)
+        for one in range(groups):
+            at = slice(own.start + 3 * one, own.start + 3 * one + 3)
+            normal[at, at] += square[one]
+        slope[own] += np.einsum("mg,mk->gk", g @ member, shifts).ravel()
+
+    def _add_heights(
+        self,
+        name: str,
+        layout: Layout,
+        normal: FloatArray,
+        slope: FloatArray,
+        w: FloatArray,
+        g: FloatArray,
+        weighted: FloatArray,
+        k: float,
+        shifts: FloatArray,
+    ) -> None:
+        """Evidence on the taxels' heights, alone and with all other unknowns."""
+        m, n = w.shape
+        first = layout.height[name]
+        own = np.arange(first, first + n)
+        normal[: layout.main, own] -= k * weighted.sum(axis=0).T
+        normal[layout.depth : layout.depth + m, own] -= k * k * w
+        rows = layout.shift[name] + 3 * self.patches[name].module[:, None] + np.arange(3)
+        normal[rows, own[:, None]] -= k * np.einsum("mn,mk->nk", w, shifts)
+        normal[own, own] += k * k * w.sum(axis=0)
+        slope[own] -= k * g.sum(axis=0)
+
+    def contact_scores(self, state: PlaneState, layout: Layout) -> FloatArray:
+        """(m, count) slopes of the log likelihood of each contact's readings."""
+        m = len(self.contacts)
+        scores = np.zeros((m, layout.count))
+        for name, patch in self.patches.items():
+            z, J, k, u = self.rows(name, state, layout)
+            g = weigh(z, self.contacts.active[name])[1] * patch.usable
+            scores[:, : layout.main] += np.einsum("mn,mnp->mp", g, J)
+            scores[np.arange(m), layout.depth + np.arange(m)] += k * g.sum(axis=1)
+            by_module = (g @ patch.member)[:, :, None] * u[:, None]
+            start = layout.shift[name]
+            scores[:, start : start + by_module[0].size] += by_module.reshape(m, -1)
+            start = layout.height[name]
+            scores[:, start : start + g.shape[1]] -= k * g
+        return scores
+
+    def prior(self, state: PlaneState, layout: Layout, spreads: Spreads) -> FloatArray:
+        """(count,) precisions of the priors."""
+        precision = np.zeros(layout.count)
+        for column in layout.mount.values():
+            precision[column : column + 3] = MOUNT_TURN**-2
+            precision[column + 3 : column + 6] = MOUNT_SHIFT**-2
+        planes = len(state.normals)
+        if layout.tilting:
+            each = [MOUNT_SHIFT**-2, MOUNT_TURN**-2, MOUNT_TURN**-2]
+            precision[layout.plane : layout.plane + 3 * planes] = each * planes
+        else:
+            precision[layout.plane : layout.plane + planes] = KNOWN_DEPTH**-2
+        for column in layout.joint.values():
+            precision[column] = self.joint_sigma**-2
+        precision[layout.tau] = TAU_FOLD**-2
+        m = len(self.contacts)
+        depth = state.depths / spreads.depth
+        precision[layout.depth : layout.depth + m] = (
+            (TAIL + 1.0) / (TAIL + depth**2) * spreads.depth**-2
+        )
+        for name, one in self.patches.items():
+            start = layout.shift[name]
+            precision[start : start + 3 * one.member.shape[1]] = spreads.shift**-2
+            start = layout.height[name]
+            precision[start : start + len(one.module)] = spreads.height**-2
+        return precision
+
+    def values(self, state: PlaneState, layout: Layout, start: PlaneState) -> FloatArray:
+        """(count,) how far each unknown that has a prior is from its middle."""
+        x = np.zeros(layout.count)
+        for name, column in layout.mount.items():
+            turn = state.mounts[name][:3, :3] @ start.mounts[name][:3, :3].T
+            x[column : column + 3] = Rotation.from_matrix(turn).as_rotvec()
+            x[column + 3 : column + 6] = state.mounts[name][:3, 3] - start.mounts[name][:3, 3]
+        if not layout.tilting:
+            x[layout.plane : layout.plane + len(state.normals)] = np.einsum(
+                "pi,pi->p", state.points - start.points, start.normals
+            )
+        for number, column in layout.joint.items():
+            x[column] = state.offsets[number]
+        x[layout.tau] = np.log(state.tau / TAU)
+        x[layout.depth : layout.depth + len(self.contacts)] = state.depths
+        for name in self.patches:
+            x[layout.shift[name] :][: state.shifts[name].size] = state.shifts[name].ravel()
+            x[layout.height[name] :][: len(state.heights[name])] = state.heights[name]
+        return x
+
+    def moved(self, state: PlaneState, layout: Layout, move: FloatArray) -> PlaneState:
+        """The state after a step (count,)."""
+        new = state.copy()
+        for name, column in layout.mount.items():
+            M = new.mounts[name].copy()
+            M[:3, :3] = Rotation.from_rotvec(move[column : column + 3]).as_matrix() @ M[:3, :3]
+            M[:3, 3] += move[column + 3 : column + 6]
+            new.mounts[name] = M
+            own = slice(layout.shift[name], layout.shift[name] + new.shifts[name].size)
+            new.shifts[name] = new.shifts[name] + move[own].reshape(-1, 3)
+            own = slice(layout.height[name], layout.height[name] + len(new.heights[name]))
+            new.heights[name] = new.heights[name] + move[own]
+        width = 3 if layout.tilting else 1
+        for number in range(len(new.normals)):
+            column = layout.plane + width * number
+            normal = state.normals[number]
+            new.points[number] = new.points[number] + move[column] * normal
+            if layout.tilting:
+                u, v = tangents(normal)
+                turned = normal + move[column + 1] * u + move[column + 2] * v
+                new.normals[number] = turned / np.linalg.norm(turned)
+        for number, column in layout.joint.items():
+            new.offsets[number] += move[column]
+        new.tau = state.tau * float(np.exp(np.clip(move[layout.tau], -1.0, 1.0)))
+        new.depths = state.depths + move[layout.depth : layout.depth + len(self.contacts)]
+        return new
+
+
+def weigh(z: FloatArray, felt: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Information, score and loss of readings whose place on the logistic curve is z."""
+    sigmoid = expit(z)
+    chance = SENSELESS + (1 - 2 * SENSELESS) * sigmoid
+    rise = (1 - 2 * SENSELESS) * sigmoid * (1.0 - sigmoid)
+    information = rise**2 / (chance * (1.0 - chance))
+    score = rise * (felt - chance) / (chance * (1.0 - chance))
+    loss = -np.log(np.where(felt, chance, 1.0 - chance))
+    return np.asarray(information), np.asarray(score), np.asarray(loss)
+
+
+def tangents(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two unit vectors across a unit vector."""
+    other = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    u = np.cross(normal, other)
+    u /= np.linalg.norm(u)
+    return u, np.cross(normal, u)
+
+
+def patch_of(chain: Chain, modules: Sequence[int] | IntArray | None = None) -> Patch:
+    """A patch with all its taxels; one module where nobody knows better."""
+    n = len(chain.taxels)
+    given = np.zeros(n, np.int64) if modules is None else np.asarray(modules)
+    _, module = np.unique(given, return_inverse=True)
+    return Patch(chain, module.ravel().astype(np.int64), np.ones(n, np.bool_))

@@ -1,0 +1,249 @@
+"""The most likely mounts and planes: from coarse to fine, with the spreads of what is random."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from calibration.plane.contacts import Plane
+from calibration.plane.model import (
+    TAIL,
+    TAU,
+    Layout,
+    PlaneProblem,
+    PlaneState,
+    Spreads,
+)
+from skinmap.arrays import FloatArray, IntArray
+
+COARSE = (12e-3, 6e-3, 3e-3)  # widths of the logistic curve [m]: from starts that are 20 mm off
+COARSE_STEPS, STEPS = 12, 60
+COARSE_DEPTH = 3e-3  # spread of the press depths while the curve is that wide [m]
+SETTLED = 0.01  # a step that moves no main unknown further is the last, in predicted errors
+COARSE_SETTLED = 1e-4  # [m, rad]
+EASY, HARDEST = 1e-3, 1e8  # damping
+# Beliefs about the spreads, each worth so many values: few contacts cannot tell them.
+BELIEF = Spreads()
+WORTH = Spreads(depth=4.0, shift=5.0, height=20.0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Solution:
+    """A minimum, and its normal matrix."""
+
+    state: PlaneState
+    spreads: Spreads
+    layout: Layout
+    evidence: FloatArray  # (count, count) information of the evidence
+    prior: FloatArray  # (count,) of the priors
+    cost: float
+
+    def covariance(self) -> FloatArray:
+        """(count, count) of all unknowns."""
+        return inverse(self.evidence, self.prior)
+
+
+def inverse(evidence: FloatArray, prior: FloatArray) -> FloatArray:
+    """The inverse of evidence + diag(prior), scaled so that units do not matter."""
+    normal = evidence + np.diag(prior)
+    scale = 1.0 / np.sqrt(np.diag(normal))
+    scaled = normal * scale[:, None] * scale
+    found = cho_solve(cho_factor(scaled), np.eye(len(scaled)), check_finite=False)
+    return np.asarray(found * scale[:, None] * scale)
+
+
+def solve(problem: PlaneProblem, start: PlaneState) -> Solution:
+    """The minimum that a start leads to."""
+    search = _Search(problem, problem.layout(), start)
+    state = start.copy()
+    for tau in COARSE:
+        state.tau = tau
+        state = search.coarse(state)
+    state.tau = max(state.tau / 2.0, TAU)
+    return refine(problem, state, start)
+
+
+def refine(
+    problem: PlaneProblem, state: PlaneState, start: PlaneState, spreads: Spreads = BELIEF
+) -> Solution:
+    """The minimum near a state, spreads and all."""
+    layout = problem.layout()
+    search, damping = _Search(problem, layout, start), EASY
+    every = np.arange(layout.count)
+    for _ in range(STEPS):
+        step = search.descend(state, spreads, every, damping)
+        if step is None:
+            break
+        state, damping = step.state, step.damping
+        variance = np.diag(inverse(step.evidence, step.prior))
+        spreads = search.spreads(state, variance, step.prior, spreads)
+        if (np.abs(step.move) < SETTLED * np.sqrt(variance))[: layout.tau].all():
+            break
+    system = problem.system(state, layout)
+    prior = problem.prior(state, layout, spreads)
+    return Solution(state, spreads, layout, system.normal, prior, search.cost(state, spreads))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Step:
+    state: PlaneState
+    move: FloatArray
+    damping: float
+    evidence: FloatArray  # of the state before
+    prior: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Search:
+    """A problem, and the start that its priors are about."""
+
+    problem: PlaneProblem
+    layout: Layout
+    start: PlaneState
+
+    def coarse(self, state: PlaneState) -> PlaneState:
+        """Steps of mounts, planes, joints and press depths alone under a wide curve."""
+        first = self.layout.depth
+        depths = np.arange(first, first + len(self.problem.contacts))
+        own = np.concatenate([np.arange(self.layout.tau), depths])
+        spreads, damping = replace(BELIEF, depth=COARSE_DEPTH), EASY
+        for _ in range(COARSE_STEPS):
+            step = self.descend(state, spreads, own, damping)
+            if step is None:
+                break
+            state, damping = step.state, step.damping
+            if np.abs(step.move).max() < COARSE_SETTLED:
+                break
+        return state
+
+    def descend(
+        self, state: PlaneState, spreads: Spreads, own: IntArray, damping: float
+    ) -> _Step | None:
+        """One of Levenberg's steps of some unknowns that lowers the cost; None where none does."""
+        layout = self.layout
+        system = self.problem.system(state, layout)
+        prior = self.problem.prior(state, layout, spreads)
+        gradient = system.slope - prior * self.problem.values(state, layout, self.start)
+        gradient[layout.tau] += 0.5 * spreads.fitted
+        whole = system.normal[np.ix_(own, own)] + np.diag(prior[own])
+        scale = 1.0 / np.sqrt(np.diag(whole))
+        scaled = whole * scale[:, None] * scale
+        cost = self.cost(state, spreads)
+        move = np.zeros(layout.count)
+        while damping < HARDEST:
+            damped = cho_factor(scaled + damping * np.eye(len(own)))
+            move[own] = scale * cho_solve(damped, scale * gradient[own], check_finite=False)
+            moved = self.problem.moved(state, layout, move)
+            # A hair of slack: at the minimum rounding decides.
+            if self.cost(moved, spreads) <= cost + 1e-9 * abs(cost):
+                return _Step(moved, move, max(damping / 10.0, 1e-9), system.normal, prior)
+            damping *= 10.0
+        return None
+
+    def cost(self, state: PlaneState, spreads: Spreads) -> float:
+        """-log of evidence and priors, but for what does not change with the state."""
+        layout = self.layout
+        x = self.problem.values(state, layout, self.start)
+        squares = self.problem.prior(state, layout, spreads) * x**2
+        # Depths are weighed again before each step: within one they are plain squares.
+        depths = slice(layout.depth, layout.depth + len(self.problem.contacts))
+        scaled = (x[depths] / spreads.depth) ** 2
+        squares[depths] = (TAIL + 1.0) * np.log1p(scaled / TAIL)
+        # Unknowns that follow the noise make the curve look steeper than it is: integrated over
+        # them, the evidence has a factor of tau for every two (its information goes with 1 / tau).
+        fitted = 0.5 * spreads.fitted * x[layout.tau]
+        return self.problem.evidence_cost(state) + 0.5 * float(squares.sum()) - fitted
+
+    def spreads(
+        self, state: PlaneState, variance: FloatArray, prior: FloatArray, before: Spreads
+    ) -> Spreads:
+        """Spreads that make what was found, and what is left unknown of it, most likely."""
+        x = self.problem.values(state, self.layout, self.start)
+        settled = np.clip(1.0 - prior * variance, 0.0, 1.0)
+        squares = x**2
+        depths = self._columns("depth", state)
+        # As the heavy tails weigh them.
+        squares[depths] *= prior[depths] * before.depth**2 * TAIL / (TAIL + 1.0)
+        found = {}
+        for kind in ("depth", "shift", "height"):
+            # MacKay, Neural Computation 4, 1992: only what the evidence settles counts.
+            own = self._columns(kind, state)
+            worth, belief = getattr(WORTH, kind), getattr(BELIEF, kind)
+            total = worth * belief**2 + squares[own].sum()
+            found[kind] = float(np.sqrt(total / (worth + settled[own].sum())))
+        return Spreads(**found, fitted=float(settled.sum()))
+
+    def _columns(self, kind: str, state: PlaneState) -> IntArray:
+        layout = self.layout
+        if kind == "depth":
+            return np.arange(layout.depth, layout.depth + len(self.problem.contacts))
+        first = layout.shift if kind == "shift" else layout.height
+        held = state.shifts if kind == "shift" else state.heights
+        return np.concatenate([first[name] + np.arange(held[name].size) for name in first])
+
+
+def first_states(problem: PlaneProblem, planes: Sequence[Plane] | None) -> list[PlaneState]:
+    """States to start from: mounts as they came, planes as the contacts suggest them."""
+    places, back = _middles(problem)
+    if planes is not None:
+        return [_state(problem, [_facing(problem, one, k, back) for k, one in enumerate(planes)])]
+    starts = []
+    for kind in ("spread", "side"):
+        chosen = []
+        for number in range(problem.surfaces):
+            rows = problem.contacts.surface == number
+            chosen.append(_first_plane(places[rows], back[rows], kind))
+        starts.append(_state(problem, chosen))
+    return starts
+
+
+def _state(problem: PlaneProblem, planes: Sequence[Plane]) -> PlaneState:
+    contacts = problem.contacts
+    return PlaneState(
+        {name: one.chain.mount for name, one in problem.patches.items()},
+        np.array([plane.normal for plane in planes]),
+        np.array([plane.point for plane in planes]),
+        np.zeros(contacts.angles.shape[1]),
+        COARSE[0],
+        np.zeros(len(contacts)),
+        {name: np.zeros((one.member.shape[1], 3)) for name, one in problem.patches.items()},
+        {name: np.zeros(len(one.module)) for name, one in problem.patches.items()},
+    )
+
+
+def _middles(problem: PlaneProblem) -> tuple[FloatArray, FloatArray]:
+    """Middle of the active taxels (m, 3) in the base, and the way from there to the patches'."""
+    sums = np.zeros((len(problem.contacts), 3))
+    whole, count = sums.copy(), np.zeros(len(sums))
+    total = 0
+    for name, one in problem.patches.items():
+        T = one.chain.frames(problem.contacts.angles) @ one.chain.mount
+        x = np.einsum("mij,nj->mni", T[:, :3, :3], one.chain.taxels) + T[:, None, :3, 3]
+        felt = problem.contacts.active[name] & one.usable
+        sums += np.einsum("mn,mni->mi", felt, x)
+        whole += x.sum(axis=1)
+        count += felt.sum(axis=1)
+        total += len(one.usable)
+    middle = sums / np.maximum(count, 1)[:, None]
+    return middle, whole / total - middle
+
+
+def _facing(problem: PlaneProblem, plane: Plane, number: int, back: FloatArray) -> Plane:
+    """The plane with its normal on the patches' side."""
+    side = back[problem.contacts.surface == number].sum(axis=0) @ plane.normal
+    return plane if side >= 0 else Plane(plane.point, -plane.normal)
+
+
+def _first_plane(places: FloatArray, back: FloatArray, kind: str) -> Plane:
+    """A plane through the middles of contacts: by their spread, or by which side patches are on."""
+    middle = np.median(places, axis=0)
+    side = back.mean(axis=0)
+    if kind == "spread" and len(places) >= 4:
+        _, _, axes = np.linalg.svd(places - middle, full_matrices=False)
+        normal = axes[2] * (1.0 if axes[2] @ side >= 0 else -1.0)
+    else:
+        normal = side / max(float(np.linalg.norm(side)), 1e-9)
+    return Plane(middle, normal)

@@ -1,0 +1,1 @@
+"""`skinmap classify`: of recordings and of live streams."""

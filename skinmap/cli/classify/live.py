@@ -1,0 +1,223 @@
+"""`skinmap classify` on what comes live: an object a touch, and a summary."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from skinmap.cli.shared.common import open_robot, plain
+from skinmap.cli.shared.profiles import with_profile
+
+if TYPE_CHECKING:
+    from skinmap.classify.classifier import TouchClassifier
+    from skinmap.live.contacts.events import TouchEvent
+    from skinmap.live.loop import TouchLoop
+    from skinmap.live.sources.source import Source
+    from skinmap.touch.grouping import GroupingRule
+
+WAIT = 0.2  # so often a silent source lets an interruption through [s]
+LATENCIES = 100_000  # the last ones, that the summary speaks of
+MM = 1e3
+
+
+def classify_live(
+    classifier: TouchClassifier,
+    spec: str,
+    *,
+    robot: str,
+    parts: tuple[str, ...],
+    rule: GroupingRule,
+    seconds: float | None,
+    seed: int,
+    publish: Sequence[str],
+    responses: Sequence[str],
+    as_json: bool,
+) -> None:
+    """Name touches until the source ends, the seconds are over or somebody interrupts.
+
+    Raises
+    ------
+    SkinError
+        A source, calibration or model that does not fit.
+    """
+    from skinmap.live.loop import TouchLoop
+    from skinmap.live.response.files import load_responses
+    from skinmap.live.sources.open_source import open_source
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    loaded, _ = open_robot(robot, parts)
+    chosen = parts or None
+    # A recording that nobody follows is named as fast as it goes.
+    ahead = Path(spec).exists() and not publish
+
+    def open_it() -> Source:
+        speed = float("inf") if ahead else 1.0
+        return open_source(spec, robot=loaded, parts=chosen, seed=seed, speed=speed)
+
+    source = open_it()
+    try:
+        skins = {part: PreparedSkin(loaded.skin(part)) for part in source.info.parts}
+        loop = TouchLoop(
+            loaded,
+            source,
+            classifier=classifier,
+            responses=load_responses(responses, skins),
+            parts=chosen,
+            skins=skins,
+            rule=rule,
+            reopen=open_it,
+        )
+        _note_differences(classifier, loop)
+        run = _Run(loop, spec, classifier.name, as_json=as_json)
+        publishers = _publish(loop, publish)
+    except BaseException:
+        source.close()
+        raise
+    try:
+        run.until(seconds)
+    except KeyboardInterrupt:
+        click.echo("interrupted", err=True)
+    finally:
+        loop.close()
+        for publisher in publishers:
+            publisher.close()
+    run.summarise()
+
+
+class _Run:
+    """Prints what the loop finds."""
+
+    def __init__(self, loop: TouchLoop, spec: str, classifier: str, *, as_json: bool) -> None:
+        self.loop, self.spec, self.classifier, self.as_json = loop, spec, classifier, as_json
+        self.touches = 0
+        self.latencies: deque[float] = deque(maxlen=LATENCIES)
+        self.first = self.last = float("nan")
+
+    def until(self, seconds: float | None) -> None:
+        """Step until the source ends or has been followed for so long [s]."""
+        from skinmap.live.sources.source import SourceEnded
+
+        started = time.perf_counter()
+        stale = False
+        while True:
+            try:
+                moment = self.loop.step(WAIT)
+            except SourceEnded:
+                break
+            finally:
+                self._tell_touches()
+            if moment is not None:
+                if moment.stale != stale:
+                    stale = moment.stale
+                    what = "nothing comes from" if stale else "samples come again from"
+                    click.echo(f"{what} {self.spec}", err=True)
+                if not stale:
+                    self.latencies.append(moment.latency)
+                    self.first = moment.time if self.first != self.first else self.first
+                    self.last = moment.time
+            if seconds is not None and _passed(self, started) >= seconds:
+                break
+        self.loop.finish()
+        self._tell_touches()
+
+    def _tell_touches(self) -> None:
+        self.loop.happenings()
+        for touch in self.loop.finished():
+            self.touches += 1
+            if self.as_json:
+                click.echo(json.dumps(plain(touch_line(touch)), allow_nan=False))
+            else:
+                click.echo(
+                    f"{touch.began:9.2f} s  {touch.part:18} {touch.label:14} "
+                    f"{touch.confidence:5.2f}  {touch.duration:6.2f} s  "
+                    f"{touch.area * MM**2:7.0f} mm2  {touch.path_length * MM:6.1f} mm"
+                )
+
+    def summarise(self) -> None:
+        """Print the last line."""
+        import numpy as np
+
+        late = np.array(self.latencies) * 1e3
+        latency = {
+            name: float(np.percentile(late, share)) if len(late) else None
+            for name, share in (("median", 50), ("p99", 99), ("max", 100))
+        }
+        counts = self.loop.totals()
+        summary = {
+            "event": "summary",
+            "source": self.spec,
+            "classifier": self.classifier,
+            "parts": list(self.loop.skins),
+            "touches": self.touches,
+            "seconds": self.last - self.first,
+            "rate_hz": self.loop.info.rate,
+            "latency_ms": latency,
+            "counts": counts,
+        }
+        if self.as_json:
+            click.echo(json.dumps(plain(with_profile(summary)), allow_nan=False))
+            return
+        median = "-" if latency["median"] is None else f"{latency['median']:.1f}"
+        click.echo(
+            f"{self.touches} touches in {counts['used']} samples, {counts['lost']} lost; "
+            f"{median} ms from a sample to its labels (median)"
+        )
+
+
+def touch_line(touch: TouchEvent) -> dict[str, Any]:
+    """What is said of a touch that is over."""
+    return {
+        "event": "touch",
+        "touch": touch.identity,
+        "part": touch.part,
+        "label": touch.label,
+        "confidence": touch.confidence,
+        "start_s": touch.began,
+        "duration_s": touch.duration,
+        "area_mm2": touch.area * MM**2,
+        "path_mm": touch.path_length * MM,
+        "peak": touch.peak,
+        "centre_mm": touch.centre * MM,
+        "contacts": touch.contacts,
+    }
+
+
+def _passed(run: _Run, started: float) -> float:
+    """Seconds of the stream, or of the clock on the wall where nothing comes."""
+    stream = run.last - run.first
+    wall = time.perf_counter() - started
+    return stream if run.loop.plays_ahead else max(wall, stream if stream == stream else 0.0)
+
+
+def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
+    """Publishers of the moments, each a subscriber of the loop."""
+    if not specs:
+        return []
+    from skinmap.live.publishing.publish import open_publisher
+
+    found: list[Any] = []
+    try:
+        for spec in specs:
+            found.append(open_publisher(spec, loop.dense_info()))
+            loop.subscribe(found[-1].send)
+    except BaseException:
+        for publisher in found:
+            publisher.close()
+        raise
+    return found
+
+
+def _note_differences(classifier: TouchClassifier, loop: TouchLoop) -> None:
+    """Say in one line on which parts the model has not learnt."""
+    found = {part: classifier.difference(one.skin).message for part, one in loop.skins.items()}
+    strange = [part for part, message in found.items() if message]
+    if len(strange) == 1:
+        click.echo(f"note: {found[strange[0]]}", err=True)
+    elif strange:
+        click.echo(f"note: the model did not learn on {', '.join(strange)}", err=True)

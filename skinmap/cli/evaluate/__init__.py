@@ -1,0 +1,1 @@
+"""`skinmap evaluate`: its options, its work, its result."""

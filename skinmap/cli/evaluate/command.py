@@ -1,0 +1,131 @@
+"""`skinmap evaluate`: how well classifiers do, measured as their authors did and without leaks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from skinmap.cli.evaluate.evaluation import PROTOCOLS, Settings, run
+from skinmap.cli.shared.common import (
+    emit,
+    json_option,
+    out_option,
+    outside_option,
+    part_option,
+    profile_option,
+    seed_option,
+)
+from skinmap.cli.shared.profiles import from_profile
+from skinmap.cli.shared.workers import worker_options, workers_options
+
+OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of their own
+
+
+@click.command("evaluate")
+@click.argument("recordings", nargs=-1, type=click.Path(path_type=Path))
+@click.option(
+    "--protocol",
+    metavar="|".join(PROTOCOLS) + "|RECORDING",
+    help="What to measure; recordings are cross-validated by touch event.",
+)
+@click.option("--robot", help="Robot to simulate on, or that was recorded.")
+@click.option("--train-robot", help="cross-patch: train on this robot, test on --robot.")
+@outside_option
+@part_option
+@click.option(
+    "--seeds", type=click.IntRange(1, 1000), help="Repetitions.  [default: 5; baxter: 10]"
+)
+@click.option("--classifier", "names", multiple=True, help="Only this one; may be repeated.")
+@click.option(
+    "--gestures",
+    default="four",
+    show_default=True,
+    metavar="four|eight|all|NAME,NAME...",
+    help="Touches to tell apart (recordings: all by default).",
+)
+@click.option(
+    "--per-gesture",
+    type=click.IntRange(min=1),
+    default=20,
+    show_default=True,
+    help="cross-patch: touches of each gesture on each patch.",
+)
+@click.option(
+    "--places",
+    type=click.Choice(["anywhere", "habitual"]),
+    default="anywhere",
+    show_default=True,
+    help="kaspar: where people touch.",
+)
+@click.option("--sweep", is_flag=True, help="kaspar: sweep r and k (always with --out).")
+@click.option(
+    "--images", type=click.IntRange(min=40), default=1800, show_default=True, help="baxter: images."
+)
+@click.option(
+    "--network",
+    type=click.Choice(["small", "paper"]),
+    default="small",
+    show_default=True,
+    help="baxter: the network; the paper's takes 10 minutes a training.",
+)
+@click.option(
+    "--folds", type=click.IntRange(2, 20), default=4, show_default=True, help="recordings: folds."
+)
+@workers_options
+@out_option
+@seed_option
+@profile_option("classify")
+@json_option
+def command(
+    recordings: tuple[Path, ...],
+    protocol: str | None,
+    as_json: bool,
+    out: Path | None,
+    **options: Any,
+) -> None:
+    """Run an evaluation protocol and print its tables.
+
+    Results are the same whatever the number of jobs and whatever the backend. With --resume FILE
+    a run that was interrupted goes on where it ended.
+
+    \b
+    Example:  skinmap evaluate --protocol kaspar --seeds 3 --json
+              skinmap evaluate --protocol cross-patch --robot icub --seeds 1
+              skinmap evaluate touches.npz --robot icub
+              skinmap evaluate --protocol kaspar --sweep --jobs 4 --resume kaspar.resume
+    """
+    from skinmap.cli.evaluate.report import show, write
+
+    chosen, files = _protocol(protocol, recordings)
+    spread = worker_options(options)
+    options["seeds"] = options["seeds"] or (10 if chosen == "baxter" else 5)
+    if chosen in OWN_CLASSIFIERS and from_profile("names"):
+        options["names"] = ()  # a profile's classifier is one of those that are compared anyway
+    options["sweep"] = options["sweep"] or out is not None
+    with spread.open(f"evaluate {chosen}") as workers:
+        result = run(Settings(protocol=chosen, recordings=files, workers=workers, **options))
+    result["files"] = write(result, out) if out is not None else []
+    if as_json:
+        emit(result)
+        return
+    show(result)
+    for file in result["files"]:
+        click.echo(str(Path(out or ".") / file))
+
+
+def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, tuple[Path, ...]]:
+    """The protocol and its recordings; a file may stand in either place."""
+    if protocol in PROTOCOLS:
+        if recordings:
+            raise click.UsageError(f"--protocol {protocol} simulates its touches: no recordings")
+        return protocol, ()
+    files = ((Path(protocol),) if protocol else ()) + recordings
+    if not files:
+        raise click.UsageError(f"name --protocol ({', '.join(PROTOCOLS)}) or recordings")
+    if protocol and not Path(protocol).exists() and not Path(protocol).suffix:
+        raise click.UsageError(
+            f"no protocol or recording {protocol!r}; there is: {', '.join(PROTOCOLS)}"
+        )
+    return "recordings", files

@@ -1,0 +1,254 @@
+"""What `skinmap evaluate` runs: skins and settings to protocols, results ready for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from skinmap.cli.shared.common import open_robot, progress
+
+if TYPE_CHECKING:
+    from skinmap.classify.protocols.patches import Patch
+    from skinmap.parallel.workers import Workers
+    from skinmap.touch.subjects import Places
+
+TUNING_STEPS = 6  # about; only the bar shows it
+PROTOCOLS = ("kaspar", "baxter", "cross-patch")
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The options of the command, checked by click."""
+
+    protocol: str
+    recordings: tuple[Path, ...]
+    workers: Workers
+    robot: str | None
+    train_robot: str | None
+    parts: tuple[str, ...]
+    seeds: int
+    seed: int
+    names: tuple[str, ...]
+    gestures: str
+    per_gesture: int
+    places: Places
+    sweep: bool
+    images: int
+    network: str
+    folds: int
+
+    @property
+    def all_seeds(self) -> list[int]:
+        """The seed of each repetition."""
+        return list(range(self.seed, self.seed + self.seeds))
+
+
+def run(settings: Settings) -> dict[str, Any]:
+    """The result of a protocol, ready for JSON."""
+    runners: dict[str, Callable[[Settings], dict[str, Any]]] = {
+        "kaspar": _kaspar,
+        "baxter": _baxter,
+        "cross-patch": _cross_patch,
+        "recordings": _recordings,
+    }
+    return {"protocol": settings.protocol, **runners[settings.protocol](settings)}
+
+
+def _gestures(settings: Settings) -> tuple[str, ...]:
+    from skinmap.touch.gestures import FOUR, GESTURES
+    from skinmap.touch.simulator import check_gestures
+
+    sets = {"four": FOUR, "eight": tuple(GESTURES)[:8], "all": tuple(GESTURES)}
+    if settings.gestures in sets:
+        return tuple(sets[settings.gestures])
+    names = tuple(name.strip() for name in settings.gestures.split(","))
+    check_gestures(names)
+    return names
+
+
+def _kaspar(settings: Settings) -> dict[str, Any]:
+    from skinmap.classify.protocols import kaspar, sweep
+    from skinmap.classify.protocols.carry_over import evaluate_carry_over
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    if settings.names:
+        raise click.UsageError("--protocol kaspar has its own classifiers: no --classifier")
+    name = settings.robot or kaspar.ROBOT
+    loaded, parts = open_robot(name, settings.parts)
+    part = settings.parts[0] if settings.parts else kaspar.PART
+    if not settings.parts and name != kaspar.ROBOT:
+        raise click.UsageError(f"which part of {name}? --part {' | '.join(loaded.parts)}")
+    sizes: dict[int, str] = {}  # one part of each size: mirror images would only cost time
+    for one in (part, *parts):
+        sizes.setdefault(len(loaded.skin(one)), one)
+    skins = {one: PreparedSkin(loaded.skin(one)) for one in sizes.values()}
+    seeds = settings.all_seeds
+    with progress((3 if settings.sweep else 2) * len(seeds), "kaspar") as advance:
+        shared: dict[str, Any] = {
+            "seeds": seeds,
+            "workers": settings.workers,
+            "progress": advance,
+        }
+        shared["samples"] = kaspar.SAMPLES
+        most = max(kaspar.PERCENTS)
+        table = kaspar.evaluate_kaspar(
+            skins[part], percents=kaspar.PERCENTS, places=settings.places, **shared
+        )
+        others = evaluate_carry_over(skins, percent=most, **shared)
+        swept = []
+        if settings.sweep:
+            swept = sweep.sweep_radius_and_words(
+                skins[part], radii=sweep.RADII, words=sweep.WORDS, percent=most, **shared
+            )
+    return {
+        "robot": loaded.name,
+        "part": part,
+        "taxels": len(skins[part]),
+        "places": settings.places,
+        "accuracy_is": "simulated",
+        "seeds": seeds,
+        "samples": kaspar.SAMPLES,
+        "table": table,
+        "paper": kaspar.paper_rows(),
+        "carry_over": others,
+        "sweep": swept,
+    }
+
+
+def _baxter(settings: Settings) -> dict[str, Any]:
+    from skinmap.classify.protocols.baxter import evaluate_baxter
+    from skinmap.classify.protocols.baxter_methods import METHODS
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    name = settings.robot or "baxter-forearm"
+    loaded, parts = open_robot(name, settings.parts)
+    if len(parts) > 1:
+        raise click.UsageError(f"which part of {name}? --part {' | '.join(parts)}")
+    skin = PreparedSkin(loaded.skin(parts[0]))
+    methods = settings.names or tuple(METHODS)
+    # Beside the repetitions of both splits, tuning takes a step for each value tried.
+    steps = len(methods) * (2 * settings.seeds + TUNING_STEPS)
+    with progress(steps, "baxter") as advance:
+        found = evaluate_baxter(
+            skin,
+            seed=settings.seed,
+            repeats=settings.seeds,
+            images=settings.images,
+            network=settings.network,
+            methods=methods,
+            workers=settings.workers,
+            progress=advance,
+        )
+    return {
+        "robot": loaded.name,
+        "part": parts[0],
+        "taxels": len(skin),
+        "accuracy_is": "simulated",
+        **found,
+    }
+
+
+def _cross_patch(settings: Settings) -> dict[str, Any]:
+    from skinmap.classify.protocols.cross_patch import (
+        DEFAULTS,
+        check_carries_over,
+        leave_one_out,
+        summarise,
+        transfer,
+    )
+
+    names = settings.names or DEFAULTS
+    check_carries_over(names)
+    gestures = _gestures(settings)
+    test = _patches(settings.robot or "icub", settings.parts)
+    train = _patches(settings.train_robot, ()) if settings.train_robot else None
+    if train is None and len(test) < 2:
+        raise click.UsageError(
+            f"leaving one patch out needs two patches, got {test[0].name}; give --train-robot"
+        )
+    steps = len(test) + (len(train) if train else 0) + len(names) * (1 if train else len(test))
+    found = []
+    with progress(settings.seeds * steps, "cross-patch") as advance:
+        shared: dict[str, Any] = {"workers": settings.workers, "progress": advance}
+        for seed in settings.all_seeds:
+            simulated: dict[str, Any] = {
+                "seed": seed,
+                "gestures": gestures,
+                "per_gesture": settings.per_gesture,
+                **shared,
+            }
+            tested = _touched(test, **simulated)
+            if train is None:
+                found.append(leave_one_out(tested, names=names, seed=seed, **shared))
+                continue
+            trained = _touched(train, **{**simulated, "seed": [seed, 1]})
+            found.append(transfer(trained, tested, names=names, seed=seed, **shared))
+    rows = [summarise(name, [one[k] for one in found]) for k, name in enumerate(names)]
+    return {
+        "robot": settings.robot or "icub",
+        "train_robot": settings.train_robot,
+        "gestures": gestures,
+        "per_gesture": settings.per_gesture,
+        "accuracy_is": "simulated",
+        "seeds": settings.all_seeds,
+        "patches": {patch.name: len(patch.skin) for patch in test},
+        "rows": rows,
+    }
+
+
+def _patches(robot: str, parts: tuple[str, ...]) -> list[Patch]:
+    from skinmap.classify.protocols.patches import cut_patches
+
+    loaded, names = open_robot(robot, parts)
+    return cut_patches(loaded, names)
+
+
+def _touched(patches: list[Patch], **simulated: Any) -> list[Patch]:
+    from skinmap.classify.protocols.patches import touch_patches
+
+    return touch_patches(patches, **simulated)
+
+
+def _recordings(settings: Settings) -> dict[str, Any]:
+    from skinmap.classify.classifier import classifiers
+    from skinmap.classify.protocols.recordings import (
+        KINDS,
+        evaluate_recordings,
+        labelled_touches,
+    )
+    from skinmap.cli.classify.command import prepare_skins
+    from skinmap.io.recordings.touch_files import load_recordings
+
+    loaded, wanted = open_robot(settings.robot or "icub", settings.parts)
+    recordings = [one for path in settings.recordings for one in load_recordings(path)]
+    for one in recordings:
+        loaded.part(one.part)
+    recordings = [one for one in recordings if one.part in wanted]
+    skins = prepare_skins(loaded, recordings)
+    only = () if settings.gestures in ("four", "all") else _gestures(settings)
+    touches = labelled_touches(skins, recordings, gestures=only)
+    names = settings.names or classifiers.names()
+    with progress(len(names) * len(KINDS) * settings.seeds, "recordings") as advance:
+        found = evaluate_recordings(
+            touches,
+            names=names,
+            seeds=settings.all_seeds,
+            folds=settings.folds,
+            optional=not settings.names,
+            workers=settings.workers,
+            progress=advance,
+        )
+    labels = [touch.label for touch in touches]
+    return {
+        "robot": loaded.name,
+        "parts": list(skins),
+        "recordings": settings.recordings,
+        "folds": settings.folds,
+        "seeds": settings.all_seeds,
+        "touches": {label: labels.count(label) for label in dict.fromkeys(sorted(labels))},
+        **found,
+    }

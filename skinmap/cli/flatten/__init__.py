@@ -1,0 +1,1 @@
+"""`skinmap flatten`: its options, its work, its result."""

@@ -1,0 +1,242 @@
+"""Pictures of flat maps: the map and the patch on the body side by side, and maps compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skinmap.arrays import BoolArray, FloatArray
+from skinmap.cli.flatten.checkerboard import BOARD, checkerboard, square_side
+from skinmap.flat.drawing_comparison import DrawnChart
+from skinmap.flat.face_metrics import METRICS, FaceMetric, seam_edges
+from skinmap.flat.flat_map import Chart, FlatMap
+from skinmap.flat.orientation import limb_frame
+from skinmap.geometry.triangles import face_normals
+from skinmap.report.figure import picture_bytes, plain_figure
+from skinmap.report.projection import View, choose_views, draw_surface, visible
+
+SEAM = "#d3202f"
+EDGED = 6_000  # triangles: finer ones are drawn without their edges
+MAX_DRAWN = 120_000  # faces: of larger meshes each pixel would hold many, some are left out
+HEIGHT = 3.9  # inches of a row of panels
+DRAWN_LIMIT = 20.0  # per cent: end of the colour scale of drawings, several times ours
+STRETCHED = 98.0  # percentile that the colour scale reaches on bad maps
+
+
+def part_figure(flat: FlatMap, metric: FaceMetric, path: Path) -> None:
+    """Flat map and body side by side: coloured by a metric above, a checkerboard below."""
+    frame = limb_frame(flat.mesh.vertices, flat.mesh.faces, flat.mesh.skin.up)
+    views = choose_views(flat.mesh.vertices, flat.mesh.faces, frame)
+    unit, factor = length_unit(flat)
+    figure = plain_figure((HEIGHT * (1.35 + 0.9 * len(views)), 2 * HEIGHT + 0.6))
+    axes = figure.subplots(
+        2, 1 + len(views), squeeze=False, width_ratios=[1.35] + [0.9] * len(views)
+    )
+    values = np.concatenate([metric.of(chart) for chart in flat.charts])
+    paint = _scale(metric, values)
+    colours = paint.to_rgba(np.nan_to_num(values, posinf=1e300))
+    keep = kept_faces(len(values))
+    corners = np.concatenate([chart.uv[chart.faces] for chart in flat.charts])
+    body = np.concatenate([flat.mesh.vertices[c.taxels[c.faces]] for c in flat.charts])
+    side = square_side(corners.reshape(-1, 2) * factor)
+    corners, body, colours = corners[keep] * factor, body[keep] * factor, colours[keep]
+    normals = face_normals(body.reshape(-1, 3), np.arange(body[..., 0].size).reshape(-1, 3))
+    pieces, source, shade = checkerboard(corners, body, side)
+    draw_flat(axes[0, 0], corners, colours, edged=len(corners) < EDGED)
+    draw_flat(axes[1, 0], [piece[:, :2] for piece in pieces], BOARD[shade], edged=False)
+    for axis in axes[:, 0]:
+        _draw_flat_seams(axis, flat.charts, factor)
+        _frame_flat(axis, unit)
+    for place, view in enumerate(views):
+        draw_surface(axes[0, 1 + place], view, body, normals, colours)
+        bent = [piece[:, 2:] for piece in pieces]
+        draw_surface(axes[1, 1 + place], view, bent, normals[source], BOARD[shade])
+        axes[0, 1 + place].set_title(f"on the body, {view.name}", fontsize=9)
+        for axis in axes[:, 1 + place]:
+            _draw_body_seams(axis, flat, view, factor)
+            _frame_body(axis)
+    axes[0, 0].set_title("flat map", fontsize=9)
+    axes[1, 0].set_title(f"squares of {side:g} {unit} on the map", fontsize=9)
+    bar = figure.colorbar(paint, ax=axes[0, :], shrink=0.8, extend="both", pad=0.01)
+    bar.set_label(metric.label)
+    seams = any(len(seam_edges(chart)) for chart in flat.charts)
+    figure.suptitle(title(flat) + (", seams red" if seams else ""), fontsize=11)
+    path.write_bytes(picture_bytes(figure))
+
+
+def comparison_figure(
+    maps: Sequence[tuple[str, FlatMap]],
+    drawn: Sequence[DrawnChart],
+    metric: FaceMetric,
+    path: Path,
+) -> None:
+    """Maps of one part by several methods in one colour scale, and the drawing laid over the first.
+
+    Triangles that the drawing turns over are black.
+    """
+    unit, factor = length_unit(maps[0][1])
+    panels = len(maps) + bool(drawn)
+    extent = np.ptp(np.concatenate([chart.uv for chart in maps[0][1].charts]), axis=0)
+    tall = float(np.clip(3.1 * extent[1] / max(extent[0], 1e-300), 1.2, 3.6))
+    figure = plain_figure((1.0 + 3.7 * panels, 1.3 + tall))
+    axes = figure.subplots(1, panels, squeeze=False)[0]
+    paint = _scale(metric, np.concatenate([metric.of(chart) for chart in maps[0][1].charts]))
+    for axis, (name, flat) in zip(axes, maps, strict=False):
+        values = np.concatenate([metric.of(chart) for chart in flat.charts])
+        keep = kept_faces(len(values))
+        corners = np.concatenate([chart.uv[chart.faces] for chart in flat.charts]) * factor
+        colours = paint.to_rgba(np.nan_to_num(values, posinf=1e300))
+        draw_flat(axis, corners[keep], colours[keep], edged=keep.sum() < EDGED)
+        _draw_flat_seams(axis, flat.charts, factor)
+        _frame_flat(axis, unit)
+        rms = max(100.0 * chart.distortion.edge_rms for chart in flat.charts)
+        axis.set_title(f"{name}: {flat.flips} flips, edge rms {rms:.2f} %", fontsize=9)
+    if drawn:
+        _draw_drawing(axes[-1], drawn, factor)
+        _frame_flat(axes[-1], f"{unit}; here yellow is {DRAWN_LIMIT:g} % of edge strain")
+    bar = figure.colorbar(paint, ax=axes, shrink=0.8, extend="both", pad=0.01)
+    bar.set_label(metric.label)
+    figure.suptitle(f"{maps[0][1].mesh.skin.part}: the same charts compared", fontsize=11)
+    path.write_bytes(picture_bytes(figure))
+
+
+def histogram_figure(flat: FlatMap, path: Path) -> None:
+    """Area over each metric, patches stacked."""
+    figure = plain_figure((12.0, 4.4))
+    axes = figure.subplots(2, 3).ravel()
+    for axis, metric in zip(axes, METRICS.values(), strict=True):
+        values = [metric.of(chart) for chart in flat.charts]
+        weights = [chart.distortion.face_areas for chart in flat.charts]
+        finite = np.concatenate(values)
+        finite = finite[np.isfinite(finite)]
+        low, high = np.percentile(finite, [0.0, 99.5]) if len(finite) else (0.0, 1.0)
+        low, high = min(low, metric.ideal), max(high, metric.ideal)
+        high = high if high > low + 1e-12 else low + 1.0
+        total = sum(float(weight.sum()) for weight in weights)
+        axis.hist(
+            [np.clip(np.nan_to_num(v, posinf=high), low, high) for v in values],
+            bins=50,
+            range=(low, high),
+            weights=[100.0 * weight / total for weight in weights],
+            stacked=True,
+            label=[f"patch {chart.patch}" for chart in flat.charts],
+        )
+        axis.axvline(metric.ideal, color="black", linewidth=0.7)
+        axis.set_xlabel(metric.label, fontsize=9)
+        axis.set_ylabel("area [%]", fontsize=9)
+        axis.tick_params(labelsize=8)
+        axis.spines[["top", "right"]].set_visible(False)
+    if 1 < len(flat.charts) <= 8:
+        axes[2].legend(fontsize=8, frameon=False)
+    path.write_bytes(picture_bytes(figure))
+
+
+def title(flat: FlatMap) -> str:
+    """One line on a part: taxels, patches, method, flips, edge error."""
+    count = len(flat.charts)
+    rms = [f"{100.0 * chart.distortion.edge_rms:.2f}" for chart in flat.charts[:6]]
+    more = ", ..." if count > 6 else ""
+    return (
+        f"{flat.mesh.skin.part}: {len(flat.mesh.skin)} vertices, "
+        f"{count} {'patch' if count == 1 else 'patches'}, {flat.charts[0].method}, "
+        f"{flat.flips} flips, edge rms {', '.join(rms)}{more} %"
+    )
+
+
+def length_unit(flat: FlatMap) -> tuple[str, float]:
+    """A unit in which a part has readable lengths, and how many of it are a metre."""
+    size = float(np.ptp(flat.mesh.vertices, axis=0).max())
+    for unit, factor in (("mm", 1e3), ("m", 1.0), ("km", 1e-3)):
+        if 1.0 <= size * factor < 2e3:
+            return unit, factor
+    power = int(np.floor(np.log10(size)))
+    return f"1e{power} m", 10.0**-power
+
+
+def kept_faces(count: int) -> BoolArray:
+    """(count,) which faces are drawn: all of them up to `MAX_DRAWN`, then evenly some."""
+    keep = np.zeros(count, bool)
+    keep[:: -(-count // MAX_DRAWN)] = True
+    return keep
+
+
+def draw_flat(
+    axis: Any, polygons: Sequence[FloatArray] | FloatArray, colours: FloatArray, *, edged: bool
+) -> None:
+    """Draw m polygons (k, 2) in colours (m, 4)."""
+    from matplotlib.collections import PolyCollection
+
+    edge = "white" if edged else "face"
+    axis.add_collection(
+        PolyCollection(list(polygons), facecolors=colours, edgecolors=edge, linewidths=0.25)
+    )
+
+
+def _draw_flat_seams(axis: Any, charts: Sequence[Chart], factor: float) -> None:
+    from matplotlib.collections import LineCollection
+
+    lines = np.concatenate([chart.uv[seam_edges(chart)] for chart in charts]) * factor
+    axis.add_collection(LineCollection(list(lines), colors=SEAM, linewidths=1.4))
+
+
+def _draw_body_seams(axis: Any, flat: FlatMap, view: View, factor: float) -> None:
+    from matplotlib.collections import LineCollection
+
+    seen = visible(view, flat.mesh.vertices, flat.mesh.faces, len(flat.mesh.vertices))
+    for chart in flat.charts:
+        ends = chart.taxels[seam_edges(chart)]
+        ends = ends[seen[ends].any(axis=1)]
+        lines = view.project(flat.mesh.vertices[ends])[:, :, :2] * factor
+        axis.add_collection(LineCollection(list(lines), colors=SEAM, linewidths=1.4))
+
+
+def _draw_drawing(axis: Any, drawn: Sequence[DrawnChart], factor: float) -> None:
+    from matplotlib import colormaps
+
+    strain, flips, taxels = [], 0, 0
+    for chart in drawn:
+        if chart.distortion is None:
+            continue
+        error = 100.0 * chart.distortion.face_edge_strain(chart.faces)
+        colours = colormaps["viridis"](np.clip(error / DRAWN_LIMIT, 0.0, 1.0))
+        colours[chart.distortion.area <= 0] = [0.0, 0.0, 0.0, 1.0]
+        draw_flat(axis, chart.uv[chart.faces] * factor, colours, edged=True)
+        strain.append(100.0 * chart.distortion.edge_rms)
+        flips += chart.distortion.flips
+        taxels += len(chart.vertices)
+    worst = f"{max(strain):.1f}" if strain else "-"
+    axis.set_title(f"drawing, {taxels} taxels: {flips} flips, edge rms {worst} %", fontsize=9)
+    axis.text(
+        0.0, -0.17, "here yellow is 20 % of edge strain", transform=axis.transAxes, fontsize=7
+    )
+
+
+def _scale(metric: FaceMetric, values: FloatArray) -> Any:
+    """Colours over the metric's own range, wider where the map is worse."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    off = metric.badness(values)
+    finite = off[np.isfinite(off)]
+    reach = max(abs(metric.limit - metric.ideal), float(np.percentile(finite, STRETCHED)))
+    low = metric.ideal - (reach if metric.signed else 0.0)
+    colours = "PuOr" if metric.signed else "viridis"
+    return ScalarMappable(Normalize(low, metric.ideal + reach), colours)
+
+
+def _frame_flat(axis: Any, unit: str) -> None:
+    axis.set_aspect("equal")
+    axis.autoscale_view()
+    axis.margins(0.03)
+    axis.set_xlabel(unit, fontsize=8)
+    axis.tick_params(labelsize=8)
+
+
+def _frame_body(axis: Any) -> None:
+    axis.set_aspect("equal")
+    axis.autoscale_view()
+    axis.margins(0.03)
+    axis.set_axis_off()

@@ -1,0 +1,1 @@
+"""`skinmap inspect`: its options, its work, its result."""

@@ -1,0 +1,1 @@
+"""What commands share: options, groups, interrupts, profiles, workers."""

@@ -1,0 +1,1 @@
+"""`skinmap simulate`: into recordings and as a live stream."""

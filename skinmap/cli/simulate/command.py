@@ -1,0 +1,198 @@
+"""`skinmap simulate`: simulated touches on the skin, as a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from skinmap.cli.shared.common import (
+    emit,
+    json_option,
+    open_robot,
+    part_option,
+    profile_option,
+    progress,
+    robot_argument,
+    seed_option,
+)
+
+SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bits", "rate")
+
+
+@click.command("simulate")
+@robot_argument
+@part_option
+@click.option(
+    "--per-gesture",
+    type=click.IntRange(min=1),
+    default=20,
+    show_default=True,
+    help="Touches of each gesture on each part.",
+)
+@click.option(
+    "--gesture",
+    "gestures",
+    multiple=True,
+    help="Only this gesture; may be repeated. Or four (the default), eight or all.",
+)
+@click.option(
+    "--pairs",
+    type=click.IntRange(min=1),
+    help="Instead, so many pairs of touches at once on each part, drawn from the gestures.",
+)
+@click.option(
+    "--subjects",
+    type=click.IntRange(min=1),
+    default=10,
+    show_default=True,
+    help="People who touch, each with a hand size and habits.",
+)
+@click.option(
+    "--places",
+    type=click.Choice(["anywhere", "habitual"]),
+    default="anywhere",
+    show_default=True,
+    help="Where people touch.",
+)
+@click.option("--noise", type=float, default=1.2, show_default=True, help="Of a sample [counts].")
+@click.option(
+    "--drift", type=float, default=0.5, show_default=True, help="Of baselines, in counts."
+)
+@click.option("--dead", type=float, default=0.0, show_default=True, help="Share of dead taxels.")
+@click.option(
+    "--gain-spread", type=float, default=0.15, show_default=True, help="Spread of taxels' gains."
+)
+@click.option("--foam-mm", type=float, default=2.5, show_default=True, help="Spread by the foam.")
+@click.option(
+    "--saturation", type=float, default=255.0, show_default=True, help="No taxel sends more counts."
+)
+@click.option("--bits", type=int, default=8, show_default=True, help="Resolution, 1 to 8.")
+@click.option("--rate", type=float, default=50.0, show_default=True, help="Samples a second.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    default=Path("touches.npz"),
+    show_default=True,
+    help="Recording to write: .npz or .mcap.",
+)
+@click.option(
+    "--publish",
+    metavar="SPEC",
+    help="Instead of a recording, stream touches live until Ctrl-C: lsl:NAME, zmq:PORT or "
+    "zmq:HOST:PORT.",
+)
+@click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="End the stream.")
+@click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
+@seed_option
+@profile_option()
+@json_option
+def command(
+    robot: str,
+    parts: tuple[str, ...],
+    per_gesture: int,
+    gestures: tuple[str, ...],
+    pairs: int | None,
+    output: Path,
+    publish: str | None,
+    seconds: float | None,
+    raw: bool,
+    seed: int,
+    as_json: bool,
+    **how: Any,
+) -> None:
+    """Simulate touches and write them with event numbers, labels and subjects, or stream them.
+
+    \b
+    Example:  skinmap simulate icub --part torso --per-gesture 30 -o torso.npz
+              skinmap simulate icub --gesture eight --subjects 20 --dead 0.02 -o touches.npz
+              skinmap simulate icub --part torso --pairs 50 -o pairs.npz
+              skinmap simulate icub --rate 50 --publish lsl:demo
+    """
+    if publish is not None:
+        _refuse_given("per_gesture", "pairs", "output", "subjects", "places")
+        from skinmap.cli.simulate.live import publish_touches
+
+        publish_touches(
+            robot,
+            parts,
+            publish,
+            gestures=gestures,
+            seconds=seconds,
+            raw=raw,
+            seed=seed,
+            as_json=as_json,
+            sensing={name: value for name, value in how.items() if name in SENSING},
+        )
+        return
+    if seconds is not None or raw:
+        raise click.UsageError("--seconds and --raw are for streams: add --publish")
+    import numpy as np
+
+    from skinmap.io.output import staged_file
+    from skinmap.io.recordings.touch_files import check_suffix, save_recordings
+    from skinmap.touch.gestures import gesture_set
+    from skinmap.touch.pairs import simulate_pairs
+    from skinmap.touch.sensing import Sensing
+    from skinmap.touch.simulator import check_gestures, simulate
+
+    if pairs is not None and how["places"] != "anywhere":
+        raise click.UsageError("--pairs are made anywhere on the skin; leave out --places")
+    check_suffix(output)
+    loaded, names = open_robot(robot, parts)
+    wanted = gesture_set(gestures)
+    check_gestures(wanted)
+    subjects, places = how.pop("subjects"), how.pop("places")
+    sensing = Sensing(foam=how.pop("foam_mm") / 1e3, **how)
+    steps = len(names) * (pairs or len(wanted) * per_gesture)
+    recordings = []
+    with staged_file(output) as stage, progress(steps, "simulating") as advance:
+        for name, rng in zip(names, np.random.default_rng(seed).spawn(len(names)), strict=True):
+            shared: dict[str, Any] = {
+                "rng": rng,
+                "gestures": wanted,
+                "subjects": subjects,
+                "sensing": sensing,
+                "progress": advance,
+            }
+            skin = loaded.skin(name)
+            if pairs is not None:
+                recordings.append(simulate_pairs(skin, count=pairs, **shared))
+            else:
+                recordings.append(simulate(skin, per_gesture=per_gesture, places=places, **shared))
+        save_recordings(recordings, stage, robot=loaded)
+    rows: list[dict[str, Any]] = [
+        {
+            "part": recording.part,
+            "samples": len(recording.times),
+            "touches": _counts(recording.labels, wanted if pairs is None else ()),
+            "subjects": len(set(recording.subjects.tolist())),
+        }
+        for recording in recordings
+    ]
+    if as_json:
+        emit({"robot": loaded.name, "seed": seed, "parts": rows, "files": [output]})
+        return
+    for row in rows:
+        counts = ", ".join(f"{count} {name}" for name, count in row["touches"].items())
+        click.echo(f"{row['part']}: {row['samples']} samples, {counts or 'no touch fits'}")
+    click.echo(str(output))
+
+
+def _refuse_given(*names: str) -> None:
+    """Refuse options that make no sense for a stream, where the user gave them."""
+    context = click.get_current_context()
+    default = (ParameterSource.DEFAULT, ParameterSource.DEFAULT_MAP)
+    for name in names:
+        if context.get_parameter_source(name) not in default:
+            option = "--" + name.replace("_", "-")
+            raise click.UsageError(f"--publish streams touches without end; leave out {option}")
+
+
+def _counts(labels: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str, int]:
+    """How many of each label, those that were wanted first."""
+    names = dict.fromkeys([*wanted, *sorted(labels)])
+    return {name: labels.count(name) for name in names}

@@ -1,0 +1,1 @@
+"""`skinmap structures`: its options, its work, its result."""

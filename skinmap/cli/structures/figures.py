@@ -1,0 +1,168 @@
+"""Plots of periodic structures: each of them once, and where on the flat maps and the body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.rigid import transform_directions, transform_points
+from skinmap.geometry.triangles import face_normals
+from skinmap.neighbours.structures import Prototypes, Structures
+from skinmap.report.figure import MM, plain_figure, save_figure
+from skinmap.report.projection import View, draw_surface, visible
+from skinmap.skin.robot import Robot
+from skinmap.touch.prepared_skin import PreparedSkin
+
+GREY = "#b4bac1"
+SKIN = (0.93, 0.93, 0.91, 1.0)
+BODY = "#f3f4f6"
+COLUMNS = 12
+UP = np.array([0.0, 0.0, 1.0])
+SIDES = {
+    "from +x": np.array([1.0, 0.0, 0.0]),
+    "from +y": np.array([0.0, 1.0, 0.0]),
+    "from \N{MINUS SIGN}x": np.array([-1.0, 0.0, 0.0]),
+    "from \N{MINUS SIGN}y": np.array([0.0, -1.0, 0.0]),
+}
+
+
+def structures_figure(skins: Mapping[str, PreparedSkin], found: Structures, path: Path) -> None:
+    """Each structure once, and the flat maps of all parts coloured by structure."""
+    palette = structure_colours(len(found.prototypes))
+    known = colour_count()
+    rows = max(-(-len(found.prototypes) // COLUMNS), 1)
+    width = len(skins) if len(skins) < 4 else -(-len(skins) // 3)
+    maps = 7.5 if len(skins) >= 4 else 4.5
+    figure = plain_figure((13.0, 1.25 * rows + 0.4 + maps))
+    top, bottom = figure.subfigures(2, 1, height_ratios=[1.25 * rows + 0.4, maps])
+    for s in range(len(found.prototypes)):
+        axis = top.add_subplot(rows, COLUMNS, s + 1)
+        _draw_prototype(axis, found.prototypes, s, palette[s])
+        axis.set_title(f"{s}: {found.counts[s]}", fontsize=8, pad=2)
+    more = f" ({known} colours, rarer ones black)" if known < len(found.prototypes) else ""
+    turned = "with" if found.prototypes.rotations > 1 else "without"
+    top.suptitle(
+        f"{len(found.prototypes)} structures {turned} rotation{more}; number: taxels that have "
+        "it; hollow: optional",
+        fontsize=11,
+    )
+    for place, (name, skin, labels) in enumerate(_by_part(skins, found)):
+        axis = bottom.add_subplot(-(-len(skins) // width), width, place + 1)
+        _draw_members(axis, skin.flat.uv * MM, labels, palette)
+        axis.set_title(name, fontsize=9, pad=2)
+    save_figure(figure, path)
+
+
+def body_figure(
+    robot: Robot, skins: Mapping[str, PreparedSkin], found: Structures, path: Path
+) -> None:
+    """The skin on the posed body from four sides, its taxels coloured by structure."""
+    palette = structure_colours(len(found.prototypes))
+    poses = robot.body.poses(robot.pose)
+    points, normals, faces, start = [], [], [], 0
+    for skin in skins.values():
+        T_root_link = poses[skin.skin.link]
+        points.append(transform_points(T_root_link, skin.skin.positions) * MM)
+        normals.append(transform_directions(T_root_link, skin.skin.normals))
+        faces.append(skin.mesh.faces + start)
+        start += len(skin)
+    vertices, triangles = np.concatenate(points), np.concatenate(faces)
+    links = _links(robot, skins)
+    body = [transform_points(poses[link], robot.mesh(link).vertices) * MM for link in links]
+    extent = np.ptp(np.concatenate([vertices, *body]), axis=0)
+    low, high = (f(np.concatenate([vertices, *body])[:, 2]) for f in (np.min, np.max))
+    widths = [extent[1], extent[0], extent[1], extent[0]]
+    height = 7.0
+    scale = (height - 0.6) / max(float(extent[2]), 1.0)
+    size = sum(widths) * scale + 1.5
+    if size > 16.0:  # a part that lies is wider than high
+        height, size = max(0.6 + (height - 0.6) * 16.0 / size, 3.0), 16.0
+    figure = plain_figure((max(size, 6.0), height))
+    axes = figure.subplots(1, 4, width_ratios=np.maximum(widths, 0.1 * max(widths)))
+    for axis, (name, out) in zip(axes, SIDES.items(), strict=True):
+        view = View(name, out, UP)
+        outline = view.project(vertices)[:, :2]
+        for link in links:
+            shape = view.project(transform_points(poses[link], robot.mesh(link).vertices))
+            outline = np.concatenate([outline, _draw_outline(axis, shape[:, :2] * MM)])
+        colours = np.tile(SKIN, (len(triangles), 1))
+        draw_surface(axis, view, vertices[triangles], face_normals(vertices, triangles), colours)
+        seen = visible(view, vertices, triangles, len(vertices))
+        _draw_members(axis, view.project(vertices)[seen, :2], found.labels[seen], palette)
+        axis.set_xlim(outline[:, 0].min() - 5.0, outline[:, 0].max() + 5.0)
+        axis.set_ylim(low, high)  # one scale for all four
+        axis.set_title(name, fontsize=9)
+    figure.suptitle(f"{robot.name}: {len(found.prototypes)} structures on the skin", fontsize=11)
+    save_figure(figure, path)
+
+
+def _links(robot: Robot, skins: Mapping[str, PreparedSkin]) -> tuple[str, ...]:
+    """Links to outline: those of the parts shown, or all where all parts are."""
+    if set(skins) == set(robot.parts):
+        return tuple(k for k in robot.body.visible_links if len(robot.mesh(k).vertices) > 2)
+    return tuple(dict.fromkeys(skin.skin.link for skin in skins.values()))
+
+
+def _draw_outline(axis: Any, points: FloatArray) -> FloatArray:
+    """Draw the convex outline of a link's projected vertices (n, 2); returns its corners."""
+    from scipy.spatial import ConvexHull
+
+    corners = points[ConvexHull(points).vertices]
+    axis.fill(*corners.T, facecolor=BODY, edgecolor=GREY, linewidth=0.4, zorder=0)
+    return np.asarray(corners)
+
+
+def structure_colours(n: int) -> FloatArray:
+    """(n, 4) colours, one each for the most common structures, black for all others."""
+    from matplotlib import colormaps
+
+    # tab20 pairs strong with pale: strong ones first.
+    order = [*range(0, 20, 2), *range(1, 20, 2)]
+    known = np.concatenate(
+        [colormaps["tab20"](np.array(order)), colormaps["tab20b"](np.array(order))]
+    )
+    colours = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
+    colours[: len(known)] = known[:n]
+    return colours
+
+
+def colour_count() -> int:
+    """How many structures have a colour of their own; more cannot be told apart."""
+    return 40
+
+
+def _by_part(
+    skins: Mapping[str, PreparedSkin], found: Structures
+) -> list[tuple[str, PreparedSkin, IntArray]]:
+    parts, start = [], 0
+    for name, skin in skins.items():
+        parts.append((name, skin, found.labels[start : start + len(skin)]))
+        start += len(skin)
+    return parts
+
+
+def _draw_prototype(axis: Any, shapes: Prototypes, s: int, colour: Any) -> None:
+    points = shapes.offsets[s] * MM
+    sure = shapes.required[s]
+    maybe = shapes.filled[s] & ~sure
+    axis.plot(*points[maybe].T, "o", color="white", markeredgecolor=GREY, markersize=4.5)
+    axis.plot(*points[sure].T, "o", color=GREY, markersize=4.5)
+    axis.plot(0.0, 0.0, "o", color=colour, markersize=6.5, markeredgecolor="black")
+    reach = 1.15 * float(np.linalg.norm(shapes.offsets, axis=2).max(initial=1e-3)) * MM
+    axis.set_xlim(-reach, reach)
+    axis.set_ylim(-reach, reach)
+    axis.set_aspect("equal")
+    axis.set_axis_off()
+
+
+def _draw_members(axis: Any, places: FloatArray, labels: IntArray, palette: FloatArray) -> None:
+    known = labels >= 0
+    axis.scatter(*places[known].T, s=7, linewidths=0, color=palette[labels[known]], zorder=3)
+    axis.scatter(*places[~known].T, s=7, color=GREY, marker="x", zorder=3)
+    axis.set_aspect("equal")
+    axis.autoscale_view()
+    axis.set_axis_off()

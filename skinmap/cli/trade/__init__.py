@@ -1,0 +1,1 @@
+"""`skinmap trade`: its options, its work, its result."""

@@ -1,0 +1,248 @@
+"""`skinmap trade`: speed against accuracy on a user's own skin and machine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from skinmap.cli.shared.common import (
+    json_option,
+    open_robot,
+    outside_option,
+    part_option,
+    progress,
+    seed_option,
+)
+
+if TYPE_CHECKING:
+    from skinmap.trade.front import Budget
+    from skinmap.trade.runner import Measured
+    from skinmap.trade.task import TradeTask
+
+ALL = "all"
+
+
+@click.command("trade")
+@click.argument("robot", default="icub", metavar="[ROBOT]")
+@outside_option
+@part_option
+@click.option(
+    "--task",
+    "names",
+    multiple=True,
+    default=(ALL,),
+    show_default=True,
+    help="What to measure: flatten, classify, calibrate, view, those of plug-ins, or all.",
+)
+@click.option(
+    "--budget-ms",
+    "budgets_ms",
+    multiple=True,
+    metavar="[TASK=]X",
+    help="Recommend the most accurate setting that takes at most so long; may be repeated.",
+)
+@click.option(
+    "--max-error",
+    "max_errors",
+    multiple=True,
+    metavar="[TASK=]X",
+    help="Recommend the fastest setting that errs at most so much, in the task's unit.",
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    default=3,
+    show_default=True,
+    help="Repetitions, each with touches of its own.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for a plot a task and profile.toml.",
+)
+@click.option(
+    "--check",
+    type=click.Path(path_type=Path),
+    metavar="PROFILE",
+    help="Measure a profile's settings again instead, beside what it predicts.",
+)
+@seed_option
+@json_option
+def command(
+    robot: str,
+    parts: tuple[str, ...],
+    names: tuple[str, ...],
+    budgets_ms: tuple[str, ...],
+    max_errors: tuple[str, ...],
+    seeds: int,
+    out: Path | None,
+    check: Path | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Measure what each setting costs and how wrong it is, and recommend one for each task.
+
+    A limit counts for every task measured, or for one: --budget-ms flatten=20. Without a limit
+    the knee of the Pareto front is recommended. With --out the recommendation is written as
+    profile.toml, which other commands take as --profile.
+
+    \b
+    Example:  skinmap trade icub --part right_forearm --out trade
+              skinmap trade icub --part torso --task flatten --budget-ms 20 --json
+              skinmap trade --check trade/profile.toml
+    """
+    if check is not None:
+        _run_check(check, robot, parts, names, seed, seeds, as_json)
+        return
+    from skinmap.cli.trade.report import PROFILE, emit_result, result_of, show, write
+    from skinmap.trade.front import recommend
+    from skinmap.trade.profile_file import Origin
+
+    tasks, failures = _tasks(names)
+    budgets = _budgets(tasks, budgets_ms, max_errors)
+    loaded, wanted = open_robot(robot, parts)
+    with _folder(out) as stage:
+        measured = _measure(tasks, loaded, wanted, range(seed, seed + seeds), budgets)
+        for task in tasks:
+            failures += measured[task].failures
+        found = {name: one.points for name, one in measured.items() if one.points}
+        _refuse_nothing(found, failures)
+        chosen = {name: recommend(points, budgets[name]) for name, points in found.items()}
+        origin = Origin(robot, wanted, seed, seeds)
+        result = result_of(tasks, found, failures, chosen, budgets, origin)
+        if stage is not None and out is not None:
+            write(stage, tasks, found, chosen, origin)
+            result |= {
+                "profile": str(out / PROFILE),
+                "files": [*(f"{n}.png" for n in found), PROFILE],
+            }
+    if as_json:
+        emit_result(result)
+        return
+    show(tasks, found, failures, chosen, budgets)
+    for file in result["files"]:
+        click.echo(str(Path(out or ".") / file))
+
+
+def _run_check(
+    path: Path,
+    robot: str,
+    parts: tuple[str, ...],
+    names: tuple[str, ...],
+    seed: int,
+    seeds: int,
+    as_json: bool,
+) -> None:
+    """Check a profile; exits with 1 where it does not keep what it predicts."""
+    from skinmap.cli.trade.check import given, run_check
+
+    writing = {"budgets_ms": "--budget-ms", "max_errors": "--max-error", "out": "--out"}
+    for option in (option for name, option in writing.items() if given(name)):
+        raise click.UsageError(f"--check recommends and writes nothing: it takes no {option}")
+    only = None if ALL in names else names
+    if not run_check(path, robot, parts, only, seed, seeds, as_json=as_json):
+        click.get_current_context().exit(1)
+
+
+def _folder(out: Path | None) -> AbstractContextManager[Path | None]:
+    """Where the files go, tried before anything is measured; nowhere without `--out`."""
+    from skinmap.io.output import staged_folder
+
+    return nullcontext() if out is None else staged_folder(out)
+
+
+def _tasks(names: tuple[str, ...]) -> tuple[dict[str, TradeTask], list[Any]]:
+    """The tasks asked for by name, and plug-ins that do not load."""
+    from importlib.metadata import entry_points
+
+    from skinmap.trade.points import Failure
+    from skinmap.trade.task import GROUP, tasks
+
+    if ALL not in names:
+        return {name: tasks.get(name) for name in dict.fromkeys(names)}, []
+    known = tasks.names()
+    lost = [point.name for point in entry_points(group=GROUP) if point.name not in known]
+    failures = [Failure(name, None, "its plug-in does not load") for name in lost]
+    return {name: tasks.get(name) for name in known}, failures
+
+
+def _budgets(
+    tasks: Mapping[str, TradeTask], budgets_ms: tuple[str, ...], max_errors: tuple[str, ...]
+) -> dict[str, Budget]:
+    from skinmap.trade.front import Budget
+
+    times = _limits("--budget-ms", budgets_ms, tasks)
+    errors = _limits("--max-error", max_errors, tasks, least=0.0)
+    return {
+        name: Budget(times[name] / 1e3 if name in times else None, errors.get(name))
+        for name in tasks
+    }
+
+
+def _limits(
+    option: str, words: tuple[str, ...], tasks: Mapping[str, TradeTask], least: float | None = None
+) -> dict[str, float]:
+    """The limit of each task; `TASK=X` wins over a bare X, wherever it stands."""
+    from skinmap.errors import UnknownNameError
+
+    common: dict[str, float] = {}
+    own: dict[str, float] = {}
+    for word in words:
+        name, mark, number = word.rpartition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        fits = math.isfinite(value) and (value > 0 or value == least)
+        if not fits:
+            raise click.UsageError(f"{option} must be a number above 0, or TASK=X, got {word!r}")
+        if mark and name not in tasks:
+            raise UnknownNameError(f"task (of {option})", name, tasks)
+        if mark:
+            own[name] = value
+        else:
+            common = dict.fromkeys(tasks, value)
+    return common | own
+
+
+def _measure(
+    tasks: Mapping[str, TradeTask],
+    robot: Any,
+    parts: tuple[str, ...],
+    seeds: range,
+    budgets: Mapping[str, Budget],
+) -> dict[str, Measured]:
+    from skinmap.trade.front import recommend
+    from skinmap.trade.runner import measure, steps
+
+    def measured(name: str, advance: Callable[[str], None]) -> Measured:
+        return measure(
+            tasks[name], robot, parts, seeds=seeds, progress=advance,
+            choose=lambda points: recommend(points, budgets[name]),
+        )  # fmt: skip
+
+    total = sum(steps(_count(task), len(seeds)) for task in tasks.values())
+    with progress(total, "trade") as advance:
+        return {name: measured(name, advance) for name in tasks}
+
+
+def _count(task: TradeTask) -> int:
+    """How many settings a task has; 0 where it fails to say, which is reported later."""
+    try:
+        return len(task.settings())
+    except Exception:  # noqa: BLE001 - a plug-in's fault, which the runner reports
+        return 0
+
+
+def _refuse_nothing(found: Mapping[str, Any], failures: list[Any]) -> None:
+    """Stop where no task gave a single point."""
+    if not found:
+        from skinmap.errors import SkinError
+
+        said = "; ".join(f"{one.task}: {one.reason}" for one in failures[:3])
+        raise SkinError(f"nothing could be measured: {said}")

@@ -1,0 +1,1 @@
+"""Recordings of all formats, in and out."""

@@ -1,0 +1,195 @@
+"""What YARP's data dumper wrote: `data.log`, a line a sample: number, time stamp, values.
+
+The skin of an iCub sends one live vector a part, 0 to 255 and lower where pressed harder; the
+values are given as they are. A folder may hold one folder a part, each with its `data.log`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.io.recordings.recorded_stream import Loss, RecordedStream, measured_rate
+from skinmap.io.text import check_file
+from skinmap.skin.robot import Robot
+
+FILE = "data.log"
+MAX_BYTES = 8 * 2**30
+MAX_LINE = 8 * 2**20  # a line of a million values
+BLOCK = 1024  # lines kept as numbers before they are packed
+RANGE = (0.0, 255.0)
+
+
+def read_dump(path: Path, *, robot: Robot | None = None) -> RecordedStream:
+    """Read one `data.log`, or a folder with one for each part.
+
+    Parameters
+    ----------
+    path : Path
+        A log, its folder, or a folder of such folders. Parts are called as their folders.
+    robot : Robot, optional
+        A folder whose name holds that of one of its parts ("skin_left_arm") is that part.
+
+    Returns
+    -------
+    RecordedStream
+        Raw values. Several parts are given at the times of the one with most samples, each with
+        what it last sent, as far as all of them were recorded.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No log, or one that does not follow its format (says which line).
+    UnknownNameError
+        A folder that is called like no part of the robot.
+    """
+    logs = _logs(path)
+    named = {_part(log, robot): log for log in logs}
+    if len(named) < len(logs):
+        raise DataFormatError("two logs of one part", path)
+    read = {part: read_log(log) for part, log in named.items()}
+    if len(read) > 1:
+        read = _together(read, path)
+    longest = max(read.values(), key=lambda one: len(one[0]))
+    times = longest[0]
+    cut = [damage for _, _, damage in read.values() if damage]
+    rate = measured_rate(times)
+    return RecordedStream(
+        path.name if path.is_dir() else path.parent.name or path.name,
+        "raw",
+        tuple(read),
+        tuple(values.shape[1] for _, values, _ in read.values()),
+        times,
+        np.concatenate([values for _, values, _ in read.values()], axis=1),
+        rate=rate,
+        robot="" if robot is None else robot.name,
+        loss=Loss(True, 1.0 / rate if rate else 0.0, tuple(cut)) if cut else Loss(),
+    )
+
+
+def _logs(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    if (path / FILE).exists():
+        return [path / FILE]
+    logs = sorted(path.glob(f"*/{FILE}"))
+    if not logs:
+        raise MissingFileError(path / FILE, f"{FILE} here or in a folder a part")
+    return logs
+
+
+def _part(log: Path, robot: Robot | None) -> str:
+    name = log.resolve().parent.name
+    if robot is None:
+        return name
+    fitting = [part for part in robot.parts if part in name]
+    if not fitting:
+        if len(robot.parts) == 1:
+            return robot.parts[0]
+        raise UnknownNameError(f"part of {robot.name} for the folder", name, robot.parts)
+    return max(fitting, key=len)
+
+
+def read_log(path: Path) -> tuple[FloatArray, NDArray[Any], str]:
+    """Times (t,) [s] and values (t, channels) of one log, and what was wrong with its end.
+
+    Lines that came late are put where their time stamp says.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or a line that is none (says which): only the last may be cut off.
+    """
+    check_file(path, "a log of the data dumper", MAX_BYTES)
+    times: list[float] = []
+    done: list[NDArray[Any]] = []
+    rows: list[NDArray[np.float64]] = []
+    number, width, damage = 0, 0, ""
+    with path.open("rb") as file:
+        while line := file.readline(MAX_LINE + 1):
+            number += 1
+            if len(line) > MAX_LINE:
+                raise DataFormatError(f"a line above {MAX_LINE} bytes", path, number)
+            if not line.strip():
+                continue
+            row = _numbers(line)
+            whole = line.endswith(b"\n")
+            if row is None or len(row) < 3 or (width and len(row) != width):
+                if not whole and width:
+                    damage = f"cut off in line {number}"
+                    break
+                raise DataFormatError(_what(row, width), path, number)
+            if not whole:  # its last number may have lost digits
+                damage = f"cut off in line {number}"
+                break
+            _check(row, path, number)
+            width = len(row)
+            times.append(float(row[1]))
+            rows.append(row[2:])
+            if len(rows) == BLOCK:
+                done.append(_packed(rows))
+                rows = []
+    if rows:
+        done.append(_packed(rows))
+    if not times:
+        raise DataFormatError("no sample in it", path)
+    stamps = np.array(times)
+    values = np.concatenate(done)
+    order = np.argsort(stamps, kind="stable")
+    return stamps[order], values[order], damage
+
+
+def _numbers(line: bytes) -> NDArray[np.float64] | None:
+    if b"_" in line:  # only Python would call that a number
+        return None
+    try:
+        return np.array(line.split(), np.float64)
+    except ValueError:
+        return None
+
+
+def _what(row: NDArray[np.float64] | None, width: int) -> str:
+    if row is None:
+        return "expected numbers only: sequence number, time stamp, values"
+    if width:
+        return f"{len(row) - 2} values, the lines before it have {width - 2}"
+    return f"expected a sequence number, a time stamp and values, got {len(row)} numbers"
+
+
+def _check(row: NDArray[np.float64], path: Path, line: int) -> None:
+    if not np.isfinite(row).all():
+        raise DataFormatError("expected finite numbers", path, line)
+    values = row[2:]
+    low, high = float(values.min()), float(values.max())
+    if low < RANGE[0] or high > RANGE[1]:
+        worst = low if low < RANGE[0] else high
+        raise DataFormatError(f"a value of {worst:g}; a taxel sends 0 to 255", path, line)
+
+
+def _packed(rows: list[NDArray[np.float64]]) -> NDArray[Any]:
+    """Rows in a byte a value where they are whole, else in four."""
+    values = np.array(rows)
+    whole = (values == np.floor(values)).all()
+    return values.astype(np.uint8 if whole else np.float32)
+
+
+def _together(
+    read: dict[str, tuple[FloatArray, NDArray[Any], str]], path: Path
+) -> dict[str, tuple[FloatArray, NDArray[Any], str]]:
+    """All parts at the times of the one with most samples, each holding what it sent last."""
+    start = max(times[0] for times, _, _ in read.values())
+    end = min(times[-1] for times, _, _ in read.values())
+    reference = max((times for times, _, _ in read.values()), key=len)
+    shared = reference[(reference >= start) & (reference <= end)]
+    if len(shared) == 0:
+        raise DataFormatError("its parts were recorded at other times", path)
+    held = {}
+    for part, (times, values, damage) in read.items():
+        rows = np.searchsorted(times, shared, side="right") - 1
+        held[part] = (shared, values[rows], damage)
+    return held

@@ -1,0 +1,215 @@
+"""Recordings as plain arrays for machine learning: HDF5 and NPZ, the same names in both.
+
+times (t,), and for each part: PART/values (t, n), PART/events (t,), PART/labels (k,),
+PART/subjects (k,), and of its taxels PART/channels, PART/modules, PART/positions, PART/normals;
+joints (j,) and angles (t, j) where there are any. HDF5 has the rest as attributes, NPZ as JSON in
+`about`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.errors import DataFormatError, OutputError
+from skinmap.io.recordings.marked_events import part_events, taxel_columns
+from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream
+from skinmap.touch.recording import Recording
+
+FORMAT = "skinmap-arrays-1"
+BLOCK = 1024  # samples that are read, compressed and written at once
+GZIP = 4
+
+
+def arrays_of(track: RecordedStream, path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Names and arrays of a recording, all but the values."""
+    count = len(track.times)
+    yield "times", track.times
+    if track.joints:
+        yield "joints", np.array(track.joints, np.str_)
+        yield "angles", track.angles
+    for part, width in zip(track.parts, track.widths, strict=True):
+        own = min(track.samples.get(part, count), count)
+        touches = [one for one in track.touches if one.part == part]
+        events, labels, subjects, owners = part_events(touches, own, width, path)
+        yield f"{part}/events", np.concatenate([events, np.full(count - own, -1)])
+        yield f"{part}/labels", np.array(labels, np.str_)
+        yield f"{part}/subjects", subjects
+        if owners is not None:
+            yield f"{part}/owners", owners.astype(np.int8)
+        table = track.tables.get(part)
+        if table is not None:
+            for name in ("channels", "modules", "positions", "normals"):
+                yield f"{part}/{name}", getattr(table, name)
+
+
+def about(track: RecordedStream) -> dict[str, Any]:
+    """What is no array."""
+    return {
+        "format": FORMAT,
+        "name": track.name,
+        "kind": track.kind,
+        "robot": track.robot,
+        "rate_hz": track.rate,
+        "clock": track.clock,
+        "parts": list(track.parts),
+        "fingerprints": dict(track.fingerprints),
+        "samples": dict(track.samples),
+        "recovered": track.loss.recovered,
+        "lost_seconds": track.loss.seconds,
+    }
+
+
+def write_hdf5(track: RecordedStream, path: Path) -> None:
+    """Write HDF5, block by block: a recording need not fit into memory.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    import h5py
+
+    try:
+        with h5py.File(path, "w") as file:
+            for key, value in about(track).items():
+                plain = value if isinstance(value, str | int | float) else json.dumps(value)
+                file.attrs[key] = plain
+            for name, array in arrays_of(track, path):
+                kind = h5py.string_dtype() if array.dtype.kind == "U" else array.dtype
+                content = array.astype(object) if array.dtype.kind == "U" else array
+                file.create_dataset(name, data=content, dtype=kind, compression=_packing(array))
+            for part, width in zip(track.parts, track.widths, strict=True):
+                _values(file, f"{part}/values", track, width)
+            for start in range(0, len(track.times), BLOCK):
+                rows = slice(start, start + BLOCK)
+                values = track.values[rows]
+                for part in track.parts:
+                    file[f"{part}/values"][rows] = values[:, track.columns(part)]
+    except OSError as error:
+        raise OutputError(f"cannot write {str(path)!r}: {error}") from None
+
+
+def _values(file: Any, name: str, track: RecordedStream, width: int) -> None:
+    count = len(track.times)
+    file.create_dataset(
+        name,
+        (count, width),
+        track.values[:1].dtype,
+        chunks=(min(BLOCK, count), width) if count else None,
+        compression="gzip" if count else None,
+        compression_opts=GZIP if count else None,
+        shuffle=bool(count),
+    )
+
+
+def _packing(array: NDArray[Any]) -> str | None:
+    return "gzip" if array.ndim and array.size > BLOCK else None
+
+
+def write_npz(track: RecordedStream, path: Path) -> None:
+    """Write a compressed NPZ; the whole recording is in memory meanwhile."""
+    arrays = dict(arrays_of(track, path))
+    arrays["about"] = np.array(json.dumps(about(track)))
+    values = track.values[:]
+    for part in track.parts:
+        arrays[f"{part}/values"] = values[:, track.columns(part)]
+    with path.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+
+
+def recordings_of_arrays(arrays: Any, path: Path) -> list[Recording]:
+    """The labelled pressures of an NPZ that `write_npz` made.
+
+    Parameters
+    ----------
+    arrays : numpy.lib.npyio.NpzFile
+    path : Path
+        For messages.
+
+    Raises
+    ------
+    DataFormatError
+        Another format, or raw values.
+    """
+    told = json.loads(str(arrays["about"]))
+    if told["format"] != FORMAT or told["kind"] != "pressure":
+        raise DataFormatError(f"holds {told['kind']} values as {told['format']!r}", path)
+    found = []
+    for part in map(str, told["parts"]):
+        count = int(told["samples"].get(part, len(arrays["times"])))
+        values = arrays[f"{part}/values"]
+        channels = arrays.get(f"{part}/channels", None)
+        columns = taxel_columns(channels, values.shape[1], part, path)
+        if values.dtype != np.uint8:
+            raise DataFormatError(f"pressures of {part!r} are {values.dtype}, not uint8", path)
+        found.append(
+            Recording(
+                part,
+                arrays["times"][:count],
+                values[:count, columns],
+                arrays[f"{part}/events"][:count],
+                tuple(map(str, arrays[f"{part}/labels"])),
+                arrays[f"{part}/subjects"],
+                arrays.get(f"{part}/owners", None),
+            )
+        )
+    return found
+
+
+def track_of_arrays(arrays: Any, path: Path) -> RecordedStream:
+    """The whole recording of an NPZ that `write_npz` made, joint angles too.
+
+    Parameters
+    ----------
+    arrays : numpy.lib.npyio.NpzFile
+    path : Path
+        For messages.
+
+    Raises
+    ------
+    DataFormatError
+        Another format, or arrays whose lengths differ.
+    """
+    told = json.loads(str(arrays["about"]))
+    if told["format"] != FORMAT:
+        raise DataFormatError(f"format {told['format']!r}, expected {FORMAT!r}", path)
+    parts = tuple(map(str, told["parts"]))
+    times = arrays["times"]
+    values = [arrays[f"{part}/values"] for part in parts]
+    joints = tuple(map(str, arrays.get("joints", ())))
+    angles = arrays.get("angles", np.zeros((0, 0)))
+    for what, array in [("angles", angles)] * bool(joints) + list(zip(parts, values, strict=True)):
+        if array.ndim != 2 or len(array) != len(times):
+            raise DataFormatError(f"{what} of shape {array.shape} for {len(times)} samples", path)
+    if joints and angles.shape[1] != len(joints):
+        raise DataFormatError(f"{angles.shape[1]} angles for {len(joints)} joints", path)
+    return RecordedStream(
+        str(told["name"]),
+        told["kind"],
+        parts,
+        tuple(one.shape[1] for one in values),
+        times,
+        np.concatenate(values, axis=1),
+        rate=float(told["rate_hz"]),
+        robot=str(told["robot"]),
+        fingerprints=told["fingerprints"],
+        clock=str(told["clock"]),
+        touches=tuple(touch for part in parts for touch in _marks(arrays, part)),
+        joints=joints,
+        angles=angles,
+        samples=told["samples"],
+    )
+
+
+def _marks(arrays: Any, part: str) -> Iterator[MarkedTouch]:
+    events = arrays[f"{part}/events"]
+    for event, label in enumerate(arrays[f"{part}/labels"]):
+        rows = np.flatnonzero(events == event)
+        if len(rows):
+            yield MarkedTouch(part, event, str(label), int(rows[0]), int(rows[-1]))

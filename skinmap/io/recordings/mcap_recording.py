@@ -1,0 +1,292 @@
+"""Our recordings in MCAP: which channels there are, and writing them.
+
+The layout of the file is described in docs/recordings.md.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.classify.trained_skin import remember
+from skinmap.errors import OutputError, SkinMismatchError
+from skinmap.io.recordings.cdr import DTYPES, Number, definition, encode, schema_name
+from skinmap.io.recordings.mcap_writer import CHUNK_SECONDS, McapWriter
+from skinmap.io.recordings.recorded_stream import Kind, nanoseconds_of
+from skinmap.io.taxels.table import write_csv
+from skinmap.skin.skin import Skin
+from skinmap.skin.taxels import TaxelTable
+
+FORMAT = "skinmap-mcap-1"
+METADATA = "skinmap"
+REPAIRED = "repaired_lost_seconds"  # in the head of a file that was made from a damaged one
+TOUCHES, JOINTS = "/skin/touches", "/joints"
+TOPICS: dict[tuple[Kind, Number], str] = {
+    ("raw", "UInt8"): "/skin/raw",
+    ("raw", "Float32"): "/skin/raw_float",
+    ("pressure", "UInt8"): "/skin/pressure",
+    ("pressure", "Float32"): "/skin/pressure_float",
+}
+TABLES = "skin/"  # attachments: skin/<part>.csv
+TOUCH_SCHEMA = {
+    "type": "object",
+    "title": "skinmap.Touch",
+    "properties": {
+        "part": {"type": "string"},
+        "event": {"type": "integer", "description": "number of the touch on its part"},
+        "began_s": {"type": "number", "description": "time of its first sample"},
+        "ended_s": {"type": "number", "description": "of its last sample, once it has ended"},
+        "label": {"type": "string"},
+        "subject": {"type": "integer"},
+        "owners": {"type": "object", "description": "taxels of each touch that the label joins"},
+    },
+}
+JOINT_SCHEMA = {
+    "type": "object",
+    "title": "skinmap.Joints",
+    "additionalProperties": {"type": "number", "description": "angle [rad]"},
+}
+
+
+class McapRecording:
+    """One recording file that is being written.
+
+    Parameters
+    ----------
+    path : Path
+    parts : sequence of str
+        Whose values follow each other in a sample.
+    widths : mapping of kind to sequence of int
+        Columns of each part, for each kind of values that will be written.
+    rate : float
+        Nominal samples a second; 0 where they come when they like.
+    name, robot, clock : str
+    fingerprints : mapping of str to str
+        Of the skins, where no skin is given.
+    skins : mapping of str to Skin
+        Written into the file, so that it explains itself.
+    samples : mapping of str to int
+        How many of the first samples each part really has, where parts differ.
+    chunk_seconds : float
+        Most that a killed process may lose.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be made or written to.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        parts: Sequence[str],
+        widths: Mapping[Kind, Sequence[int]],
+        rate: float = 0.0,
+        name: str = "",
+        robot: str = "",
+        clock: str = "recording",
+        fingerprints: Mapping[str, str] | None = None,
+        skins: Mapping[str, Skin] | None = None,
+        samples: Mapping[str, int] | None = None,
+        chunk_seconds: float = CHUNK_SECONDS,
+    ) -> None:
+        self.path = path
+        self.samples: dict[Kind, int] = dict.fromkeys(widths, 0)
+        self._widths = {kind: tuple(each) for kind, each in widths.items()}
+        self._parts = tuple(parts)
+        self._ids: dict[str, int] = {}
+        known = dict(fingerprints or {})
+        known |= {part: remember(skin).fingerprint for part, skin in (skins or {}).items()}
+        head = {
+            "format": FORMAT,
+            "name": name,
+            "robot": robot,
+            "rate": repr(float(rate)),
+            "clock": clock,
+            "began": datetime.now(UTC).isoformat(timespec="seconds"),
+            "chunk_seconds": repr(chunk_seconds),
+            "parts": json.dumps(list(parts)),
+            "widths": json.dumps(self._widths),
+            "fingerprints": json.dumps(known),
+            "samples": json.dumps(dict(samples or {})),
+        }
+        self._head = head
+        try:
+            self._file = path.open("wb", buffering=0)
+        except OSError as error:
+            raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None
+        with self._disk():
+            self._writer = McapWriter(self._file, chunk_seconds=chunk_seconds)
+            self._writer.add_metadata(METADATA, head)
+            self._open_channels()
+            for part, skin in (skins or {}).items():
+                self._writer.add_attachment(f"{TABLES}{part}.csv", "text/csv", table_of(skin))
+
+    def _open_channels(self) -> None:
+        writer, schemas = self._writer, dict[Number, int]()
+        for number in DTYPES:
+            schemas[number] = writer.add_schema(schema_name(number), "ros2msg", definition(number))
+        # The head stands in the channels too: a damaged page at the beginning cannot take it all.
+        for (kind, number), topic in TOPICS.items():
+            if kind in self._widths:
+                self._ids[topic] = writer.add_channel(topic, "cdr", schemas[number], self._head)
+        for topic, schema in ((TOUCHES, TOUCH_SCHEMA), (JOINTS, JOINT_SCHEMA)):
+            described = json.dumps(schema).encode()
+            place = writer.add_schema(str(schema["title"]), "jsonschema", described)
+            self._ids[topic] = writer.add_channel(topic, "json", place)
+
+    @property
+    def size(self) -> int:
+        """Bytes written."""
+        return self._writer.size
+
+    def add(self, kind: Kind, time: float, values: NDArray[Any]) -> None:
+        """Write one sample.
+
+        Parameters
+        ----------
+        kind : {"raw", "pressure"}
+        time : float
+            In the source's clock [s].
+        values : (channels,) array
+            Whole counts of 0 to 255 take a byte, other numbers four.
+
+        Raises
+        ------
+        SkinMismatchError
+            Another number of channels.
+        InvalidArrayError
+            A time that is none.
+        OutputError
+            No room; what was written stays readable.
+        """
+        channels = sum(self._widths[kind])
+        if np.shape(values) != (channels,):
+            raise SkinMismatchError(
+                f"{self.path.name}: {kind} values of shape {np.shape(values)}, the skin has "
+                f"{channels} channels"
+            )
+        number: Number = "UInt8" if whole_counts(values) else "Float32"
+        message = encode(values, number)
+        self._message(TOPICS[kind, number], nanoseconds_of(time), message, self.samples[kind])
+        self.samples[kind] += 1
+
+    def add_angles(self, time: float, angles: Mapping[str, float]) -> None:
+        """Write joint angles [rad] that belong to the sample of a time [s]."""
+        content = {joint: float(angle) for joint, angle in angles.items()}
+        self._message(JOINTS, nanoseconds_of(time), _json(content), 0)
+
+    def mark(
+        self,
+        part: str,
+        event: int,
+        label: str,
+        *,
+        began: float,
+        ended: float | None = None,
+        subject: int = 0,
+        owners: Mapping[str, list[int]] | None = None,
+    ) -> None:
+        """Mark a touch; what is said at its end counts more than what was said before.
+
+        Parameters
+        ----------
+        part : str
+        event : int
+            The same number from its beginning to its end.
+        label : str
+        began, ended : float
+            Times of its first and, once it has ended, its last sample [s].
+        subject : int
+            Who touched.
+        owners : mapping of str to list of int
+            Taxels of each touch that the label joins.
+        """
+        content: dict[str, Any] = {"part": part, "event": event, "label": label, "began_s": began}
+        content["subject"] = subject
+        if ended is not None:
+            content["ended_s"] = ended
+        if owners:
+            content["owners"] = owners
+        stamp = nanoseconds_of(began if ended is None else ended)
+        self._message(TOUCHES, stamp, _json(content), 0)
+
+    def flush(self) -> None:
+        """Give everything to the system."""
+        with self._disk():
+            self._writer.flush()
+
+    @property
+    def age(self) -> float:
+        """Seconds that something has waited to be given to the system."""
+        return self._writer.age
+
+    def close(self) -> None:
+        """End the file; may be called twice.
+
+        Raises
+        ------
+        OutputError
+            No room for the end; what was written stays readable.
+        """
+        if self._file.closed:
+            return
+        try:
+            with self._disk():
+                self._writer.finish()
+        finally:
+            self._file.close()
+
+    def _message(self, topic: str, stamp: int, content: bytes, sample: int) -> None:
+        with self._disk():
+            self._writer.add_message(self._ids[topic], stamp, content, sample)
+
+    def _disk(self) -> _Disk:
+        return _Disk(self.path)
+
+
+class _Disk:
+    """Says which file the system refused to write, and why."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, OSError) and not isinstance(error, OutputError):
+            raise OutputError(
+                f"cannot go on writing {str(self._path)!r}: {error.strerror}; what was written "
+                f"stays readable"
+            ) from None
+
+
+def whole_counts(values: NDArray[Any]) -> bool:
+    """Whether values are whole and lie in 0..255, so that a byte holds each."""
+    if values.dtype == np.uint8:
+        return True
+    if not (values.min(initial=0) >= 0 and values.max(initial=0) <= 255):
+        return False  # NaN too
+    return bool((values == np.floor(values)).all())
+
+
+def table_of(skin: Skin) -> bytes:
+    """The taxels of a skin as our CSV."""
+    table = TaxelTable(skin.channels, skin.modules, skin.positions, skin.normals, link=skin.link)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "skin.csv"
+        write_csv(table, file)
+        return file.read_bytes()
+
+
+def _json(content: object) -> bytes:
+    return json.dumps(content, separators=(",", ":")).encode()

@@ -1,0 +1,281 @@
+"""Going through an MCAP file record by record, whatever happened to it.
+
+A file that was cut off has no index, and one with a damaged byte may have a wrong one. So no index
+is used: records are followed from the beginning, sizes are checked before anything is read, and
+after damage the next chunk is searched for. Each chunk proves itself by its checksum.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+from skinmap.errors import DataFormatError, MissingFileError
+from skinmap.io.recordings.mcap_chunk import CHUNK_HEAD, MAX_RECORD, unfold
+from skinmap.io.text import is_file
+
+MAGIC = b"\x89MCAP0\r\n"
+HEAD = struct.Struct("<BQ")
+MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, times logged and published
+SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA = 3, 4, 5, 6, 9, 12
+FOOTER, LAST_OPCODE, PRIVATE = 2, 15, 0x80
+# Where to go on after damage: a chunk record, told by the name of its compression.
+NAMES = (b"\x04\0\0\0zstd", b"\x03\0\0\0lz4")
+BEFORE_NAME = HEAD.size + CHUNK_HEAD.size - 4
+WINDOW = 2**20
+MAX_COPIES = 1000  # channel records that are kept; ours have four of six
+LONGEST = 60 * 10**9  # [ns] that a chunk may last; a head that says more is damaged too
+# What decoding damaged records may raise.
+DAMAGED = (ValueError, struct.error, OverflowError)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a chunk stands: its offset in the file and the bytes of its record."""
+
+    offset: int
+    length: int
+
+
+Take = Callable[[int, int, int, int, int, Place], None]
+
+
+@dataclass(slots=True)
+class Scan:
+    """What was found in a file.
+
+    Attributes
+    ----------
+    path : Path
+    size : int
+        Bytes.
+    finished : bool
+        Whether it ends as it should.
+    damage : list of str
+        What was wrong, and where.
+    schemas, channels : dict
+        Records by number.
+    metadata : dict
+        Tables of words by name.
+    attachments : dict
+        Small files by name.
+    copies : list
+        All channel records: those of the end repeat the first, so that damage in one is known.
+    promised : int
+        Latest message time [ns] that the head of an unreadable or cut chunk states; 0 where none.
+    """
+
+    path: Path
+    size: int
+    finished: bool = False
+    damage: list[str] = field(default_factory=list)
+    schemas: dict[int, Any] = field(default_factory=dict)
+    channels: dict[int, Any] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    copies: list[Any] = field(default_factory=list)
+    promised: int = 0
+
+
+def scan(path: Path, take: Take) -> Scan:
+    """Go through a file once.
+
+    Parameters
+    ----------
+    path : Path
+    take : callable
+        Called for each message with its channel, sequence number, time [ns], where its bytes
+        begin in the chunk's content, how many they are, and the place of the chunk.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or not MCAP at all.
+    """
+    if not is_file(path):
+        raise MissingFileError(path, "an MCAP recording")
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise DataFormatError("an empty file" if size == 0 else "not an MCAP file", path)
+        found = Scan(path, size)
+        offset = len(MAGIC)
+        while offset < size and not found.finished:
+            offset = _record(file, offset, found, take)
+    return found
+
+
+def _record(file: IO[bytes], offset: int, found: Scan, take: Take) -> int:
+    """Read the record at an offset; where the next one begins."""
+    file.seek(offset)
+    head = file.read(HEAD.size)
+    if len(head) < HEAD.size:
+        found.damage.append(f"cut off at byte {offset}")
+        return found.size
+    opcode, length = HEAD.unpack(head)
+    end = offset + HEAD.size + length
+    known = 1 <= opcode <= LAST_OPCODE or opcode >= PRIVATE
+    if not known or end > found.size:
+        return _after_damage(file, offset, opcode, found, take)
+    if opcode == FOOTER:
+        file.seek(end)
+        found.finished = file.read(len(MAGIC)) == MAGIC
+        if not found.finished:
+            found.damage.append(f"cut off at byte {end}")
+        return end if found.finished else found.size
+    if opcode in (SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA):
+        if length > MAX_RECORD:
+            found.damage.append(f"a record of {length / 2**20:.0f} MB at byte {offset}")
+            return end if opcode == ATTACHMENT else _resync(file, offset + 1, found)
+        body = file.read(length)
+        try:
+            _content(opcode, body, Place(offset, HEAD.size + length), found, take)
+        except DAMAGED as error:
+            found.damage.append(f"byte {offset}: {error or type(error).__name__}")
+            if opcode == CHUNK:
+                _note_end(body, found)
+            if opcode == CHUNK and not _follows(file, end, found.size):
+                return _resync(file, offset + 1, found)
+    return end
+
+
+def _follows(file: IO[bytes], offset: int, size: int) -> bool:
+    """Whether something like a record begins there."""
+    file.seek(offset)
+    head = file.read(HEAD.size)
+    if len(head) < HEAD.size:
+        return True  # the end of the file: nothing else to go to
+    opcode, length = HEAD.unpack(head)
+    return 1 <= opcode <= LAST_OPCODE and offset + HEAD.size + length <= size
+
+
+def _after_damage(file: IO[bytes], offset: int, opcode: int, found: Scan, take: Take) -> int:
+    """A record that cannot be: another chunk further on, or the file was cut in this one."""
+    following = _resync(file, offset + 1, found)
+    if following < found.size or opcode != CHUNK:
+        found.damage.append(f"unreadable from byte {offset} to {following}")
+        return following
+    found.damage.append(f"cut off in the chunk at byte {offset}")
+    file.seek(offset + HEAD.size)
+    body = file.read(MAX_RECORD)
+    _note_end(body, found)
+    place = Place(offset, HEAD.size + len(body))
+    try:
+        _messages(unfold(body, whole=False), place, found, take)
+    except DAMAGED:
+        found.damage.append(f"nothing to be had from the chunk at byte {offset}")
+    return found.size
+
+
+def _resync(file: IO[bytes], offset: int, found: Scan) -> int:
+    """Where the next chunk begins at or after an offset; the end of the file where none does."""
+    overlap = BEFORE_NAME + max(map(len, NAMES))
+    while offset < found.size:
+        file.seek(offset)
+        window = file.read(WINDOW + overlap)
+        places = sorted(
+            place - BEFORE_NAME
+            for name in NAMES
+            for place in _all(window, name)
+            if place >= BEFORE_NAME and window[place - BEFORE_NAME] == CHUNK
+        )
+        for place in places:
+            _, length = HEAD.unpack_from(window, place)
+            if length <= MAX_RECORD:
+                return offset + place
+        offset += WINDOW
+    return found.size
+
+
+def _all(window: bytes, name: bytes) -> Iterator[int]:
+    place = window.find(name)
+    while place >= 0:
+        yield place
+        place = window.find(name, place + 1)
+
+
+def _content(opcode: int, body: bytes, place: Place, found: Scan, take: Take) -> None:
+    """Keep what a record holds."""
+    from mcap.data_stream import ReadDataStream
+    from mcap.exceptions import McapError
+    from mcap.records import Attachment, Channel, Metadata, Schema
+
+    if opcode == CHUNK:
+        _messages(unfold(body), place, found, take)
+        return
+    if opcode == MESSAGE:  # some writers make no chunks
+        _message(body, 0, len(body), place, take)
+        return
+    stream = ReadDataStream(io.BytesIO(body))
+    try:
+        if opcode == SCHEMA:
+            schema = Schema.read(stream)
+            found.schemas.setdefault(schema.id, schema)
+        elif opcode == CHANNEL:
+            channel = Channel.read(stream)
+            found.channels.setdefault(channel.id, channel)
+            if len(found.copies) < MAX_COPIES:
+                found.copies.append(channel)
+        elif opcode == METADATA:
+            table = Metadata.read(stream)
+            found.metadata.setdefault(table.name, table.metadata)
+        elif zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
+            raise ValueError("an attachment with a wrong checksum")
+        else:
+            attachment = Attachment.read(stream)
+            found.attachments.setdefault(attachment.name, attachment.data)
+    except McapError as error:
+        raise ValueError(str(error) or "a record that ends too soon") from None
+
+
+def _note_end(body: bytes, found: Scan) -> None:
+    """Remember up to when a lost chunk reached, if its head can be believed."""
+    if len(body) >= CHUNK_HEAD.size:
+        start, end = CHUNK_HEAD.unpack_from(body)[:2]
+        if 0 <= end - start <= LONGEST:
+            found.promised = max(found.promised, end)
+
+
+def _messages(data: bytes, place: Place, found: Scan, take: Take) -> None:
+    """Hand out all whole messages of a chunk's content."""
+    offset = 0
+    while offset + HEAD.size <= len(data):
+        opcode, length = HEAD.unpack_from(data, offset)
+        offset += HEAD.size
+        if offset + length > len(data):
+            return
+        if opcode == MESSAGE:
+            _message(data, offset, length, place, take)
+        elif opcode in (SCHEMA, CHANNEL):
+            _content(opcode, data[offset : offset + length], place, found, take)
+        offset += length
+
+
+def _message(data: bytes, offset: int, length: int, place: Place, take: Take) -> None:
+    if length < MESSAGE_HEAD.size:
+        raise ValueError(f"a message of {length} bytes")
+    channel, sequence, nanoseconds, _ = MESSAGE_HEAD.unpack_from(data, offset)
+    start = offset + MESSAGE_HEAD.size
+    take(channel, sequence, nanoseconds, start, length - MESSAGE_HEAD.size, place)
+
+
+def read_chunk(file: IO[bytes], place: Place) -> bytes:
+    """What a place that `scan` gave holds, whole or as much as there is.
+
+    Raises
+    ------
+    ValueError
+        The file has changed since.
+    """
+    file.seek(place.offset)
+    record = file.read(place.length)
+    if len(record) < place.length:
+        raise ValueError("it has become shorter")
+    opcode, length = HEAD.unpack_from(record)
+    body = record[HEAD.size :]
+    return body if opcode == MESSAGE else unfold(body, whole=length == len(body))

@@ -1,0 +1,188 @@
+"""A recording as it is read: when, what, of which skin, how touched, and what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray, check_finite, freeze
+from skinmap.errors import InvalidArrayError
+from skinmap.skin.taxels import TaxelTable
+
+Kind = Literal["raw", "pressure"]
+GAP = 1.5  # median steps between two samples that count as a gap
+NS = 1_000_000_000
+
+
+class Samples(Protocol):
+    """Rows of values: an array (t, channels), or a file that reads them when asked."""
+
+    def __len__(self) -> int:
+        """Samples."""
+
+    def __getitem__(self, rows: slice, /) -> NDArray[Any]:
+        """Some of them (k, channels), float32 or uint8."""
+
+
+@dataclass(frozen=True, slots=True)
+class MarkedTouch:
+    """A touch that was marked while recording.
+
+    Attributes
+    ----------
+    part : str
+    event : int
+        Number of the touch on its part.
+    label : str
+    first, last : int
+        Rows of its first and last sample; last < first where it has none.
+    subject : int
+        Who touched.
+    owners : mapping of str to list of int, or None
+        Taxels (dense rows) of each of the touches that the label joins, by their number.
+    """
+
+    part: str
+    event: int
+    label: str
+    first: int
+    last: int
+    subject: int = 0
+    owners: Mapping[str, list[int]] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """What a recording lacks.
+
+    Attributes
+    ----------
+    recovered : bool
+        Whether the file was cut off or damaged, so that its samples had to be collected.
+    seconds : float
+        Time whose samples are lost: those missing inside, by their numbers, and at the end what
+        the last chunk says of itself, or as much as a chunk may hold.
+    damage : tuple of str
+        What was wrong, and where.
+    """
+
+    recovered: bool = False
+    seconds: float = 0.0
+    damage: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RecordedStream:
+    """Samples of one kind, all parts beside each other.
+
+    Attributes
+    ----------
+    name : str
+    kind : {"raw", "pressure"}
+    parts : tuple of str
+    widths : tuple of int
+        Columns of each part: its taxels in dense order, or its live vector.
+    times : (t,) float
+        [s], not decreasing.
+    values : Samples
+    rate : float
+        Nominal samples a second; the measured one where nobody said.
+    robot : str
+    fingerprints : mapping of str to str
+        Of each part's skin, where known.
+    clock : str
+        Whose seconds the times are.
+    touches : tuple of MarkedTouch
+    joints : tuple of str
+    angles : (t, j) float
+        Joint angles [rad] of each sample; NaN where none was recorded.
+    tables : mapping of str to TaxelTable
+        The skin that came with the recording.
+    loss : Loss
+    samples : mapping of str to int
+        How many of the first samples each part really has; the others rest at zero.
+    """
+
+    name: str
+    kind: Kind
+    parts: tuple[str, ...]
+    widths: tuple[int, ...]
+    times: FloatArray
+    values: Samples
+    rate: float = 0.0
+    robot: str = ""
+    fingerprints: Mapping[str, str] = field(default_factory=dict)
+    clock: str = "recording"
+    touches: tuple[MarkedTouch, ...] = ()
+    joints: tuple[str, ...] = ()
+    angles: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    tables: Mapping[str, TaxelTable] = field(default_factory=dict)
+    loss: Loss = field(default_factory=Loss)
+    samples: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        times = check_finite(self.times, "times", (None,))
+        if len(times) != len(self.values):
+            raise InvalidArrayError(f"{len(times)} times for {len(self.values)} samples")
+        if (np.diff(times) < 0).any():
+            raise InvalidArrayError("times must not run backwards")
+        freeze(self, times=times)
+        if self.rate <= 0:
+            object.__setattr__(self, "rate", measured_rate(times))
+
+    @property
+    def channels(self) -> int:
+        """Values in a sample."""
+        return sum(self.widths)
+
+    @property
+    def seconds(self) -> float:
+        """From the first sample to the end of the last."""
+        if len(self.times) == 0:
+            return 0.0
+        step = 1.0 / self.rate if self.rate > 0 else 0.0
+        return float(self.times[-1] - self.times[0]) + step
+
+    @property
+    def gaps(self) -> int:
+        """How often more than one and a half steps passed between two samples."""
+        steps = np.diff(self.times)
+        return int((steps > GAP * np.median(steps)).sum()) if len(steps) else 0
+
+    def columns(self, part: str) -> slice:
+        """Where the values of a part stand in a sample."""
+        row = self.parts.index(part)
+        start = sum(self.widths[:row])
+        return slice(start, start + self.widths[row])
+
+
+def measured_rate(times: FloatArray) -> float:
+    """Samples a second by the median step; 0 where two samples are not there."""
+    steps = np.diff(times)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    return 1.0 / step if step > 0 else 0.0
+
+
+def seconds_of(nanoseconds: NDArray[np.uint64]) -> FloatArray:
+    """Whole nanoseconds as the nearest seconds; a hair off beyond 104 days."""
+    whole, rest = np.divmod(nanoseconds, NS)
+    # Up to 2^53 both numbers are exact as floats, so that one division rounds once.
+    return np.where(nanoseconds < 2**53, nanoseconds / NS, whole + rest / NS)
+
+
+def nanoseconds_of(seconds: float) -> int:
+    """Seconds as whole nanoseconds; never negative, as MCAP knows none.
+
+    Raises
+    ------
+    InvalidArrayError
+        Before zero, not finite, or after the year 2500.
+    """
+    if not 0.0 <= seconds < 2**34:
+        raise InvalidArrayError(f"a sample's time must lie in 0..{2**34} seconds, got {seconds}")
+    whole = int(seconds)
+    return whole * NS + round((seconds - whole) * NS)

@@ -1,0 +1,246 @@
+"""Recordings of labelled touches by the suffix of their file: .npz and .mcap, the same content."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.archive import open_arrays
+from skinmap.arrays import FloatArray
+from skinmap.errors import (
+    DAMAGED_ARCHIVE,
+    DataFormatError,
+    MissingFileError,
+    SkinMismatchError,
+    UnknownNameError,
+)
+from skinmap.io.recordings.marked_events import part_events, taxel_columns, touches_of
+from skinmap.io.recordings.mcap_recording import McapRecording
+from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, measured_rate
+from skinmap.io.text import is_file
+from skinmap.skin.robot import Robot
+from skinmap.skin.skin import Skin
+from skinmap.touch import recording as archive
+from skinmap.touch.recording import Recording
+
+SUFFIXES = (".npz", ".mcap")
+BLOCK = 1024  # samples read at once
+SAVED_CHUNK = 10.0  # [s]; nothing is saved piece by piece, so chunks close by size
+SAME_TIME = 1e-6  # [s]; parts that are recorded together agree within it
+
+
+def load_recordings(path: Path) -> list[Recording]:
+    """Read labelled pressures of each part.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, damaged, or no pressures in it.
+    UnknownNameError
+        A suffix that no reader has.
+    """
+    if not is_file(path):
+        raise MissingFileError(path, "a recording made by `skinmap simulate` or `skinmap record`")
+    check_suffix(path)
+    if path.suffix.lower() == ".npz":
+        return _load_npz(path)
+    return recordings_of(read_track(path), path)
+
+
+def _load_npz(path: Path) -> list[Recording]:
+    """What `save_recordings` or `skinmap export` wrote."""
+    from skinmap.io.recordings.learning import recordings_of_arrays
+
+    try:
+        with open_arrays(path) as arrays:
+            if "about" in arrays:
+                return recordings_of_arrays(arrays, path)
+    except DAMAGED_ARCHIVE as error:
+        if isinstance(error, DataFormatError):
+            raise
+        raise DataFormatError(f"not a recording of ours: {error}", path) from error
+    return archive.load_recordings(path)
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a file name that says no format of ours.
+
+    Raises
+    ------
+    UnknownNameError
+        Says which there are.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise UnknownNameError("recording format for files ending in", path.suffix, SUFFIXES)
+
+
+def save_recordings(
+    recordings: Sequence[Recording],
+    path: Path,
+    *,
+    suffix: str | None = None,
+    robot: Robot | None = None,
+) -> None:
+    """Write labelled pressures; in MCAP with the skins of the robot they were recorded on.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        One a part. In MCAP they share their times: a shorter one is known to end sooner.
+    path : Path
+    suffix : str, optional
+        Format, where the path's own suffix does not tell.
+    robot : Robot, optional
+
+    Raises
+    ------
+    UnknownNameError
+        A suffix that no writer has.
+    SkinMismatchError
+        Parts that cannot stand in one MCAP file: another time for the same sample.
+    OutputError
+        The file cannot be written.
+    """
+    name = path if suffix is None else path.with_suffix(suffix)
+    check_suffix(name)
+    if name.suffix.lower() == ".npz":
+        archive.save_recordings(list(recordings), path)
+    else:
+        _save_mcap(recordings, path, robot)
+
+
+def _save_mcap(recordings: Sequence[Recording], path: Path, robot: Robot | None) -> None:
+    longest = _longest(recordings)
+    skins: dict[str, Skin] = {}
+    if robot is not None:
+        skins = {one.part: robot.skin(one.part) for one in recordings}
+    file = McapRecording(
+        path,
+        parts=[one.part for one in recordings],
+        widths={"pressure": [one.pressures.shape[1] for one in recordings]},
+        rate=measured_rate(longest.times),
+        robot="" if robot is None else robot.name,
+        skins=skins,
+        samples={one.part: len(one.times) for one in recordings},
+        chunk_seconds=SAVED_CHUNK,
+    )
+    marks = sorted(
+        (mark for one in recordings for mark in touches_of(one)), key=lambda mark: mark.last
+    )
+    try:
+        for row, time in enumerate(longest.times.tolist()):
+            values = np.concatenate([_row(one, row) for one in recordings])
+            file.add("pressure", time, values)
+            while marks and marks[0].last == row:
+                _write_mark(file, marks.pop(0), longest.times)
+    finally:
+        file.close()
+
+
+def _longest(recordings: Sequence[Recording]) -> Recording:
+    """The recording whose times are those of all."""
+    longest = max(recordings, key=lambda one: len(one.times))
+    for one in recordings:
+        if not np.allclose(one.times, longest.times[: len(one.times)], rtol=0, atol=SAME_TIME):
+            raise SkinMismatchError(
+                f"{one.part!r} and {longest.part!r} were sampled at other times, so they do not "
+                f"stand beside each other; choose one part"
+            )
+    return longest
+
+
+def track_of(recordings: Sequence[Recording], path: Path) -> RecordedStream:
+    """Recordings of several parts beside each other; a shorter one rests at zero in the end.
+
+    Raises
+    ------
+    DataFormatError
+        No recording.
+    SkinMismatchError
+        Parts that were sampled at other times.
+    """
+    if not recordings:
+        raise DataFormatError("no recording in it", path)
+    longest = _longest(recordings)
+    widths = tuple(one.pressures.shape[1] for one in recordings)
+    values = np.zeros((len(longest.times), sum(widths)), np.uint8)
+    for one, end in zip(recordings, np.cumsum(widths).tolist(), strict=True):
+        values[: len(one.times), end - one.pressures.shape[1] : end] = one.pressures
+    return RecordedStream(
+        path.name,
+        "pressure",
+        tuple(one.part for one in recordings),
+        widths,
+        longest.times,
+        values,
+        touches=tuple(touch for one in recordings for touch in touches_of(one)),
+        samples={one.part: len(one.times) for one in recordings},
+    )
+
+
+def _write_mark(file: McapRecording, touch: MarkedTouch, times: FloatArray) -> None:
+    file.mark(
+        touch.part,
+        touch.event,
+        touch.label,
+        began=float(times[touch.first]),
+        ended=float(times[touch.last]),
+        subject=touch.subject,
+        owners=touch.owners,
+    )
+
+
+def _row(recording: Recording, row: int) -> NDArray[np.uint8]:
+    if row < len(recording.pressures):
+        return recording.pressures[row]
+    return np.zeros(recording.pressures.shape[1], np.uint8)
+
+
+def recordings_of(track: RecordedStream, path: Path) -> list[Recording]:
+    """The pressures of each part, with what touched it.
+
+    Raises
+    ------
+    DataFormatError
+        Raw values, values beyond 0..255, or a part whose taxels are not known.
+    """
+    if track.kind != "pressure":
+        raise DataFormatError(
+            "holds raw values only; record pressures (`skinmap record` with --model or --label)",
+            path,
+        )
+    pressures = _counts(track, path)
+    found = []
+    for part in track.parts:
+        count = min(track.samples.get(part, len(pressures)), len(pressures))
+        columns = pressures[:count, track.columns(part)]
+        table = track.tables.get(part)
+        channels = None if table is None else table.channels
+        columns = columns[:, taxel_columns(channels, columns.shape[1], part, path)]
+        touches = [one for one in track.touches if one.part == part]
+        events, labels, subjects, owners = part_events(touches, count, columns.shape[1], path)
+        found.append(
+            Recording(part, track.times[:count], columns, events, labels, subjects, owners)
+        )
+    return found
+
+
+def _counts(track: RecordedStream, path: Path) -> NDArray[np.uint8]:
+    pressures = np.empty((len(track.times), track.channels), np.uint8)
+    for start in range(0, len(pressures), BLOCK):
+        rows = slice(start, start + BLOCK)
+        values = track.values[rows]
+        outside = ~((values >= 0) & (values <= 255))
+        if outside.any():
+            row, channel = np.argwhere(outside)[0]
+            raise DataFormatError(
+                f"sample {start + row} holds {values[row, channel]} at channel {channel}; "
+                f"pressures are 0 to 255",
+                path,
+            )
+        pressures[rows] = np.rint(values)
+    return pressures

@@ -1,0 +1,1 @@
+"""Robots: manifests and bodies."""

@@ -1,0 +1,227 @@
+"""A robot body from URDF: links, poses, and visual meshes read only when they are asked for."""
+
+from __future__ import annotations
+
+import io
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from skinmap.arrays import FloatArray
+from skinmap.cache import Ingredient, cached
+from skinmap.errors import (
+    DataFormatError,
+    ForbiddenPathError,
+    MissingFileError,
+    UnknownNameError,
+)
+from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.rigid import check_transform, transform_points
+from skinmap.io.robots.urdf_check import read_urdf
+from skinmap.io.robots.urdf_shapes import shape_mesh
+from skinmap.io.safe_xml import read_xml
+from skinmap.io.text import check_file, is_file
+from skinmap.skin.joints import Joint, Kind
+
+# trimesh reads more, archives and scene formats among them, that may name or unpack other files.
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".glb", ".gltf", ".off")
+MAX_MESH_BYTES = 512 * 2**20
+KINDS: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
+# Kept once read: files that say all themselves (a .gltf names others), and are slow to parse.
+WHOLE = (".stl", ".obj", ".ply", ".dae", ".glb", ".off")
+WORTH_KEEPING = 50_000  # [bytes]
+
+
+class UrdfBody:
+    """Kinematics and visual meshes of a URDF file.
+
+    Parameters
+    ----------
+    path : Path
+        The URDF file. `package://NAME/...` is looked up in the folders above it.
+    inside : Path, optional
+        Folder that no mesh may lie outside of.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or one that is no URDF, whose joints go in a circle, or with XML entities.
+    """
+
+    def __init__(self, path: Path, *, inside: Path | None = None) -> None:
+        import yourdfpy
+        from lxml import etree
+
+        root = read_urdf(path)
+        self.path, self.inside = path, inside
+        # yourdfpy warns about every material it does not know; none of them matters here.
+        logging.getLogger("yourdfpy").setLevel(logging.ERROR)
+        try:
+            self._urdf = yourdfpy.URDF.load(
+                io.BytesIO(etree.tostring(root, encoding="utf-8")),  # what was checked, no more
+                build_scene_graph=True,
+                load_meshes=False,
+                load_collision_meshes=False,
+            )
+        except Exception as error:  # lxml, yourdfpy and numpy each raise their own kinds
+            raise DataFormatError(f"not a URDF that can be read: {error}", path) from error
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names of all links."""
+        return tuple(self._urdf.link_map)
+
+    @property
+    def visible_links(self) -> tuple[str, ...]:
+        """Names of the links that carry a visual mesh."""
+        return tuple(
+            name
+            for name, link in self._urdf.link_map.items()
+            if any(visual.geometry is not None for visual in link.visuals)
+        )
+
+    @property
+    def joints(self) -> dict[str, tuple[float, float]]:
+        """Lower and upper limit [rad or m] of each joint that moves."""
+        limits = {}
+        for name in self._urdf.actuated_joint_names:
+            limit = self._urdf.joint_map[name].limit
+            bounds = (-np.inf, np.inf)
+            if limit is not None and limit.lower is not None and limit.upper is not None:
+                bounds = (float(limit.lower), float(limit.upper))
+            limits[name] = bounds
+        return limits
+
+    @property
+    def sliding_joints(self) -> frozenset[str]:
+        """Joints that slide instead of turning: theirs are lengths [m]."""
+        kinds = {name: self._urdf.joint_map[name].type for name in self._urdf.actuated_joint_names}
+        return frozenset(name for name, kind in kinds.items() if kind == "prismatic")
+
+    @property
+    def tree(self) -> dict[str, Joint]:
+        """The joint above each link but the root; joints of other kinds stand still, as in poses.
+
+        A joint that mimics one that does not move stands at its offset.
+        """
+        found, moving = {}, self._urdf.actuated_joint_names
+        for name, joint in self._urdf.joint_map.items():
+            kind = KINDS.get(joint.type, "fixed")
+            driver, factor, offset = ("" if kind == "fixed" else name), 1.0, 0.0
+            if kind != "fixed" and joint.mimic is not None:
+                driver = joint.mimic.joint if joint.mimic.joint in moving else ""
+                factor, offset = float(joint.mimic.multiplier), float(joint.mimic.offset)
+            origin = np.eye(4) if joint.origin is None else np.array(joint.origin)
+            axis = np.array(joint.axis, np.float64)
+            found[joint.child] = Joint(
+                name, joint.parent, kind, origin, axis, driver, factor, offset
+            )
+        return found
+
+    def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
+        """T_root_link (4, 4) of every link for joint angles [rad]; joints not named are at zero.
+
+        Raises
+        ------
+        UnknownNameError
+            A joint that the URDF lacks.
+        """
+        for name in angles:
+            if name not in self.joints:
+                raise UnknownNameError("joint", name, self.joints)
+        self._urdf.update_cfg({name: float(angles.get(name, 0.0)) for name in self.joints})
+        return {link: np.array(self._urdf.get_transform(link)) for link in self.links}
+
+    def mesh(self, link: str) -> TriangleMesh:
+        """Visual mesh of one link in the link's frame [m].
+
+        Raises
+        ------
+        UnknownNameError, MissingFileError, DataFormatError
+            No such link, or a mesh that is missing or cannot be read.
+        """
+        if link not in self._urdf.link_map:
+            raise UnknownNameError("link", link, self.visible_links)
+        vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+        for visual in self._urdf.link_map[link].visuals:
+            mesh = visual.geometry.mesh
+            if mesh is not None:
+                points, triangles = read_mesh(self._resolve(mesh.filename))
+                points = points * (1.0 if mesh.scale is None else np.asarray(mesh.scale))
+            elif (shape := shape_mesh(visual.geometry)) is not None:
+                points, triangles = shape
+            else:
+                continue
+            if visual.origin is not None:
+                points = transform_points(check_transform(visual.origin, "visual origin"), points)
+            vertices.append(points)
+            faces.append(triangles + count)
+            count += len(points)
+        return TriangleMesh(np.concatenate(vertices), np.concatenate(faces))
+
+    def _resolve(self, name: str) -> Path:
+        path = self._locate(name)
+        if self.inside is not None and not path.resolve().is_relative_to(self.inside):
+            raise ForbiddenPathError(
+                f"{self.path} names the mesh {name!r}, outside {self.inside}; "
+                "allow it with --allow-outside"
+            )
+        return path
+
+    def _locate(self, name: str) -> Path:
+        if name.startswith("package://"):
+            package, _, rest = name.removeprefix("package://").partition("/")
+            for folder in self.path.resolve().parents:
+                for root in (folder, folder / package):
+                    if root.name == package and is_file(root / rest):
+                        return root / rest
+            raise MissingFileError(name, f"a mesh in a folder {package!r} above {self.path.name}")
+        path = self.path.parent / name.removeprefix("file://")
+        if not is_file(path):
+            raise MissingFileError(path, "a mesh that the URDF names")
+        return path
+
+
+def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray]:
+    """Vertices (n, 3) and faces (m, 3) of a mesh file in its own units, through trimesh.
+
+    `merge` joins vertices that are closer than 1e-8 units; right for robots, whose unit is known.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, not a mesh that can be read, one without a triangle, or above 512 MB.
+    """
+    check_file(path, "a mesh", MAX_MESH_BYTES)
+    suffix = path.suffix.lower()
+    if suffix not in MESH_SUFFIXES:
+        raise DataFormatError(f"not a mesh; there is: {', '.join(MESH_SUFFIXES)}", path)
+
+    def parse() -> dict[str, np.ndarray]:
+        vertices, faces = _parsed(path, merge)
+        return {"vertices": vertices, "faces": faces}
+
+    if suffix not in WHOLE or path.stat().st_size < WORTH_KEEPING:
+        made = parse()
+    else:
+        what: list[Ingredient] = [path.read_bytes(), suffix, merge]
+        made = cached("mesh", what, parse, made_by=("trimesh", "pycollada"))
+    return made["vertices"], made["faces"]
+
+
+def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
+    import trimesh
+
+    if path.suffix.lower() == ".dae":
+        read_xml(path, "a COLLADA mesh", MAX_MESH_BYTES)  # COLLADA is XML with all its doors
+    try:
+        mesh = trimesh.load_mesh(str(path), process=merge)
+        vertices = np.asarray(mesh.vertices, np.float64)
+        faces = np.asarray(mesh.faces, np.int64)
+    except Exception as error:  # each format has its own kinds of failure
+        raise DataFormatError(f"not a mesh that can be read: {error}", path) from error
+    if len(faces) == 0 or not np.isfinite(vertices).all():
+        raise DataFormatError("a mesh without triangles or with NaN in it", path)
+    return vertices, faces

@@ -1,0 +1,1 @@
+"""Taxel tables of all formats, in and out."""

@@ -1,0 +1,42 @@
+"""Taxel-table readers by name and file suffix, with plug-ins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from skinmap.errors import UnknownNameError
+from skinmap.io.taxels.icub import read_icub
+from skinmap.io.taxels.skinware import read_skinware
+from skinmap.io.taxels.table import read_csv
+from skinmap.io.taxels.tactile_urdf import read_tactile_urdf
+from skinmap.io.text import check_file
+from skinmap.registry import Registry
+from skinmap.skin.taxels import TaxelTable
+
+Reader = Callable[[Path], TaxelTable]
+readers: Registry[Reader] = Registry("taxel format", "skinmap.readers")
+readers.register("csv")(read_csv)
+readers.register("icub")(read_icub)
+readers.register("skinware")(read_skinware)
+readers.register("urdf")(read_tactile_urdf)
+# `skin.calib` is the name that Skinware gives its database.
+SUFFIXES = {".csv": "csv", ".txt": "icub", ".calib": "skinware", ".urdf": "urdf"}
+
+
+def read_taxels(path: Path, format: str | None = None) -> TaxelTable:
+    """Read a taxel table in the format named, or the one its suffix stands for.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, one that does not follow its format, or one that is too large.
+    UnknownNameError
+        A format that no reader has.
+    """
+    check_file(path, "a taxel table")
+    if format is None:
+        if path.suffix.lower() not in SUFFIXES:
+            raise UnknownNameError("reader for files ending in", path.suffix, SUFFIXES)
+        format = SUFFIXES[path.suffix.lower()]
+    return readers.get(format)(path)

@@ -1,0 +1,88 @@
+"""Our own taxel table: CSV with the columns `channel,module,x,y,z,nx,ny,nz`, metres.
+
+Calibrated tables have six more, the covariance of each position, which reading leaves aside.
+"""
+
+from __future__ import annotations
+
+import csv
+from array import array
+from pathlib import Path
+
+import numpy as np
+
+from skinmap.errors import DataFormatError, InvalidArrayError
+from skinmap.io.text import MAX_CHANNEL, parse_floats, read_text
+from skinmap.skin.taxels import TaxelTable
+
+COLUMNS = ("channel", "module", "x", "y", "z", "nx", "ny", "nz")
+# What a calibration adds: the covariance of each position [m2].
+COVARIANCE = ("cxx", "cyy", "czz", "cxy", "cxz", "cyz")
+
+
+def read_csv(path: Path) -> TaxelTable:
+    """Read a table of ours.
+
+    Raises
+    ------
+    DataFormatError
+        Wrong header, column count, number, channel or module (says which line).
+    """
+    return parse_csv(read_text(path), path)
+
+
+def parse_csv(text: str, path: Path) -> TaxelTable:
+    """A table of ours from its text; errors name the path.
+
+    Raises
+    ------
+    DataFormatError
+        As for `read_csv`.
+    """
+    reader = csv.reader(text.splitlines(keepends=True))
+    values = array("d")  # a list of lists would take ten times the file's size
+    try:
+        header = next(reader, None)
+        names = tuple(cell.strip() for cell in header or ())
+        if names not in (COLUMNS, (*COLUMNS, *COVARIANCE)):
+            came = ",".join(header)[:200] if header is not None else "an empty file"
+            raise DataFormatError(f"expected the header {','.join(COLUMNS)}, got {came!r}", path, 1)
+        for row in reader:
+            if row:
+                values.extend(_numbers(row, len(names), path, reader.line_num)[: len(COLUMNS)])
+    except csv.Error as error:
+        raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
+    if not values:
+        raise DataFormatError("the table has no taxel", path, 1)
+    table = np.frombuffer(values).reshape(-1, len(COLUMNS))
+    try:
+        return TaxelTable(
+            table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:5], table[:, 5:]
+        )
+    except InvalidArrayError as error:
+        raise DataFormatError(str(error), path) from None
+
+
+def _numbers(row: list[str], count: int, path: Path, line: int) -> list[float]:
+    if len(row) != count:
+        raise DataFormatError(f"expected {count} columns, got {len(row)}", path, line)
+    numbers = parse_floats(row, path, line)
+    channel, module = numbers[:2]
+    if channel != int(channel) or module != int(module) or channel < 0:
+        raise DataFormatError(
+            f"channel and module must be whole numbers, got {row[0]} and {row[1]}", path, line
+        )
+    if max(channel, abs(module)) > MAX_CHANNEL:
+        raise DataFormatError(f"channel or module beyond {MAX_CHANNEL}", path, line)
+    return numbers
+
+
+def write_csv(table: TaxelTable, path: Path) -> None:
+    """Write a table so that reading it gives the same numbers back, bit by bit."""
+    lines = [",".join(COLUMNS)]
+    for channel, module, position, normal in zip(
+        table.channels, table.modules, table.positions, table.normals, strict=True
+    ):
+        numbers = ",".join(repr(float(value)) for value in (*position, *normal))
+        lines.append(f"{channel},{module},{numbers}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Contacts of a sample, contacts through time, and the touches they make up."""

@@ -1,0 +1,278 @@
+"""Contacts through time: each keeps its number from birth to end, through motion and flicker.
+
+docs/contacts.md has the rules with their formulas.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.geometry.surface_path import SurfaceWalker
+from skinmap.live.contacts.contact_splitting import Cutter, claim
+from skinmap.live.contacts.events import ContactEvent, Happening
+from skinmap.live.contacts.followed_contact import SETTLED, Track
+from skinmap.live.contacts.sample_contacts import RELEASE, Components, measure
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.touch.contacts import ACTIVE
+
+BRIDGE = 0.1  # a contact that is not felt for so long is over [s]
+REACH = 0.025  # a contact that comes back without a taxel in common lies within this [m]
+MEASURES = 3.9e-3  # seconds between two measures of a contact: none of it changes quicker
+EVENTS = 1000  # that wait to be taken at most
+
+
+class ContactTracker:
+    """Follows the contacts on a skin, sample by sample.
+
+    Parameters
+    ----------
+    skin : JoinedSkin
+
+    Attributes
+    ----------
+    tracks : list of Track
+        All that are not over, those not felt at the moment too.
+    events : deque of ContactEvent
+        What happened, oldest first; whoever reads takes them out. The oldest of more than a
+        thousand are forgotten.
+    swallowed : dict of int to int
+        Contacts that the last sample showed to be part of another since they began, and which.
+    """
+
+    def __init__(self, skin: JoinedSkin) -> None:
+        self.skin = skin
+        self._components = Components(skin)
+        self._cutter = Cutter(skin, self._components)
+        self._walker = SurfaceWalker(skin.positions, skin.faces)
+        self.tracks: list[Track] = []
+        self.events: deque[ContactEvent] = deque(maxlen=EVENTS)
+        self._was: BoolArray = np.zeros(len(skin), np.bool_)
+        self._owner: IntArray = np.full(len(skin), -1, np.int64)
+        self._index: IntArray = np.zeros(0, np.int64)
+        self._row: IntArray = np.zeros(0, np.int64)
+        self.swallowed: dict[int, int] = {}
+        self._calm = False
+        self._next = 0
+        self._measured = float("nan")
+
+    @property
+    def present(self) -> list[Track]:
+        """Contacts felt in the last sample, the oldest first."""
+        return [track for track in self.tracks if len(track.taxels)]
+
+    def update(self, time: float, pressures: FloatArray, forces: FloatArray | None = None) -> None:
+        """Take the next sample: pressures (N,) [counts] and, where known, forces (N,) [N].
+
+        Measures are taken 250 times a second at most, numbers are given in every sample.
+        """
+        active = pressures > RELEASE
+        active &= self._was | (pressures > ACTIVE)
+        index = np.flatnonzero(active)
+        self._was = active
+        self.swallowed = {}
+        if len(index) == 0 and not self.tracks:
+            self._index, self._row = index, index
+            return
+        if not (self._calm and np.array_equal(index, self._index)):
+            self._row = self._assign(time, index, pressures[index])
+            self._index = index
+        fresh = any(track.stroke is None for track in self.tracks)
+        if fresh or not self._measured <= time < self._measured + MEASURES:
+            self._measured = time
+            self._measure(time, pressures, forces)
+        else:
+            for track in self.tracks:
+                if len(track.taxels):
+                    track.seen, track.into = time, -1
+        self._expire(time)
+
+    def forget(self) -> None:
+        """End all contacts: the clock began anew."""
+        for track in self.tracks:
+            self._tell("end", track, track.seen)
+        self.tracks = []
+        self._owner.fill(-1)
+        self._was.fill(False)
+        self._cutter.forget()
+        self._index = self._row = np.zeros(0, np.int64)
+        self._calm = False
+
+    def _assign(self, time: float, index: IntArray, pressures: FloatArray) -> IntArray:
+        """(k,) row in `tracks` of each active taxel; -1 for a piece that parted just now."""
+        row = np.full(len(index), -1, np.int64)
+        self._calm = True
+        if len(index):
+            component = self._components.label(index)
+            claims, splinters, orphans = claim(
+                component, self._owner[index], pressures, len(self.tracks)
+            )
+            for piece, claimants in claims.items():
+                inside = np.flatnonzero(component == piece)
+                if len(claimants) == 1:
+                    row[inside] = claimants[0]
+                else:
+                    self._calm = False
+                    own = index[inside]
+                    row[inside] = self._cutter.cut(
+                        time, own, pressures[inside], self.tracks, claimants, self._owner[own]
+                    )
+            self._adopt(time, orphans, component, index, pressures, row)
+            self._part(time, splinters, component, index, row)
+            held = row.copy()
+            for piece, parent in splinters.items():
+                held[(component == piece) & (row < 0)] = parent
+            self._own(index, held)
+        for number, track in enumerate(self.tracks):
+            track.taxels = index[row == number]
+        return row
+
+    def _adopt(
+        self,
+        time: float,
+        orphans: list[int],
+        component: IntArray,
+        index: IntArray,
+        pressures: FloatArray,
+        row: IntArray,
+    ) -> None:
+        """Give new components to tracks that were lost near them, or to new tracks."""
+        if not orphans:
+            return
+        claimed = set(row.tolist())
+        lost = [k for k in range(len(self.tracks)) if k not in claimed]
+        inside = [component == piece for piece in orphans]
+        points = self.skin.positions[index]
+        centres = np.stack([np.average(points[own], 0, pressures[own]) for own in inside])
+        patches = [int(self.skin.patch_of[index[own][0]]) for own in inside]
+        taken = self._nearest(lost, centres, patches)
+        for number, own in enumerate(inside):
+            if number in taken:
+                row[own] = taken[number]
+                continue
+            row[own] = self._begin(time, index[own], centres[number])
+            self._tell("birth", self.tracks[-1], time)
+
+    def _nearest(
+        self, lost: Sequence[int], centres: FloatArray, patches: list[int]
+    ) -> dict[int, int]:
+        """Tracks for new components: the pairs of least total distance, on the same sheet."""
+        if not lost:
+            return {}
+        from scipy.optimize import linear_sum_assignment
+
+        where = np.stack([self.tracks[k].centre for k in lost])
+        gap = np.linalg.norm(centres[:, None] - where, axis=2)
+        sheet = [self.skin.patch_of[self._last_taxel(k)] for k in lost]
+        gap[np.array(patches)[:, None] != np.array(sheet)] = np.inf
+        cost = np.where(gap <= REACH, gap, 10.0)
+        return {
+            int(one): lost[int(other)]
+            for one, other in zip(*linear_sum_assignment(cost), strict=True)
+            if gap[one, other] <= REACH
+        }
+
+    def _last_taxel(self, row: int) -> int:
+        own = np.flatnonzero(self._owner == row)
+        if len(own):
+            return int(own[0])
+        centre = self.tracks[row].centre
+        same = np.flatnonzero(self.skin.part_of == self.tracks[row].part)
+        away = self.skin.positions[same] - centre
+        return int(same[np.einsum("ij,ij->i", away, away).argmin()])
+
+    def _part(
+        self,
+        time: float,
+        splinters: dict[int, int],
+        component: IntArray,
+        index: IntArray,
+        row: IntArray,
+    ) -> None:
+        """Pieces that have lain apart from their track for long enough become contacts."""
+        for track in self.tracks:
+            if not np.isnan(track.apart):
+                track.apart = track.apart if self._row_of(track) in splinters.values() else np.nan
+        for piece, parent in splinters.items():
+            self._calm = False
+            track = self.tracks[parent]
+            if np.isnan(track.apart):
+                track.apart = time
+            if time - track.apart >= SETTLED:
+                own = component == piece
+                centre = self.skin.positions[index[own]].mean(axis=0)
+                row[own] = self._begin(time, index[own], centre)
+                self.tracks[-1].touch = track.touch
+                self._tell("split", self.tracks[-1], time, track.identity)
+
+    def _row_of(self, track: Track) -> int:
+        return self.tracks.index(track)
+
+    def _begin(self, time: float, taxels: IntArray, centre: FloatArray) -> int:
+        part = int(self.skin.part_of[taxels[0]])
+        self.tracks.append(Track(self._next, part, time, time, taxels, centre, np.zeros(3)))
+        self.tracks[-1].touch = self._next
+        self._next += 1
+        return len(self.tracks) - 1
+
+    def _own(self, index: IntArray, held: IntArray) -> None:
+        """Note whose taxels are whose; a track that is not felt keeps its last ones."""
+        keep = np.arange(-1, len(self.tracks))  # by row + 1: 0 for nobody's
+        keep[np.unique(held) + 1] = -1
+        self._owner = keep[self._owner + 1]
+        self._owner[index] = held
+
+    def _measure(self, time: float, pressures: FloatArray, forces: FloatArray | None) -> None:
+        rows = [number for number, track in enumerate(self.tracks) if len(track.taxels)]
+        if not rows:
+            return
+        label = np.full(len(self.tracks), -1)
+        label[rows] = np.arange(len(rows))
+        index, own = self._index, self._row
+        if own.min() < 0:  # pieces that parted just now are nobody's yet
+            index, own = index[own >= 0], own[own >= 0]
+        found = measure(
+            self.skin,
+            index,
+            label[own],
+            len(rows),
+            pressures[index],
+            None if forces is None else forces[index],
+        )
+        for place, number in enumerate(rows):
+            if self.tracks[number].note(found, place, time, self._walker):
+                self._tell("motion", self.tracks[number], time)
+
+    def _expire(self, time: float) -> None:
+        """End what has not been felt for too long, or what another contact took in."""
+        kept: list[int] = []
+        gone: list[int] = []
+        for number, track in enumerate(self.tracks):
+            over = len(track.taxels) == 0 and (track.into >= 0 or time - track.seen > BRIDGE)
+            (gone if over else kept).append(number)
+        if not gone:
+            return
+        place = np.full(len(self.tracks) + 1, -1, np.int64)  # the last for -1
+        place[kept] = np.arange(len(kept))
+        self._owner = place[self._owner]
+        self._row = place[self._row]
+        by_identity = {track.identity: track for track in self.tracks}
+        for number in gone:
+            track = self.tracks[number]
+            if track.into >= 0 and track.into in by_identity:
+                self._tell("merge", by_identity[track.into], time, track.identity)
+                if time - track.began <= 2 * SETTLED:
+                    self.swallowed[track.identity] = track.into
+            else:
+                self._tell("end", track, track.seen)
+        ended = {self.tracks[number].identity for number in gone}
+        self._cutter.forget(ended)
+        self.tracks = [self.tracks[number] for number in kept]
+
+    def _tell(self, kind: Happening, track: Track, time: float, other: int = -1) -> None:
+        x, y, z = track.centre.tolist()
+        part = self.skin.parts[track.part]
+        self.events.append(ContactEvent(kind, track.identity, other, part, time, (x, y, z)))

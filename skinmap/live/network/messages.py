@@ -1,0 +1,195 @@
+"""What travels over ZeroMQ, byte by byte (docs/live.md): a header, values, and JSON.
+
+A sample is three frames: the topic, a header of 40 bytes, the values. Everything is little-endian.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.errors import InvalidArrayError, MessageError
+from skinmap.live.sources.source import Kind, StreamInfo
+
+VERSION = 1
+MAGIC = b"SKIN"
+HEADER = struct.Struct("<4sBBHIIQdd")
+DTYPES: dict[int, np.dtype[Any]] = {1: np.dtype("u1"), 2: np.dtype("<f4")}
+KINDS: tuple[Kind, ...] = ("raw", "pressure")
+MAX_CHANNELS = 1_000_000
+LARGEST_TEXT = 1 << 20  # of JSON [bytes]
+MAX_PARTS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What stands before the values of a sample.
+
+    Attributes
+    ----------
+    dtype : int
+        1: uint8, 2: float32.
+    channels : int
+    session : int
+        Drawn by the publisher when it starts: another number is another start.
+    sequence : int
+        0 for the first sample of a session and topic, then one more for each.
+    time : float
+        Of the sample, in the source's clock [s].
+    sent : float
+        When it was sent, by the publisher's monotonic clock [s].
+    """
+
+    dtype: int
+    channels: int
+    session: int
+    sequence: int
+    time: float
+    sent: float
+
+    def pack(self) -> bytes:
+        """The 40 bytes."""
+        return HEADER.pack(
+            MAGIC,
+            VERSION,
+            self.dtype,
+            0,
+            self.channels,
+            self.session,
+            self.sequence,
+            self.time,
+            self.sent,
+        )
+
+
+def unpack_header(frame: bytes) -> Header:
+    """Read a header.
+
+    Raises
+    ------
+    MessageError
+        Another length, beginning, version or type; a time that is not finite.
+    """
+    if len(frame) != HEADER.size:
+        raise MessageError(f"a header of {len(frame)} bytes, expected {HEADER.size}")
+    magic, version, dtype, _, channels, session, sequence, time, sent = HEADER.unpack(frame)
+    if magic != MAGIC:
+        raise MessageError(f"a header that begins with {magic!r}, expected {MAGIC!r}")
+    if version != VERSION:
+        raise MessageError(f"a message of version {version}, this Skinmap reads {VERSION}")
+    if dtype not in DTYPES:
+        raise MessageError(f"values of type {dtype}; there is: 1 (uint8), 2 (float32)")
+    if not np.isfinite(time) or not np.isfinite(sent):
+        raise MessageError(f"a sample of time {time}, sent at {sent}")
+    return Header(dtype, channels, session, sequence, time, sent)
+
+
+def unpack_values(header: Header, frame: bytes, info: StreamInfo) -> NDArray[Any]:
+    """The values (channels,) of a sample; a view of the frame.
+
+    Raises
+    ------
+    MessageError
+        Another number of values than the stream's skin has.
+    """
+    dtype = DTYPES[header.dtype]
+    if header.channels != info.channels or len(frame) != info.channels * dtype.itemsize:
+        raise MessageError(
+            f"{header.channels} channels in {len(frame)} bytes, "
+            f"stream {info.name!r} declares {info.channels}"
+        )
+    return np.frombuffer(frame, dtype)
+
+
+def dtype_code(values: NDArray[Any]) -> int:
+    """How a header names the type that values are sent as: uint8 as it is, others as float32."""
+    return 1 if values.dtype == np.uint8 else 2
+
+
+def pack_info(info: StreamInfo, *, session: int, heartbeat: float) -> bytes:
+    """JSON of a stream's description."""
+    return json.dumps(
+        {
+            "skinmap": VERSION,
+            "name": info.name,
+            "kind": info.kind,
+            "robot": info.robot,
+            "rate_hz": info.rate,
+            "clock": info.clock,
+            "parts": [
+                {"part": part, "channels": width, "fingerprint": info.fingerprints.get(part, "")}
+                for part, width in zip(info.parts, info.widths, strict=True)
+            ],
+            "session": session,
+            "heartbeat_s": heartbeat,
+        }
+    ).encode()
+
+
+def unpack_info(frame: bytes) -> StreamInfo:
+    """Read a stream's description; keys that we do not know are left alone.
+
+    Raises
+    ------
+    MessageError
+        Not such a description.
+    """
+    found = read_json(frame)
+    if found.get("skinmap") != VERSION:
+        raise MessageError(
+            f"a description of version {found.get('skinmap')!r}, this Skinmap reads {VERSION}"
+        )
+    try:
+        kind, parts = found["kind"], found["parts"]
+        if kind not in KINDS or not isinstance(parts, list) or len(parts) > MAX_PARTS:
+            raise MessageError(f"a description of kind {kind!r}; there is: {', '.join(KINDS)}")
+        widths = tuple(_count(one["channels"]) for one in parts)
+        if sum(widths) > MAX_CHANNELS:
+            raise MessageError(f"{sum(widths)} channels, at most {MAX_CHANNELS} are read")
+        names = tuple(str(one["part"]) for one in parts)
+        prints = {str(one["part"]): str(one.get("fingerprint", "")) for one in parts}
+        return StreamInfo(
+            str(found["name"]),
+            names,
+            widths,
+            float(found["rate_hz"]),
+            cast("Kind", kind),
+            str(found.get("robot", "")),
+            {part: print_ for part, print_ in prints.items() if print_},
+            str(found.get("clock", "publisher")),
+        )
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
+        if isinstance(error, MessageError):
+            raise
+        what = f"no key {error}" if isinstance(error, KeyError) else str(error)
+        raise MessageError(f"a stream's description that makes no sense: {what}") from error
+
+
+def read_json(frame: bytes) -> dict[str, Any]:
+    """A JSON object.
+
+    Raises
+    ------
+    MessageError
+        Anything else.
+    """
+    if len(frame) > LARGEST_TEXT:
+        raise MessageError(f"JSON of {len(frame)} bytes, at most {LARGEST_TEXT} are read")
+    try:
+        found = json.loads(frame)
+    except (ValueError, RecursionError) as error:
+        raise MessageError(f"no JSON: {error}") from error
+    if not isinstance(found, dict):
+        raise MessageError(f"JSON of a {type(found).__name__}, expected an object")
+    return found
+
+
+def _count(value: object) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+        raise InvalidArrayError(f"channels must be a whole number above 0, got {value!r}")
+    return value

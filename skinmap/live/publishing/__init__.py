@@ -1,0 +1,1 @@
+"""Publishers of samples, contacts and labels."""

@@ -1,0 +1,1 @@
+"""Recording samples while they come."""

@@ -1,0 +1,242 @@
+"""Recording while it happens: a bounded queue, a thread that writes, files that rotate."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from skinmap.errors import SkinError, SkinMismatchError
+from skinmap.io.recordings.mcap_recording import McapRecording
+from skinmap.io.recordings.mcap_writer import CHUNK_SECONDS
+from skinmap.live.sources.source import Block, Kind, StreamInfo
+from skinmap.skin.robot import Robot
+
+MAX_BYTES = 64 * 2**20  # waiting to be written: 5 minutes of a whole iCub at 50 Hz
+RESTART = 1.0  # a time that falls by more [s] is a new start: it gets a file of its own
+ROTATE_SECONDS = 3600.0
+ROTATE_BYTES = 2**30
+
+
+@dataclass(slots=True)
+class RecorderCounts:
+    """What became of the samples.
+
+    Attributes
+    ----------
+    written, dropped : int
+        Samples in files, and those left out because the disk was too slow.
+    waiting : int
+        Bytes in the queue.
+    """
+
+    written: int = 0
+    dropped: int = 0
+    waiting: int = 0
+
+
+class Recorder:
+    """Writes what it is given into MCAP files, in a thread of its own.
+
+    Parameters
+    ----------
+    path : Path
+        The first file; later ones get a number: `touch.mcap`, `touch_0002.mcap`.
+    info : StreamInfo
+        Of the source.
+    robot : Robot, optional
+        Its skins are written into each file.
+    widths : mapping of kind to tuple of int, optional
+        Columns of kinds beside the source's own: pressures of a source of raw values.
+    rotate_bytes, rotate_seconds : float
+        A file ends when it is so large or so old.
+    most_bytes : int
+        Kept while the disk is busy; more is dropped and counted.
+    chunk_seconds : float
+        Age at which a chunk is written: most that a killed process loses, plus the time that the
+        thread waits for its turn.
+
+    Raises
+    ------
+    OutputError
+        The first file cannot be made.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        info: StreamInfo,
+        *,
+        robot: Robot | None = None,
+        widths: Mapping[Kind, tuple[int, ...]] | None = None,
+        rotate_bytes: float = ROTATE_BYTES,
+        rotate_seconds: float = ROTATE_SECONDS,
+        most_bytes: int = MAX_BYTES,
+        chunk_seconds: float = CHUNK_SECONDS,
+    ) -> None:
+        self.info, self.files = info, [path]
+        self._robot = robot
+        self._widths: dict[Kind, tuple[int, ...]] = {**(widths or {}), info.kind: info.widths}
+        self._rotate = (rotate_bytes, rotate_seconds)
+        self._most, self._chunk_seconds = most_bytes, chunk_seconds
+        self._counts = RecorderCounts()
+        self._queue: deque[tuple[int, Callable[[McapRecording], None]]] = deque()
+        self._changed = threading.Condition()
+        self._closing = False
+        self._error: Exception | None = None
+        self._newest = float("-inf")
+        self._file = self._open(path)
+        self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
+        self._thread.start()
+
+    @property
+    def counts(self) -> RecorderCounts:
+        """What happened so far; a copy."""
+        with self._changed:
+            one = self._counts
+            return RecorderCounts(one.written, one.dropped, one.waiting)
+
+    def put(self, block: Block, kind: Kind | None = None, *, patience: float = 1.0) -> None:
+        """Queue samples; drop and count them if the disk lags behind for longer than `patience`.
+
+        Raises
+        ------
+        SkinMismatchError
+            Another number of channels than the stream's.
+        OutputError
+            Writing failed, now or before: a full disk, say.
+        """
+        kind = kind or self.info.kind
+        channels = sum(self._widths[kind])
+        if block.values.shape[1] != channels:
+            raise SkinMismatchError(
+                f"{block.values.shape[1]} {kind} values in a sample, stream {self.info.name!r} has "
+                f"{channels} channels"
+            )
+        if not self._push(block.values.nbytes, lambda _: self._write(kind, block),
+                          patience):  # fmt: skip
+            with self._changed:
+                self._counts.dropped += len(block)
+
+    def mark(self, part: str, event: int, label: str, **how: Any) -> None:
+        """Queue a mark of a touch (see `McapRecording.mark`)."""
+        self._push(0, lambda file: file.mark(part, event, label, **how), 0.0)
+
+    def put_angles(self, time: float, angles: Mapping[str, float]) -> None:
+        """Queue joint angles [rad]."""
+        content = dict(angles)
+        self._push(0, lambda file: file.add_angles(time, content), 0.0)
+
+    def close(self) -> None:
+        """Write what waits and end the file; may be called twice.
+
+        Raises
+        ------
+        OutputError
+            Writing failed, now or before.
+        """
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+
+    def _push(self, size: int, job: Callable[[McapRecording], None], patience: float) -> bool:
+        with self._changed:
+            room = self._changed.wait_for(
+                lambda: (
+                    self._counts.waiting + size <= self._most
+                    or not self._queue
+                    or self._error is not None
+                ),
+                patience,
+            )
+            if self._error is not None:
+                raise self._error
+            if room:
+                self._queue.append((size, job))
+                self._counts.waiting += size
+                self._changed.notify_all()
+            return room
+
+    def _work(self) -> None:
+        try:
+            while self._step():
+                pass
+            self._file.close()
+        except Exception as error:  # noqa: BLE001 - told to who gives the next sample
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        """Keep what is on the disk readable, and tell who gives the next sample."""
+        with contextlib.suppress(SkinError):
+            self._file.close()
+        with self._changed:
+            self._error = error
+            self._queue.clear()
+            self._changed.notify_all()
+
+    def _step(self) -> bool:
+        """Write one thing, or what has waited long enough; False at the end."""
+        with self._changed:
+            wait = self._chunk_seconds - self._file.age if self._file.age else None
+            self._changed.wait_for(lambda: self._queue or self._closing, wait)
+            if not self._queue and self._closing:
+                return False
+            size, job = self._queue.popleft() if self._queue else (0, None)
+        if job is None:
+            self._file.flush()
+            return True
+        if self._is_full():
+            self._next_file()
+        job(self._file)
+        with self._changed:
+            self._counts.waiting -= size
+            self._changed.notify_all()
+        return True
+
+    def _write(self, kind: Kind, block: Block) -> None:
+        for now, row in zip(block.times.tolist(), block.values, strict=True):
+            if kind == self.info.kind:
+                if now < self._newest - RESTART:
+                    self._next_file()
+                self._newest = max(now, self._newest) if now > self._newest - RESTART else now
+            self._file.add(kind, now, row)
+            if kind == self.info.kind:
+                self._counts.written += 1
+
+    def _is_full(self) -> bool:
+        most_bytes, most_seconds = self._rotate
+        return self._file.size >= most_bytes or time.monotonic() - self._opened >= most_seconds
+
+    def _next_file(self) -> None:
+        self._file.close()
+        first = self.files[0]
+        path = first.with_name(f"{first.stem}_{len(self.files) + 1:04d}{first.suffix}")
+        self._file = self._open(path)
+        self.files.append(path)
+
+    def _open(self, path: Path) -> McapRecording:
+        info = self.info
+        skins = {}
+        if self._robot is not None:
+            skins = {part: self._robot.skin(part) for part in info.parts}
+        self._opened = time.monotonic()
+        return McapRecording(
+            path,
+            parts=info.parts,
+            widths=self._widths,
+            rate=info.rate,
+            name=info.name,
+            robot=info.robot or ("" if self._robot is None else self._robot.name),
+            clock=info.clock,
+            fingerprints=info.fingerprints,
+            skins=skins,
+            chunk_seconds=self._chunk_seconds,
+        )

@@ -1,0 +1,109 @@
+"""What is wrong with samples: counted, mended where it can be, left out where not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray
+from skinmap.live.sources.sample_counts import Counts
+from skinmap.live.sources.source import Block, StreamInfo
+
+RANGE = (0.0, 255.0)  # counts
+LATE = 1.0  # a clock that goes back by more was set anew [s]
+LATER = 0.75  # periods that a sample may come late before one is missed
+FORGIVE = 0.9  # a clock that is off by a few percent must not add up to missed samples
+
+
+class SampleChecks:
+    """Looks at blocks before they are used.
+
+    Parameters
+    ----------
+    info : StreamInfo
+    counts : Counts
+        That it adds to.
+    seekable : bool
+        A recording: where its time jumps, it was led there.
+    """
+
+    def __init__(self, info: StreamInfo, counts: Counts, *, seekable: bool) -> None:
+        self._info, self._counts, self._seekable = info, counts, seekable
+        self._last = float("nan")
+        self._behind = 0.0  # periods that samples are late by now
+        self._good: NDArray[Any] = np.zeros(info.channels, np.float64)
+
+    def look(self, block: Block) -> Iterator[tuple[bool, FloatArray, NDArray[Any]]]:
+        """Runs of good samples: whether the clock began anew, times (k,), values (k, channels)."""
+        self._counts.received += len(block)
+        width = block.values.shape[1]
+        if width != self._info.channels:
+            name = "short" if width < self._info.channels else "long"
+            setattr(self._counts, name, getattr(self._counts, name) + len(block))
+            return
+        values = self._mended(block.values)
+        rows: list[int] = []
+        anew = False
+        for row, time in enumerate(block.times.tolist()):
+            verdict = self._verdict(time)
+            if verdict == "anew":
+                if rows:
+                    yield anew, block.times[rows], values[rows]
+                rows, anew = [], True
+                self._counts.restarts += 1
+            if verdict != "drop":
+                rows.append(row)
+                self._last = time
+        if len(rows) == len(block):
+            yield anew, block.times, values
+        elif rows:
+            yield anew, block.times[rows], values[rows]
+
+    def _verdict(self, time: float) -> str:
+        """What becomes of a sample of this time: "use", "drop", or "anew": first of a new run."""
+        step = time - self._last
+        rate = self._info.rate
+        if step != step:  # NaN: the first one
+            return "use"
+        if step == 0:
+            self._counts.repeated += 1
+            return "drop"
+        if step < 0:
+            if self._seekable or step < -LATE:
+                self._behind = 0.0
+                return "anew"
+            self._counts.late += 1
+            return "drop"
+        if self._seekable and step > LATE and step * rate > 1.5:
+            self._behind = 0.0
+            return "anew"
+        if rate > 0:
+            self._behind = max(FORGIVE * self._behind + step * rate - 1.0, -1.0)
+            if self._behind >= LATER:
+                missed = round(self._behind)
+                self._counts.lost += missed
+                self._behind -= missed
+        return "use"
+
+    def _mended(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The values without NaN, infinity and what lies out of the range of counts."""
+        if values.dtype == np.uint8:
+            return values
+        low, high = values.min(initial=0.0), values.max(initial=0.0)
+        if RANGE[0] <= low and high <= RANGE[1]:  # False for NaN
+            self._good = values[-1] if len(values) else self._good
+            return values
+        values = np.array(values, np.float64)
+        bad = ~np.isfinite(values)
+        self._counts.nan += int(bad.any(axis=1).sum())
+        for row in np.flatnonzero(bad.any(axis=1)).tolist():
+            before = values[row - 1] if row else self._good
+            values[row, bad[row]] = before[bad[row]]
+        outside = ((values < RANGE[0]) | (values > RANGE[1])).any(axis=1)
+        self._counts.out_of_range += int(outside.sum())
+        values = np.clip(values, *RANGE)
+        self._good = values[-1]
+        return values

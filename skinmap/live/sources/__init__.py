@@ -1,0 +1,1 @@
+"""Sources of samples: recordings, the simulator, live streams, and opening them."""

@@ -1,0 +1,210 @@
+"""Follow a stream of the lab streaming layer, with its clock brought to ours."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from skinmap.errors import MessageError, SkinMismatchError, UnknownNameError, UnreachableError
+from skinmap.live.network.lsl_description import read_description
+from skinmap.live.network.lsl_settings import load_lsl, split_scope
+from skinmap.live.sources.part_filter import follow
+from skinmap.live.sources.receiver import SILENT
+from skinmap.live.sources.sample_counts import Counts
+from skinmap.live.sources.skins import check_skin
+from skinmap.live.sources.source import Block, Source, StreamInfo
+from skinmap.skin.robot import Robot
+
+WAIT = 2.0  # for a stream of that name [s]
+ANSWER = 4.0  # for a stream that was found to answer, on a busy machine too [s]
+TWINS = 0.4  # and then for another one of the same name [s]
+OTHERS = 0.5  # for all streams, to say which there are [s]
+AGAIN = 0.3  # for one look for a stream that was lost [s]
+BUFFERED = 5  # kept by LSL itself while nobody reads [s]
+CORRECT = 2.0  # between two looks at the other machine's clock [s]
+MAX_VALUES = 1 << 22  # in one block
+MOST = 256  # samples in one block
+NUMBERS = (1, 2, 4, 5, 6)  # channel formats: float32, double64, int32, int16, int8
+
+
+class LslSource:
+    """Samples of one stream; times are those of this machine's monotonic clock.
+
+    Parameters
+    ----------
+    address : str
+        "NAME" or "NAME#UID" (the beginning of its identifier is enough where a name is not
+        unique), behind "//any/" or "//HOST/" for other machines' streams.
+    accept : callable, optional
+        Looks at the description before any sample is asked for; what it raises is raised.
+
+    Raises
+    ------
+    UnknownNameError
+        No such stream (says which there are), or several of that name.
+    UnreachableError
+        It is there but does not answer.
+    MessageError
+        A stream of text, or one that contradicts itself.
+
+    Notes
+    -----
+    To be read from one thread: `open_lsl` puts a `Receiver` around it.
+    """
+
+    def __init__(
+        self, address: str, *, accept: Callable[[StreamInfo], object] | None = None
+    ) -> None:
+        scope, name = split_scope(address)
+        self._lsl = load_lsl(scope)
+        self._name, _, self._uid = name.partition("#")
+        self._accept = accept
+        self.counts = Counts()
+        self.last_seen = 0.0
+        self._inlet, self._info = self._open(self._find())
+        self._uid = ""  # whoever comes back under the name will do
+        rows = max(1, min(MOST, MAX_VALUES // self._info.channels))
+        self._buffer = np.empty((rows, self._info.channels), self._inlet.np_dtype)
+        self._asked = time.perf_counter()
+
+    @property
+    def info(self) -> StreamInfo:
+        """What is in a sample."""
+        return self._info
+
+    @property
+    def alive(self) -> bool:
+        """Whether it is connected and, where it has a rate, a sample came within a second."""
+        if self._inlet is None:
+            return False
+        return self._info.rate == 0 or time.perf_counter() - self.last_seen < SILENT
+
+    def read(self, timeout: float) -> Block | None:
+        """Samples that came; None where none does within `timeout` [s].
+
+        Raises
+        ------
+        SkinMismatchError
+            The stream came back with another skin.
+        """
+        if self._inlet is None and not self._reconnect():
+            return None
+        try:
+            _, stamps = self._inlet.pull_chunk(
+                timeout, len(self._buffer), dest_obj=self._buffer, min_samples=1, as_numpy=True
+            )
+        except self._lsl.util.LostError:
+            self._inlet = None
+            return None
+        if len(stamps) == 0:
+            return None
+        now = time.perf_counter()
+        self.last_seen = now
+        self._correct(now)
+        values = self._buffer[: len(stamps)]
+        if values.dtype != np.float32:
+            values = values.astype(np.float32)
+        return Block(stamps + self._offset, values, now)
+
+    def close(self) -> None:
+        """Give the connection back; may be called twice."""
+        self._inlet = None
+
+    def _find(self) -> Any:
+        """The stream of the name, if there is exactly one."""
+        lsl = self._lsl
+        found = lsl.resolve_byprop("name", self._name, 1, WAIT)
+        if found:
+            found = lsl.resolve_byprop("name", self._name, 2, TWINS) or found
+        chosen = [one for one in found if one.uid().startswith(self._uid)]
+        if not chosen:
+            names = sorted({one.name() for one in lsl.resolve_streams(OTHERS)})
+            wanted = self._name + (f"#{self._uid}" if self._uid else "")
+            raise UnknownNameError("LSL stream", wanted, names)
+        if len(chosen) > 1:
+            ways = [f"lsl:{self._name}#{one.uid()[:8]} on {one.hostname()}" for one in chosen]
+            raise UnknownNameError(
+                "single LSL stream", f"{self._name} ({len(chosen)} have the name)", ways
+            )
+        return chosen[0]
+
+    def _open(self, found: Any) -> tuple[Any, StreamInfo]:
+        lsl = self._lsl
+        if found.channel_format() not in NUMBERS:
+            raise MessageError(f"LSL stream {self._name!r} sends no numbers that Skinmap reads")
+        # No recovery by LSL itself: it would hide that a stream died, and for how long.
+        inlet = lsl.StreamInlet(found, max_buflen=BUFFERED, recover=False)
+        try:
+            info = read_description(inlet.info(ANSWER))
+            if self._accept is not None:
+                self._accept(info)
+            inlet.open_stream(ANSWER)
+        except (lsl.util.TimeoutError, lsl.util.LostError) as error:
+            raise UnreachableError(
+                f"LSL stream {self._name!r} on {found.hostname()} does not answer"
+            ) from error
+        self.last_seen = time.perf_counter()
+        self._offset = 0.0
+        if found.hostname() != socket.gethostname():
+            with suppress(RuntimeError):  # no answer in time: it is asked again
+                self._offset = inlet.time_correction(CORRECT)
+        return inlet, info
+
+    def _reconnect(self) -> bool:
+        """Look once for a stream of the same name and skin."""
+        found = self._lsl.resolve_byprop("name", self._name, 1, AGAIN)
+        if not found:
+            return False
+        try:
+            inlet, info = self._open(found[0])
+        except (UnreachableError, MessageError):
+            return False
+        mine = self._info
+        if (info.parts, info.widths, info.kind, info.fingerprints) != (
+            mine.parts,
+            mine.widths,
+            mine.kind,
+            mine.fingerprints,
+        ):
+            raise SkinMismatchError(
+                f"LSL stream {self._name!r} came back with another skin: {info.channels} "
+                f"{info.kind} channels of {', '.join(info.parts)}"
+            )
+        self._inlet = inlet
+        self.counts.reconnects += 1
+        return True
+
+    def _correct(self, now: float) -> None:
+        """Ask from time to time how far the other clock is from ours.
+
+        The first answer takes LSL half a second, in a thread of its own; later ones are at hand.
+        """
+        if now - self._asked >= CORRECT:
+            self._asked = now
+            asking = threading.Thread(target=self._ask, args=(self._inlet,), daemon=True)
+            asking.start()
+
+    def _ask(self, inlet: Any) -> None:
+        with suppress(RuntimeError):  # lost, or no answer in time: the last offset holds
+            self._offset = inlet.time_correction(CORRECT)
+
+
+def open_lsl(
+    address: str,
+    *,
+    robot: Robot | None,
+    parts: Sequence[str] | None,
+    seed: int,
+    speed: float,
+    loop: bool,
+) -> Source:
+    """Follow a stream in a thread; see `skinmap.live.open_source`."""
+    accept = None if robot is None else partial(check_skin, robot=robot)
+    return follow(LslSource(address, accept=accept), parts)

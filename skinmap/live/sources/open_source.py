@@ -1,0 +1,125 @@
+"""Open a source by what a user types: `sim`, `lsl:NAME`, `zmq:HOST:PORT`, a file, a plug-in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+from skinmap.errors import InvalidArrayError, MissingFileError, UnknownNameError
+from skinmap.live.sources.source import Source
+from skinmap.registry import Registry
+from skinmap.skin.robot import Robot
+
+FILES = (".npz", ".mcap", ".xdf", ".xdfz", ".log")
+
+
+class OpenSource(Protocol):
+    """What an entry point of the group `skinmap.sources` names.
+
+    `address` is what follows the colon of "name:address", empty where there is none. The rest is
+    what the user asked for; what makes no sense for a source is left alone.
+    """
+
+    def __call__(  # noqa: D102 - the class says it
+        self,
+        address: str,
+        *,
+        robot: Robot | None,
+        parts: Sequence[str] | None,
+        seed: int,
+        speed: float,
+        loop: bool,
+    ) -> Source: ...
+
+
+sources: Registry[OpenSource] = Registry(
+    "source",
+    "skinmap.sources",
+    built_in={
+        "sim": "skinmap.live.sources.open_source:_simulated",
+        "lsl": "skinmap.live.sources.lsl_source:open_lsl",
+        "zmq": "skinmap.live.sources.zmq_source:open_zmq",
+    },
+)
+
+
+def open_source(
+    spec: str | Path,
+    *,
+    robot: Robot | str | None = None,
+    parts: Sequence[str] | None = None,
+    seed: int = 0,
+    speed: float = 1.0,
+    loop: bool = False,
+) -> Source:
+    """Open a source of samples.
+
+    Parameters
+    ----------
+    spec : str or Path
+        "sim" or "sim:raw", "lsl:NAME", "zmq:HOST:PORT", a recording (.npz, .mcap, .xdf, a data
+        dumper's folder or data.log), or "NAME" or "NAME:ADDRESS" of the entry-point group
+        `skinmap.sources`. A name wins over a file of that name; "./sim" is the file.
+    robot : Robot or str, optional
+        Whose skin it must be; the simulator touches the iCub where none is given.
+    parts : sequence of str, optional
+        Only these, where the source can choose.
+    seed : int
+        Of the simulator.
+    speed : float
+        Of the simulator and of recordings; `inf` as fast as asked.
+    loop : bool
+        Whether a recording starts again at its end.
+
+    Raises
+    ------
+    UnknownNameError
+        No such source, stream or part (says which there are).
+    MissingFileError, DataFormatError
+        No such file, or not a recording.
+    SkinMismatchError
+        A source of another skin than the robot's.
+    UnreachableError
+        Nobody answers at an address.
+    """
+    if isinstance(robot, str):
+        from skinmap.io.robots.manifest import load_robot
+
+        robot = load_robot(robot)
+    if isinstance(spec, str):
+        name, _, address = spec.partition(":")
+        if name in sources.names():
+            open_one = sources.get(name)
+            return open_one(address, robot=robot, parts=parts, seed=seed, speed=speed, loop=loop)
+    path = Path(spec)
+    if not path.exists():
+        if path.suffix.lower() in FILES or path.name != str(spec):
+            raise MissingFileError(path, "a recording")
+        raise UnknownNameError("source", str(spec), (*sources.names(), "a recording's file"))
+    from skinmap.live.sources.open_recording import open_recording
+
+    return open_recording(path, robot=robot, parts=parts, speed=speed, loop=loop)
+
+
+def _simulated(
+    address: str,
+    *,
+    robot: Robot | None,
+    parts: Sequence[str] | None,
+    seed: int,
+    speed: float,
+    loop: bool,
+) -> Source:
+    from skinmap.io.robots.manifest import load_robot
+    from skinmap.live.sources.simulator import SimulatedSource
+
+    if address not in ("", "raw"):
+        raise InvalidArrayError(f"the simulator is 'sim' or 'sim:raw', not 'sim:{address}'")
+    return SimulatedSource(
+        load_robot("icub") if robot is None else robot,
+        parts=parts,
+        seed=seed,
+        speed=speed,
+        kind="raw" if address == "raw" else "pressure",
+    )

@@ -1,0 +1,219 @@
+"""Samples with their times, played back: at any speed, from any place, over and over."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skinmap.arrays import FloatArray, check_finite
+from skinmap.errors import InvalidArrayError
+from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
+
+MOST = 256  # samples in one block: what is given at once stays small
+
+
+class Samples(Protocol):
+    """What is played: an array (t, channels), or anything that reads a slice of rows."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, rows: slice, /) -> NDArray[Any]: ...
+
+
+class Playback:
+    """A recording as a source: `Seekable`.
+
+    Parameters
+    ----------
+    info : StreamInfo
+    times : (t,) float
+        In the recording's clock [s], not decreasing.
+    values : (t, channels) array or Samples
+    speed : float
+        How many times faster than recorded; `inf` gives all at once, 0 halts.
+    loop : bool
+        Whether it starts again at its end.
+    joints : sequence of str
+        Names of the joints.
+    angles : (t, j) float, optional
+        Angles of the joints in each sample [rad], NaN where unknown.
+
+    Notes
+    -----
+    Nothing is left out: who reads late gets all samples that are due. Times are the recording's
+    own, so they jump back when it starts again and where `seek` leads back.
+    """
+
+    def __init__(
+        self,
+        info: StreamInfo,
+        times: ArrayLike,
+        values: Samples,
+        *,
+        speed: float = 1.0,
+        loop: bool = False,
+        joints: Sequence[str] = (),
+        angles: FloatArray | None = None,
+    ) -> None:
+        self._info, self._values = info, values
+        self._joints = tuple(joints)
+        self._angles = np.zeros((0, 0)) if angles is None else np.asarray(angles, np.float64)
+        self._times = check_finite(times, "times", (None,))
+        if len(self._times) != len(values):
+            raise InvalidArrayError(f"{len(self._times)} times for {len(values)} samples")
+        if (np.diff(self._times) < 0).any():
+            raise InvalidArrayError("times must not run backwards")
+        self._changed = threading.Condition()
+        self._closed = False
+        self._row = 0
+        self._loop = loop
+        self._speed = _checked(speed)
+        self._anchor()
+
+    @property
+    def info(self) -> StreamInfo:
+        """What is in a sample."""
+        return self._info
+
+    @property
+    def speed(self) -> float:
+        """How many times faster than recorded."""
+        return self._speed
+
+    @speed.setter
+    def speed(self, speed: float) -> None:
+        with self._changed:
+            self._anchor(self._playing_time())
+            self._speed = _checked(speed)
+            self._changed.notify_all()
+
+    @property
+    def loop(self) -> bool:
+        """Whether it starts again at its end."""
+        return self._loop
+
+    @loop.setter
+    def loop(self, loop: bool) -> None:
+        with self._changed:
+            self._loop = bool(loop)
+            self._changed.notify_all()
+
+    @property
+    def duration(self) -> float:
+        """[s]; the last sample lasts as long as a sample does."""
+        return self._end - self._start
+
+    @property
+    def position(self) -> float:
+        """Seconds from the beginning to the sample that comes next."""
+        with self._changed:
+            return self._time_of(self._row) - self._start
+
+    def angles_at(self, time: float) -> dict[str, float]:
+        """Joint angles [rad] of the last sample up to a time in the recording's clock [s]."""
+        row = int(np.searchsorted(self._times, time + 1e-10)) - 1
+        if not 0 <= row < len(self._angles):
+            return {}
+        found = zip(self._joints, self._angles[row].tolist(), strict=True)
+        return {joint: angle for joint, angle in found if angle == angle}
+
+    def seek(self, seconds: float) -> None:
+        """Go on from there; before the beginning or after the end is the beginning or the end."""
+        if not np.isfinite(seconds):
+            raise InvalidArrayError(f"cannot seek to {seconds} seconds")
+        with self._changed:
+            # A tenth of a nanosecond: what `position` gave must lead back to the same sample.
+            self._row = int(np.searchsorted(self._times, self._start + seconds - 1e-10))
+            self._anchor()
+            self._changed.notify_all()
+
+    def read(self, timeout: float) -> Block | None:
+        """All samples that are due by now, at most 256; None where none is within `timeout` [s].
+
+        Raises
+        ------
+        SourceEnded
+            After the last sample, until `seek`; and once it is closed.
+        """
+        deadline = time.perf_counter() + timeout
+        with self._changed:
+            while True:
+                if self._row >= len(self._times) and self._loop and len(self._times):
+                    self._row = 0
+                    # Begins when the last sample has lasted, not when somebody asks for more.
+                    self._anchor(since=self._when(self._end))
+                if self._closed or self._row >= len(self._times):
+                    raise SourceEnded
+                now = time.perf_counter()
+                if (block := self._due(now)) is not None:
+                    return block
+                left = min(deadline, self._when(self._times[self._row])) - now
+                if now >= deadline:
+                    return None
+                self._changed.wait(max(left, 0.0))
+
+    def close(self) -> None:
+        """End it; whoever waits in `read` is told."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    @property
+    def _start(self) -> float:
+        return float(self._times[0]) if len(self._times) else 0.0
+
+    @property
+    def _end(self) -> float:
+        if len(self._times) == 0:
+            return 0.0
+        step = float(np.median(np.diff(self._times))) if len(self._times) > 1 else 0.0
+        return float(self._times[-1]) + step
+
+    def _time_of(self, row: int) -> float:
+        return float(self._times[row]) if row < len(self._times) else self._end
+
+    def _anchor(self, played: float | None = None, *, since: float | None = None) -> None:
+        """Note which time of the recording belongs to which moment of the wall clock."""
+        self._played = self._time_of(self._row) if played is None else played
+        self._since = time.perf_counter() if since is None else since
+
+    def _playing_time(self) -> float:
+        """Time of the recording that is due now; never past what comes next."""
+        due = self._time_of(self._row)
+        if self._speed == 0.0 or not np.isfinite(self._speed):
+            return min(self._played, due) if self._speed == 0.0 else due
+        return min(self._played + (time.perf_counter() - self._since) * self._speed, due)
+
+    def _when(self, recorded: float) -> float:
+        """When a time of the recording is due, by `perf_counter`."""
+        if self._speed == 0.0:
+            return np.inf
+        return self._since + (recorded - self._played) / self._speed
+
+    def _due(self, now: float) -> Block | None:
+        """What is due, and the row moved behind it."""
+        row = self._row
+        if np.isinf(self._speed):
+            stop = row + MOST
+        elif self._when(self._times[row]) > now:
+            return None
+        else:
+            due = self._played + (now - self._since) * self._speed
+            stop = max(int(np.searchsorted(self._times, due, side="right")), row + 1)
+        stop = min(stop, row + MOST, len(self._times))
+        values = self._values[row:stop]
+        arrived = now if np.isinf(self._speed) else self._when(self._times[stop - 1])
+        block = Block(self._times[row:stop], values, min(arrived, now))
+        self._row = stop
+        return block
+
+
+def _checked(speed: float) -> float:
+    if not speed >= 0.0:
+        raise InvalidArrayError(f"speed must not be negative, got {speed}")
+    return float(speed)

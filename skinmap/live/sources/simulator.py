@@ -1,0 +1,180 @@
+"""Endless simulated touches as a live source: seeded, on chosen parts, at any pace."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.errors import InvalidArrayError, SkinError
+from skinmap.live.sources.simulated_touches import Touching, TrueTouch
+from skinmap.live.sources.skins import fingerprint
+from skinmap.live.sources.source import Block, Kind, SourceEnded, StreamInfo
+from skinmap.skin.robot import Robot
+from skinmap.touch.gestures import FOUR
+from skinmap.touch.sensing import Sensing
+
+REST = 240  # what an iCub's taxel sends untouched; less is harder [counts]
+CHUNK = 0.25  # samples are made so far in one go [s]
+AHEAD = 4  # chunks made before they are wanted
+
+
+class SimulatedSource:
+    """Touches on a robot's skin without end: a `Source`.
+
+    Parameters
+    ----------
+    robot : Robot
+    parts : sequence of str, optional
+        Only these.
+    seed : int
+        The same touches for the same seed, parts and rate.
+    rate : float
+        Samples a second.
+    speed : float
+        How many times faster than the clock; `inf` as fast as they are asked for.
+    kind : {"pressure", "raw"}
+        Raw values are 240 at rest and fall under load, as the iCub sends them.
+    gestures : sequence of str
+    sensing : Sensing, optional
+        How taxels answer; its rate is `rate`.
+    seconds : float
+        It ends after so long; never by default.
+
+    Notes
+    -----
+    Nothing is left out: who reads late gets all samples that are due.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        parts: Sequence[str] | None = None,
+        seed: int = 0,
+        rate: float = 50.0,
+        speed: float = 1.0,
+        kind: Kind = "pressure",
+        gestures: Sequence[str] = FOUR,
+        sensing: Sensing | None = None,
+        seconds: float = float("inf"),
+    ) -> None:
+        sensing = Sensing(rate=rate) if sensing is None else sensing
+        if not speed > 0:
+            raise InvalidArrayError(f"speed must be above 0, got {speed}")
+        chosen = tuple(dict.fromkeys(parts or robot.parts))
+        rng = np.random.default_rng(seed)
+        self._touching = Touching(robot, chosen, rng=rng, sensing=sensing, gestures=gestures)
+        self._info = StreamInfo(
+            "simulation",
+            chosen,
+            tuple(len(robot.skin(part)) for part in chosen),
+            sensing.rate,
+            kind,
+            robot.name,
+            {part: fingerprint(robot, part) for part in chosen},
+            "simulation",
+        )
+        self._speed = float(speed)
+        self._last = seconds * sensing.rate
+        self._chunk = max(1, round(CHUNK * sensing.rate))
+        self._made: queue.Queue[NDArray[np.uint8] | Exception] = queue.Queue(AHEAD)
+        self._closed = threading.Event()
+        self._worker = threading.Thread(target=self._work, name="simulator", daemon=True)
+        self._open = np.zeros((0, self._info.channels), np.uint8)
+        self._given = 0
+        self._since = float("nan")
+        self._worker.start()
+
+    @property
+    def info(self) -> StreamInfo:
+        """What is in a sample."""
+        return self._info
+
+    @property
+    def truth(self) -> tuple[TrueTouch, ...]:
+        """What was simulated, the last thousand touches; some may still be to come."""
+        return tuple(self._touching.truth)
+
+    def read(self, timeout: float) -> Block | None:
+        """Samples that are due; None when none is within `timeout` [s].
+
+        Raises
+        ------
+        SourceEnded
+            Closed, or played as long as was asked for.
+        """
+        if self._closed.is_set() or self._given >= self._last:
+            raise SourceEnded
+        deadline = time.perf_counter() + timeout
+        if len(self._open) == 0 and not self._take(timeout):
+            return None
+        if np.isnan(self._since):
+            # The clock starts when somebody listens and there is something to hear.
+            self._since = time.perf_counter()
+        due = self._when(self._given)
+        now = time.perf_counter()
+        if due > now:
+            if self._closed.wait(min(due, deadline) - now if deadline > now else 0.0):
+                raise SourceEnded
+            now = time.perf_counter()
+            if due > now:
+                return None
+        return self._give(now)
+
+    def close(self) -> None:
+        """End it; whoever waits in `read` is told."""
+        self._closed.set()
+        while True:  # let the worker go that waits for room
+            try:
+                self._made.get_nowait()
+            except queue.Empty:
+                break
+        self._worker.join()
+
+    def _when(self, sample: int) -> float:
+        """When a sample is due, by `perf_counter`; at once where no clock paces it."""
+        return self._since + sample / (self._info.rate * self._speed)
+
+    def _give(self, now: float) -> Block:
+        count = len(self._open)
+        if np.isfinite(self._speed):
+            passed = int((now - self._since) * self._info.rate * self._speed) + 1
+            count = min(count, max(passed - self._given, 1))
+        count = int(min(count, np.ceil(self._last - self._given)))
+        values, self._open = self._open[:count], self._open[count:]
+        times = (self._given + np.arange(count)) / self._info.rate
+        arrived = self._when(self._given + count - 1) if np.isfinite(self._speed) else now
+        self._given += count
+        return Block(times, values, min(arrived, now))
+
+    def _take(self, timeout: float) -> bool:
+        """Open the next chunk, if one is made within the time."""
+        try:
+            made = self._made.get(timeout=max(timeout, 1e-3))
+        except queue.Empty:
+            return False
+        if isinstance(made, Exception):
+            raise made
+        self._open = made
+        return True
+
+    def _work(self) -> None:
+        while not self._closed.is_set():
+            made: NDArray[np.uint8] | Exception
+            try:
+                made = self._touching.make(self._chunk)
+                if self._info.kind == "raw":
+                    made = np.uint8(REST) - np.minimum(made, np.uint8(REST))
+            except SkinError as error:
+                made = error
+            while not self._closed.is_set():
+                try:
+                    self._made.put(made, timeout=0.1)
+                    break
+                except queue.Full:
+                    continue

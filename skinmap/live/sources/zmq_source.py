@@ -1,0 +1,243 @@
+"""Follow a ZeroMQ publisher: SUB, with bounded queues and messages, and its death noticed."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.errors import MessageError, SkinMismatchError, UnreachableError
+from skinmap.live.network.addresses import Address, parse_address, warn_if_open
+from skinmap.live.network.messages import Header, unpack_header, unpack_info, unpack_values
+from skinmap.live.sources.part_filter import follow
+from skinmap.live.sources.receiver import SILENT
+from skinmap.live.sources.sample_counts import Counts
+from skinmap.live.sources.skins import check_skin
+from skinmap.live.sources.source import Block, Source, StreamInfo
+from skinmap.skin.robot import Robot
+
+logger = logging.getLogger(__name__)
+
+WAIT = 3.0  # for a publisher's description [s]
+LARGEST_INFO = 1 << 16  # bytes of a description that are read
+QUEUED_BYTES = 16_000_000  # kept by ZeroMQ itself while nobody reads
+MOST = 256  # samples in one block
+FRAMES = 3  # of a sample: topic, header, values
+
+
+class ZmqSource:
+    """Samples of one publisher.
+
+    Parameters
+    ----------
+    address : Address
+    wait : float
+        For its description [s].
+    accept : callable, optional
+        Looks at the description before any sample is asked for; what it raises is raised.
+
+    Raises
+    ------
+    UnreachableError
+        Nobody publishes there.
+    MessageError
+        Somebody does, in another language.
+
+    Notes
+    -----
+    To be read from one thread: `open_zmq` puts a `Receiver` around it.
+    """
+
+    def __init__(
+        self,
+        address: Address,
+        *,
+        wait: float = WAIT,
+        accept: Callable[[StreamInfo], object] | None = None,
+    ) -> None:
+        import zmq
+
+        warn_if_open(address, "reading from")
+        self.address = address
+        self.counts = Counts()
+        self.last_seen = 0.0
+        self._context = zmq.Context()
+        try:
+            self._description, self._info = self._ask(wait)
+            if accept is not None:
+                accept(self._info)
+            self._socket = self._subscribe()
+        except BaseException:
+            self._context.destroy(linger=0)
+            raise
+        self._session: int | None = None
+        self._sequence = -1
+        self._silent_since: float | None = None
+
+    @property
+    def info(self) -> StreamInfo:
+        """What is in a sample."""
+        return self._info
+
+    @property
+    def alive(self) -> bool:
+        """Whether its heartbeat or a sample came within the last second."""
+        return time.perf_counter() - self.last_seen < SILENT
+
+    def read(self, timeout: float) -> Block | None:
+        """Samples that came, at most 256; None where none does within `timeout` [s].
+
+        Raises
+        ------
+        SkinMismatchError
+            The publisher came back with another skin.
+        """
+        import zmq
+
+        deadline = time.perf_counter() + timeout
+        rows: list[NDArray[Any]] = []
+        times: list[float] = []
+        while not rows:
+            left = deadline - time.perf_counter()
+            if self._socket.poll(max(0, int(1e3 * left + 0.999))) == 0:
+                return None
+            for _ in range(MOST):  # bounded: what is refused must not keep us here
+                try:
+                    frames = self._receive(zmq.NOBLOCK)
+                except zmq.Again:
+                    break
+                sample = self.take(frames)
+                if sample is not None:
+                    times.append(sample[0])
+                    rows.append(sample[1])
+            if not rows and time.perf_counter() >= deadline:
+                return None
+        return Block(np.array(times), np.array(rows), self.last_seen)
+
+    def take(self, frames: Sequence[bytes]) -> tuple[float, NDArray[Any]] | None:
+        """Time and values of a sample that came as frames; None for anything else.
+
+        What does not follow the layout is counted as refused.
+        """
+        arrived = time.perf_counter()
+        try:
+            if frames[0] == b"info":
+                self._hear(frames[1:])
+                self.last_seen = arrived
+                return None
+            if len(frames) != FRAMES:
+                raise MessageError(f"a sample of {len(frames)} frames, expected {FRAMES}")
+            header = unpack_header(frames[1])
+            values = unpack_values(header, frames[2], self._info)
+        except MessageError as error:
+            self.counts.refused += 1
+            logger.debug("%s: %s", self.address.endpoint, error)
+            return None
+        self.last_seen = arrived
+        self._follow(header)
+        return header.time, values
+
+    def close(self) -> None:
+        """Give the sockets back; may be called twice."""
+        self._context.destroy(linger=0)
+
+    def _hear(self, frames: Sequence[bytes]) -> None:
+        """Take a heartbeat, and refuse to go on with another skin."""
+        description = frames[0] if len(frames) == 1 else b""
+        if description == self._description:
+            return
+        info = unpack_info(description)
+        mine = self._info
+        if (info.parts, info.widths, info.kind) != (mine.parts, mine.widths, mine.kind):
+            raise SkinMismatchError(
+                f"{self.address.endpoint} sends another skin now: {info.channels} {info.kind} "
+                f"channels of {', '.join(info.parts)}, before {mine.channels} {mine.kind} "
+                f"channels of {', '.join(mine.parts)}"
+            )
+        if info.fingerprints != mine.fingerprints:
+            raise SkinMismatchError(
+                f"{self.address.endpoint} sends another skin now: its layout has changed"
+            )
+        self._description = description
+
+    def _follow(self, header: Header) -> None:
+        """Count gaps in the numbers of samples."""
+        if header.session != self._session:
+            if self._session is not None:
+                self.counts.reconnects += 1
+        elif header.sequence > self._sequence + 1:
+            self.counts.lost += header.sequence - self._sequence - 1
+        self._session, self._sequence = header.session, header.sequence
+
+    def _receive(self, flags: int) -> list[bytes]:
+        """Frames of one message; of one with too many only the first."""
+        frames = [self._socket.recv(flags)]
+        while self._socket.rcvmore:
+            frame = self._socket.recv()
+            if len(frames) <= FRAMES:
+                frames.append(frame)
+        return frames
+
+    def _ask(self, wait: float) -> tuple[bytes, StreamInfo]:
+        """The publisher's description."""
+        import zmq
+
+        socket = self._context.socket(zmq.SUB)
+        try:
+            socket.maxmsgsize = LARGEST_INFO
+            socket.subscribe(b"info")
+            self._connect(socket)
+            if socket.poll(int(1e3 * wait)) == 0:
+                raise UnreachableError(
+                    f"nobody publishes at {self.address.endpoint} (waited {wait:g} s)"
+                )
+            frames = socket.recv_multipart()
+            if len(frames) != 2 or frames[0] != b"info":
+                raise MessageError(f"{self.address.endpoint} does not describe its stream")
+            self.last_seen = time.perf_counter()
+            return frames[1], unpack_info(frames[1])
+        finally:
+            socket.close(linger=0)
+
+    def _subscribe(self) -> Any:
+        import zmq
+
+        socket = self._context.socket(zmq.SUB)
+        # What is larger than the declared skin is not read: ZeroMQ cuts the connection.
+        socket.maxmsgsize = max(4 * self._info.channels, LARGEST_INFO)
+        socket.rcvhwm = int(np.clip(QUEUED_BYTES // (4 * self._info.channels), 16, 10_000))
+        socket.subscribe(b"info")
+        socket.subscribe(self._info.kind.encode())
+        self._connect(socket)
+        return socket
+
+    def _connect(self, socket: Any) -> None:
+        import zmq
+
+        # Half-open connections, as after a pulled cable, end within a second too.
+        socket.heartbeat_ivl, socket.heartbeat_timeout = 250, 750
+        socket.reconnect_ivl, socket.reconnect_ivl_max = 50, 400
+        socket.linger = 0
+        try:
+            socket.connect(self.address.endpoint)
+        except zmq.ZMQError as error:
+            raise UnreachableError(f"cannot reach {self.address.endpoint}: {error}") from error
+
+
+def open_zmq(
+    address: str,
+    *,
+    robot: Robot | None,
+    parts: Sequence[str] | None,
+    seed: int,
+    speed: float,
+    loop: bool,
+) -> Source:
+    """Follow "HOST:PORT" or "PORT" in a thread; see `skinmap.live.open_source`."""
+    accept = None if robot is None else partial(check_skin, robot=robot)
+    return follow(ZmqSource(parse_address(address), accept=accept), parts)

@@ -1,0 +1,1 @@
+"""The bare body: its links, their shading and their poses."""

@@ -1,0 +1,1 @@
+"""The picture as a whole: canvas, camera, renderers."""

@@ -1,0 +1,114 @@
+"""The camera's behaviour: it keeps the whole body in the picture and turns towards touches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from vtkmodules.vtkRenderingCore import vtkRenderer
+
+from skinmap.arrays import FloatArray
+from viewer.drawing.body.occlusion import Blocks
+from viewer.drawing.frame.camera import (
+    Margins,
+    Target,
+    View,
+    best_view,
+    fit,
+    project,
+    sees,
+)
+from viewer.drawing.words.label_places import Coverage
+
+Mode = Literal["auto", "still", "free"]
+BRIEF = 4  # pictures of a turning camera for which labels avoid the body where it was
+
+
+class Framing:
+    """Keeps one renderer's camera on the body.
+
+    Parameters
+    ----------
+    renderer : vtkRenderer
+        Shows the body.
+    body : Blocks
+        All that can hide a touch; it follows the pose by itself.
+    outline : callable
+        Returns points (k, 3) that must be in the picture, where they are now [m].
+    points : callable
+        Returns points (n, 3) all over what is in the picture, where they are now [m].
+    front : View
+        Where to look from when nothing is touched.
+    margins : Margins
+        Space kept free around the body.
+    mode : {"auto", "still", "free"}
+        "auto" turns towards touches, "still" keeps its direction, "free" is led by the mouse.
+    """
+
+    def __init__(
+        self,
+        renderer: vtkRenderer,
+        body: Blocks,
+        outline: Callable[[], FloatArray],
+        points: Callable[[], FloatArray],
+        front: View,
+        margins: Margins,
+        mode: Mode,
+    ) -> None:
+        self.renderer, self.margins, self.mode = renderer, margins, mode
+        self.front = self.view = self.goal = front
+        self._body, self._outline, self._points = body, outline, points
+        self._targets: Sequence[Target] = ()
+        self._busy: Coverage | None = None
+        self._turned = 0  # pictures since then in which the camera turned
+        self._fitted: tuple[View, tuple[int, int]] | None = None
+
+    def move(self) -> None:
+        """The body moved: the camera stays, unless its picture would cut the body."""
+        self._busy = None
+        places = project(self.renderer, self._outline())
+        size = self.renderer.GetSize()
+        if ((places < 0) | (places > size)).any():
+            self._fitted = None
+
+    def aim(self, targets: Sequence[Target]) -> None:
+        """Choose where to look from for these targets."""
+        self._targets = targets
+        if self.mode == "auto" and targets:
+            self.goal = best_view(targets, self._body, self.front, self.goal)
+
+    def look(self, view: View, mode: Mode) -> None:
+        """Turn to a view, and go on in a mode."""
+        self.view = self.goal = view
+        self.mode = mode
+        self._fitted = None
+
+    def turn(self, step: float) -> None:
+        """Turn by at most `step` [deg] towards the goal, the whole body in the picture."""
+        if self.mode == "free":
+            self._turned += 1
+            return
+        self.view = self.view.towards(self.goal, step)
+        size = self.renderer.GetSize()
+        if self._fitted == (self.view, size):
+            return
+        camera = self.renderer.GetActiveCamera()
+        fit(camera, self.view, self._outline(), size, self.margins)
+        self.renderer.ResetCameraClippingRange()
+        self._fitted = self.view, size
+        self._turned += 1
+
+    def busy(self, *, moving: bool = False) -> Coverage:
+        """Where the body is in the picture; while it moves, as it was a few pictures before."""
+        size = self.renderer.GetSize()
+        old = self._turned >= (BRIEF if moving else 1)
+        if self._busy is None or old or self._busy.size != size:
+            self._busy, self._turned = Coverage(project(self.renderer, self._points()), size), 0
+        return self._busy
+
+    def hidden(self, target: Target) -> bool:
+        """Whether the camera does not see the middle of a target."""
+        place = np.array(self.renderer.GetActiveCamera().GetPosition())
+        way = place - target.points[target.middle]
+        return not sees(self._body, target, way / np.linalg.norm(way))

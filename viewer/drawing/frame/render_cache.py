@@ -1,0 +1,274 @@
+"""Pictures drawn from what changed: the body, which rests while the camera does, is kept.
+
+Most of a frame's time goes into links that look as they did in the frame before. Colour and depth
+of what rests are copied to a second framebuffer once and copied back before each frame, so that
+the picture is the same to the bit as one drawn anew, at a hundredth of the cost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from vtkmodules.util.vtkConstants import VTK_UNSIGNED_CHAR
+from vtkmodules.vtkRenderingCore import vtkProp
+from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLFramebufferObject
+
+from viewer.drawing.frame.idle_actors import Resting
+
+COLOUR_AND_DEPTH = 0x4000 | 0x0100  # GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT
+NEAREST = 0x2600  # GL_NEAREST
+SCISSOR_TEST = 0x0C11  # GL_SCISSOR_TEST
+
+
+class RenderCache:
+    """Draws a window; see the module.
+
+    Parameters
+    ----------
+    window : vtkOpenGLRenderWindow
+        Without multisampling while drawn through here.
+    renderers : Resting
+        All renderers of the window that show something.
+    """
+
+    def __init__(self, window: Any, *renderers: Resting) -> None:
+        self.window = window
+        self.renderers = renderers
+        self._buffer: Any = None
+        self._blank: Any = None  # what is there before anything is drawn
+        self._backgrounds: tuple[Any, ...] = ()
+        self._size: tuple[int, int] = (0, 0)
+        self.held = False  # whether the last picture was drawn, but is not on the screen yet
+
+    def draw(self, *, good: bool = False, hold: bool = False) -> bool:
+        """Bring the picture up to date; False where nothing had to be drawn.
+
+        Parameters
+        ----------
+        good : bool
+            Full detail also while the camera moves: for movies, which nobody waits for.
+        hold : bool
+            Keep it off the screen until `present`.
+        """
+        drawn = self._draw(good, hold)
+        self.held |= drawn and hold
+        if drawn and hold:
+            self.window.WaitForCompletion()  # threads still draw: only now it is known when
+        if not hold:
+            self.present()
+        return drawn
+
+    def present(self) -> None:
+        """Put a picture on the screen that was held back."""
+        if self.held:
+            self.held = False
+            self.window.Frame()
+
+    def _draw(self, good: bool, hold: bool) -> bool:
+        self._fit_buffer()
+        moved = [one for one in self.renderers if self._prepare(one, good)]
+        changed = [one for one in self.renderers if one.changed and one not in moved]
+        if not good and any(one.whole for one in moved):
+            changed = self._in_turns(changed)
+        if not moved and not changed:
+            return False
+        kept = [one for one in moved if not one.whole]
+        if kept:
+            self._draw_resting(kept)
+        for one in changed:
+            self._copy(self._buffer, self.window.GetRenderFramebuffer(), one)
+        self._absorb([one for one in changed if one.idle])
+        self._draw_live([*kept, *changed], [one for one in moved if one.whole], unseen=hold)
+        for one in (*moved, *changed):
+            one.settle()
+        return True
+
+    def draw_all(self) -> None:
+        """Draw everything anew, in full detail, for stills; what is kept is forgotten."""
+        for one in self.renderers:
+            self._detail(one, quick=False)
+        self.window.Render()
+        self.held = False
+        self._backgrounds = ()  # smoothed, the window had a framebuffer that nothing is copied to
+        self.forget()
+
+    def forget(self) -> None:
+        """Draw everything next time."""
+        for one in self.renderers:
+            one.forget()
+
+    def _in_turns(self, changed: list[Resting]) -> list[Resting]:
+        """Of what changed beside a renderer that moves, every other picture: it stays changed."""
+        chosen = [one for one in changed if one.waited or one.empty]
+        for one in changed:
+            one.waited = not one.waited
+        return chosen
+
+    def _prepare(self, one: Resting, good: bool) -> bool:
+        """Choose the detail; whether what rests must be drawn."""
+        one.compare()
+        going_on = one.moved and not one.empty
+        quick = going_on and not good
+        # Come to rest after a picture of which nothing is kept: now there is time for a good one.
+        stale = one.moved or one.whole
+        # What moves on is drawn at once: what would be kept of it would never be used.
+        one.whole = quick or (going_on and one.going)
+        one.going = one.moved
+        if stale and one.detail is not None and quick != one.quick:
+            self._detail(one, quick=quick)
+            one.survey()
+        return stale
+
+    def _detail(self, one: Resting, *, quick: bool) -> None:
+        if one.detail is not None and quick != one.quick:
+            one.detail(quick)
+            one.quick = quick
+
+    def _draw_resting(self, moved: list[Resting]) -> None:
+        """Draw what rests of these renderers, unseen, and keep it."""
+        hidden = [prop for one in moved for prop in one.live]
+        self._erase(moved)
+        self._render(moved, hidden, unseen=True, over=moved)
+        self._keep(moved)
+        for one in moved:
+            for coloured in one.coloured:
+                coloured.kept = True
+
+    def _absorb(self, idle: list[Resting]) -> None:
+        """Keep new colours that have not changed for a while; their renderers show what is kept."""
+        if not idle:
+            return
+        hidden: list[vtkProp] = []
+        for one in idle:
+            chosen = one.idle
+            hidden += [*one.resting, *one.live, *(x.actor for x in one.coloured if x not in chosen)]
+        self._render(idle, hidden, unseen=True, over=idle)
+        self._keep(idle)
+        for one in idle:
+            for coloured in one.idle:
+                coloured.kept = True
+
+    def _draw_live(self, over: list[Resting], whole: list[Resting], *, unseen: bool) -> None:
+        """Draw what is live over what rests, and all of those of which nothing is kept."""
+        hidden: list[vtkProp] = []
+        for one in over:
+            hidden += [*one.resting, *(x.actor for x in one.coloured if x.kept)]
+        self._erase(whole)
+        self._render([*over, *whole], hidden, unseen=unseen, over=[*over, *whole])
+
+    def _erase(self, wanted: list[Resting]) -> None:
+        """Empty the rectangles of renderers: in software, VTK's own way takes ten times as long.
+
+        It clears a part of the window, which llvmpipe does pixel by pixel.
+        """
+        for one in wanted:
+            self._copy(self._blank, self.window.GetRenderFramebuffer(), one)
+
+    def _make_blank(self) -> None:
+        """Keep what each renderer shows when nothing is in it."""
+        hidden = []
+        for one in self.renderers:
+            props = one.renderer.GetViewProps()
+            every = (props.GetItemAsObject(k) for k in range(props.GetNumberOfItems()))
+            hidden += [prop for prop in every if prop.GetVisibility()]
+        self._render(list(self.renderers), hidden, unseen=True)
+        for one in self.renderers:
+            self._copy(self.window.GetRenderFramebuffer(), self._blank, one)
+        self._backgrounds = self._looks()
+
+    def _looks(self) -> tuple[Any, ...]:
+        """The renderers' backgrounds and places."""
+        return tuple(
+            (r.GetBackground(), r.GetBackground2(), r.GetGradientBackground(), r.GetViewport())
+            for r in (one.renderer for one in self.renderers)
+        )
+
+    def _render(
+        self,
+        wanted: list[Resting],
+        hidden: list[vtkProp],
+        *,
+        unseen: bool = False,
+        over: Sequence[Resting] = (),
+    ) -> None:
+        """Draw some renderers without some of their props.
+
+        Unseen, it stays off the screen; `over` are those that draw over what is there.
+        """
+        window = self.window
+        mode, swap = window.GetFrameBlitMode(), window.GetSwapBuffers()
+        for one in self.renderers:
+            one.renderer.SetDraw(one in wanted)
+            one.renderer.SetErase(one not in over)
+        for prop in hidden:
+            prop.VisibilityOff()
+        if unseen:
+            window.SetFrameBlitModeToNoBlit()
+            window.SwapBuffersOff()
+        try:
+            window.Render()
+        finally:
+            window.SetFrameBlitMode(mode)
+            window.SetSwapBuffers(swap)
+            for prop in hidden:
+                prop.VisibilityOn()
+            for one in self.renderers:
+                one.renderer.SetDraw(True)
+                one.renderer.SetErase(True)
+
+    def _keep(self, shown: list[Resting]) -> None:
+        """Keep what these renderers show."""
+        for one in shown:
+            self._copy(self.window.GetRenderFramebuffer(), self._buffer, one)
+
+    def _fit_buffer(self) -> None:
+        """Make the second framebuffer, or make it anew after the window changed its size."""
+        window = self.window
+        size = tuple(window.GetSize())
+        if self._buffer is None or size != self._size:
+            if self._buffer is None:
+                window.Render()  # makes the context and the window's own framebuffer
+                self._buffer, self._blank = self._new_buffer(), self._new_buffer()
+            window.MakeCurrent()
+            for buffer in (self._buffer, self._blank):
+                buffer.PopulateFramebuffer(
+                    *size, True, 1, VTK_UNSIGNED_CHAR, True,
+                    window.GetRenderBufferTargetDepthSize(), 0, bool(window.GetStencilCapable()),
+                )  # fmt: skip
+            self._size, self._backgrounds = size, ()
+            self.forget()
+        if self._backgrounds != self._looks():
+            self._make_blank()
+            self.forget()
+
+    def _new_buffer(self) -> Any:
+        buffer = vtkOpenGLFramebufferObject()
+        buffer.SetContext(self.window)
+        return buffer
+
+    def _copy(self, source: Any, target: Any, one: Resting) -> None:
+        """Copy colour and depth of a renderer's rectangle."""
+        width, height = self._size
+        left, bottom, right, top = one.renderer.GetViewport()
+        rectangle = (
+            round(left * width), round(right * width), round(bottom * height), round(top * height),
+        )  # fmt: skip
+        self.window.MakeCurrent()
+        source.SaveCurrentBindingsAndBuffers()
+        source.Bind(source.GetReadMode())
+        source.ActivateReadBuffer(0)
+        target.Bind(target.GetDrawMode())
+        target.ActivateDrawBuffer(0)
+        state = self.window.GetState()
+        state.vtkglDisable(SCISSOR_TEST)  # still set to the renderer that was drawn last
+        vtkOpenGLFramebufferObject.Blit(rectangle, rectangle, COLOUR_AND_DEPTH, NEAREST)
+        state.vtkglEnable(SCISSOR_TEST)
+        source.RestorePreviousBindingsAndBuffers()
+
+    def close(self) -> None:
+        """Give the second framebuffer back; before the window closes."""
+        for buffer in (self._buffer, self._blank):
+            if buffer is not None:
+                buffer.ReleaseGraphicsResources(self.window)
+        self._buffer = self._blank = None

@@ -1,0 +1,248 @@
+"""The panel beside the body: the flat map of one part, traces of taxels, the list of touches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pyvista as pv
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import UnknownNameError
+from skinmap.flat.flat_map import FlatMap
+from skinmap.live.contacts.named_touch import NamedTouch
+from viewer.colours import FAINT, PANEL, RIM, TRACES, class_colour
+from viewer.drawing.frame.polydata import make_lines
+from viewer.drawing.panel.touch_list import TouchList
+from viewer.drawing.skin.draw_positions import Places, flat_places, raised
+from viewer.drawing.skin.refinement import boundary_edges
+from viewer.drawing.skin.skin_layer import SkinLayer
+from viewer.drawing.skin.taxel_drawing import ColourTable, TaxelDrawing
+from viewer.drawing.touches.contour_cache import KeptContours
+from viewer.drawing.touches.rings import Rings
+from viewer.drawing.touches.touch_marks import Ground, TouchMarks, centre_on, trail_on
+from viewer.drawing.touches.traces import History, TracePlot
+from viewer.drawing.words.text_lines import Line, small_font
+from viewer.layer import Layer
+
+SIDE = 0.07  # free at both sides, in widths of the panel
+HEAD = 4.2  # of the panel, above the map [font heights]
+SCALE = 3.2  # below the map, for its scale bar [font heights]
+PLOT, PLOT_SHARE = 10.0, 0.22  # height of the traces [font heights], and at most of the panel's
+BARS = (0.1, 0.05, 0.02, 0.01, 0.005)  # lengths of the scale bar [m]
+DOT = 0.9e-3  # largest radius of a dot [m]
+BORDER_RISE = 2e-3  # of the border above the map, over the discs [m]
+LINE_RISE = 3e-3  # of outlines above the map [m]
+FLAT = np.eye(4)
+
+
+class FlatPanel:
+    """Flat map of one part in a renderer of its own, coloured as the body is.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        Its active renderer becomes the panel.
+    layers : mapping of str to SkinLayer
+        Parts that can be shown.
+    flat_maps : mapping of str to FlatMap
+    table : ColourTable
+        The body's colours.
+    font_px : int
+        Height of the letters [px].
+    contours : KeptContours
+        The body's too.
+    """
+
+    def __init__(
+        self,
+        plotter: pv.Plotter,
+        layers: Mapping[str, SkinLayer],
+        flat_maps: Mapping[str, FlatMap],
+        table: ColourTable,
+        font_px: int,
+        contours: KeptContours,
+    ) -> None:
+        self.layers, self.flat_maps, self.contours = layers, flat_maps, contours
+        self.renderer = plotter.renderer
+        self.renderer.SetBackground(*pv.Color(PANEL).float_rgb)
+        self.renderer.parallel_projection = True
+        self.part = ""
+        self.font_px = font_px
+        self._places: dict[str, Places] = {}
+        self._grounds: dict[str, Ground] = {}
+        self.drawing = TaxelDrawing(plotter, table)
+        self._border = pv.Actor(mapper=pv.DataSetMapper(pv.PolyData()))
+        self._scale = pv.Actor(mapper=pv.DataSetMapper(pv.PolyData()))
+        for actor, colour in ((self._border, RIM), (self._scale, FAINT)):
+            actor.mapper.SetScalarVisibility(False)
+            actor.prop.color = colour
+            actor.prop.line_width = 1.5
+            actor.prop.lighting = False
+            plotter.add_actor(actor, reset_camera=False, render=False)
+        self.marks, self.rings = TouchMarks(plotter), Rings(plotter)
+        self.marks.actor.prop.lighting = False
+        self._caption = Line(self.renderer, (SIDE, 0.965), font_px, bold=True)
+        self._about = Line(self.renderer, (SIDE, 0.93), font_px, colour=FAINT)
+        self._length = Line(self.renderer, (SIDE, 0.31), font_px, colour=FAINT)
+        self.list, self.plot = TouchList(self.renderer), TracePlot(self.renderer)
+        self._plotted = False
+        self._fitted: tuple[object, ...] = ()
+
+    @property
+    def actors(self) -> list[pv.Actor]:
+        """What may rest between two pictures."""
+        return [*self.drawing.actors, self._border, self._scale]
+
+    @property
+    def outlines(self) -> pv.PolyData:
+        """Lines on the map: outlines and trails."""
+        return self.marks.outlines.lines
+
+    def show(self, part: str) -> None:
+        """Turn to the flat map of another part.
+
+        Raises
+        ------
+        UnknownNameError
+            A part without one.
+        """
+        if part not in self.flat_maps or part not in self.layers:
+            raise UnknownNameError("part with a flat map", part, self.flat_maps)
+        if part == self.part:
+            return
+        self.part = part
+        places, skin = self.places(part), self.layers[part].skin
+        self.drawing.turn_to(places)
+        edges = boundary_edges(places.faces)
+        line = raised(places.points[:, :2], BORDER_RISE)
+        self._border.mapper.dataset = make_lines(line, edges)
+        charts = len(self.flat_maps[part].charts)
+        self._caption.write(f"flat map: {part.replace('_', ' ')}")
+        self._about.write(f"{len(skin)} taxels, {charts} {'patch' if charts == 1 else 'patches'}")
+
+    def places(self, part: str) -> Places:
+        """Where the skin of a part lies on its flat map."""
+        if part not in self._places:
+            self._places[part] = flat_places(self.flat_maps[part], self.layers[part].fine, DOT)
+        return self._places[part]
+
+    def ground(self, part: str) -> Ground:
+        """What marks on the flat map of a part lie on."""
+        if part not in self._grounds:
+            self._grounds[part] = Ground.of(self.layers[part], self.places(part))
+        return self._grounds[part]
+
+    def coordinates(self) -> FloatArray:
+        """(w, 2) flat-map coordinates of the vertices of the sheet shown [m]."""
+        return self.places(self.part).points[:, :2]
+
+    def colour(
+        self, layer: Layer, style: str, field: FloatArray | None, values: FloatArray
+    ) -> None:
+        """Colour the map as the body: values (n,) of its part and their field (v,)."""
+        self.drawing.show(layer, style, field, values)
+
+    def fit(self, font_px: int) -> float:
+        """Place map, traces and list in the panel as large as it is; metres per pixel."""
+        self.font_px = font_px
+        width, height = self.renderer.GetSize()
+        key = (self.part, width, height, font_px, self._plotted)
+        uv = self.coordinates()
+        side = SIDE * width
+        low = self.list.height(font_px) + font_px
+        if self._plotted:
+            low += self._plot_height(font_px)
+        box = (side, low + SCALE * font_px, width - side, height - HEAD * font_px)
+        least, most = uv.min(axis=0), uv.max(axis=0)
+        extent = np.maximum(most - least, 1e-6)
+        room = np.maximum([box[2] - box[0], box[3] - box[1]], 4.0 * font_px)
+        metres = float((extent / room).max())  # per pixel
+        if key == self._fitted:
+            return metres
+        self._fitted = key
+        place = np.array([(box[0] + box[2]) / 2, (box[1] + box[3]) / 2])
+        middle = (least + most) / 2 - (place - np.array([width, height]) / 2) * metres
+        camera = self.renderer.GetActiveCamera()
+        camera.SetFocalPoint(middle[0], middle[1], 0.0)
+        camera.SetPosition(middle[0], middle[1], 1.0)
+        camera.SetViewUp(0.0, 1.0, 0.0)
+        camera.SetParallelScale(height * metres / 2)
+        camera.SetClippingRange(0.5, 1.5)
+        self._write_around(middle, metres, low)
+        return metres
+
+    def _plot_height(self, font_px: int) -> float:
+        """Of the traces [px]."""
+        return min(PLOT * font_px, PLOT_SHARE * float(self.renderer.GetSize()[1]))
+
+    def _write_around(self, middle: FloatArray, metres: float, low: float) -> None:
+        """Caption above the map, a bar of a round length below it, traces and list."""
+        width, height = self.renderer.GetSize()
+        font, side = self.font_px, SIDE * width
+        small = small_font(font)
+        self._caption.style(font, bold=True)
+        self._caption.move(side, height - 1.3 * font)
+        self._about.style(small)
+        self._about.move(side, height - 2.8 * font)
+        length = next((bar for bar in BARS if bar < 0.45 * width * metres), BARS[-1])
+        y = low + 1.8 * font
+        start = middle + (np.array([side, y]) - np.array([width, height]) / 2) * metres
+        bar = raised(np.array([start, start + np.array([length, 0.0])]))
+        self._scale.mapper.dataset = make_lines(bar, np.array([[0, 1]]))
+        self._length.style(small)
+        self._length.move(side, y - 0.4 * font)
+        self._length.write(f"{length * 100:g} cm")
+        self.list.place(side, font)
+        bottom = self.list.height(font) + font
+        self.plot.place((side, bottom, width - side, bottom + self._plot_height(font)), font)
+
+    def show_touches(self, touches: Sequence[NamedTouch], time: float) -> None:
+        """Mark the touches on the part shown, and list all of them."""
+        ground = self.ground(self.part)
+        layer = self.layers[self.part]
+        here = [touch for touch in touches if touch.part == self.part]
+        lines: list[tuple[FloatArray, str]] = []
+        solids: list[tuple[FloatArray, IntArray, str]] = []
+        for touch in here:
+            lines += trail_on(ground, touch, LINE_RISE)
+            outline = self.contours.of(ground, layer, touch, touches, LINE_RISE)
+            lines.append((outline, class_colour(touch.label)))
+            solids += centre_on(ground, touch)
+        self.marks.show(lines, solids)
+        self.list.show(touches, time)
+
+    def show_selection(self, selection: Mapping[str, IntArray]) -> None:
+        """Ring the selected taxels of the part shown."""
+        taxels = selection.get(self.part)
+        shown = [] if taxels is None else [(self.places(self.part), taxels, FLAT)]
+        self.rings.show(shown)
+        self._plotted = self.list.scant = bool(selection)
+        if not selection:
+            self.plot.hide()
+
+    def show_traces(self, selection: Mapping[str, IntArray], history: History) -> None:
+        """Draw the pressures of the selected taxels over the last seconds.
+
+        Those of the part shown, or of another where none is selected there; of many their mean
+        and their largest.
+        """
+        if not selection:
+            return
+        part = self.part if self.part in selection else next(iter(selection))
+        taxels = selection[part]
+        times, values = history.traces(part, taxels)
+        title = f"{part.replace('_', ' ')}, counts"
+        if len(taxels) <= len(TRACES):
+            channels = self.layers[part].skin.channels[taxels]
+            names = [f"{channel}" for channel in channels.tolist()]
+            self.plot.show(times, values, names, title + " by channel")
+            return
+        known = np.isfinite(values)
+        count = known.sum(axis=1)
+        mean = np.where(
+            count, np.where(known, values, 0).sum(axis=1) / np.maximum(count, 1), np.nan
+        )
+        most = np.where(count, np.where(known, values, -1).max(axis=1), np.nan)
+        names = ["mean", f"largest of {len(taxels)} taxels"]
+        self.plot.show(times, np.column_stack([mean, most]), names, title)

@@ -1,0 +1,1 @@
+"""The skin: its sheets, taxels and colours."""

@@ -1,0 +1,1 @@
+"""Touches: their outlines, marks and traces."""

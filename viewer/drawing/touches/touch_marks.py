@@ -1,0 +1,221 @@
+"""What is drawn of a touch: outline, the way its centre went, and an arrow along its normal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from vtkmodules.util.numpy_support import numpy_to_vtk
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.rigid import transform_directions, transform_points
+from skinmap.live.contacts.named_touch import NamedTouch
+from viewer.colours import class_colour, rgb
+from viewer.drawing.frame.polydata import make_mesh
+from viewer.drawing.skin.draw_positions import LIFT, Places, tangents
+from viewer.drawing.skin.refinement import boundary_edges
+from viewer.drawing.skin.skin_layer import LINE_LIFT, SkinLayer
+from viewer.drawing.touches.contours import outline
+from viewer.drawing.touches.outlines import OutlineLayer
+
+SHORT, LONG = 0.03, 0.07  # of arrows, for the lightest and the hardest press [m]
+SHAFT, HEAD, HEAD_LENGTH = 1.2e-3, 3.6e-3, 11e-3  # radii and length [m]
+SIDES = 8
+PALE = 0.75  # how far the oldest end of a trail has gone to white
+PIECES = 8  # shades of a trail
+JUMP = 0.03  # [m]: on the flat map what is so near on the skin and so far there has a seam between
+FINE = 16  # pieces that a step of a trail across a seam is cut into
+TORN = 3.0  # how much longer than on the skin a piece must become to be the one across
+CENTRE = 4e-3  # radius of the centre of pressure on the flat map [m]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Ground:
+    """The surface that marks of one part lie on.
+
+    Attributes
+    ----------
+    places : Places
+    border : (b, 2) int
+        Border edges of its sheet.
+    tree : cKDTree
+        Of the fine surface's vertices, in the link's frame.
+    point : (v,) int
+        A point of `places` for each of those.
+    """
+
+    places: Places
+    border: IntArray
+    tree: cKDTree
+    point: IntArray
+
+    @classmethod
+    def of(cls, layer: SkinLayer, places: Places) -> Ground:
+        """The body's or the flat map's surface of a part."""
+        tree = cKDTree(layer.fine.positions)
+        point = np.zeros(len(layer.fine.positions), np.int64)
+        point[places.vertex] = np.arange(len(places.vertex))
+        return cls(places, boundary_edges(places.faces), tree, point)
+
+    def carried(self, points: FloatArray, lift: float) -> FloatArray:
+        """(p, 3) where points (p, 3) of the skin [m] lie on this surface, lifted above it."""
+        distance, near = self.tree.query(points, k=min(3, len(self.point)))
+        rows = self.point[near.reshape(len(points), -1)]
+        weight = 1.0 / (distance.reshape(rows.shape) ** 2 + 1e-12)
+        corners = self.places.points[rows]
+        # Across a seam of the flat map the nearest vertices lie far apart: the nearest one it is.
+        spread = np.linalg.norm(corners - corners[:, :1], axis=2)
+        weight[spread > JUMP] = 0.0
+        weight /= weight.sum(axis=1, keepdims=True)
+        at = np.einsum("pk,pkd->pd", weight, corners)
+        return np.asarray(at + lift * self.places.normals[rows[:, 0]])
+
+
+class TouchMarks:
+    """Marks of all touches in one renderer: a mesh of lines and a mesh of arrows.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        Its active renderer shows them.
+    """
+
+    def __init__(self, plotter: pv.Plotter) -> None:
+        self.outlines = OutlineLayer(plotter)
+        self.solids = pv.PolyData()
+        actor = pv.Actor(mapper=pv.DataSetMapper(self.solids))
+        actor.mapper.SetScalarModeToUseCellData()
+        actor.prop.ambient, actor.prop.diffuse = 0.65, 0.4
+        plotter.add_actor(actor, reset_camera=False, render=False)
+        self.actor = actor
+
+    def show(
+        self,
+        lines: Sequence[tuple[FloatArray, str]],
+        solids: Sequence[tuple[FloatArray, IntArray, str]],
+    ) -> None:
+        """Replace all marks.
+
+        Parameters
+        ----------
+        lines : sequence of ((k, 2, 3) float, str)
+            Segments [m] and their colour.
+        solids : sequence of ((p, 3) float, (t, 3) int, str)
+            Points [m], triangles and their colour.
+        """
+        self.outlines.show([part for part, _ in lines], [colour for _, colour in lines])
+        if not solids and self.solids.n_cells == 0:
+            return
+        self.solids.Initialize()
+        if not solids:
+            return
+        starts = np.cumsum([0, *[len(points) for points, _, _ in solids]])
+        faces = [faces + start for (_, faces, _), start in zip(solids, starts, strict=False)]
+        mesh = make_mesh(np.concatenate([p for p, _, _ in solids]), np.concatenate(faces))
+        tints = [np.tile(tint(colour), (len(f), 1)) for _, f, colour in solids]
+        mesh.GetCellData().SetScalars(numpy_to_vtk(np.concatenate(tints), deep=True))
+        self.solids.ShallowCopy(mesh)
+
+
+def tint(colour: str) -> NDArray[np.uint8]:
+    """(3,) a colour as bytes."""
+    return np.rint(rgb(colour) * 255).astype(np.uint8)
+
+
+def contour_on(ground: Ground, values: FloatArray, level: float, lift: float) -> FloatArray:
+    """(k, 2, 3) where values (v,) of the fine surface cross a level, on a surface [m]."""
+    places = ground.places
+    line = outline(places.faces, ground.border, values[places.vertex], level)
+    return line.points(places.points + lift * places.normals)
+
+
+def trail_on(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[FloatArray, str]]:
+    """Where the centre has been, paler the longer ago."""
+    if touch.path is None or len(touch.path) < 2:
+        return []
+    segments = carried_steps(ground, touch.path, lift)
+    pieces = np.array_split(segments, min(PIECES, max(len(segments), 1)))
+    colour = class_colour(touch.label)
+    shades = np.linspace(PALE, 0.0, len(pieces))
+    return [(piece, paler(colour, shade)) for piece, shade in zip(pieces, shades, strict=True)]
+
+
+def carried_steps(ground: Ground, path: FloatArray, lift: float) -> FloatArray:
+    """(s, 2, 3) steps of a path (p, 3) as they lie on a surface [m].
+
+    A step across a seam of the flat map is cut into pieces: those on both sides are kept, and the
+    one that would run across the map is left out.
+    """
+    points = ground.carried(path, lift)
+    steps = np.stack([points[:-1], points[1:]], axis=1)
+    on_skin = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    length = np.linalg.norm(steps[:, 1] - steps[:, 0], axis=1)
+    torn = length > TORN * on_skin + CENTRE
+    kept = [steps[~torn & (length > 0.0)]]
+    share = np.linspace(0.0, 1.0, FINE + 1)[:, None]
+    order = [np.flatnonzero(~torn & (length > 0.0)).astype(np.float64)]
+    for row in np.flatnonzero(torn):
+        fine = ground.carried((1 - share) * path[row] + share * path[row + 1], lift)
+        pieces = np.stack([fine[:-1], fine[1:]], axis=1)
+        reach = np.linalg.norm(pieces[:, 1] - pieces[:, 0], axis=1)
+        whole = (reach > 0.0) & (reach <= TORN * on_skin[row] / FINE + CENTRE)
+        kept.append(pieces[whole])
+        order.append(row + np.flatnonzero(whole) / FINE)
+    return np.concatenate(kept)[np.argsort(np.concatenate(order), kind="stable")]
+
+
+def paler(colour: str, share: float) -> str:
+    """A colour on its way to white."""
+    red, green, blue = np.rint(255 * (share + (1 - share) * rgb(colour))).astype(int)
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def centre_on(ground: Ground, touch: NamedTouch) -> list[tuple[FloatArray, IntArray, str]]:
+    """A disc with a white rim at the centre of pressure, for the flat map."""
+    at = ground.carried(touch.centre[None], 0.0)[0]
+    found = []
+    for radius, rise, colour in (
+        (CENTRE, 4e-3, "#ffffff"),
+        (0.72 * CENTRE, 5e-3, class_colour(touch.label)),
+    ):
+        angle = np.arange(16) * np.pi / 8
+        ring = at + radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(16)])
+        fan = np.stack([np.zeros(14), np.arange(1, 15), np.arange(2, 16)], axis=1)
+        ring[:, 2] += rise
+        found.append((ring, fan.astype(np.int64), colour))
+    return found
+
+
+def arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArray, str]]:
+    """An arrow out of the skin, longer the harder the press; none where no normal is known."""
+    if touch.normal is None or not np.isfinite(touch.normal).all():
+        return []
+    share = np.clip(touch.peak / 255.0, 0.0, 1.0) if np.isfinite(touch.peak) else 0.5
+    length = SHORT + round(float(share), 2) * (LONG - SHORT)
+    points, faces = solid_arrow(length)
+    right, up = tangents(touch.normal[None])
+    axes = np.stack([right[0], up[0], touch.normal])
+    start = transform_points(pose, (touch.centre + (LIFT + LINE_LIFT) * touch.normal)[None])
+    return [(start + transform_directions(pose, points @ axes), faces, class_colour(touch.label))]
+
+
+@lru_cache(maxsize=64)
+def solid_arrow(length: float) -> tuple[FloatArray, IntArray]:
+    """Points (4 s + 1, 3) and triangles of an arrow from the origin along z [m]."""
+    angle = np.arange(SIDES) * 2 * np.pi / SIDES
+    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)])
+    neck = np.array([0.0, 0.0, length - HEAD_LENGTH])
+    rings = [SHAFT * circle, SHAFT * circle + neck, HEAD * circle + neck]
+    points = np.vstack([*rings, [[0.0, 0.0, length]]])
+    k = np.arange(SIDES)
+    n = (k + 1) % SIDES
+    faces = [np.stack([k, n, n + SIDES], 1), np.stack([k, n + SIDES, k + SIDES], 1)]
+    faces += [np.stack([k + SIDES, n + 2 * SIDES, n + SIDES], 1)]
+    faces += [np.stack([k + SIDES, k + 2 * SIDES, n + 2 * SIDES], 1)]
+    faces += [np.stack([k + 2 * SIDES, n + 2 * SIDES, np.full(SIDES, 3 * SIDES)], 1)]
+    return points, np.concatenate(faces)

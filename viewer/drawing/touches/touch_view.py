@@ -1,0 +1,144 @@
+"""Touches on the body: outlines, trails, arrows and labels, from what the loop found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pyvista as pv
+
+from skinmap.arrays import FloatArray
+from skinmap.geometry.rigid import transform_directions, transform_points
+from skinmap.live.contacts.named_touch import NamedTouch
+from viewer.colours import class_colour
+from viewer.drawing.frame.camera import Target, project
+from viewer.drawing.frame.framing import Framing
+from viewer.drawing.panel.touch_list import caption
+from viewer.drawing.skin.draw_positions import LIFT
+from viewer.drawing.skin.skin_layer import LINE_LIFT, SkinLayer
+from viewer.drawing.touches.contour_cache import KeptContours
+from viewer.drawing.touches.touch_marks import Ground, TouchMarks, arrow, trail_on
+from viewer.drawing.words.label_places import Box
+from viewer.drawing.words.labels import Label, LabelLayer
+
+LABELS = 8  # at most, of the largest touches: more cannot be read at one look
+
+
+class TouchView:
+    """Marks and labels of touches in the body's renderer.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        Its active renderer is the body's.
+    layers : mapping of str to SkinLayer
+    font_px : int
+        Height of the letters [px].
+    contours : KeptContours
+        The flat map's too.
+    """
+
+    def __init__(
+        self,
+        plotter: pv.Plotter,
+        layers: Mapping[str, SkinLayer],
+        font_px: int,
+        contours: KeptContours,
+    ) -> None:
+        self.layers, self.renderer, self.contours = layers, plotter.renderer, contours
+        self.marks = TouchMarks(plotter)
+        self.labels = LabelLayer(plotter.renderer, round(1.1 * font_px))
+        self.targets: list[Target] = []
+        self._grounds: dict[str, Ground] = {}
+        self._touches: tuple[NamedTouch, ...] = ()
+        self._anchors = self._tips = np.zeros((0, 3))
+        self._hidden: dict[str, bool] = {}
+
+    def show(self, touches: Sequence[NamedTouch], poses: Mapping[str, FloatArray]) -> None:
+        """Mark these touches, and no others, on links placed by poses (4, 4)."""
+        self._touches = tuple(touches)
+        self.targets, anchors = [], []
+        lines, solids, tips = [], [], []
+        for touch in touches:
+            layer = self.layers[touch.part]
+            pose = poses[layer.skin.link]
+            ground = self._ground(touch.part)
+            for points, colour in (
+                *trail_on(ground, touch, LINE_LIFT),
+                (
+                    self.contours.of(ground, layer, touch, touches, LINE_LIFT),
+                    class_colour(touch.label),
+                ),
+            ):
+                placed = transform_points(pose, points.reshape(-1, 3)).reshape(-1, 2, 3)
+                lines.append((placed, colour))
+            arrows = arrow(touch, pose)
+            solids += arrows
+            tips += [points[-1] for points, _, _ in arrows]
+            self.targets.append(target(layer, touch, pose))
+            normal = self.targets[-1].normals[self.targets[-1].middle]
+            centre = transform_points(pose, touch.centre[None])[0]
+            anchors.append(centre + (LIFT + LINE_LIFT) * normal)
+        self._anchors = np.array(anchors).reshape(-1, 3)
+        self._tips = np.array(tips).reshape(-1, 3)
+        self.marks.show(lines, solids)
+
+    def write_labels(
+        self, framing: Framing, avoid: Sequence[Box], *, look: bool, moving: bool = False
+    ) -> None:
+        """Place the labels in the picture; `look` finds out anew which centres are hidden.
+
+        Without it they stay as they were found last, but what turned away is hidden at once.
+        """
+        names = [key(touch, row) for row, touch in enumerate(self._touches)]
+        if look:
+            found = [framing.hidden(target) for target in self.targets]
+            self._hidden = dict(zip(names, found, strict=True))
+        places = project(self.renderer, self._anchors)
+        sizes = np.array([len(touch.taxels) for touch in self._touches])
+        chosen = np.sort(np.argsort(-sizes, kind="stable")[:LABELS])
+        labels = [
+            Label(
+                names[row],
+                caption(self._touches[row]),
+                class_colour(self._touches[row].label),
+                (float(places[row, 0]), float(places[row, 1])),
+                self._hidden.get(names[row], False) or self._turned_away(row),
+            )
+            for row in chosen.tolist()
+        ]
+        reach = self.labels.font_px
+        tips = [
+            (float(x) - reach, float(y) - reach, float(x) + reach, float(y) + reach)
+            for x, y in project(self.renderer, self._tips)
+        ]
+        self.labels.show(labels, [*avoid, *tips], framing.busy(moving=moving) if labels else None)
+
+    def _turned_away(self, row: int) -> bool:
+        """Whether the skin under a touch faces away from the camera."""
+        way = np.array(self.renderer.GetActiveCamera().GetPosition()) - self._anchors[row]
+        target = self.targets[row]
+        return bool(target.normals[target.middle] @ way <= 0.0)
+
+    def _ground(self, part: str) -> Ground:
+        if part not in self._grounds:
+            self._grounds[part] = Ground.of(self.layers[part], self.layers[part].places)
+        return self._grounds[part]
+
+
+def key(touch: NamedTouch, row: int) -> str:
+    """What a label keeps its place by."""
+    return f"{touch.part}/{touch.identity if touch.identity >= 0 else f'row {row}'}"
+
+
+def target(layer: SkinLayer, touch: NamedTouch, pose: FloatArray) -> Target:
+    """What the camera is to see of a touch."""
+    skin = layer.skin
+    points = skin.positions[touch.taxels]
+    if not len(points):  # a touch without taxels is where its centre is
+        near = int(np.argmin(np.linalg.norm(skin.positions - touch.centre, axis=1)))
+        normals = transform_directions(pose, skin.normals[[near]])
+        return Target(transform_points(pose, touch.centre[None]), normals, 0)
+    middle = int(np.argmin(np.linalg.norm(points - touch.centre, axis=1)))
+    normals = transform_directions(pose, skin.normals[touch.taxels])
+    return Target(transform_points(pose, points), normals, middle)
