@@ -3,7 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.flat.geodesic import _inside, geodesic_stress
+from skinmap.flat import geodesic
+from skinmap.flat.disc_map import flatten_disc
+from skinmap.flat.geodesic import _Lines
+
+
+def geodesic_stress(vertices, faces, uv, *, seed=0, exact=False):
+    rng = np.random.default_rng(seed)
+    return geodesic.geodesic_stress(vertices, faces, uv, rng=rng, exact=exact).value
 
 
 def test_a_plane_has_no_stress(square_grid):
@@ -29,7 +36,8 @@ def test_a_notch_does_not_count(square_grid):
     assert geodesic_stress(points, horseshoe, uv) < 1e-7
     corner = int(np.argmin(np.linalg.norm(uv - [0, 1], axis=1)))
     other = int(np.argmin(np.linalg.norm(uv - [1, 1], axis=1)))
-    free = _inside(uv, horseshoe, corner)
+    every = np.arange(len(uv))
+    free = _Lines(uv, horseshoe).free(np.full(len(uv), corner), every)
     assert not free[other]
     assert free[int(np.argmin(np.linalg.norm(uv, axis=1)))]  # straight down along the border
 
@@ -41,7 +49,7 @@ def test_stress_of_a_stretch_has_its_closed_form(square_grid):
     real = np.linalg.norm(step, axis=2)
     flat = np.linalg.norm(step * [2**0.5, 0.5**0.5], axis=2)  # at the scale that keeps the area
     expected = np.sqrt(((flat - real) ** 2).sum() / (real**2).sum())
-    assert geodesic_stress(vertices, faces, uv, sources=25) == pytest.approx(expected, rel=1e-6)
+    assert geodesic_stress(vertices, faces, uv, exact=True) == pytest.approx(expected, rel=1e-6)
 
 
 def test_stress_of_the_icub_is_small(prepared):
@@ -58,9 +66,43 @@ def test_stress_does_not_depend_on_scale_place_turn_or_order(square_grid, rng):
     turn = np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
     order = rng.permutation(len(vertices))
     place = np.argsort(order)
-    # From every vertex: the evenly taken ones are others after renumbering.
-    every = len(vertices)
-    one = geodesic_stress(vertices, faces, uv, sources=every)
+    one = geodesic_stress(vertices, faces, uv, exact=True)
     moved = 1e-3 * (vertices[order] + 7.0), place[faces], 50.0 * (uv[order] @ turn.T - 3.0)
     # Lines that touch the border within rounding may count once and not the other time.
-    assert geodesic_stress(*moved, sources=every) == pytest.approx(one, rel=1e-3)
+    assert geodesic_stress(*moved, exact=True) == pytest.approx(one, rel=1e-3)
+
+
+def bent(n):
+    """A doubly bent sheet of n by n vertices."""
+    x, y = (g.ravel() for g in np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n)))
+    number = np.arange(n * n).reshape(n, n)
+    a, b, c, d = (
+        number[i : n - 1 + i, j : n - 1 + j].ravel() for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))
+    )
+    points = np.column_stack([np.cos(2 * x), np.sin(2 * x) * (1 + 0.2 * np.sin(3 * y)), y])
+    return points, np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
+def test_the_stated_error_covers_all_pairs():
+    vertices, faces = bent(18)
+    uv = flatten_disc(vertices, faces)[0]
+    exact = geodesic_stress(vertices, faces, uv, exact=True)
+    assert exact > 1e-3
+    found = [
+        geodesic.geodesic_stress(vertices, faces, uv, rng=np.random.default_rng(seed))
+        for seed in range(20)
+    ]
+    # Intervals of 95 %: fewer than 16 of 20 come once in 380 times (binomial).
+    assert sum(abs(one.value - exact) <= one.error for one in found) >= 16
+    assert max(one.error for one in found) < exact
+
+
+def test_pairs_on_a_large_mesh_agree_with_exact_distances_on_a_coarser_one():
+    stresses = {}
+    for n in (22, 44):  # exact distances from six vertices, and single pairs
+        vertices, faces = bent(n)
+        uv = flatten_disc(vertices, faces)[0]
+        stresses[n] = geodesic.geodesic_stress(vertices, faces, uv, rng=np.random.default_rng(1))
+    coarse, fine = stresses[22], stresses[44]
+    assert fine.pairs <= geodesic.PAIRS[1] < coarse.pairs
+    assert abs(coarse.value - fine.value) <= coarse.error + fine.error
