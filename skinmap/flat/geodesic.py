@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.topology import boundary_loops
@@ -14,7 +14,7 @@ from skinmap.geometry.triangles import face_areas, signed_areas
 
 EXACT_BELOW = 600  # vertices: on coarse noisy skins, locally shortest ways are up to 0.0015 off
 SOURCES = 6  # exact distances from so many vertices; a patch of the iCub takes 3 to 70 ms
-PAIRS = (128, 1024)  # fewest and most pairs of a larger mesh
+PAIRS = (64, 1024)  # fewest and most pairs of a larger mesh
 SECONDS_A_VERTEX = 3.5e-7  # of one way between a pair, on meshes of 3,000 to 17,000 vertices
 BUDGET = 1.5  # seconds for the ways of one map, by the figure above (never by the clock)
 TRIES = 8  # drawn for each pair that is wanted, at most: on a narrow ring few lines are free
@@ -142,7 +142,7 @@ class _Ways:
             return Stress(value, 0.0 if all_pairs else float("nan"), len(self.around))
         left_out = np.sqrt((gap.sum() - gap) / (length.sum() - length))
         spread = np.sqrt((n - 1) / n * ((left_out - left_out.mean()) ** 2).sum())
-        error = float(student.ppf(0.5 + 0.5 * CONFIDENCE, n - 1) * spread)
+        error = float(stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE) * spread)
         return Stress(value, max(error, ROUNDING), len(self.around))
 
 
