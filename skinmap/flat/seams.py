@@ -8,8 +8,10 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.geometry.topology import boundary_loops, edges, euler_number, half_edges, loop_length
+
+ROOTS = 6  # of a closed surface with handles: the loops from the best of so many vertices
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -56,20 +58,24 @@ def open_surface(
     Returns
     -------
     CutMesh
-        A disc but for small holes. Handles (a torus) are cut along the loops that libigl finds.
+        A disc but for small holes. Handles (a torus) are cut along their shortest loops.
+
+    References
+    ----------
+    Erickson and Whittlesey, "Greedy optimal homotopy and homology generators", SODA 2005.
     """
     cuts = np.zeros((0, 2), np.int64)
     loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
-    if not loops:
-        handles = 2 - euler_number(faces)
-        cuts = _slit(vertices, faces, avoid) if handles == 0 else _handle_cuts(faces)
-    else:
-        limit = hole_share * loop_length(vertices, loops[0])
-        wide = [loop for loop in loops[1:] if loop_length(vertices, loop) > limit]
-        for loop in wide:
-            cuts = np.concatenate([cuts, _seam(vertices, faces, loops[0], loop, cuts, avoid)])
-        if euler_number(faces) != 2 - len(loops):
-            cuts = np.concatenate([cuts, _handle_cuts(faces)])
+    limit = hole_share * loop_length(vertices, loops[0]) if loops else 0.0
+    wide = [loop for loop in loops if loop_length(vertices, loop) > limit]
+    for loop in wide[1:]:
+        cuts = np.concatenate([cuts, _seam(vertices, faces, wide[0], loop, cuts, avoid)])
+    if euler_number(faces) != 2 - len(loops):
+        small = [loop for loop in loops if loop_length(vertices, loop) <= limit]
+        border = np.unique(np.concatenate([*wide, cuts.ravel()])) if wide else None
+        cuts = np.concatenate([cuts, _handle_cuts(vertices, faces, border, small, avoid)])
+    elif not loops:
+        cuts = _slit(vertices, faces, avoid)
     if len(cuts) == 0:
         return CutMesh(faces, np.arange(len(vertices)), 0.0)
     length = np.linalg.norm(vertices[cuts[:, 0]] - vertices[cuts[:, 1]], axis=1).sum()
@@ -140,13 +146,90 @@ def _slit(vertices: FloatArray, faces: IntArray, avoid: IntArray | None) -> IntA
     return _walk_back(end, before)
 
 
-def _handle_cuts(faces: IntArray) -> IntArray:
-    """Edges (c, 2) that open every handle, through libigl."""
-    import igl
+def _handle_cuts(
+    vertices: FloatArray,
+    faces: IntArray,
+    border: IntArray | None,
+    holes: list[IntArray],
+    avoid: IntArray | None,
+) -> IntArray:
+    """Edges (c, 2) that open every handle: two loops for each, the shortest from the border.
 
-    paths = igl.cut_to_disk(np.asarray(faces, np.int64))
-    steps = [np.column_stack([path[:-1], path[1:]]) for path in map(np.asarray, paths)]
-    return np.concatenate([np.zeros((0, 2), np.int64), *steps])
+    A tree of shortest ways from the border (of a closed surface, from one vertex) and a tree
+    through the faces that crosses none of it leave two edges for each handle; each of them
+    closes a loop with its ways back to the root. Holes count as filled.
+    """
+    n = len(vertices)
+    fans = [
+        np.column_stack([np.roll(loop, -1), loop, np.full(len(loop), n + number)])
+        for number, loop in enumerate(holes)
+    ]
+    filled = np.concatenate([faces, *fans])
+    pairs = edges(filled)
+    inside = pairs[:, 1] < n
+    cost = np.zeros(len(pairs))
+    ends = vertices[pairs[inside]]
+    cost[inside] = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) * _penalty(pairs[inside], avoid)
+    cost[~inside] = cost.sum()  # no way leads across a hole
+    graph = _graph(n + len(holes), pairs, cost)
+    tried = (
+        [border] if border is not None else np.linspace(0, n - 1, ROOTS, dtype=np.int64)[:, None]
+    )
+    found = [_system_of_loops(filled, pairs, cost, graph, roots) for roots in tried]
+    return min(
+        found, key=lambda cut: np.linalg.norm(np.diff(vertices[cut], axis=1)[:, 0], axis=1).sum()
+    )
+
+
+def _system_of_loops(
+    faces: IntArray, pairs: IntArray, cost: FloatArray, graph: csr_array, roots: IntArray
+) -> IntArray:
+    """Edges (c, 2) of the loops from the roots that open every handle."""
+    far, before, _ = dijkstra(
+        graph, directed=False, indices=roots, min_only=True, return_predecessors=True
+    )
+    joined = _left_over(faces, pairs, far[pairs].sum(axis=1) + cost, before, roots)
+    steps = [
+        np.concatenate([pair[None], *(_walk_back(int(end), before) for end in pair)])
+        for pair in pairs[joined]
+    ]
+    return np.unique(np.sort(np.concatenate([np.zeros((0, 2), np.int64), *steps])), axis=0)
+
+
+def _left_over(
+    faces: IntArray, pairs: IntArray, loop: FloatArray, before: IntArray, roots: IntArray
+) -> IntArray:
+    """Edges in neither tree, where the tree of faces crosses what would make the longest loops."""
+    n = len(before)
+    key = pairs @ [n, 1]
+    ways = np.flatnonzero(before >= 0)
+    walked = np.sort(np.column_stack([ways, before[ways]]), axis=1) @ [n, 1]
+    free = ~np.isin(key, walked) & ~np.isin(pairs, roots).all(axis=1)
+    directed = half_edges(faces)
+    of_edge = np.searchsorted(key, np.sort(directed, axis=1) @ [n, 1])
+    order = np.argsort(of_edge, kind="stable")
+    number, first, count = np.unique(of_edge[order], return_index=True, return_counts=True)
+    crossed = number[(count == 2) & free[number]]
+    first = first[np.searchsorted(number, crossed)]
+    sides = np.column_stack([order[first] // 3, order[first + 1] // 3])
+    tree = _spanning(len(faces), sides, loop[crossed])
+    return crossed[~tree]
+
+
+def _spanning(n: int, sides: IntArray, weight: FloatArray) -> BoolArray:
+    """(e,) edges of the heaviest tree over n nodes, two nodes joined more than once or not."""
+    from scipy.sparse.csgraph import minimum_spanning_tree
+
+    # Ranks are distinct, so that the tree names its edges; of parallel ones the first stays.
+    rank = np.empty(len(weight), np.int64)
+    rank[np.argsort(-weight, kind="stable")] = np.arange(1, len(weight) + 1)
+    low, high = sides.min(axis=1), sides.max(axis=1)
+    order = np.lexsort((rank, high, low))
+    repeated = np.zeros(len(order), bool)
+    repeated[1:] = (low[order[1:]] == low[order[:-1]]) & (high[order[1:]] == high[order[:-1]])
+    single = order[~repeated]
+    graph = csr_array((rank[single].astype(float), (low[single], high[single])), shape=(n, n))
+    return np.isin(rank, minimum_spanning_tree(graph).data.astype(np.int64))
 
 
 def _costs(vertices: FloatArray, faces: IntArray, avoid: IntArray | None) -> csr_array:

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from skinmap.flat.flat_map import flatten, flatten_disc
+from skinmap.flat.mesh_charts import flatten_mesh
 from skinmap.flat.seams import open_surface, split_along
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number
 from skinmap.geometry.triangles import face_areas
@@ -132,6 +133,51 @@ def test_a_torus_is_opened():
     mesh = trimesh.creation.torus(1.0, 0.3, major_sections=24, minor_sections=12)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces, np.int64)
     check_opened(vertices, faces, open_surface(vertices, faces, hole_share=SHARE))
+
+
+def torus(*holes, reach=0.2):
+    """A torus of radii 1 and 0.35 m, faces near some points left out."""
+    mesh = trimesh.creation.torus(1.0, 0.35, major_sections=48, minor_sections=24)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces, np.int64)
+    middle = vertices[faces].mean(axis=1)
+    for hole in holes:
+        keep = np.linalg.norm(middle - hole, axis=1) > reach
+        faces, middle = faces[keep], middle[keep]
+    used, compact = np.unique(faces, return_inverse=True)
+    return vertices[used], compact.reshape(-1, 3)
+
+
+TOP, OUTSIDE, BEHIND = (-1.0, 0, 0.35), (1.35, 0, 0), (-1.35, 0, 0)
+
+
+@pytest.mark.parametrize("holes", [(OUTSIDE,), (OUTSIDE, TOP), (OUTSIDE, TOP, (0, -1, 0.35))])
+def test_a_torus_with_holes_is_laid_flat(holes):
+    vertices, faces = torus(*holes)
+    assert len(boundary_loops(faces)) == len(holes)
+    check_opened(vertices, faces, open_surface(vertices, faces, hole_share=SHARE))
+    (chart,) = flatten_mesh(vertices, faces).charts
+    assert (chart.distortion.flips, chart.fallback) == (0, False)
+
+
+def test_a_handle_between_wide_holes_is_opened():
+    vertices, faces = torus(OUTSIDE, BEHIND, reach=0.5)
+    check_opened(vertices, faces, open_surface(vertices, faces, hole_share=SHARE))
+
+
+def test_components_with_handles_are_laid_flat_one_by_one():
+    one, other = torus(OUTSIDE), torus(OUTSIDE, TOP)
+    both = np.concatenate([one[0], other[0] + [3.0, 0, 0]])
+    pieces = flatten_mesh(both, np.concatenate([one[1], other[1] + len(one[0])]))
+    assert len(pieces.charts) == 2
+    assert pieces.flips == 0
+
+
+def test_a_torus_is_cut_along_its_shortest_loops():
+    vertices, faces = torus()
+    cut = open_surface(vertices, faces, hole_share=SHARE)
+    check_opened(vertices, faces, cut)
+    # Round the tube, and round the axis where the root lies: not longer than on the outside.
+    assert 2 * np.pi * (0.35 + 0.65) * 0.95 < cut.seam_length < 2 * np.pi * (0.35 + 1.35)
 
 
 def test_a_seam_keeps_away_from_chosen_vertices():
