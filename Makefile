@@ -21,7 +21,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz audit limits docs tutorials figures lint bench bench-compare bench-needs bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak bench-viewer wheel lock clean
+.PHONY: help demo test fuzz audit limits schemas docs tutorials figures lint bench bench-compare bench-needs bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak bench-viewer wheel lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -42,6 +42,9 @@ audit: $(READY)  ## known holes of the pinned versions (asks the service of pip-
 
 limits: $(READY)  ## docs/limits.md from the laws of tests/extremes/limits and what they measure
 	$(BIN)/python scripts/limits.py
+
+schemas: $(READY)  ## docs/schemas and the tables of docs/json.md from the types of result
+	$(BIN)/python scripts/schemas.py
 
 docs: $(READY)  ## the documentation, to build/docs; a warning or a broken link is an error
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs

@@ -7,16 +7,16 @@ from typing import Any
 
 import click
 
-from skinmap.cli.shared.common import (
-    emit,
+from skinmap.commands.options import (
     json_option,
     open_robot,
     part_option,
-    profile_option,
-    progress,
     robot_argument,
     seed_option,
 )
+from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
+from skinmap.report.present import emit
 
 VIEWS = ("auto", "window", "none")
 # As `viewer.layers` has them, which takes a second to import; a test compares.

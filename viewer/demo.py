@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from skinmap.classify.classifier import TouchClassifier
 from skinmap.classify.descriptors import Touch
-from skinmap.cli.shared.common import plain
-from skinmap.cli.structures.figures import structures_figure
 from skinmap.io.output import staged_folder
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.contacts.sample_contacts import centre_of_pressure
 from skinmap.live.moment import Moment
 from skinmap.live.sources.replay import replay
 from skinmap.report.figure import flat_map_figure
+from skinmap.report.result import plain
+from skinmap.report.structure_figures import structures_figure
 from skinmap.skin.robot import Robot
 from skinmap.touch.contacts import ACTIVE, pool_event
 from skinmap.touch.gestures import GESTURES

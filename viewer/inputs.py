@@ -18,7 +18,7 @@ from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.io.taxels.table import COLUMNS, COVARIANCE
 from skinmap.io.text import read_text
-from skinmap.live.sources.skins import fingerprint
+from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
@@ -92,9 +92,8 @@ def read_responses(names: Sequence[str], robot: Robot, parts: Sequence[str]) -> 
         part, path = _named(name, robot)
         response = load_response(path)
         if not part:
-            part = next(
-                (one for one in robot.parts if fingerprint(robot, one) == response.fingerprint), ""
-            )
+            known = response.fingerprint
+            part = next((one for one in robot.parts if fingerprint(robot.skin(one)) == known), "")
         if not part and not response.fingerprint and len(parts) == 1:
             part = parts[0]
         if not part:
@@ -102,7 +101,8 @@ def read_responses(names: Sequence[str], robot: Robot, parts: Sequence[str]) -> 
                 f"{path}: calibrated was no part of {robot.name!r} that could be recognised; "
                 "name it: PART=FILE"
             )
-        load_response(path, fingerprint=fingerprint(robot, part) if response.fingerprint else "")
+        skin = robot.skin(part)
+        load_response(path, fingerprint=fingerprint(skin) if response.fingerprint else "")
         if len(response.health) != len(robot.skin(part)):
             raise SkinMismatchError(
                 f"{path}: {len(response.health)} taxels, {part!r} has {len(robot.skin(part))}"

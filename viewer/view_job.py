@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from skinmap.cli.shared.common import open_robot
+from skinmap.commands.options import open_robot
 from skinmap.errors import InvalidArrayError, OutputError, UnknownNameError
 from viewer.commands import LAYERS
 from viewer.display import has_display, require_opengl

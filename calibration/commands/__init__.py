@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 import click
 
-from skinmap.cli.shared.groups import NamedGroup
+from skinmap.commands.groups import NamedGroup
 
 # name: (module beside this one, its command there, one line for the list)
 COMMANDS = {

@@ -17,15 +17,12 @@ from calibration.commands.options import (
     sigma_option,
     units_option,
 )
-from skinmap.cli.shared.common import (
-    emit,
-    json_option,
-    profile_option,
-    progress,
-    seed_option,
-    table,
-)
-from skinmap.cli.shared.workers import worker_options, workers_options
+from skinmap.commands.options import json_option, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
+from skinmap.commands.workers import worker_options, workers_options
+from skinmap.report.present import emit
+from skinmap.report.table import table
 
 NOT_OK = 3
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from calibration.patch.patch_calibration import Status
 from skinmap.arrays import FloatArray
-from skinmap.cli.shared.common import emit
 from skinmap.geometry.proximity import median_spacing
+from skinmap.report.present import emit
 
 
 @dataclass(frozen=True, eq=False, slots=True)

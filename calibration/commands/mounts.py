@@ -9,14 +9,9 @@ import click
 
 from calibration.commands.mount_jobs import finish
 from calibration.commands.options import FILE, accept_option, format_option, units_option
-from skinmap.cli.shared.common import (
-    json_option,
-    open_robot,
-    outside_option,
-    profile_option,
-    progress,
-    seed_option,
-)
+from skinmap.commands.options import json_option, open_robot, outside_option, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
 
 if TYPE_CHECKING:
     from calibration.mount.rigid_mount import Loss

@@ -8,14 +8,9 @@ import click
 
 from calibration.commands.mount_jobs import finish
 from calibration.commands.options import FILE, accept_option, format_option, out_option
-from skinmap.cli.shared.common import (
-    json_option,
-    part_option,
-    profile_option,
-    progress,
-    robot_option,
-    seed_option,
-)
+from skinmap.commands.options import json_option, part_option, robot_option, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
 
 
 @click.command("plane")
@@ -78,7 +73,7 @@ def command(
     Example:  skinmap calibrate plane presses.npz --robot icub --part right_forearm -o out
     """
     from calibration.commands.plane_job import PlaneOptions, plane_job, plane_lines, read_planes
-    from skinmap.cli.shared.common import open_robot
+    from skinmap.commands.options import open_robot
 
     options = PlaneOptions(
         evidence,

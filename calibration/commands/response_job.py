@@ -88,14 +88,14 @@ def response_job(
 
 def _skin_of(robot: str, part: str, count: int) -> tuple[Any, str]:
     """Modules and fingerprint of a part with as many taxels as there are channels."""
-    from skinmap.classify.trained_skin import remember
-    from skinmap.cli.shared.common import open_robot
+    from skinmap.commands.options import open_robot
+    from skinmap.skin.fingerprint import fingerprint
 
     loaded, _ = open_robot(robot, (part,))
     skin: Skin = loaded.skin(part)
     if len(skin) != count:
         raise SkinMismatchError(f"{part!r} has {len(skin)} taxels, the samples {count} channels")
-    return skin.modules, remember(skin).fingerprint
+    return skin.modules, fingerprint(skin)
 
 
 def response_lines(result: dict[str, Any]) -> list[str]:

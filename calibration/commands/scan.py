@@ -16,7 +16,10 @@ from calibration.commands.options import (
     out_option,
     units_option,
 )
-from skinmap.cli.shared.common import emit, json_option, plain, profile_option, seed_option
+from skinmap.commands.options import json_option, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.report.present import emit
+from skinmap.report.result import plain
 
 if TYPE_CHECKING:
     from calibration.scan.registration import ScanRegistration

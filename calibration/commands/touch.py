@@ -19,7 +19,9 @@ from calibration.commands.options import (
     units_option,
 )
 from calibration.commands.wrap import STEPS, show
-from skinmap.cli.shared.common import json_option, profile_option, progress, seed_option
+from skinmap.commands.options import json_option, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
 
 
 @click.command("touch")

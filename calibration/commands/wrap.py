@@ -19,7 +19,10 @@ from calibration.commands.options import (
     sigma_option,
     units_option,
 )
-from skinmap.cli.shared.common import emit, json_option, profile_option, progress, seed_option
+from skinmap.commands.options import json_option, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
+from skinmap.report.present import emit
 
 STEPS = 3
 REFUSED = "refused.html"  # as in patch_job, which a command imports only when it runs

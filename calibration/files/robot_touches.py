@@ -26,7 +26,7 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
-from skinmap.live.sources.skins import fingerprint
+from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.joints import check_link, common_ancestor
 from skinmap.skin.robot import Robot
 
@@ -99,7 +99,7 @@ def _own(file: TouchFile, robot: Robot, probes: Mapping[str, Probe]) -> TouchFil
                 f"lacks 'ids_{name}', the taxels of part {name!r} in each event", file.path
             )
         theirs = file.skins.get(name)
-        if theirs is not None and theirs != fingerprint(robot, name):
+        if theirs is not None and theirs != fingerprint(robot.skin(name)):
             raise SkinMismatchError(
                 f"{file.path}: the layout of {name!r} is not that of {robot.name!r}"
             )

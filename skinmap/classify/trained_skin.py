@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,9 +9,9 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, freeze
 from skinmap.geometry.proximity import median_spacing
+from skinmap.skin.fingerprint import layout_fingerprint
 from skinmap.skin.skin import Skin
 
-SAME = 1e-6  # [m]; tables are written to a micrometre
 MM = 1e3
 
 
@@ -36,8 +35,7 @@ class TrainedSkin:
     @property
     def fingerprint(self) -> str:
         """SHA-256 of the part's name and the positions in micrometres."""
-        whole = np.round(self.positions / SAME).astype("<i8")
-        return hashlib.sha256(self.part.encode() + b"\0" + whole.tobytes()).hexdigest()
+        return layout_fingerprint(self.part, self.positions)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,12 @@ from typing import Any
 
 import click
 
-from skinmap.cli.shared.common import emit, json_option, profile_option, table
-from skinmap.cli.shared.groups import NamedGroup
+from skinmap.commands.groups import NamedGroup
+from skinmap.commands.options import json_option
+from skinmap.commands.profiles import profile_option
 from skinmap.errors import OutputError, UnknownNameError
+from skinmap.report.present import emit
+from skinmap.report.table import table
 
 
 @click.group("cache", cls=NamedGroup)

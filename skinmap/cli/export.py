@@ -8,14 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.shared.common import (
-    emit,
-    json_option,
-    open_robot,
-    part_option,
-    profile_option,
-    robot_argument,
-)
+from skinmap.commands.options import json_option, open_robot, part_option, robot_argument
+from skinmap.commands.profiles import profile_option
+from skinmap.report.present import emit
 
 if TYPE_CHECKING:
     from skinmap.skin.taxels import TaxelTable

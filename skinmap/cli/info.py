@@ -2,23 +2,79 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.shared.common import emit, json_option, profile_option
+from skinmap.commands.options import open_robot, prints
+from skinmap.commands.profiles import profile_option
+from skinmap.report.present import present
 
-if TYPE_CHECKING:
-    from skinmap.io.recordings.recorded_stream import RecordedStream
-    from skinmap.skin.robot import Robot
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RecordedSkin:
+    """The skin that a recording is of, as far as the file says.
+
+    Attributes
+    ----------
+    robot
+        Its name; empty where the file does not say.
+    parts
+        In the order of the channels.
+    taxels
+        Over all parts; null where the file has no table of them.
+    fingerprints
+        By part, where known.
+    """
+
+    robot: str
+    parts: list[str]
+    taxels: int | None
+    fingerprints: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RecordingInfo:
+    """What a recording holds.
+
+    Attributes
+    ----------
+    samples
+        Of the whole recording.
+    seconds
+        From the first sample to the last.
+    channels
+        Values in a sample.
+    rate_hz
+        Samples a second; null for fewer than two.
+    gaps
+        Steps above 1.5 times the median.
+    recovered
+        Whether the file was cut off or damaged.
+    lost_seconds
+        What could not be recovered.
+    skin
+        What it was recorded on.
+    """
+
+    samples: int
+    seconds: float
+    channels: int
+    rate_hz: float | None
+    gaps: int
+    recovered: bool
+    lost_seconds: float
+    skin: RecordedSkin
 
 
 @click.command("info")
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.option("--robot", help="Robot whose skin it must be; it also names a dumper's folders.")
 @profile_option()
-@json_option
+@prints(RecordingInfo)
 def command(recording: Path, robot: str | None, as_json: bool) -> None:
     """Say what a recording holds: samples, rate, gaps, skin, and what was lost if it was cut off.
 
@@ -28,55 +84,47 @@ def command(recording: Path, robot: str | None, as_json: bool) -> None:
     \b
     Example:  skinmap info touch.mcap --json
     """
-    from skinmap.cli.shared.common import open_robot
-    from skinmap.live.sources.open_recording import open_track
-
-    loaded = open_robot(robot, ())[0] if robot else None
-    track = open_track(recording, robot=loaded)
-    if loaded is not None:
-        _check_skin(track, loaded)
-    result = describe(track)
-    if as_json:
-        emit(result)
-        return
-    skin = result["skin"]
-    taxels = f", {skin['taxels']} taxels" if skin["taxels"] else ""
-    click.echo(
-        f"{result['samples']} samples of {result['channels']} channels in "
-        f"{result['seconds']:.2f} s ({result['rate_hz']:.4g} a second), {result['gaps']} gaps"
-    )
-    click.echo(f"{skin['robot'] or 'robot unknown'}: {', '.join(skin['parts'])}{taxels}")
-    for touch in sorted({touch.label for touch in track.touches}):
-        count = sum(one.label == touch for one in track.touches)
-        click.echo(f"{count} touches marked {touch!r}")
-    if result["recovered"]:
-        click.echo(
-            f"recovered; {result['lost_seconds']:.2f} s lost: {'; '.join(track.loss.damage)}"
-        )
+    result, touches, damage = work(recording, robot)
+    present(result, lambda info: _lines(info, touches, damage), as_json=as_json)
 
 
-def describe(track: RecordedStream) -> dict[str, Any]:
-    """The keys of `skinmap info --json`."""
-    taxels = sum(len(table) for table in track.tables.values())
-    return {
-        "samples": len(track.times),
-        "seconds": track.seconds,
-        "channels": track.channels,
-        "rate_hz": track.rate,
-        "gaps": track.gaps,
-        "recovered": track.loss.recovered,
-        "lost_seconds": track.loss.seconds,
-        "skin": {
-            "robot": track.robot,
-            "parts": list(track.parts),
-            "taxels": taxels or None,
-            "fingerprints": dict(track.fingerprints),
-        },
-    }
-
-
-def _check_skin(track: RecordedStream, robot: Robot) -> None:
-    from skinmap.live.sources.open_recording import stream_info
+def work(path: Path, robot: str | None) -> tuple[RecordingInfo, Counter[str], list[str]]:
+    """What is in the file, its touches by label, and what is wrong with it in words."""
+    from skinmap.live.sources.open_recording import open_track, stream_info
     from skinmap.live.sources.skins import check_skin
 
-    check_skin(stream_info(track), robot)
+    loaded = open_robot(robot, ())[0] if robot else None
+    track = open_track(path, robot=loaded)
+    if loaded is not None:
+        check_skin(stream_info(track), loaded)
+    skin = RecordedSkin(
+        robot=track.robot,
+        parts=list(track.parts),
+        taxels=sum(len(table) for table in track.tables.values()) or None,
+        fingerprints=dict(track.fingerprints),
+    )
+    result = RecordingInfo(
+        samples=len(track.times),
+        seconds=track.seconds,
+        channels=track.channels,
+        rate_hz=track.rate,
+        gaps=track.gaps,
+        recovered=track.loss.recovered,
+        lost_seconds=track.loss.seconds,
+        skin=skin,
+    )
+    return result, Counter(touch.label for touch in track.touches), list(track.loss.damage)
+
+
+def _lines(info: RecordingInfo, touches: Counter[str], damage: list[str]) -> Iterator[str]:
+    rate = float("nan") if info.rate_hz is None else info.rate_hz
+    yield (
+        f"{info.samples} samples of {info.channels} channels in {info.seconds:.2f} s "
+        f"({rate:.4g} a second), {info.gaps} gaps"
+    )
+    taxels = f", {info.skin.taxels} taxels" if info.skin.taxels else ""
+    yield f"{info.skin.robot or 'robot unknown'}: {', '.join(info.skin.parts)}{taxels}"
+    for label, count in sorted(touches.items()):
+        yield f"{count} touches marked {label!r}"
+    if info.recovered:
+        yield f"recovered; {info.lost_seconds:.2f} s lost: {'; '.join(damage)}"

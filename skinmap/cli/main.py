@@ -12,8 +12,8 @@ from importlib.metadata import entry_points
 import click
 
 from skinmap import __version__
-from skinmap.cli.shared.groups import NamedGroup
-from skinmap.cli.shared.interrupts import end_on_interrupt
+from skinmap.cli.interrupts import end_on_interrupt
+from skinmap.commands.groups import NamedGroup
 from skinmap.errors import SkinError
 
 # name: (module, one line for the list); the module holds a click command called `command`.
@@ -25,7 +25,7 @@ COMMANDS = {
     "export": ("skinmap.cli.export", "Taxels or recordings in the formats of others."),
     "flatten": ("skinmap.cli.flatten.command", "Flat maps of the skin and what they distort."),
     "structures": (
-        "skinmap.cli.structures.command",
+        "skinmap.cli.structures",
         "Periodic neighbourhood structures of the layout.",
     ),
     "simulate": ("skinmap.cli.simulate.command", "Simulated touches on the skin, as a recording."),

@@ -7,7 +7,9 @@ from typing import Any
 
 import click
 
-from skinmap.cli.shared.common import emit, json_option, part_option, profile_option
+from skinmap.commands.options import json_option, part_option
+from skinmap.commands.profiles import profile_option
+from skinmap.report.present import emit
 
 
 @click.command("replay")
@@ -38,7 +40,7 @@ def command(
     \b
     Example:  skinmap replay touch.mcap --publish lsl:demo --loop
     """
-    from skinmap.cli.shared.common import open_robot
+    from skinmap.commands.options import open_robot
     from skinmap.live.publishing.publish import open_publisher
     from skinmap.live.sources.open_recording import open_recording
 

@@ -8,15 +8,9 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from skinmap.cli.shared.common import (
-    emit,
-    json_option,
-    open_robot,
-    part_option,
-    profile_option,
-    robot_option,
-    seed_option,
-)
+from skinmap.commands.options import json_option, open_robot, part_option, robot_option, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.report.present import emit
 
 
 @click.command("train")
@@ -76,7 +70,7 @@ def command(
     from skinmap.classify.evaluate import score, split_touches
     from skinmap.classify.model_file import save_classifier
     from skinmap.cli.classify.command import prepare_skins
-    from skinmap.cli.structures.command import auto_radius_of, read_radius
+    from skinmap.cli.structures import auto_radius_of, read_radius
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import load_recordings
     from skinmap.neighbours.structures import RADIUS

@@ -43,6 +43,21 @@ def staged_folder(out: Path) -> Iterator[Path]:
     shutil.rmtree(stage, ignore_errors=True)
 
 
+def check_folder(out: Path) -> None:
+    """Refuse a folder that cannot be made or written to; leaves nothing behind.
+
+    Raises
+    ------
+    OutputError
+    """
+    there = next(path for path in (out, *out.absolute().parents) if path.exists())
+    try:
+        with tempfile.TemporaryDirectory(prefix=".skinmap-", dir=there):
+            pass
+    except OSError as error:
+        raise OutputError(f"cannot write to the folder {str(out)!r}: {error.strerror}") from None
+
+
 @contextmanager
 def staged_file(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its name when all went well.

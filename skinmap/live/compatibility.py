@@ -54,7 +54,7 @@ def chosen_parts(info: StreamInfo, parts: Sequence[str] | None) -> tuple[str, ..
 
 def dense_info(info: StreamInfo, robot: str, skins: Mapping[str, PreparedSkin]) -> StreamInfo:
     """How a publisher describes the pressures of a stream's skins: dense rows of each part."""
-    from skinmap.classify.trained_skin import remember
+    from skinmap.skin.fingerprint import fingerprint
 
     return StreamInfo(
         info.name,
@@ -63,6 +63,6 @@ def dense_info(info: StreamInfo, robot: str, skins: Mapping[str, PreparedSkin]) 
         info.rate,
         "pressure",
         robot,
-        {part: remember(skin.skin).fingerprint for part, skin in skins.items()},
+        {part: fingerprint(skin.skin) for part, skin in skins.items()},
         info.clock,
     )

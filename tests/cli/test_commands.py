@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from skinmap.cli.main import cli
-from skinmap.cli.shared.common import plain
 from skinmap.errors import SkinError
+from skinmap.report.result import plain
 
 
 def run(*words: str) -> dict:

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from skinmap.cli.shared.interrupts import end_on_interrupt
+from skinmap.cli.interrupts import end_on_interrupt
 
 SWALLOWS = """
 import os, signal

@@ -6,12 +6,12 @@ import pytest
 from calibration.response.gain import ReferenceLoads
 from calibration.response.response import ResponseCalibration
 from calibration.response.response_file import save_response
-from skinmap.classify.trained_skin import remember
 from skinmap.errors import InvalidArrayError, MissingFileError, SkinMismatchError, UnknownNameError
 from skinmap.live.response.files import load_responses
 from skinmap.live.response.pressures import MARGIN, Response, Responses, RestBaseline
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import StreamInfo
+from skinmap.skin.fingerprint import fingerprint
 
 RATE = 50.0
 ONE = np.zeros(20, np.int64)
@@ -151,7 +151,7 @@ def test_a_calibration_of_another_skin_is_refused(prepared, rng):
 
 def test_files_find_their_part_by_its_layout(prepared, rng, tmp_path):
     skins = {part: prepared(part) for part in ("left_hand", "right_hand")}
-    own = remember(skins["right_hand"].skin).fingerprint
+    own = fingerprint(skins["right_hand"].skin)
     named, nameless = tmp_path / "named.npz", tmp_path / "nameless.npz"
     save_response(ResponseCalibration.fit(rest(rng, 2, n=48), fingerprint=own), named)
     save_response(ResponseCalibration.fit(rest(rng, 2, n=48)), nameless)

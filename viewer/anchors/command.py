@@ -19,7 +19,9 @@ from calibration.commands.options import (
     sigma_option,
     units_option,
 )
-from skinmap.cli.shared.common import emit, json_option, profile_option, seed_option
+from skinmap.commands.options import json_option, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.report.present import emit
 
 if TYPE_CHECKING:
     from calibration.commands.anchor_session import AnchorSession

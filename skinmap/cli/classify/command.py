@@ -8,16 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.shared.common import (
-    emit,
-    json_option,
-    open_robot,
-    part_option,
-    profile_option,
-    robot_option,
-    seed_option,
-    table,
-)
+from skinmap.commands.options import json_option, open_robot, part_option, robot_option, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.report.present import emit
+from skinmap.report.table import table
 
 if TYPE_CHECKING:
     from skinmap.classify.classifier import TouchClassifier

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.shared.common import open_robot, plain
-from skinmap.cli.shared.profiles import with_profile
+from skinmap.commands.options import open_robot
+from skinmap.report.present import object_of
+from skinmap.report.result import plain
 
 if TYPE_CHECKING:
     from skinmap.classify.classifier import TouchClassifier
@@ -161,7 +162,7 @@ class _Run:
             "counts": counts,
         }
         if self.as_json:
-            click.echo(json.dumps(plain(with_profile(summary)), allow_nan=False))
+            click.echo(json.dumps(object_of(summary), allow_nan=False))
             return
         median = "-" if latency["median"] is None else f"{latency['median']:.1f}"
         click.echo(

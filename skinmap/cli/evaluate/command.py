@@ -8,17 +8,16 @@ from typing import Any
 import click
 
 from skinmap.cli.evaluate.evaluation import PROTOCOLS, Settings, run
-from skinmap.cli.shared.common import (
-    emit,
+from skinmap.commands.options import (
     json_option,
     out_option,
     outside_option,
     part_option,
-    profile_option,
     seed_option,
 )
-from skinmap.cli.shared.profiles import from_profile
-from skinmap.cli.shared.workers import worker_options, workers_options
+from skinmap.commands.profiles import from_profile, profile_option
+from skinmap.commands.workers import worker_options, workers_options
+from skinmap.report.present import emit
 
 OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of their own
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.shared.common import open_robot, progress
+from skinmap.commands.options import open_robot
+from skinmap.commands.progress import progress
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.patches import Patch

@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from skinmap.cli.shared.common import plain, table
+from skinmap.report.result import plain
+from skinmap.report.table import table
 
 
 def show(result: dict[str, Any]) -> None:

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.shared.common import (
-    emit,
+from skinmap.commands.options import (
     json_option,
     open_robot,
     outside_option,
     part_option,
-    profile_option,
-    progress,
     seed_option,
-    table,
 )
-from skinmap.cli.shared.workers import worker_options, workers_options
+from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
+from skinmap.commands.workers import worker_options, workers_options
+from skinmap.report.present import emit
+from skinmap.report.table import table
 
 if TYPE_CHECKING:
     from skinmap.cli.flatten.job import FlatJob

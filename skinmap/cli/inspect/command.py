@@ -7,15 +7,10 @@ from typing import Any
 
 import click
 
-from skinmap.cli.shared.common import (
-    emit,
-    json_option,
-    open_robot,
-    part_option,
-    profile_option,
-    robot_argument,
-    table,
-)
+from skinmap.commands.options import json_option, open_robot, part_option, robot_argument
+from skinmap.commands.profiles import profile_option
+from skinmap.report.present import emit
+from skinmap.report.table import table
 
 TABLES = (".txt", ".csv")
 

@@ -8,16 +8,16 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from skinmap.cli.shared.common import (
-    emit,
+from skinmap.commands.options import (
     json_option,
     open_robot,
     part_option,
-    profile_option,
-    progress,
     robot_argument,
     seed_option,
 )
+from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
+from skinmap.report.present import emit
 
 SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bits", "rate")
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-from skinmap.cli.shared.common import emit, open_robot
+from skinmap.commands.options import open_robot
+from skinmap.report.present import emit
 
 
 def publish_touches(

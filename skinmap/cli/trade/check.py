@@ -8,9 +8,11 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from skinmap.cli.shared.common import open_robot, progress, table
 from skinmap.cli.trade.report import emit_result, versions
+from skinmap.commands.options import open_robot
+from skinmap.commands.progress import progress
 from skinmap.profile import read_profile
+from skinmap.report.table import table
 from skinmap.trade.check import ERROR_WITHIN, TIME_WITHIN, Checked, check_profile
 from skinmap.trade.points import Failure
 from skinmap.trade.profile_file import machine

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.shared.common import (
+from skinmap.commands.options import (
     json_option,
     open_robot,
     outside_option,
     part_option,
-    progress,
     seed_option,
 )
+from skinmap.commands.progress import progress
 
 if TYPE_CHECKING:
     from skinmap.trade.front import Budget

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from skinmap import __version__
-from skinmap.cli.shared.common import table
+from skinmap.report.table import table
 from skinmap.trade.front import Budget, pareto
 from skinmap.trade.points import Failure, Point, describe
 from skinmap.trade.profile_file import Origin, machine, write_profile

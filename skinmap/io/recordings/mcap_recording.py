@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.classify.trained_skin import remember
 from skinmap.errors import OutputError, SkinMismatchError
 from skinmap.io.recordings.cdr import DTYPES, Number, definition, encode, schema_name
 from skinmap.io.recordings.mcap_writer import CHUNK_SECONDS, McapWriter
 from skinmap.io.recordings.recorded_stream import Kind, nanoseconds_of
 from skinmap.io.taxels.table import write_csv
+from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.skin import Skin
 from skinmap.skin.taxels import TaxelTable
 
@@ -104,7 +104,7 @@ class McapRecording:
         self._parts = tuple(parts)
         self._ids: dict[str, int] = {}
         known = dict(fingerprints or {})
-        known |= {part: remember(skin).fingerprint for part, skin in (skins or {}).items()}
+        known |= {part: fingerprint(skin) for part, skin in (skins or {}).items()}
         head = {
             "format": FORMAT,
             "name": name,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from skinmap.classify.trained_skin import remember
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.live.response.pressures import Response
 from skinmap.registry import Registry
+from skinmap.skin.fingerprint import fingerprint
 from skinmap.touch.prepared_skin import PreparedSkin
 
 # `load(path) -> Response`; `file` is the one of `skinmap calibrate response`.
@@ -37,7 +37,7 @@ def load_responses(specs: Sequence[str], skins: Mapping[str, PreparedSkin]) -> d
         A file that does not say which part it is of.
     """
     found: dict[str, Response] = {}
-    by_fingerprint = {remember(skin.skin).fingerprint: part for part, skin in skins.items()}
+    by_fingerprint = {fingerprint(skin.skin): part for part, skin in skins.items()}
     for spec in specs:
         part, equals, name = spec.partition("=")
         if not equals:

@@ -276,11 +276,11 @@ def check_response(response: Any, skin: JoinedSkin, part: str) -> None:
     SkinMismatchError
         Its fingerprint or number of taxels is another.
     """
-    from skinmap.classify.trained_skin import remember
+    from skinmap.skin.fingerprint import fingerprint
 
     own = skin.skins[part].skin
     if hasattr(response, "check_skin"):
-        response.check_skin(remember(own).fingerprint)
+        response.check_skin(fingerprint(own))
     if hasattr(response, "__len__") and len(response) != len(own):
         raise SkinMismatchError(
             f"the response calibration of {part!r} has {len(response)} channels, "

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from skinmap.errors import InvalidArrayError, SkinError
 from skinmap.live.sources.simulated_touches import Touching, TrueTouch
-from skinmap.live.sources.skins import fingerprint
 from skinmap.live.sources.source import Block, Kind, SourceEnded, StreamInfo
+from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
 from skinmap.touch.gestures import FOUR
 from skinmap.touch.sensing import Sensing
@@ -76,7 +76,7 @@ class SimulatedSource:
             sensing.rate,
             kind,
             robot.name,
-            {part: fingerprint(robot, part) for part in chosen},
+            {part: fingerprint(robot.skin(part)) for part in chosen},
             "simulation",
         )
         self._speed = float(speed)

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from skinmap.classify.trained_skin import remember
 from skinmap.errors import SkinMismatchError
 from skinmap.live.sources.source import StreamInfo
+from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
-
-
-def fingerprint(robot: Robot, part: str) -> str:
-    """SHA-256 of a part's name and layout."""
-    return remember(robot.skin(part)).fingerprint
 
 
 def live_width(skin: Skin) -> int:
@@ -37,7 +32,7 @@ def check_skin(info: StreamInfo, robot: Robot) -> None:
                 f"on {robot.name!r} need {len(skin)}, or {live_width(skin)} of the live vector"
             )
         theirs = info.fingerprints.get(part)
-        if theirs is not None and theirs != fingerprint(robot, part):
+        if theirs is not None and theirs != fingerprint(robot.skin(part)):
             raise SkinMismatchError(
                 f"stream {info.name!r} comes from another skin: the layout of {part!r} "
                 f"is not that of {robot.name!r}"

@@ -39,7 +39,7 @@ class StreamInfo:
     robot : str
         Name of the robot; empty where unknown.
     fingerprints : mapping of str to str
-        Of the skin of each part (`skinmap.classify.trained_skin.remember(skin).fingerprint`),
+        Of the skin of each part (`skinmap.skin.fingerprint.fingerprint(skin)`),
         where known.
     clock : str
         Whose seconds the times are: "recording", "local" (this machine's monotonic clock) ...

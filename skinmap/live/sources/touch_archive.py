@@ -10,8 +10,8 @@ import numpy as np
 from skinmap.errors import DataFormatError, SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.skins import fingerprint
 from skinmap.live.sources.source import StreamInfo
+from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
 from skinmap.touch.recording import Recording
 
@@ -81,7 +81,7 @@ def open_touches(
         rate,
         robot="" if robot is None else robot.name,
         fingerprints=(
-            {} if robot is None else {one.part: fingerprint(robot, one.part) for one in chosen}
+            {} if robot is None else {one.part: fingerprint(robot.skin(one.part)) for one in chosen}
         ),
     )
     return Playback(info, longest.times, values, speed=speed, loop=loop)

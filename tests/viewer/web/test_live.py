@@ -13,8 +13,8 @@ from click.testing import CliRunner
 
 from skinmap.cli.main import cli
 from skinmap.live.publishing.publish import open_publisher
-from skinmap.live.sources.skins import fingerprint
 from skinmap.live.sources.source import StreamInfo
+from skinmap.skin.fingerprint import fingerprint
 from viewer.look import Look
 from viewer.playing.player import Player
 from viewer.session import Session
@@ -33,7 +33,7 @@ class Stream:
         pressed = np.where(gap < gap.min() + 0.015, 180.0, 0.0).astype(np.float32)
         info = StreamInfo(
             "foot", (part,), (len(skin),), RATE, robot=robot.name, clock="local",
-            fingerprints={part: fingerprint(robot, part)},
+            fingerprints={part: fingerprint(robot.skin(part))},
         )  # fmt: skip
         self._values = pressed[None, :-1] if short else pressed[None]
         self._publisher = open_publisher(address, info, topics=("pressure",))

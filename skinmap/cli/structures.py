@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.shared.common import (
-    emit,
+from skinmap.commands.options import (
     json_option,
     open_robot,
     out_option,
     part_option,
-    profile_option,
     robot_argument,
-    table,
 )
+from skinmap.commands.profiles import profile_option
+from skinmap.report.present import emit
+from skinmap.report.table import table
 
 if TYPE_CHECKING:
     from skinmap.neighbours.offsets import Neighbourhoods
@@ -88,8 +88,8 @@ def command(
     )
     files = []
     if out is not None:
-        from skinmap.cli.structures.figures import body_figure, structures_figure
         from skinmap.io.output import staged_folder
+        from skinmap.report.structure_figures import body_figure, structures_figure
 
         with staged_folder(out) as stage:
             structures_figure(skins, found, stage / "structures.png")

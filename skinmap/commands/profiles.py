@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 from click.core import ParameterSource
+from msgspec import UNSET, UnsetType
 
 if TYPE_CHECKING:
     from skinmap.profile import Profile
@@ -73,8 +75,43 @@ def from_profile(name: str) -> bool:
     return ctx is not None and ctx.get_parameter_source(name) is ParameterSource.DEFAULT_MAP
 
 
-def profile_used() -> tuple[Profile, dict[str, Any]] | None:
-    """The profile that was given, and the knobs taken from it; None without one."""
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ProfileUsed:
+    """What a command took from a profile.
+
+    Attributes
+    ----------
+    file
+        The profile.
+    took
+        Knobs by name, without those that the command line gave itself.
+    """
+
+    file: Path
+    took: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Profiled:
+    """What every object has besides where a profile was given.
+
+    Attributes
+    ----------
+    profile
+        With `--profile`: what was taken from it.
+    """
+
+    profile: ProfileUsed | UnsetType = UNSET
+
+
+def profile_used() -> ProfileUsed | None:
+    """What was taken from the profile that was given; None without one."""
+    found = _taken()
+    return None if found is None else ProfileUsed(file=found[0].path, took=found[1])
+
+
+def _taken() -> tuple[Profile, dict[str, Any]] | None:
+    """The profile that was given, and the knobs taken from it."""
     ctx = click.get_current_context(silent=True)
     if ctx is None or PROFILE not in ctx.meta:
         return None
@@ -85,19 +122,11 @@ def profile_used() -> tuple[Profile, dict[str, Any]] | None:
     return profile, {k: v[0] if isinstance(v, tuple) else v for k, v in took.items()}
 
 
-def with_profile(result: dict[str, Any]) -> dict[str, Any]:
-    """A command's JSON, with what was taken from a profile if one was given."""
-    used = profile_used()
-    if used is None:
-        return result
-    return {**result, "profile": {"file": used[0].path, "took": used[1]}}
-
-
 def _say_profile(ctx: click.Context) -> None:
-    used = profile_used()
-    if used is None:
+    taken = _taken()
+    if taken is None:
         return
-    profile, took = used
+    profile, took = taken
     measured = " ".join(word for word in (profile.robot, profile.part) if word)
     name = f"profile {profile.path}" + (f" ({measured})" if measured else "")
     said = ", ".join(f"{knob} {value}" for knob, value in took.items())

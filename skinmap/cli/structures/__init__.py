@@ -1,1 +1,0 @@
-"""`skinmap structures`: its options, its work, its result."""

@@ -1,0 +1,121 @@
+"""Options that mean and look the same in all commands, and the robot that they name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from skinmap.commands.profiles import profile_option as profile_option
+
+if TYPE_CHECKING:
+    from skinmap.skin.robot import Robot
+
+F = TypeVar("F", bound=Callable[..., Any])
+OUTSIDE = "skinmap.allow_outside"
+RESULTS = "__results__"
+
+
+def _note_outside(ctx: click.Context, _: click.Parameter, value: bool) -> None:
+    ctx.meta[OUTSIDE] = value
+
+
+outside_option = click.option(
+    "--allow-outside",
+    is_flag=True,
+    expose_value=False,
+    callback=_note_outside,
+    help="Let a manifest read files outside its own folder.",
+)
+_robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
+_robot_option = click.option(
+    "--robot", default="icub", show_default=True, help="Robot that was recorded."
+)
+
+
+def robot_argument(command: F) -> F:
+    """The robot as an argument, with the option that lets its manifest look around."""
+    return _robot_argument(outside_option(command))
+
+
+def robot_option(command: F) -> F:
+    """The robot as an option, for commands whose argument is a recording."""
+    return _robot_option(outside_option(command))
+
+
+part_option = click.option(
+    "--part", "parts", multiple=True, help="Only this part; may be repeated."
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+Kinds = tuple[type, ...]
+
+
+def prints(*types: type, **others: type | Kinds) -> Callable[[F], F]:
+    """`--json`, with the types of result that it prints.
+
+    Parameters
+    ----------
+    types : type
+        Frozen dataclasses; several where what is printed depends on the options.
+    others : type or tuple of type
+        What is printed in another mode of the command, by that mode's name: its schema is a file
+        of its own, `COMMAND-MODE.json`.
+    """
+
+    def add(command: F) -> F:
+        modes = {name: one if isinstance(one, tuple) else (one,) for name, one in others.items()}
+        command.__dict__[RESULTS] = {"": types, **modes}
+        return json_option(command)
+
+    return add
+
+
+def results_of(command: click.Command) -> dict[str, Kinds]:
+    """The types of result that a command prints, by mode; nothing where it does not say."""
+    found: dict[str, Kinds] = getattr(command.callback, RESULTS, {})
+    return found
+
+
+seed_option = click.option("--seed", default=0, show_default=True, help="Seed of all randomness.")
+
+
+def try_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path | None:
+    """Refuse a folder that cannot be written to before any work is done."""
+    if out is not None:
+        from skinmap.io.output import check_folder
+
+        check_folder(out)
+    return out
+
+
+def out_folder(of: str) -> Callable[[F], F]:
+    """`--out`, with what the folder is for; tried before any work is done."""
+    return click.option(
+        "--out",
+        type=click.Path(path_type=Path, file_okay=False),
+        callback=try_folder,
+        help=f"Folder for {of}.",
+    )
+
+
+out_option = out_folder("pictures")
+
+
+def open_robot(robot: str, parts: tuple[str, ...]) -> tuple[Robot, tuple[str, ...]]:
+    """A robot and the parts asked for (all of them by default), names checked.
+
+    Raises
+    ------
+    UnknownNameError
+        A robot or a part that does not exist.
+    """
+    from skinmap.io.robots.manifest import load_robot
+
+    ctx = click.get_current_context(silent=True)
+    allow_outside = bool(ctx is not None and ctx.meta.get(OUTSIDE))
+    loaded = load_robot(robot, allow_outside=allow_outside)
+    for part in parts:
+        loaded.part(part)
+    return loaded, tuple(dict.fromkeys(parts)) or loaded.parts

@@ -1,0 +1,89 @@
+"""The one page of all reports: HTML with its style and pictures inside, nothing from elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+from skinmap.report.table import Cell, Table
+from skinmap.report.verdict import OK, Verdict
+
+STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; color: #1d2733; margin: 2rem auto; max-width: 74rem;
+       padding: 0 1rem; }
+h1 { margin-bottom: 0.2rem; } h2 { margin-top: 2.4rem; border-bottom: 1px solid #d5dbe1; }
+img, video { max-width: 100%; } .note { color: #5b6773; }
+.ok { color: #00795c; } .look { color: #b04a00; }
+div.wide { overflow-x: auto; }
+table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
+th, td { padding: 0.2rem 0.8rem; text-align: right; border-bottom: 1px solid #e3e7eb; }
+th.text, td.text { text-align: left; }
+.cards { display: flex; flex-wrap: wrap; gap: 1rem; }
+.card { background: #f3f6f9; border-radius: 6px; padding: 0.6rem 1rem; }
+.card b { display: block; font-size: 1.5rem; }
+.grid { display: grid; grid-template-columns: repeat(auto-fill, minmax(30rem, 1fr)); gap: 1rem; }
+@media (max-width: 40rem) { .grid { grid-template-columns: 1fr; } table { font-size: 0.8rem; } }
+"""
+
+
+def page(title: str, sections: Iterable[str]) -> str:
+    """A whole page.
+
+    Parameters
+    ----------
+    title : str
+        Of the window, and above everything.
+    sections : iterable of str
+        HTML, as the functions below and `skinmap.report.image` make it.
+    """
+    return (
+        "<!doctype html><html lang=en><head><meta charset=utf-8>"
+        "<meta name=viewport content='width=device-width, initial-scale=1'>"
+        f"<title>{escape(title)}</title><style>{STYLE}</style></head><body>"
+        f"<h1>{escape(title)}</h1>\n" + "\n".join(sections) + "</body></html>\n"
+    )
+
+
+def heading(text: str) -> str:
+    """The heading of a section."""
+    return f"<h2>{escape(text)}</h2>"
+
+
+def note(text: str) -> str:
+    """A quiet paragraph."""
+    return f"<p class=note>{escape(text)}</p>"
+
+
+def paragraph(text: str) -> str:
+    """A paragraph."""
+    return f"<p>{escape(text)}</p>"
+
+
+def bullets(texts: Sequence[str]) -> str:
+    """A list; nothing where it is empty."""
+    inner = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    return f"<ul>{inner}</ul>" if texts else ""
+
+
+def verdict_lines(verdict: Verdict, words: str = "") -> str:
+    """A status with what it means, and its reasons."""
+    mood = "ok" if verdict.status == OK else "look"
+    meaning = f": {escape(words)}" if words else ""
+    head = f"<p class={mood}><b>{escape(verdict.status)}</b>{meaning}</p>"
+    return head + bullets(verdict.reasons)
+
+
+def facts(rows: Iterable[tuple[str, Cell]]) -> str:
+    """Numbers in words: what it is, and how much."""
+    return Table(("", ""), list(rows)).html()
+
+
+def cards(figures: Iterable[tuple[str, str]]) -> str:
+    """A few figures, large, each with its words below."""
+    boxes = "".join(f"<div class=card><b>{escape(a)}</b>{escape(b)}</div>" for a, b in figures)
+    return f"<div class=cards>{boxes}</div>"
+
+
+def grid(inner: Iterable[str]) -> str:
+    """Pictures side by side where there is room."""
+    return f"<div class=grid>{''.join(inner)}</div>"

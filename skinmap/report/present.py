@@ -1,0 +1,109 @@
+"""The one way in which a command shows its result: JSON or words, files, page, exit code."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from skinmap.commands.profiles import profile_used
+from skinmap.report.result import decimals, plain
+from skinmap.report.table import Table
+from skinmap.report.verdict import REFUSED_CODE, Verdict
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    R = TypeVar("R", bound=DataclassInstance)
+else:
+    R = TypeVar("R")
+
+PAGE, REFUSED_PAGE = "report.html", "refused.html"
+Number = Callable[[float], float]
+
+
+def present(
+    result: R,
+    lines: Callable[[R], Iterable[str | Table]],
+    *,
+    as_json: bool,
+    out: Path | None = None,
+    write: Callable[[Path], Iterable[str]] | None = None,
+    page: Callable[[Path], str] | None = None,
+    verdict: Verdict | None = None,
+    number: Number = decimals,
+) -> None:
+    """Show a result, and write what belongs to it into a folder: all of it or nothing.
+
+    Parameters
+    ----------
+    result : dataclass
+        With a field `files` where `out` is given; it gets the names of what was written.
+    lines : callable
+        Words and tables for people.
+    as_json : bool
+        Print one JSON object instead.
+    out : Path, optional
+        Folder for files.
+    write : callable
+        Given the folder, writes files and gives their names; not called for a refused result.
+    page : callable
+        Given the folder with those files, the HTML of `report.html`, or of `refused.html`.
+    verdict : Verdict
+        Of a result that may be refused.
+    number : callable
+        How floats of the JSON object are rounded.
+
+    Raises
+    ------
+    SystemExit
+        With code 3 where the result was refused.
+    """
+    refused = verdict is not None and verdict.refused
+    if out is not None:
+        from skinmap.io.output import staged_folder
+
+        with staged_folder(out) as stage:
+            files = [] if refused or write is None else list(write(stage))
+            if page is not None:
+                files.append(REFUSED_PAGE if refused else PAGE)
+                (stage / files[-1]).write_text(page(stage), encoding="utf-8")
+        result = dataclasses.replace(result, files=files)
+    if as_json:
+        emit(result, number)
+    else:
+        show(lines(result))
+        for file in getattr(result, "files", ()):
+            click.echo(str(file if out is None else out / file))
+    if refused:
+        raise SystemExit(REFUSED_CODE)
+
+
+def show(lines: Iterable[str | Table]) -> None:
+    """Print words and tables for people."""
+    for line in lines:
+        if isinstance(line, Table):
+            line.print()
+        else:
+            click.echo(line)
+
+
+def emit(result: Any, number: Number = decimals) -> None:
+    """Print a result as one JSON object on standard output, over several lines."""
+    click.echo(json.dumps(object_of(result, number), indent=2, allow_nan=False))
+
+
+def emit_line(result: Any) -> None:
+    """Print a result as one line, for what has no end; without what was taken from a profile."""
+    click.echo(json.dumps(plain(result), allow_nan=False))
+
+
+def object_of(result: Any, number: Number = decimals) -> dict[str, Any]:
+    """The JSON object of a result, with what was taken from a profile if one was given."""
+    used = profile_used()
+    plainly: dict[str, Any] = plain(result, number)
+    return plainly if used is None else plainly | {"profile": plain(used, number)}

@@ -1,0 +1,71 @@
+"""A result as plain data: a frozen dataclass with units in its names, ready for JSON.
+
+A field that exists only with some option has the default `msgspec.UNSET`, and is then no key. A
+field whose name Python keeps for itself ends in an underscore (`with_`), its key does not. The
+items of a field with the metadata `MERGED` become keys of the object itself.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from msgspec import UNSET
+
+# Metadata of a field that holds a mapping of further keys of the object itself.
+MERGED = {"merged": True}
+
+
+def decimals(value: float) -> float:
+    """A number to six decimals: below a micrometre, a microsecond, a thousandth of a percent."""
+    return round(value, 6)
+
+
+def significant(value: float) -> float:
+    """A number to six digits, for results that span decades."""
+    return float(f"{value:.6g}")
+
+
+def key_of(field: dataclasses.Field[Any]) -> str:
+    """The key of a field."""
+    return field.name.rstrip("_")
+
+
+def plain(value: Any, number: Callable[[float], float] = decimals) -> Any:
+    """Nested data with Python numbers only, None for NaN and infinity.
+
+    Parameters
+    ----------
+    value : object
+        A result, or whatever its fields hold: mappings, sequences, arrays, paths, numbers.
+    number : callable
+        How floats are rounded.
+    """
+    if dataclasses.is_dataclass(value):
+        return _fields(value, number)
+    if isinstance(value, Mapping):
+        return {str(key): plain(item, number) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item, number) for item in value]
+    if isinstance(value, Enum):
+        return value.value
+    if hasattr(value, "tolist"):
+        return plain(value.tolist(), number)
+    if isinstance(value, float):
+        return number(value) if math.isfinite(value) else None
+    return str(value) if isinstance(value, Path) else value
+
+
+def _fields(value: Any, number: Callable[[float], float]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for field in dataclasses.fields(value):
+        item = getattr(value, field.name)
+        if field.metadata == MERGED:
+            found |= plain(item, number)
+        elif item is not UNSET:
+            found[key_of(field)] = plain(item, number)
+    return found
