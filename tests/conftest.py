@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -26,6 +27,12 @@ settings.register_profile(
     max_examples=int(os.environ.get("FUZZ_EXAMPLES", "5000")),
 )
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
+
+# A shell without job control starts what runs in the background (`make test &` in a script) with
+# Ctrl-C ignored, and every child of a test would inherit that: commands that a test interrupts
+# would go on for ever.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # What a test makes it makes itself, and nobody's own cache is touched.
 os.environ["SKINMAP_CACHE"] = "off"

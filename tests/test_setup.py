@@ -1,7 +1,10 @@
 """Set-up: what is missing, which command follows, which exit code; and what gets packaged."""
 
 import importlib.util
+import os
 import re
+import subprocess
+import sys
 import tomllib
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, distribution
@@ -29,7 +32,7 @@ def load_script(name: str) -> ModuleType:
 system_packages = load_script("system_packages")
 
 
-class Machine:
+class Machine(system_packages.Machine):  # type: ignore[misc, name-defined]
     """A pretended Debian: programs, installed packages, and what its package lists know."""
 
     def __init__(
@@ -40,12 +43,14 @@ class Machine:
         lists_are_new: bool = True,
         online: bool = True,
         sudo_asks: bool = False,
+        may_install: bool = True,
     ) -> None:
         self.programs = programs
         self.lacks = list(lacks)
         self.lists_are_new = lists_are_new
         self.online = online
         self.sudo_asks = sudo_asks
+        self.may_install = may_install
         self.commands: list[list[str]] = []
 
     def find(self, program: str) -> str | None:
@@ -67,26 +72,28 @@ class Machine:
         return True
 
     def check(self, *arguments: str, user: int = 0) -> int:
-        code = system_packages.main(
-            arguments, missing=self.missing, user=user, find=self.find, run=self.run
-        )
+        self.user = user
+        code = system_packages.main(arguments, self)
         assert isinstance(code, int)
         return code
 
 
-def test_missing_packages_names_the_package_of_each_library() -> None:
+def test_missing_packages_names_the_package_of_each_library(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     absent = {"libGL.so.1", "libusb-1.0.so.0"}
-    found = system_packages.missing_packages(
-        with_uv=False, loads=lambda name: name not in absent, ensurepip=lambda: True
-    )
+    monkeypatch.setattr(system_packages, "library_loads", lambda name: name not in absent)
+    found = system_packages.Machine().missing(with_uv=True)
     assert found == ["libgl1", "libusb-1.0-0"]
 
 
 @pytest.mark.parametrize(("with_uv", "count"), [(False, 1), (True, 0)])
-def test_missing_packages_needs_venv_only_without_uv(with_uv: bool, count: int) -> None:
-    found = system_packages.missing_packages(
-        with_uv=with_uv, loads=lambda _name: True, ensurepip=lambda: False
-    )
+def test_missing_packages_needs_venv_only_without_uv(
+    with_uv: bool, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(system_packages, "library_loads", lambda _name: True)
+    monkeypatch.setattr(system_packages.importlib.util, "find_spec", lambda _name: None)
+    found = system_packages.Machine().missing(with_uv=with_uv)
     assert len(found) == count
     assert all(re.fullmatch(r"python3\.\d+-venv", name) for name in found)
 
@@ -144,9 +151,14 @@ def test_main_installs_through_sudo_that_does_not_ask() -> None:
             0,
             "apt-get update && apt-get install -y libgl1",
         ),
-        (Machine(programs=[], lacks=["libgl1"]), 0, "Missing system packages"),
+        (Machine(programs=[], lacks=["libgl1"]), 0, "missing system packages"),
+        (
+            Machine(lacks=["libgl1"], may_install=False),
+            0,
+            "apt-get update && apt-get install -y libgl1",
+        ),
     ],
-    ids=["sudo asks", "no sudo", "offline", "no apt"],
+    ids=["sudo asks", "no sudo", "offline", "no apt", "INSTALL=0"],
 )
 def test_main_prints_one_line_and_stops_where_it_may_not_install(
     machine: Machine, user: int, line: str, capsys: pytest.CaptureFixture[str]
@@ -161,12 +173,47 @@ def test_main_prints_one_line_and_stops_where_it_may_not_install(
     assert all(name in last for name in lacking)
 
 
+class Stubborn(Machine):
+    def missing(self, *, with_uv: bool) -> list[str]:
+        return ["libgl1"]
+
+
 def test_main_stops_where_an_installed_package_still_does_not_load() -> None:
-    machine = Machine(lacks=["libgl1"])
-    stubborn = system_packages.main(
-        [], missing=lambda **_: ["libgl1"], user=0, find=machine.find, run=machine.run
+    assert Stubborn().check() == 2
+
+
+def test_packages_are_named_before_they_are_installed(capsys: pytest.CaptureFixture[str]) -> None:
+    said: list[str] = []
+
+    class Listens(Machine):
+        def run(self, command: Sequence[str]) -> bool:
+            said.append(capsys.readouterr().err)
+            return super().run(command)
+
+    assert Listens(programs=["apt-get"], lacks=["libgl1", "libegl1"]).check() == 0
+    assert said == ["Installing system packages: libgl1 libegl1 (INSTALL=0 only prints the line)\n"]
+
+
+@pytest.mark.parametrize("arguments", [(), ("--browser",)])
+def test_install_0_runs_nothing(arguments: tuple[str, ...]) -> None:
+    machine = Machine(lacks=["libgl1"], may_install=False)
+    machine.check(*arguments)
+    assert machine.commands == []
+
+
+@pytest.mark.parametrize(("value", "expected"), [("0", "False"), ("1", "True"), ("", "True")])
+def test_install_comes_from_the_environment(value: str, expected: str) -> None:
+    code = "import system_packages; print(system_packages.Machine.may_install)"
+    environment = {**os.environ, "INSTALL": value}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT / "scripts",
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    assert stubborn == 2
+    assert done.stdout.strip() == expected
 
 
 def test_browser_is_installed_for_tests_where_allowed() -> None:
@@ -188,7 +235,9 @@ def test_browser_that_cannot_be_had_is_told_and_no_fault(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert Machine(programs=[]).check("--browser") == 0
-    assert "tests of the page in a browser are skipped" in capsys.readouterr().err
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "not tested in a browser" in line
+    assert "chromium" in line
 
 
 def test_package_list_is_what_the_folders_hold() -> None:

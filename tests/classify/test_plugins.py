@@ -19,7 +19,7 @@ from skinmap.classify.classifier import TouchClassifier, calibrated, classifiers
 from skinmap.classify.plugins import LabelsOnly, touch_classifier
 from skinmap.errors import BrokenPluginError, InvalidArrayError, UnknownNameError
 
-EXAMPLE = Path(__file__).parents[2] / "docs" / "plugin"
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "plugins"
 RUN = """
 import sys
 sys.path.insert(0, sys.argv[1])
