@@ -17,6 +17,7 @@ Nocedal and Wright, "Numerical Optimization", 2006, section 7.2: the two-loop re
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from skinmap.flat.local_global import ITERATIONS as RIGID_STEPS
 from skinmap.flat.local_global import as_rigid_as_possible
 from skinmap.geometry.triangles import cross_2d
 
+Barrier = Callable[[FloatArray], tuple[float, FloatArray]]
 ITERATIONS = 200  # near an isometry about 10 are enough
 WILD = 8.0  # mean energy of a start, 4 for an isometry, from which others are tried
 MEMORY = 8  # pairs of steps and changes of gradient kept
@@ -42,17 +44,21 @@ def locally_injective_map(disc: Disc, *, iterations: int = ITERATIONS) -> FloatA
     That is the conformal one wherever it does not flip and distorts moderately; else the better
     of the as-rigid-as-possible and the convex one.
     """
-    start = _at_best_size(disc, disc.conformal)
+    start = at_best_size(disc, disc.conformal)
     area = float(disc.areas.sum())
     if not energy_and_gradient(disc, start)[0] < WILD * area:
         rigid = as_rigid_as_possible(disc, disc.conformal, iterations=RIGID_STEPS)
-        others = [_at_best_size(disc, uv) for uv in (rigid, uniform_on_circle(disc))]
+        others = [at_best_size(disc, uv) for uv in (rigid, uniform_on_circle(disc))]
         start = min([start, *others], key=lambda uv: energy_and_gradient(disc, uv)[0])
     return symmetric_dirichlet_descent(disc, start, iterations=iterations)
 
 
 def symmetric_dirichlet_descent(
-    disc: Disc, start: FloatArray, *, iterations: int = ITERATIONS
+    disc: Disc,
+    start: FloatArray,
+    *,
+    iterations: int = ITERATIONS,
+    barrier: Barrier | None = None,
 ) -> FloatArray:
     """Less distorted flat coordinates than a start, every triangle keeping its side.
 
@@ -63,19 +69,29 @@ def symmetric_dirichlet_descent(
         Free of flips [m].
     iterations : int
         At most so many steps.
+    barrier : callable, optional
+        One more energy [m2] with its gradient (n, 2), of coordinates (n, 2).
 
     Returns
     -------
     (n, 2) array of float
         [m].
     """
+
+    def objective(uv: FloatArray) -> tuple[float, FloatArray]:
+        energy, gradient = energy_and_gradient(disc, uv)
+        if barrier is None or not np.isfinite(energy):
+            return energy, gradient
+        added, slope = barrier(uv)
+        return energy + added, gradient + slope
+
     uv = start
-    energy, gradient = energy_and_gradient(disc, uv)
+    energy, gradient = objective(uv)
     floor = 4.0 * float(disc.areas.sum())
     memory: deque[tuple[FloatArray, FloatArray]] = deque(maxlen=MEMORY)
     for _ in range(iterations):
         direction = -_quasi_newton(disc, gradient, memory)
-        moved = _line_search(disc, uv, energy, gradient, direction)
+        moved = _line_search(disc, objective, uv, energy, gradient, direction)
         if moved is None:
             break
         before, step = energy, moved[0] - uv
@@ -88,7 +104,7 @@ def symmetric_dirichlet_descent(
     return uv
 
 
-def _at_best_size(disc: Disc, uv: FloatArray) -> FloatArray:
+def at_best_size(disc: Disc, uv: FloatArray) -> FloatArray:
     """The map times the factor of least energy: |J|^2 s^2 against |J^-1|^2 s^-2."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         rows = disc.gradient @ uv
@@ -153,7 +169,12 @@ def _quasi_newton(
 
 
 def _line_search(
-    disc: Disc, uv: FloatArray, energy: float, gradient: FloatArray, direction: FloatArray
+    disc: Disc,
+    objective: Barrier,
+    uv: FloatArray,
+    energy: float,
+    gradient: FloatArray,
+    direction: FloatArray,
 ) -> tuple[FloatArray, float, FloatArray] | None:
     """Backtracking from the full step, or from short of the first flip; None where stuck."""
     slope = float(np.vdot(gradient, direction))
@@ -162,7 +183,7 @@ def _line_search(
     step = min(1.0, SAFE * largest_step(uv, direction, disc.faces))
     for _ in range(HALVINGS):
         moved = uv + step * direction
-        reached, new_gradient = energy_and_gradient(disc, moved)
+        reached, new_gradient = objective(moved)
         if reached <= energy + SUFFICIENT * step * slope:
             return moved, reached, new_gradient
         # The minimum of the parabola through what is known, kept within reason.

@@ -128,8 +128,17 @@ class Disc:
 
         return boundary_first(self)
 
+    def overlaps(self, uv: FloatArray) -> bool:
+        """Whether the border of a map (n, 2) touches or crosses itself.
+
+        Where it does not, a map that keeps the side of every triangle is one to one.
+        """
+        import shapely
+
+        return not shapely.is_simple(shapely.linearrings(uv[self.loop]))
+
     def is_injective(self, uv: FloatArray) -> bool:
-        """Whether a map (n, 2) is finite and keeps the side of every triangle."""
+        """Whether a map (n, 2) is finite and keeps the side of every triangle: locally so."""
         if uv.shape != (len(self.vertices), 2) or not np.isfinite(uv).all():
             return False
         return bool((signed_areas(uv, self.faces) > 0.0).all())

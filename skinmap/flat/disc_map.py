@@ -22,7 +22,8 @@ logger = logging.getLogger(__name__)
 
 DEFAULT = "balanced"
 HOLE_SHARE = 0.35  # a hole's length against the border's: up to here it is filled for the solve
-FALLBACKS = ("bff", "dirichlet", "tutte")  # the last never flips a triangle but for rounding
+FALLBACKS = ("bff", "dirichlet", "bijective", "tutte")  # the last never flips but for rounding
+ONE_TO_ONE = ("bijective", "tutte")  # what may mend a map that overlaps itself
 NO_AREA = 1e-12  # smallest altitude against the size of the surface that numbers still resolve
 
 
@@ -112,16 +113,19 @@ def map_disc(
                 words = f"{where}: no method keeps to the budget; {choice.method} comes nearest"
                 warnings.warn(f"{words} ({choice.reason})", SkinWarning, stacklevel=3)
             return DiscMap(choice.uv * size, choice.method, False, holes, choice.reason)
+    overlapped = False
     for name in (method, *FALLBACKS):
+        if overlapped and name not in ONE_TO_ONE:
+            continue
         uv = _attempt(name, disc, iterations if name == method else None)
-        if uv is not None:
+        if uv is not None and not disc.overlaps(uv):
             break
+        overlapped |= uv is not None
     else:
         raise FlatteningError(f"{where}: neither {method} nor a convex map is free of flips")
     if name != method:
-        warnings.warn(
-            f"{where}: {method} flips or fails, {name} is used", SkinWarning, stacklevel=3
-        )
+        what = "overlaps itself" if overlapped else "flips or fails"
+        warnings.warn(f"{where}: {method} {what}, {name} is used", SkinWarning, stacklevel=3)
     return DiscMap(uv * size, name, name != method, holes)
 
 
@@ -132,7 +136,7 @@ def _choose(disc: Disc, max_seconds: float | None, max_edge_rms: float | None) -
     except (ArithmeticError, ValueError, RuntimeError):  # a singular matrix, whatever it is called
         logger.info("flattening method auto fails", exc_info=True)
         return None
-    return choice if disc.is_injective(choice.uv) else None
+    return choice if disc.is_injective(choice.uv) and not disc.overlaps(choice.uv) else None
 
 
 def _attempt(name: str, disc: Disc, iterations: int | None) -> FloatArray | None:

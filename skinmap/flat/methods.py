@@ -14,6 +14,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.flat.bijective import bijective_map
 from skinmap.flat.budget import within_budget
 from skinmap.flat.convex import harmonic_on_circle, uniform_on_circle
 from skinmap.flat.dirichlet import locally_injective_map
@@ -140,6 +141,7 @@ OWN: dict[str, Flattener] = {
     "arap": on_disc(rigid_map),
     "slim": slim,
     "dirichlet": on_disc(locally_injective_map),
+    "bijective": on_disc(bijective_map),
     "fast": on_disc(bff),
     "balanced": on_disc(rigid_map),
     "accurate": accurate,
@@ -151,6 +153,7 @@ ITERATED: dict[str, Callable[[Disc, int], FloatArray]] = {
     "balanced": lambda disc, n: rigid_map(disc, iterations=n),
     "slim": lambda disc, n: slim(disc.vertices, disc.faces, disc.loop, iterations=n),
     "dirichlet": lambda disc, n: locally_injective_map(disc, iterations=n),
+    "bijective": lambda disc, n: bijective_map(disc, iterations=n),
 }
 SINGLE_PRECISION = ("tutte", "harmonic", "bff", "fast", "arap", "balanced", "dirichlet")
 PRECISIONS = ("float64", "float32")

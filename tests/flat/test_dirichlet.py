@@ -88,8 +88,8 @@ def test_every_step_lowers_the_energy_and_flips_nothing(cap, monkeypatch):
     disc, energies = cap(-0.8), []
     search = module._line_search
 
-    def watched(disc, uv, energy, gradient, direction):
-        result = search(disc, uv, energy, gradient, direction)
+    def watched(disc, *rest):
+        result = search(disc, *rest)
         if result is not None:
             energies.append(result[1])
             assert disc.is_injective(result[0])
