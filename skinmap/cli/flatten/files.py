@@ -15,6 +15,7 @@ from skinmap.flat.flat_map import FlatMap
 from skinmap.io.flat_maps.surface_files import write_obj_with_uv, write_vtp_with_uv
 from skinmap.report.image import image, media
 from skinmap.report.page import heading, note, page
+from skinmap.report.result import given
 from skinmap.report.table import Cell, Table
 
 
@@ -62,9 +63,7 @@ def report(found: Flattened, stage: Path) -> str:
             media(stage / f"{stem}.png", f"{part}: flat map and body"),
             media(compared, f"{part}: the same charts compared") if compared.exists() else "",
             image(histogram_figure(flat), f"{part}: histograms"),
-            Table(
-                ["patch", "channels of the triangle", metric.label], worst, "Worst triangles"
-            ).html(),
+            Table(["patch", "channels", metric.label], worst, "Worst triangles").html(),
         ]
     return page(f"{result.robot}: flat maps", sections)
 
@@ -87,24 +86,17 @@ def _patch_table(found: Flattened) -> Table:
 
 def _compare_table(found: Flattened) -> Table:
     columns = ["part", "patch", "with", "taxels drawn", "flips", "quasi-conformal", "largest"]
-    columns += [
-        "area sd",
-        "symmetric Dirichlet",
-        "largest",
-        "edge rms [%]",
-        "apart [mm]",
-        "seconds",
-    ]
+    columns += ["area sd", "symmetric Dirichlet", "largest", "edge rms [%]", "apart [mm]"]
     rows: list[list[Cell]] = [
         [
-            row.part, row.patch, row.with_, row.taxels or None, row.flips,
-            *_ends(row.quasi_conformal or None), row.area_sd,
-            *_ends(row.symmetric_dirichlet or None), row.edge_rms_percent,
-            row.distance_mm or None, row.seconds or None,
+            row.part, row.patch, row.with_, given(row.taxels), row.flips,
+            *_ends(given(row.quasi_conformal)), row.area_sd,
+            *_ends(given(row.symmetric_dirichlet)), row.edge_rms_percent,
+            given(row.distance_mm), given(row.seconds),
         ]
         for row in found.result.compare
     ]  # fmt: skip
-    return Table(columns, rows)
+    return Table([*columns, "seconds"], rows)
 
 
 def _ends(spread: Spread | None) -> tuple[float | None, float | None]:
