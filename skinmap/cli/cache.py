@@ -3,16 +3,74 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import click
 
 from skinmap.commands.groups import NamedGroup
-from skinmap.commands.options import json_option
+from skinmap.commands.options import prints
 from skinmap.commands.profiles import profile_option
 from skinmap.errors import OutputError, UnknownNameError
-from skinmap.report.present import emit
-from skinmap.report.table import table
+from skinmap.report.present import present
+from skinmap.report.table import Cell, Table
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class KindRow:
+    """What is kept of one kind.
+
+    Attributes
+    ----------
+    entries, used_mb
+        How many, and how much.
+    """
+
+    entries: int
+    used_mb: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CacheInfo:
+    """What is kept between runs.
+
+    Attributes
+    ----------
+    folder
+        Where; null where the cache is off.
+    state
+        "ready", "empty", "read-only", "off", or why it cannot be used.
+    limit_mb, used_mb
+        The most that is kept, and what is.
+    entries
+        How many.
+    kinds
+        By the kind of what is kept.
+    """
+
+    folder: str | None
+    state: str
+    limit_mb: float = 0.0
+    used_mb: float = 0.0
+    entries: int = 0
+    kinds: dict[str, KindRow] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CacheCleared:
+    """What was dropped.
+
+    Attributes
+    ----------
+    folder
+        Where; null where the cache is off.
+    dropped, freed_mb
+        Entries, and how much they were.
+    """
+
+    folder: str | None
+    dropped: int
+    freed_mb: float
 
 
 @click.group("cache", cls=NamedGroup)
@@ -30,36 +88,67 @@ def command() -> None:
 
 @command.command()
 @profile_option()
-@json_option
+@prints(CacheInfo)
 def info(as_json: bool) -> None:
     """Where it is, how full, and what of.
 
     Example:  skinmap cache info --json
     """
-    result = _facts()
-    if as_json:
-        emit(result)
-        return
-    if result["folder"] is None:
-        click.echo("Nothing is kept: the cache is off.")
-        return
-    click.echo(f"{result['folder']}: {result['state']}")
-    click.echo(
-        f"{result['entries']} entries, {result['used_mb']:.1f} of {result['limit_mb']:.0f} MB"
-    )
-    if result["kinds"]:
-        rows = [[kind, row["entries"], row["used_mb"]] for kind, row in result["kinds"].items()]
-        table(["kind", "entries", "MB"], rows)
+    present(cache_info(), _info_lines, as_json=as_json)
 
 
 @command.command()
 @click.option("--kind", help="Only what is of this kind; `skinmap cache info` lists them.")
 @profile_option()
-@json_option
+@prints(CacheCleared)
 def clear(kind: str | None, as_json: bool) -> None:
     """Drop what is kept; other files in the folder stay.
 
     Example:  skinmap cache clear --kind target
+    """
+    present(clear_cache(kind), _clear_lines, as_json=as_json)
+
+
+def cache_info() -> CacheInfo:
+    """Look into the cache."""
+    from skinmap.cache import open_cache
+
+    cache = open_cache()
+    if cache is None:
+        return CacheInfo(folder=None, state="off")
+    entries = cache.entries()
+    sizes: dict[str, list[int]] = {}
+    for entry in entries:
+        sizes.setdefault(entry.kind, []).append(entry.size)
+    state = "ready"
+    if not cache.folder.exists():
+        state = "empty"
+    elif not cache.folder.is_dir():
+        state = "unusable: not a folder"
+    elif not os.access(cache.folder, os.W_OK):
+        state = "read-only"
+    return CacheInfo(
+        folder=str(cache.folder),
+        state=state,
+        limit_mb=cache.limit / 1e6,
+        used_mb=sum(entry.size for entry in entries) / 1e6,
+        entries=len(entries),
+        kinds={
+            kind: KindRow(entries=len(own), used_mb=sum(own) / 1e6)
+            for kind, own in sorted(sizes.items())
+        },
+    )
+
+
+def clear_cache(kind: str | None) -> CacheCleared:
+    """Drop what is of a kind, or everything.
+
+    Raises
+    ------
+    UnknownNameError
+        Nothing of that kind is kept.
+    OutputError
+        Something cannot be dropped.
     """
     from skinmap.cache import open_cache
 
@@ -77,41 +166,24 @@ def clear(kind: str | None, as_json: bool) -> None:
             f"{len(stuck)} of {len(asked)} entries cannot be dropped from "
             f"{str(stuck[0].path.parent)!r}: no right to write there?"
         )
+    folder = None if cache is None else str(cache.folder)
     freed = sum(entry.size for entry in asked) / 1e6
-    if as_json:
-        folder = None if cache is None else str(cache.folder)
-        emit({"folder": folder, "dropped": len(asked), "freed_mb": freed})
-    else:
-        click.echo(
-            f"{len(asked)} entr{'y' if len(asked) == 1 else 'ies'} dropped, {freed:.1f} MB freed."
-        )
+    return CacheCleared(folder=folder, dropped=len(asked), freed_mb=freed)
 
 
-def _facts() -> dict[str, Any]:
-    from skinmap.cache import open_cache
+def _info_lines(result: CacheInfo) -> Iterator[str | Table]:
+    if result.folder is None:
+        yield "Nothing is kept: the cache is off."
+        return
+    yield f"{result.folder}: {result.state}"
+    yield f"{result.entries} entries, {result.used_mb:.1f} of {result.limit_mb:.0f} MB"
+    if result.kinds:
+        rows: list[list[Cell]] = [
+            [kind, row.entries, row.used_mb] for kind, row in result.kinds.items()
+        ]
+        yield Table(["kind", "entries", "MB"], rows)
 
-    cache = open_cache()
-    if cache is None:
-        nothing = {"limit_mb": 0.0, "used_mb": 0.0, "entries": 0, "kinds": {}}
-        return {"folder": None, "state": "off", **nothing}
-    entries = cache.entries()
-    kinds: dict[str, dict[str, float]] = {}
-    for entry in entries:
-        row = kinds.setdefault(entry.kind, {"entries": 0, "used_mb": 0.0})
-        row["entries"] += 1
-        row["used_mb"] += entry.size / 1e6
-    state = "ready"
-    if not cache.folder.exists():
-        state = "empty"
-    elif not cache.folder.is_dir():
-        state = "unusable: not a folder"
-    elif not os.access(cache.folder, os.W_OK):
-        state = "read-only"
-    return {
-        "folder": str(cache.folder),
-        "state": state,
-        "limit_mb": cache.limit / 1e6,
-        "used_mb": sum(entry.size for entry in entries) / 1e6,
-        "entries": len(entries),
-        "kinds": dict(sorted(kinds.items())),
-    }
+
+def _clear_lines(result: CacheCleared) -> Iterator[str]:
+    entries = f"{result.dropped} entr{'y' if result.dropped == 1 else 'ies'}"
+    yield f"{entries} dropped, {result.freed_mb:.1f} MB freed."

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 import click
 
-from skinmap.commands.options import json_option, open_robot, part_option, robot_argument
+from skinmap.commands.options import open_robot, part_option, prints, robot_argument
 from skinmap.commands.profiles import profile_option
-from skinmap.report.present import emit
+from skinmap.report.present import present
 
 if TYPE_CHECKING:
     from skinmap.skin.taxels import TaxelTable
@@ -19,6 +21,93 @@ FORMATS = ("csv", "icub", "urdf", "ply", "vtp")
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 MCAP = ".mcap"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedPart:
+    """The part that was written.
+
+    Attributes
+    ----------
+    name
+        Of the part, or of the bare table.
+    link
+        Whose frame the taxels are in; empty where a bare table does not say.
+    channels
+        Length of its live vector.
+    taxels, modules
+        How many.
+    """
+
+    name: str
+    link: str
+    channels: int
+    taxels: int
+    modules: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedTaxels:
+    """Taxels that were written.
+
+    Attributes
+    ----------
+    robot
+        Its name, or that of the bare table.
+    format
+        Of the file.
+    parts
+        One.
+    files
+        The file.
+    """
+
+    robot: str
+    format: str
+    parts: list[ExportedPart]
+    files: list[str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ChannelsOfPart:
+    """A part that was recorded.
+
+    Attributes
+    ----------
+    name, channels
+        The part, and how many values of a sample are its.
+    """
+
+    name: str
+    channels: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedRecording:
+    """A recording that was written in another format.
+
+    Attributes
+    ----------
+    robot
+        That was recorded; empty where the file does not say.
+    format
+        Of the file.
+    kind
+        What the values are.
+    samples
+        How many.
+    parts
+        In the order of the channels.
+    files
+        The file.
+    """
+
+    robot: str
+    format: str
+    kind: Literal["raw", "pressure"]
+    samples: int
+    parts: list[ChannelsOfPart]
+    files: list[str]
 
 
 @click.command("export")
@@ -34,7 +123,7 @@ MCAP = ".mcap"
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
 @click.option("--read-as", help="Format of a bare table, if its suffix does not tell.")
 @profile_option()
-@json_option
+@prints(ExportedTaxels, ExportedRecording)
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -60,26 +149,35 @@ def command(
     Example:  skinmap export touch.mcap -o touch.h5
     Example:  skinmap export cut.mcap -o whole.mcap
     """
-    from skinmap.io.output import staged_file
-
     if Path(robot).suffix.lower() in RECORDINGS or (Path(robot) / "data.log").exists():
         if format or parts or unrepaired or read_as:
             raise click.UsageError("a recording is written whole, in the format that -o ends in")
-        _export_recording(Path(robot), output, as_json)
+        present(export_recording(Path(robot), output), _recording_lines, as_json=as_json)
         return
-    format = format or "csv"
     name, part, table = _table(robot, parts, unrepaired, read_as)
+    result = export_taxels(table, output, format or "csv", name, part)
+    present(result, _taxel_lines, as_json=as_json)
+
+
+def export_taxels(
+    table: TaxelTable, output: Path, format: str, robot: str, part: str
+) -> ExportedTaxels:
+    """Write taxels."""
+    from skinmap.io.output import staged_file
+
     with staged_file(output) as stage:
-        _write(table, stage, format, name, part)
-    row = _row(part, table)
-    if as_json:
-        emit({"robot": name, "format": format, "parts": [row], "files": [output]})
-        return
-    click.echo(f"{part}: {row['taxels']} taxels, {row['modules']} modules")
-    click.echo(str(output))
+        _write(table, stage, format, robot, part)
+    row = ExportedPart(
+        name=part,
+        link=table.link,
+        channels=int(table.channels[-1]) + 1,
+        taxels=len(table),
+        modules=len(set(table.modules.tolist())),
+    )
+    return ExportedTaxels(robot=robot, format=format, parts=[row], files=[str(output)])
 
 
-def _export_recording(path: Path, output: Path, as_json: bool) -> None:
+def export_recording(path: Path, output: Path) -> ExportedRecording:
     """Write a recording as arrays."""
     from skinmap.errors import UnknownNameError
     from skinmap.io.output import staged_file
@@ -99,19 +197,25 @@ def _export_recording(path: Path, output: Path, as_json: bool) -> None:
         track = open_track(path)
         with staged_file(output) as stage:
             getattr(learning, WRITERS[suffix])(track, stage)
-    parts = [
-        {"name": part, "channels": width}
-        for part, width in zip(track.parts, track.widths, strict=True)
-    ]
-    kind, samples = track.kind, len(track.times)
-    if as_json:
-        emit({
-            "robot": track.robot, "format": suffix[1:], "kind": kind, "samples": samples,
-            "parts": parts, "files": [output],
-        })  # fmt: skip
-        return
-    click.echo(f"{samples} samples of {kind} values, {track.channels} channels")
-    click.echo(str(output))
+    pairs = zip(track.parts, track.widths, strict=True)
+    return ExportedRecording(
+        robot=track.robot,
+        format=suffix[1:],
+        kind=track.kind,
+        samples=len(track.times),
+        parts=[ChannelsOfPart(name=part, channels=width) for part, width in pairs],
+        files=[str(output)],
+    )
+
+
+def _taxel_lines(result: ExportedTaxels) -> Iterator[str]:
+    for row in result.parts:
+        yield f"{row.name}: {row.taxels} taxels, {row.modules} modules"
+
+
+def _recording_lines(result: ExportedRecording) -> Iterator[str]:
+    channels = sum(part.channels for part in result.parts)
+    yield f"{result.samples} samples of {result.kind} values, {channels} channels"
 
 
 def _table(
@@ -149,13 +253,3 @@ def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) ->
         export.write_icub(table, path, name=table.link or "_".join(part.split()))
     else:
         {"csv": write_csv, "ply": export.write_ply, "vtp": export.write_vtp}[format](table, path)
-
-
-def _row(part: str, table: TaxelTable) -> dict[str, Any]:
-    return {
-        "name": part,
-        "link": table.link,
-        "channels": int(table.channels[-1]) + 1,
-        "taxels": len(table),
-        "modules": len(set(table.modules.tolist())),
-    }

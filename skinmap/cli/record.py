@@ -6,14 +6,15 @@ import glob
 import signal
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.commands.options import json_option, open_robot, part_option, robot_option, seed_option
+from skinmap.commands.options import open_robot, part_option, prints, robot_option, seed_option
 from skinmap.commands.profiles import profile_option
-from skinmap.report.present import emit
+from skinmap.report.present import present
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
@@ -21,6 +22,26 @@ if TYPE_CHECKING:
     from skinmap.live.sources.source import Source
 
 LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk before dropping
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RecordResult:
+    """What was recorded.
+
+    Attributes
+    ----------
+    samples, dropped
+        Written, and lost because the disk was too slow.
+    bytes
+        Of all files.
+    files
+        In the order in which they were begun.
+    """
+
+    samples: int
+    dropped: int
+    bytes: int
+    files: list[str]
 
 
 @click.command("record")
@@ -54,7 +75,7 @@ LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk befo
 )  # fmt: skip
 @seed_option
 @profile_option()
-@json_option
+@prints(RecordResult)
 def command(
     source: str,
     output: Path,
@@ -118,7 +139,13 @@ def command(
                     pass
     finally:
         origin.close()
-    _say(recorder, as_json)
+    result = RecordResult(
+        samples=recorder.counts.written,
+        dropped=recorder.counts.dropped,
+        bytes=sum(file.stat().st_size for file in recorder.files),
+        files=[str(file) for file in recorder.files],
+    )
+    present(result, _lines, as_json=as_json)
 
 
 def _check_output(output: Path, source: str, *, force: bool) -> None:
@@ -135,22 +162,9 @@ def _check_output(output: Path, source: str, *, force: bool) -> None:
             raise OutputError(f"{str(path)!r} is there already; --force replaces it")
 
 
-def _say(recorder: Recorder, as_json: bool) -> None:
-    counts = recorder.counts
-    size = sum(file.stat().st_size for file in recorder.files)
-    if as_json:
-        emit(
-            {
-                "samples": counts.written,
-                "dropped": counts.dropped,
-                "bytes": size,
-                "files": recorder.files,
-            }
-        )
-        return
-    click.echo(f"{counts.written} samples, {counts.dropped} dropped, {size / 1e6:.1f} MB")
-    for file in recorder.files:
-        click.echo(str(file))
+def _lines(result: RecordResult) -> Iterator[str]:
+    size = result.bytes / 1e6
+    yield f"{result.samples} samples, {result.dropped} dropped, {size:.1f} MB"
 
 
 @contextmanager

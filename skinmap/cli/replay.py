@@ -2,14 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 
-from skinmap.commands.options import json_option, part_option
+from skinmap.commands.options import open_robot, part_option, prints
 from skinmap.commands.profiles import profile_option
-from skinmap.report.present import emit
+from skinmap.report.present import present
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ReplayResult:
+    """What was played.
+
+    Attributes
+    ----------
+    samples, seconds
+        Sent, and how long that took.
+    published
+        Where to; null where nobody could follow.
+    """
+
+    samples: int
+    seconds: float
+    published: str | None
 
 
 @click.command("replay")
@@ -24,7 +43,7 @@ from skinmap.report.present import emit
 @click.option("--loop", is_flag=True, help="Start again at the end, until Ctrl-C.")
 @click.option("--seconds", type=click.FloatRange(min=0.0), help="Stop after these.")
 @profile_option()
-@json_option
+@prints(ReplayResult)
 def command(
     recording: Path,
     robot: str | None,
@@ -40,7 +59,6 @@ def command(
     \b
     Example:  skinmap replay touch.mcap --publish lsl:demo --loop
     """
-    from skinmap.commands.options import open_robot
     from skinmap.live.publishing.publish import open_publisher
     from skinmap.live.sources.open_recording import open_recording
 
@@ -54,11 +72,8 @@ def command(
         source.close()
         if publisher is not None:
             publisher.close()
-    result = {"samples": sent, "seconds": played, "published": publish}
-    if as_json:
-        emit(result)
-        return
-    click.echo(f"{sent} samples in {played:.2f} s")
+    result = ReplayResult(samples=sent, seconds=played, published=publish)
+    present(result, _lines, as_json=as_json)
 
 
 def _play(source: Any, publisher: Any, seconds: float | None) -> tuple[int, float]:
@@ -79,3 +94,7 @@ def _play(source: Any, publisher: Any, seconds: float | None) -> tuple[int, floa
     except (SourceEnded, KeyboardInterrupt):
         pass
     return sent, time.perf_counter() - began
+
+
+def _lines(result: ReplayResult) -> Iterator[str]:
+    yield f"{result.samples} samples in {result.seconds:.2f} s"

@@ -3,29 +3,93 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 import click
 
-from skinmap.commands.options import (
-    json_option,
-    open_robot,
-    out_option,
-    part_option,
-    robot_argument,
-)
+from skinmap.commands.options import open_robot, out_option, part_option, prints, robot_argument
 from skinmap.commands.profiles import profile_option
-from skinmap.report.present import emit
-from skinmap.report.table import table
+from skinmap.report.present import present
+from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from skinmap.neighbours.offsets import Neighbourhoods
-    from skinmap.neighbours.structures import Structures
     from skinmap.touch.prepared_skin import PreparedSkin
 
 RARE = 5  # structures with fewer members say little about the lattice
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StructureRow:
+    """One structure.
+
+    Attributes
+    ----------
+    structure
+        Its number.
+    taxels
+        That have it.
+    neighbours
+        That a taxel of it has.
+    """
+
+    structure: int
+    taxels: int
+    neighbours: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StructuresResult:
+    """Neighbourhood shapes that repeat.
+
+    Attributes
+    ----------
+    robot, parts
+        Where they were looked for.
+    radius_mm
+        Of a neighbourhood.
+    radius_is
+        Where the radius comes from.
+    tolerance_mm
+        How far neighbours may stray.
+    rotations
+        Turns that make no difference; 1: none.
+    distance
+        Straight, or along the skin.
+    structures
+        How many there are.
+    taxels
+        Of all parts.
+    rare_taxels, rare_share
+        Taxels in structures with fewer than 5 members, and their share.
+    leftovers
+        Taxels alone in their structure.
+    without_structure
+        Taxels that have none.
+    table
+        The commonest structure first.
+    files
+        Pictures inside `--out`.
+    """
+
+    robot: str
+    parts: list[str]
+    radius_mm: float
+    radius_is: Literal["requested", "auto"]
+    tolerance_mm: float
+    rotations: int
+    distance: Literal["euclidean", "geodesic"]
+    structures: int
+    taxels: int
+    rare_taxels: int
+    rare_share: float
+    leftovers: int
+    without_structure: int
+    table: list[StructureRow]
+    files: list[str] = field(default_factory=list)
 
 
 @click.command("structures")
@@ -56,14 +120,14 @@ RARE = 5  # structures with fewer members say little about the lattice
 )
 @out_option
 @profile_option("classify")
-@json_option
+@prints(StructuresResult)
 def command(
     robot: str,
     parts: tuple[str, ...],
     radius_mm: str,
     tolerance_mm: float,
     rotations: str,
-    distance: str,
+    distance: Literal["euclidean", "geodesic"],
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -86,38 +150,48 @@ def command(
     found = find_structures(
         concatenate(hoods), tolerance=tolerance_mm * 1e-3, rotations=int(rotations)
     )
-    files = []
-    if out is not None:
-        from skinmap.io.output import staged_folder
+    counts = found.counts
+    without = int((found.labels < 0).sum())
+    rare = int(counts[counts < RARE].sum()) + without
+    result = StructuresResult(
+        robot=loaded.name,
+        parts=list(names),
+        radius_mm=radius * 1e3,
+        radius_is="auto" if wanted is None else "requested",
+        tolerance_mm=tolerance_mm,
+        rotations=int(rotations),
+        distance=distance,
+        structures=len(found.prototypes),
+        taxels=len(found.labels),
+        rare_taxels=rare,
+        rare_share=rare / max(len(found.labels), 1),
+        leftovers=len(found.leftovers),
+        without_structure=without,
+        table=[
+            StructureRow(structure=s, taxels=int(count), neighbours=int(filled.sum()))
+            for s, (count, filled) in enumerate(zip(counts, found.prototypes.filled, strict=True))
+        ],
+    )
+
+    def write(stage: Path) -> Iterator[str]:
         from skinmap.report.structure_figures import body_figure, structures_figure
 
-        with staged_folder(out) as stage:
-            structures_figure(skins, found, stage / "structures.png")
-            body_figure(loaded, skins, found, stage / "structures_body.png")
-        files = ["structures.png", "structures_body.png"]
-    result = summary(found)
-    if as_json:
-        settings = {
-            "radius_mm": radius * 1e3,
-            "radius_is": "requested" if wanted is not None else "auto",
-            "tolerance_mm": tolerance_mm,
-            "rotations": int(rotations),
-            "distance": distance,
-        }
-        emit({"robot": loaded.name, "parts": list(names), **settings, **result, "files": files})
-        return
-    click.echo(
-        f"{result['structures']} structures over {result['taxels']} taxels within "
-        f"{radius * 1e3:.2f} mm; {result['rare_taxels']} taxels "
-        f"({100.0 * result['rare_share']:.1f} %) in structures with fewer than {RARE} members, "
-        f"{result['leftovers']} of them alone"
+        structures_figure(skins, found, stage / "structures.png")
+        body_figure(loaded, skins, found, stage / "structures_body.png")
+        yield from ("structures.png", "structures_body.png")
+
+    present(result, _lines, as_json=as_json, out=out, write=write)
+
+
+def _lines(result: StructuresResult) -> Iterator[str | Table]:
+    yield (
+        f"{result.structures} structures over {result.taxels} taxels within "
+        f"{result.radius_mm:.2f} mm; {result.rare_taxels} taxels "
+        f"({100.0 * result.rare_share:.1f} %) in structures with fewer than {RARE} members, "
+        f"{result.leftovers} of them alone"
     )
-    table(
-        ["structure", "taxels", "neighbours"],
-        [[row["structure"], row["taxels"], row["neighbours"]] for row in result["table"]],
-    )
-    for file in files:
-        click.echo(str(Path(out or ".") / file))
+    rows = [[row.structure, row.taxels, row.neighbours] for row in result.table]
+    yield Table(["structure", "taxels", "neighbours"], rows)
 
 
 def read_radius(text: str) -> float | None:
@@ -148,26 +222,3 @@ def _neighbourhoods(
 
     symmetry = rotations if rotations > 1 else LATTICE
     return skin.neighbourhoods(radius=radius, distance=distance, symmetry=symmetry)
-
-
-def summary(found: Structures) -> dict[str, Any]:
-    """The numbers of a set of structures, ready for JSON."""
-    counts = found.counts
-    without = int((found.labels < 0).sum())
-    rare = int(counts[counts < RARE].sum()) + without
-    return {
-        "structures": len(found.prototypes),
-        "taxels": len(found.labels),
-        "rare_taxels": rare,
-        "rare_share": rare / max(len(found.labels), 1),
-        "leftovers": len(found.leftovers),
-        "without_structure": without,
-        "table": [
-            {
-                "structure": s,
-                "taxels": int(count),
-                "neighbours": int(found.prototypes.filled[s].sum()),
-            }
-            for s, count in enumerate(counts)
-        ],
-    }

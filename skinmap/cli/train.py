@@ -2,15 +2,84 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from skinmap.commands.options import json_option, open_robot, part_option, robot_option, seed_option
+from skinmap.commands.options import open_robot, part_option, prints, robot_option, seed_option
 from skinmap.commands.profiles import profile_option
-from skinmap.report.present import emit
+from skinmap.report.present import present
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Accuracy:
+    """Share of touches named as recorded.
+
+    Attributes
+    ----------
+    same_parts
+        Of touches held out on the parts trained on; null where there is none.
+    other_parts
+        Of touches on parts that were not trained on; null where there is none.
+    """
+
+    same_parts: float | None
+    other_parts: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Tested:
+    """How many touches the accuracy is of.
+
+    Attributes
+    ----------
+    same_parts, other_parts
+        As above.
+    """
+
+    same_parts: int
+    other_parts: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrainResult:
+    """A model and how well it does.
+
+    Attributes
+    ----------
+    classifier
+        Its name.
+    settings
+        Knobs that were given.
+    labels
+        That it knows.
+    touches
+        That it was trained on.
+    seed
+        Of all randomness.
+    accuracy
+        On touches that it has not seen.
+    tested
+        How many those were.
+    per_part
+        Accuracy by part.
+    files
+        The model.
+    """
+
+    classifier: str
+    settings: dict[str, Any]
+    labels: list[str]
+    touches: int
+    seed: int
+    accuracy: Accuracy
+    tested: Tested
+    per_part: dict[str, float]
+    files: list[str]
 
 
 @click.command("train")
@@ -43,7 +112,7 @@ from skinmap.report.present import emit
 @click.option("--image-size", metavar="ROWSxCOLUMNS", help="Contact images.  [default: 66x100]")
 @seed_option
 @profile_option("classify")
-@json_option
+@prints(TrainResult)
 def command(
     recording: Path,
     robot: str,
@@ -64,18 +133,31 @@ def command(
     \b
     Example:  skinmap train touches.npz --part torso --part left_arm -o touch.skinmodel
     """
+    result = work(recording, robot, parts, classifier, output, seed, _own_knobs(knobs))
+    present(result, _lines, as_json=as_json)
+
+
+def work(
+    recording: Path,
+    robot: str,
+    parts: tuple[str, ...],
+    classifier: str,
+    output: Path,
+    seed: int,
+    knobs: dict[str, Any],
+) -> TrainResult:
+    """Train, write the model, and test it on what it has not seen."""
     import numpy as np
 
     from skinmap.classify.classifier_options import tuned_classifier
     from skinmap.classify.evaluate import score, split_touches
     from skinmap.classify.model_file import save_classifier
-    from skinmap.cli.classify.command import prepare_skins
+    from skinmap.cli.classify.recorded import prepare_skins
     from skinmap.cli.structures import auto_radius_of, read_radius
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import load_recordings
     from skinmap.neighbours.structures import RADIUS
 
-    knobs = _own_knobs(knobs)
     auto = knobs.get("radius_mm") == "auto"
     if knobs.get("radius_mm") is not None:
         knobs["radius_mm"] = round(1e3 * (read_radius(knobs["radius_mm"]) or RADIUS), 9)
@@ -92,25 +174,29 @@ def command(
         model = untrained.fit(split.train, rng=rng)
         save_classifier(model, stage)
     same, other = score(model, split.same_parts), score(model, split.other_parts)
-    result = {
-        "classifier": classifier,
-        "settings": {name: value for name, value in knobs.items() if value is not None},
-        "labels": list(model.labels),
-        "touches": len(split.train),
-        "seed": seed,
-        "accuracy": {"same_parts": same.accuracy, "other_parts": other.accuracy},
-        "tested": {"same_parts": same.touches, "other_parts": other.touches},
-        "per_part": {**same.per_part, **other.per_part},
-        "files": [output],
-    }
-    if as_json:
-        emit(result)
-        return
-    click.echo(f"{classifier}: trained on {len(split.train)} touches of {', '.join(model.labels)}")
-    for name, tested in (("the same parts", same), ("other parts", other)):
-        if tested.touches:
-            click.echo(f"{100 * tested.accuracy:.1f} % of {tested.touches} touches on {name}")
-    click.echo(str(output))
+    return TrainResult(
+        classifier=classifier,
+        settings={name: value for name, value in knobs.items() if value is not None},
+        labels=list(model.labels),
+        touches=len(split.train),
+        seed=seed,
+        accuracy=Accuracy(same_parts=same.accuracy, other_parts=other.accuracy),
+        tested=Tested(same_parts=same.touches, other_parts=other.touches),
+        per_part={**same.per_part, **other.per_part},
+        files=[str(output)],
+    )
+
+
+def _lines(result: TrainResult) -> Iterator[str]:
+    labels = ", ".join(result.labels)
+    yield f"{result.classifier}: trained on {result.touches} touches of {labels}"
+    both = (
+        ("the same parts", result.accuracy.same_parts, result.tested.same_parts),
+        ("other parts", result.accuracy.other_parts, result.tested.other_parts),
+    )
+    for where, accuracy, tested in both:
+        if tested and accuracy is not None:
+            yield f"{100 * accuracy:.1f} % of {tested} touches on {where}"
 
 
 def _own_knobs(knobs: dict[str, Any]) -> dict[str, Any]:

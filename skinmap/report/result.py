@@ -12,9 +12,11 @@ import math
 from collections.abc import Callable, Mapping
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
+
+T = TypeVar("T")
 
 # Metadata of a field that holds a mapping of further keys of the object itself.
 MERGED = {"merged": True}
@@ -33,6 +35,11 @@ def significant(value: float) -> float:
 def key_of(field: dataclasses.Field[Any]) -> str:
     """The key of a field."""
     return field.name.rstrip("_")
+
+
+def given(value: T | UnsetType) -> T | None:
+    """A field that may be absent, with None for that."""
+    return None if isinstance(value, UnsetType) else value
 
 
 def plain(value: Any, number: Callable[[float], float] = decimals) -> Any:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +11,10 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 
-from skinmap.cli.flatten.job import FlatJob, read_channels, run_job
+from skinmap.cli.flatten.job import mesh_surfaces, work
+from skinmap.cli.flatten.options import FlatOptions, read_channels
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
-from skinmap.flat.face_metrics import METRICS
 
 PROMISED = {
     "part", "patch", "vertices", "faces", "holes", "cut_mm", "method", "fallback", "flips",
@@ -219,14 +218,11 @@ def test_seams_keep_away_from_channels(tmp_path):
         [np.column_stack([here, next_, here + n]), np.column_stack([next_, next_ + n, here + n])]
     )
     write_obj(tmp_path / "tube.obj", tube, faces)
-    job = FlatJob(
-        "tube", "balanced", "area", METRICS["area"], (), None, False, read_channels(()), {},
-        "consensus", 0,
-    ).for_mesh(tmp_path / "tube.obj")  # fmt: skip
+    surfaces = mesh_surfaces([tmp_path / "tube.obj"])
 
     def seam(*words: str) -> set[int]:
-        _, maps, _, _ = run_job(replace(job, away=read_channels(words)))
-        (chart,) = maps["tube.obj"].charts
+        found = work(FlatOptions(method="balanced", away=read_channels(words)), surfaces)
+        (chart,) = found.maps["tube.obj"].charts
         return set(np.flatnonzero(np.bincount(chart.taxels) > 1).tolist())
 
     first = seam()

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from skinmap.cli.flatten.checkerboard import checkerboard, square_side
+from skinmap.cli.flatten.figures import checkerboard, square_side
 from skinmap.geometry.triangles import cross_2d, face_areas, face_normals, signed_areas
 from skinmap.report.projection import ENOUGH, SEEN, View, choose_views, draw_surface, shaded
 

@@ -31,7 +31,7 @@ FEW = 25  # examples of each target in the suite; `make fuzz` takes 5,000
 NO_READERS = {
     "skinmap.live.network.lsl_settings.load_lsl": "loads a library",
     "skinmap.live.response.files.load_responses": "load_response, by entry point",
-    "skinmap.cli.flatten.job.read_channels": "words of a command line, tested with the command",
+    "skinmap.cli.flatten.options.read_channels": "words of a command line, tested with the command",
     "skinmap.classify.classifier_options.read_size": "a word of a profile, tested with the knobs",
     "skinmap.cli.structures.read_radius": "words of a command line, tested with it",
     "calibration.commands.plane_job.read_planes": "words of a command line, tested with it",

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.commands.options import json_option, open_robot, part_option, robot_option, seed_option
+from skinmap.cli.classify.result import ClassifyResult, LiveSummary, LiveTouch
+from skinmap.commands.options import part_option, prints, robot_option, seed_option
 from skinmap.commands.profiles import profile_option
-from skinmap.report.present import emit
-from skinmap.report.table import table
-
-if TYPE_CHECKING:
-    from skinmap.classify.classifier import TouchClassifier
-    from skinmap.skin.robot import Robot
-    from skinmap.touch.grouping import GroupingRule
-    from skinmap.touch.prepared_skin import PreparedSkin
-    from skinmap.touch.recording import Recording
+from skinmap.report.present import present
+from skinmap.report.table import Table
 
 
 @click.command("classify")
@@ -60,7 +53,7 @@ if TYPE_CHECKING:
 )
 @seed_option
 @profile_option("classify")
-@json_option
+@prints(ClassifyResult, live=(LiveTouch, LiveSummary))
 def command(
     model: Path,
     source: str,
@@ -110,7 +103,9 @@ def command(
             as_json=as_json,
         )
         return
-    _classify_events(classifier, Path(source), robot, parts, rule, as_json=as_json)
+    from skinmap.cli.classify.recorded import work
+
+    present(work(classifier, Path(source), robot, parts, rule), _lines, as_json=as_json)
 
 
 def holds_events(source: str) -> bool:
@@ -124,141 +119,9 @@ def holds_events(source: str) -> bool:
     return track.kind == "pressure" and len(track.touches) > 0
 
 
-def _classify_events(
-    classifier: TouchClassifier,
-    path: Path,
-    robot: str,
-    parts: tuple[str, ...],
-    rule: GroupingRule,
-    *,
-    as_json: bool,
-) -> None:
-    """Name the touches of each event and compare them with what was recorded."""
-    from skinmap.errors import UnknownNameError
-    from skinmap.io.recordings.touch_files import load_recordings
-
-    recordings = load_recordings(path)
-    loaded, wanted = open_robot(robot, parts)
-    chosen = [one for one in recordings if one.part in wanted]
-    if not chosen:
-        asked = parts[0] if parts else f"any of {loaded.name}"
-        raise UnknownNameError("recorded part", asked, [one.part for one in recordings])
-    skins = prepare_skins(loaded, chosen)
-    check_model(classifier, skins, chosen)
-    rows: list[dict[str, Any]] = []
-    right = 0
-    for one in chosen:
-        found, hits = _name_events(classifier, skins[one.part], one, rule)
-        rows.extend(found)
-        right += hits
-    events = sum(len(one.labels) for one in chosen)
-    if as_json:
-        accuracy = right / events if events else None
-        emit(
-            {
-                "classifier": classifier.name,
-                "touches": rows,
-                "events": events,
-                "accuracy": accuracy,
-            }
-        )
-        return
+def _lines(result: ClassifyResult) -> Iterator[str | Table]:
     keys = ("part", "event", "touch", "label", "confidence", "recorded_label")
-    table([*keys[:-1], "recorded"], [[row[key] for key in keys] for row in rows])
-    click.echo(f"{right} of {events} as recorded")
-
-
-def _name_events(
-    classifier: TouchClassifier,
-    skin: PreparedSkin,
-    recording: Recording,
-    rule: GroupingRule,
-) -> tuple[list[dict[str, Any]], int]:
-    """A row for each touch of each event, and how many events were understood in full."""
-    import numpy as np
-
-    from skinmap.classify.classifier import NO_CONTACT
-    from skinmap.classify.naming import all_right, name_touches, true_labels
-    from skinmap.touch.grouping import GroupingRule as Rule  # the type alone above
-
-    step = np.diff(recording.times)
-    rate = 1.0 / float(np.median(step)) if len(step) and np.median(step) > 0 else 50.0
-    rule = Rule(span=rule.span, together=rule.together, rate=rate)
-    rows = []
-    right = 0
-    for event, label, samples in recording.touches():
-        owners = None if recording.owners is None else recording.owners[event]
-        named = name_touches(classifier, skin, samples, rule=rule)
-        right += all_right(named, samples, label, owners)
-        said = [(one.prediction.label, one.prediction.confidence) for one in named]
-        truth = true_labels(named, samples, label, owners)
-        for number, ((name, sure), recorded) in enumerate(
-            zip(said or [(NO_CONTACT, 1.0)], truth or [label], strict=True)
-        ):
-            rows.append(
-                {
-                    "part": recording.part,
-                    "event": event,
-                    "touch": number,
-                    "label": name,
-                    "confidence": sure,
-                    "recorded_label": recorded,
-                }
-            )
-    return rows, right
-
-
-def check_model(
-    classifier: TouchClassifier,
-    skins: Mapping[str, PreparedSkin],
-    recordings: Sequence[Recording],
-) -> None:
-    """Refuse skins that a model cannot name touches on; say what else does not fit.
-
-    Raises
-    ------
-    SkinMismatchError
-        A model that reads taxels by their number, and another skin.
-    """
-    from skinmap.classify.naming import JOIN
-    from skinmap.errors import SkinMismatchError
-
-    for skin in skins.values():
-        difference = classifier.difference(skin.skin)
-        if not difference.may_go_on:
-            raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
-        if difference.message:
-            click.echo(f"note: {difference.message}", err=True)
-    recorded = {kind for one in recordings for label in one.labels for kind in label.split(JOIN)}
-    strange = sorted(recorded - set(classifier.labels))
-    if strange:
-        click.echo(
-            f"note: recorded as {', '.join(strange)}, which the model cannot say; "
-            f"it knows {', '.join(classifier.labels)}",
-            err=True,
-        )
-
-
-def prepare_skins(robot: Robot, recordings: Sequence[Recording]) -> dict[str, PreparedSkin]:
-    """The skins of recorded parts; taxels and channels must agree.
-
-    Raises
-    ------
-    UnknownNameError
-        A recorded part that the robot lacks.
-    SkinMismatchError
-        A recording of another number of taxels.
-    """
-    from skinmap.errors import SkinMismatchError
-    from skinmap.touch.prepared_skin import PreparedSkin
-
-    skins = {}
-    for recording in recordings:
-        skin = PreparedSkin(robot.skin(recording.part))
-        if recording.pressures.shape[1] != len(skin):
-            raise SkinMismatchError(
-                f"the recording of {recording.part!r} has {recording.pressures.shape[1]} taxels, "
-                f"the skin of {robot.name} has {len(skin)}"
-            )
-        skins[recording.part] = skin
-    return skins
+    rows = [[getattr(row, key) for key in keys] for row in result.touches]
+    yield Table([*keys[:-1], "recorded"], rows)
+    right = round((result.accuracy or 0.0) * result.events)
+    yield f"{right} of {result.events} as recorded"

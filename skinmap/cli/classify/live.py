@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -11,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from skinmap.cli.classify.result import Latency, LiveSummary, LiveTouch
 from skinmap.commands.options import open_robot
-from skinmap.report.present import object_of
-from skinmap.report.result import plain
+from skinmap.live.sources.sample_counts import Counts
+from skinmap.report.present import emit_line, object_of
 
 if TYPE_CHECKING:
     from skinmap.classify.classifier import TouchClassifier
@@ -132,7 +132,7 @@ class _Run:
         for touch in self.loop.finished():
             self.touches += 1
             if self.as_json:
-                click.echo(json.dumps(plain(touch_line(touch)), allow_nan=False))
+                emit_line(touch_line(touch))
             else:
                 click.echo(
                     f"{touch.began:9.2f} s  {touch.part:18} {touch.label:14} "
@@ -145,48 +145,42 @@ class _Run:
         import numpy as np
 
         late = np.array(self.latencies) * 1e3
-        latency = {
-            name: float(np.percentile(late, share)) if len(late) else None
-            for name, share in (("median", 50), ("p99", 99), ("max", 100))
-        }
-        counts = self.loop.totals()
-        summary = {
-            "event": "summary",
-            "source": self.spec,
-            "classifier": self.classifier,
-            "parts": list(self.loop.skins),
-            "touches": self.touches,
-            "seconds": self.last - self.first,
-            "rate_hz": self.loop.info.rate,
-            "latency_ms": latency,
-            "counts": counts,
-        }
+        shares = [float(np.percentile(late, k)) if len(late) else None for k in (50, 99, 100)]
+        summary = LiveSummary(
+            source=self.spec,
+            classifier=self.classifier,
+            parts=list(self.loop.skins),
+            touches=self.touches,
+            seconds=self.last - self.first,
+            rate_hz=self.loop.info.rate,
+            latency_ms=Latency(median=shares[0], p99=shares[1], max=shares[2]),
+            counts=Counts(**self.loop.totals()),
+        )
         if self.as_json:
-            click.echo(json.dumps(object_of(summary), allow_nan=False))
+            emit_line(object_of(summary))
             return
-        median = "-" if latency["median"] is None else f"{latency['median']:.1f}"
+        median = "-" if shares[0] is None else f"{shares[0]:.1f}"
         click.echo(
-            f"{self.touches} touches in {counts['used']} samples, {counts['lost']} lost; "
-            f"{median} ms from a sample to its labels (median)"
+            f"{self.touches} touches in {summary.counts.used} samples, "
+            f"{summary.counts.lost} lost; {median} ms from a sample to its labels (median)"
         )
 
 
-def touch_line(touch: TouchEvent) -> dict[str, Any]:
+def touch_line(touch: TouchEvent) -> LiveTouch:
     """What is said of a touch that is over."""
-    return {
-        "event": "touch",
-        "touch": touch.identity,
-        "part": touch.part,
-        "label": touch.label,
-        "confidence": touch.confidence,
-        "start_s": touch.began,
-        "duration_s": touch.duration,
-        "area_mm2": touch.area * MM**2,
-        "path_mm": touch.path_length * MM,
-        "peak": touch.peak,
-        "centre_mm": touch.centre * MM,
-        "contacts": touch.contacts,
-    }
+    return LiveTouch(
+        touch=touch.identity,
+        part=touch.part,
+        label=touch.label,
+        confidence=touch.confidence,
+        start_s=touch.began,
+        duration_s=touch.duration,
+        area_mm2=touch.area * MM**2,
+        path_mm=touch.path_length * MM,
+        peak=touch.peak,
+        centre_mm=(touch.centre * MM).tolist(),
+        contacts=touch.contacts,
+    )
 
 
 def _passed(run: _Run, started: float) -> float:

@@ -221,7 +221,7 @@ def _recordings(settings: Settings) -> dict[str, Any]:
         evaluate_recordings,
         labelled_touches,
     )
-    from skinmap.cli.classify.command import prepare_skins
+    from skinmap.cli.classify.recorded import prepare_skins
     from skinmap.io.recordings.touch_files import load_recordings
 
     loaded, wanted = open_robot(settings.robot or "icub", settings.parts)

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from skinmap.cli.flatten.result import FlattenResult
 from skinmap.commands.options import (
-    json_option,
     open_robot,
+    out_folder,
     outside_option,
     part_option,
+    prints,
     seed_option,
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.commands.workers import worker_options, workers_options
-from skinmap.report.present import emit
-from skinmap.report.table import table
+from skinmap.report.present import present
+from skinmap.report.table import Cell, Table
 
 if TYPE_CHECKING:
-    from skinmap.cli.flatten.job import FlatJob
+    from skinmap.cli.flatten.job import Surfaces
 
 MESHES = (".stl", ".obj", ".ply", ".off", ".dae", ".glb", ".gltf", ".3mf")
 SEAM_HELP = "Channels that seams keep away from, as 3,8,20-31; may be repeated."
@@ -49,16 +52,14 @@ COMPARE_HELP = "Methods to compare with, and `drawing` for a hand-drawn map: bff
 )
 @click.option("--metric", default="edge_strain", show_default=True, help="What colours the maps.")
 @click.option("--seam-away", multiple=True, metavar="CHANNELS", help=SEAM_HELP)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for pictures, OBJ and VTP with texture coordinates, and report.html.",
-)
+@out_folder("pictures, OBJ and VTP with texture coordinates, and report.html")
 @workers_options
 @seed_option
 @profile_option("flatten")
-@json_option
-def command(robots: tuple[str, ...], out: Path | None, as_json: bool, **options: Any) -> None:
+@prints(FlattenResult)
+def command(
+    robots: tuple[str, ...], parts: tuple[str, ...], out: Path | None, as_json: bool, **options: Any
+) -> None:
     """Lay every patch of a robot's skin, or any triangle mesh, flat and measure the distortion.
 
     ROBOT is a built-in name (default: icub), the path of a manifest, or a mesh file (OBJ, STL,
@@ -73,113 +74,55 @@ def command(robots: tuple[str, ...], out: Path | None, as_json: bool, **options:
               skinmap flatten bunny.obj --method accurate --json
               skinmap flatten scans/*.stl --jobs 4 --resume scans.resume --json
     """
-    from skinmap.cli.flatten.job import run_job
+    from skinmap.cli.flatten.files import report, write
+    from skinmap.cli.flatten.job import work
+    from skinmap.cli.flatten.options import checked_options
 
     spread = worker_options(options)
-    job = _job(robots or ("icub",), **options)
+    asked = checked_options(**options)
+    surfaces = _surfaces(robots or ("icub",), parts, asked.meshing)
     title = "flatten"
-    with spread.open(title) as workers, progress(len(job.surfaces), title) as advance:
-        result, maps, others, drawn = run_job(job, workers=workers, progress=advance)
-    files: list[str] = []
-    if out is not None:
-        from skinmap.cli.flatten.files import write_all
-
-        with progress(len(maps), "drawing") as advance:
-            files = write_all(result, maps, others, drawn, job.metric, out, advance)
-    if as_json:
-        emit({**result, "files": files})
-        return
-    _print(result)
-    for file in files:
-        click.echo(str(Path(out or ".") / file))
+    with spread.open(title) as workers, progress(len(surfaces.makers), title) as advance:
+        found = work(asked, surfaces, workers=workers, progress=advance)
+    with progress(len(found.maps) if out else 0, "drawing") as advance:
+        present(
+            found.result,
+            _lines,
+            as_json=as_json,
+            out=out,
+            write=lambda stage: write(found, stage, advance),
+            page=lambda stage: report(found, stage),
+        )
 
 
-def _job(
-    robots: tuple[str, ...],
-    *,
-    parts: tuple[str, ...],
-    method: str | None,
-    max_seconds: float | None,
-    max_edge_rms: float | None,
-    meshing: str,
-    iterations: int | None,
-    precision: str,
-    compare: str,
-    drawing: Path | None,
-    metric: str,
-    seam_away: tuple[str, ...],
-    seed: int,
-) -> FlatJob:
-    """What was asked for, every name and number checked before any work is done."""
-    from skinmap.cli.flatten.job import (
-        FlatJob,
-        check_budget,
-        check_compare,
-        check_meshing,
-        read_channels,
-    )
+def _surfaces(robots: tuple[str, ...], parts: tuple[str, ...], meshing: str) -> Surfaces:
+    """What the arguments name: mesh files, or parts of one robot."""
+    from skinmap.cli.flatten.job import mesh_surfaces, robot_surfaces
     from skinmap.errors import UnknownNameError
-    from skinmap.flat.face_metrics import face_metric
-    from skinmap.flat.flat_map import DEFAULT
-    from skinmap.flat.methods import check_effort, flatteners
 
-    budgets = max_seconds is not None or max_edge_rms is not None
-    method = method or ("auto" if budgets else DEFAULT)
-    flatteners.get(method)
-    check_meshing(meshing)
-    check_effort(method, iterations, precision)
-    others, with_drawing = check_compare(compare)
-    job = FlatJob(
-        name=robots[0],
-        method=method,
-        metric_name=metric,
-        metric=face_metric(metric),
-        others=others,
-        drawing=drawing,
-        with_drawing=with_drawing or drawing is not None,
-        away=read_channels(seam_away),
-        budgets=check_budget(method, max_seconds, max_edge_rms),
-        meshing=meshing,
-        seed=seed,
-        iterations=iterations,
-        precision=precision,
-    )
     paths = [Path(robot) for robot in robots]
     if all(path.suffix.lower() in MESHES for path in paths):
         if parts:
             raise UnknownNameError("part", parts[0], ())
-        return job.for_meshes(list(dict.fromkeys(paths)))
+        return mesh_surfaces(list(dict.fromkeys(paths)))
     if len(robots) > 1:
         raise click.UsageError("several mesh files, or one robot: not " + " ".join(robots)[:200])
-    loaded, names = open_robot(robots[0], parts)
-    return job.for_robot(loaded, names)
+    return robot_surfaces(*open_robot(robots[0], parts), meshing)
 
 
-def _print(result: dict[str, Any]) -> None:
-    table(
-        ["part", "patch", "vertices", "holes", "method", "flips", "edge rms %", "area sd", "angle"],
+def _lines(result: FlattenResult) -> Iterator[Table]:
+    columns = ["part", "patch", "vertices", "holes", "method", "flips", "edge rms %", "area sd"]
+    rows: list[list[Cell]] = [
         [
-            [
-                row["part"],
-                row["patch"],
-                row["vertices"],
-                row["holes"],
-                row["method"],
-                row["flips"],
-                row["edge_rms_percent"],
-                row["area_sd"],
-                row["quasi_conformal"]["mean"],
-            ]
-            for row in result["patches"]
-        ],
-    )
-    if result["compare"]:
-        table(
-            ["part", "patch", "compared with", "flips", "edge rms %", "area sd"],
-            [
-                [row["part"], row["patch"], row["with"]]
-                + ["-" if row[key] is None else row[key] for key in
-                   ("flips", "edge_rms_percent", "area_sd")]
-                for row in result["compare"]
-            ],
-        )  # fmt: skip
+            row.part, row.patch, row.vertices, row.holes, row.method, row.flips,
+            row.edge_rms_percent, row.area_sd, row.quasi_conformal.mean,
+        ]
+        for row in result.patches
+    ]  # fmt: skip
+    yield Table([*columns, "angle"], rows)
+    if result.compare:
+        rows = [
+            [row.part, row.patch, row.with_, row.flips, row.edge_rms_percent, row.area_sd]
+            for row in result.compare
+        ]
+        yield Table(["part", "patch", "compared with", *columns[5:]], rows)

@@ -1,15 +1,16 @@
-"""Pictures of flat maps: the map and the patch on the body side by side, and maps compared."""
+"""Pictures of flat maps: the map and the patch on the body side by side, and maps compared.
+
+A checkerboard on the map is carried to the body: what one square becomes there is seen.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from skinmap.arrays import BoolArray, FloatArray
-from skinmap.cli.flatten.checkerboard import BOARD, checkerboard, square_side
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.flat.drawing_comparison import DrawnChart
 from skinmap.flat.face_metrics import METRICS, FaceMetric, seam_edges
 from skinmap.flat.flat_map import Chart, FlatMap
@@ -24,10 +25,13 @@ MAX_DRAWN = 120_000  # faces: of larger meshes each pixel would hold many, some 
 HEIGHT = 3.9  # inches of a row of panels
 DRAWN_LIMIT = 20.0  # per cent: end of the colour scale of drawings, several times ours
 STRETCHED = 98.0  # percentile that the colour scale reaches on bad maps
+BOARD = np.array([[0.93, 0.94, 0.95, 1.0], [0.30, 0.44, 0.62, 1.0]])  # squares: light, dark
+SQUARES = 14  # across a map, about
+MAX_CUT = 8_000  # triangles: finer ones take the colour under their middle
 
 
-def part_figure(flat: FlatMap, metric: FaceMetric, path: Path) -> None:
-    """Flat map and body side by side: coloured by a metric above, a checkerboard below."""
+def part_figure(flat: FlatMap, metric: FaceMetric) -> bytes:
+    """PNG: flat map and body side by side: coloured by a metric above, a checkerboard below."""
     frame = limb_frame(flat.mesh.vertices, flat.mesh.faces, flat.mesh.skin.up)
     views = choose_views(flat.mesh.vertices, flat.mesh.faces, frame)
     unit, factor = length_unit(flat)
@@ -64,16 +68,15 @@ def part_figure(flat: FlatMap, metric: FaceMetric, path: Path) -> None:
     bar.set_label(metric.label)
     seams = any(len(seam_edges(chart)) for chart in flat.charts)
     figure.suptitle(title(flat) + (", seams red" if seams else ""), fontsize=11)
-    path.write_bytes(picture_bytes(figure))
+    return picture_bytes(figure)
 
 
 def comparison_figure(
     maps: Sequence[tuple[str, FlatMap]],
     drawn: Sequence[DrawnChart],
     metric: FaceMetric,
-    path: Path,
-) -> None:
-    """Maps of one part by several methods in one colour scale, and the drawing laid over the first.
+) -> bytes:
+    """PNG: maps of one part by several methods in one colour scale, the drawing over the first.
 
     Triangles that the drawing turns over are black.
     """
@@ -100,11 +103,11 @@ def comparison_figure(
     bar = figure.colorbar(paint, ax=axes, shrink=0.8, extend="both", pad=0.01)
     bar.set_label(metric.label)
     figure.suptitle(f"{maps[0][1].mesh.skin.part}: the same charts compared", fontsize=11)
-    path.write_bytes(picture_bytes(figure))
+    return picture_bytes(figure)
 
 
-def histogram_figure(flat: FlatMap, path: Path) -> None:
-    """Area over each metric, patches stacked."""
+def histogram_figure(flat: FlatMap) -> bytes:
+    """PNG: area over each metric, patches stacked."""
     figure = plain_figure((12.0, 4.4))
     axes = figure.subplots(2, 3).ravel()
     for axis, metric in zip(axes, METRICS.values(), strict=True):
@@ -131,7 +134,7 @@ def histogram_figure(flat: FlatMap, path: Path) -> None:
         axis.spines[["top", "right"]].set_visible(False)
     if 1 < len(flat.charts) <= 8:
         axes[2].legend(fontsize=8, frameon=False)
-    path.write_bytes(picture_bytes(figure))
+    return picture_bytes(figure)
 
 
 def title(flat: FlatMap) -> str:
@@ -240,3 +243,79 @@ def _frame_body(axis: Any) -> None:
     axis.autoscale_view()
     axis.margins(0.03)
     axis.set_axis_off()
+
+
+def square_side(uv: FloatArray) -> float:
+    """Side of the squares for a map (n, 2): the largest of 1, 2, 5 times a power of ten."""
+    length = float(np.ptp(uv, axis=0).max()) / SQUARES
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= 1.000001 * length))
+
+
+def checkerboard(
+    uv: FloatArray, body: FloatArray, side: float
+) -> tuple[list[FloatArray], IntArray, IntArray]:
+    """Triangles cut along the lines of a board.
+
+    Parameters
+    ----------
+    uv : (m, 3, 2) array of float
+        Corners on the map.
+    body : (m, 3, 3) array of float
+        The same on the body.
+    side : float
+        Of the squares, in the unit of the map.
+
+    Returns
+    -------
+    pieces : list of (k, 5) array of float
+        Polygons: coordinates on the map, then on the body.
+    triangle : (p,) array of int
+        Where each piece comes from.
+    colour : (p,) array of int
+        0 or 1.
+    """
+    both = np.concatenate([uv, body], axis=2)
+    if len(uv) > MAX_CUT:
+        cell = np.floor(uv.mean(axis=1) / side).astype(np.int64)
+        return list(both), np.arange(len(uv)), cell.sum(axis=1) % 2
+    pieces, triangle, colour = [], [], []
+    for number, corners in enumerate(both):
+        for column, strip in _strips(corners, 0, side):
+            for row, piece in _strips(strip, 1, side):
+                pieces.append(piece)
+                triangle.append(number)
+                colour.append((column + row) % 2)
+    return pieces, np.array(triangle, np.int64), np.array(colour, np.int64)
+
+
+def _strips(polygon: FloatArray, axis: int, side: float) -> list[tuple[int, FloatArray]]:
+    """A convex polygon (k, 5) cut along the lines x_axis = i side, each strip with its i."""
+    low = int(np.floor(polygon[:, axis].min() / side))
+    high = int(np.ceil(polygon[:, axis].max() / side))
+    found = []
+    rest = polygon
+    for i in range(low, max(high - 1, low)):
+        line = (i + 1) * side
+        below = _half(rest, line - rest[:, axis])
+        rest = _half(rest, rest[:, axis] - line)
+        if len(below) >= 3:
+            found.append((i, below))
+    if len(rest) >= 3:
+        found.append((max(high - 1, low), rest))
+    return found
+
+
+def _half(polygon: FloatArray, inside: FloatArray) -> FloatArray:
+    """The part (k, 5) of a convex polygon where a linear function (k,) is not negative.
+
+    Sutherland and Hodgman, Communications of the ACM 17(1), 1974.
+    """
+    kept = []
+    for k in range(len(polygon)):
+        a, b = inside[k - 1], inside[k]
+        if (a < 0) != (b < 0):
+            kept.append(polygon[k - 1] + a / (a - b) * (polygon[k] - polygon[k - 1]))
+        if b >= 0:
+            kept.append(polygon[k])
+    return np.array(kept).reshape(-1, polygon.shape[1])

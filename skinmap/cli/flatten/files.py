@@ -2,74 +2,105 @@
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from skinmap.cli.flatten.figures import comparison_figure, histogram_figure, part_figure
-from skinmap.cli.flatten.report import Picture, write_flat_report
-from skinmap.flat.drawing_comparison import DrawnChart
-from skinmap.flat.face_metrics import METRICS, FaceMetric
+from skinmap.cli.flatten.job import Flattened
+from skinmap.cli.flatten.result import Spread
+from skinmap.flat.face_metrics import METRICS, face_metric
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.flat_maps.surface_files import write_obj_with_uv, write_vtp_with_uv
-from skinmap.io.output import staged_folder
+from skinmap.report.image import image, media
+from skinmap.report.page import heading, note, page
+from skinmap.report.result import given
+from skinmap.report.table import Cell, Table
 
-REPORT = "report.html"
+
+def write(found: Flattened, stage: Path, advance: Callable[[str], None]) -> Iterator[str]:
+    """Write a picture and the meshes of each part into a folder; the names."""
+    metric = face_metric(found.result.metric)
+    for part, flat in found.maps.items():
+        advance(part)
+        stem = file_stem(part)
+        (stage / f"{stem}.png").write_bytes(part_figure(flat, metric))
+        write_obj(flat, stage / f"{stem}.obj")
+        write_vtp(flat, stage / f"{stem}.vtp")
+        yield from (f"{stem}.png", f"{stem}.obj", f"{stem}.vtp")
+        others, drawn = found.others.get(part, {}), found.drawn.get(part, ())
+        if others or part in found.drawn:
+            shown = [(found.result.method, flat), *others.items()]
+            compared = comparison_figure(shown, drawn, metric)
+            (stage / f"{stem}_compared.png").write_bytes(compared)
+            yield f"{stem}_compared.png"
 
 
-def write_all(
-    result: Mapping[str, Any],
-    maps: Mapping[str, FlatMap],
-    others: Mapping[str, Mapping[str, FlatMap]],
-    drawn: Mapping[str, Sequence[DrawnChart]],
-    metric: FaceMetric,
-    out: Path,
-    advance: Callable[[str], None],
-) -> list[str]:
-    """Write everything into a folder, all of it or nothing; returns the names in it.
+def report(found: Flattened, stage: Path) -> str:
+    """The page, with the pictures that were written."""
+    result, metric = found.result, face_metric(found.result.metric)
+    sections = [
+        note(
+            f"Coloured by: {metric.label}. Distortion at the scale that keeps the whole area; "
+            "means are weighted by area, the edge error by length."
+        ),
+        _patch_table(found).html(),
+    ]
+    if result.compare:
+        sections += [heading("Compared"), _compare_table(found).html()]
+    for part, flat in found.maps.items():
+        stem = file_stem(part)
+        worst: list[list[Cell]] = [
+            [row.patch, ", ".join(map(str, face.channels)), face.value]
+            for row in result.patches
+            if row.part == part
+            for face in row.worst
+        ]
+        compared = stage / f"{stem}_compared.png"
+        sections += [
+            heading(part),
+            media(stage / f"{stem}.png", f"{part}: flat map and body"),
+            media(compared, f"{part}: the same charts compared") if compared.exists() else "",
+            image(histogram_figure(flat), f"{part}: histograms"),
+            Table(["patch", "channels", metric.label], worst, "Worst triangles").html(),
+        ]
+    return page(f"{result.robot}: flat maps", sections)
 
-    Parameters
-    ----------
-    result : mapping
-        What the command prints as JSON.
-    maps : mapping of str to FlatMap
-        By part.
-    others : mapping of str to mapping of str to FlatMap
-        By part, then by method: the maps to compare with.
-    drawn : mapping of str to sequence of DrawnChart
-        By part.
-    metric : FaceMetric
-        Colours.
-    out : Path
-    advance : callable
-        Called with the name of each part before it is drawn.
-    """
-    names: list[str] = []
-    pictures: dict[str, list[Picture]] = {}
-    with staged_folder(out) as stage:
-        for part, flat in maps.items():
-            advance(part)
-            stem = file_stem(part)
-            part_figure(flat, metric, stage / f"{stem}.png")
-            write_obj(flat, stage / f"{stem}.obj")
-            write_vtp(flat, stage / f"{stem}.vtp")
-            names += [f"{stem}.png", f"{stem}.obj", f"{stem}.vtp"]
-            pictures[part] = [_picture(stage / f"{stem}.png", "flat map and body")]
-            if others.get(part) or part in drawn:
-                shown = [(str(result["method"]), flat), *others.get(part, {}).items()]
-                path = stage / f"{stem}_compared.png"
-                comparison_figure(shown, drawn.get(part, ()), metric, path)
-                names.append(path.name)
-                pictures[part].append(_picture(path, "the same charts compared"))
-            histograms = stage / "histograms.png"
-            histogram_figure(flat, histograms)
-            pictures[part].append(_picture(histograms, "histograms"))
-            histograms.unlink()
-        write_flat_report(result, pictures, metric, stage / REPORT)
-    return [*names, REPORT]
+
+def _patch_table(found: Flattened) -> Table:
+    columns = ["part", "patch", "vertices", "faces", "holes", "cut [mm]", "method", "flips"]
+    columns += ["quasi-conformal", "largest", "area sd", "symmetric Dirichlet", "largest"]
+    columns += ["stretch L2", "edge rms [%]", "geodesic stress", "±", "seconds"]
+    rows: list[list[Cell]] = [
+        [
+            row.part, row.patch, row.vertices, row.faces, row.holes, row.cut_mm, row.method,
+            row.flips, *_ends(row.quasi_conformal), row.area_sd, *_ends(row.symmetric_dirichlet),
+            row.stretch_l2, row.edge_rms_percent, row.geodesic_stress, row.geodesic_stress_error,
+            row.seconds,
+        ]
+        for row in found.result.patches
+    ]  # fmt: skip
+    return Table(columns, rows)
+
+
+def _compare_table(found: Flattened) -> Table:
+    columns = ["part", "patch", "with", "taxels drawn", "flips", "quasi-conformal", "largest"]
+    columns += ["area sd", "symmetric Dirichlet", "largest", "edge rms [%]", "apart [mm]"]
+    rows: list[list[Cell]] = [
+        [
+            row.part, row.patch, row.with_, given(row.taxels), row.flips,
+            *_ends(given(row.quasi_conformal)), row.area_sd,
+            *_ends(given(row.symmetric_dirichlet)), row.edge_rms_percent,
+            given(row.distance_mm), given(row.seconds),
+        ]
+        for row in found.result.compare
+    ]  # fmt: skip
+    return Table([*columns, "seconds"], rows)
+
+
+def _ends(spread: Spread | None) -> tuple[float | None, float | None]:
+    return (None, None) if spread is None else (spread.mean, spread.max)
 
 
 def file_stem(part: str) -> str:
@@ -116,7 +147,3 @@ def write_vtp(flat: FlatMap, path: Path) -> None:
         {"uv": uv, "channel": skin.channels[taxel], "module": skin.modules[taxel]},
         {**cells, "patch": patch},
     )
-
-
-def _picture(path: Path, what: str) -> Picture:
-    return Picture(what, base64.b64encode(path.read_bytes()).decode())

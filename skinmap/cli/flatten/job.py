@@ -2,146 +2,132 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.cli.flatten.rows import drawing_row, drawn_charts, method_row, patch_row
-from skinmap.cli.flatten.tasks import FlatTask, flat_map, flatten_task
-from skinmap.errors import InvalidArrayError, MissingFileError, SkinWarning, UnknownNameError
-from skinmap.flat.drawing_comparison import DrawnChart
-from skinmap.flat.face_metrics import FaceMetric
-from skinmap.flat.flat_map import FlatMap
+from skinmap.cli.flatten.options import DRAWING, FlatOptions
+from skinmap.cli.flatten.result import ComparedRow, FlattenResult, PatchRow, Spread, WorstFace
+from skinmap.errors import InvalidArrayError, MissingFileError, SkinWarning
+from skinmap.flat.distortion import Distortion
+from skinmap.flat.drawing_comparison import DrawnChart, compare_drawing
+from skinmap.flat.face_metrics import FaceMetric, face_metric, worst_faces
+from skinmap.flat.flat_map import Chart, FlatMap, flatten
+from skinmap.flat.geodesic import geodesic_stress
 from skinmap.flat.mesh_charts import mesh_surface
-from skinmap.flat.methods import flatteners
-from skinmap.io.flat_maps.drawing import read_drawing
+from skinmap.io.flat_maps.drawing import Drawing, read_drawing
 from skinmap.io.robots.urdf import read_mesh
 from skinmap.parallel.run import run_tasks
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.skin.robot import Robot
-from skinmap.surface.surface_mesh import DEFAULT, MESHING, SurfaceMesh, build_surface
+from skinmap.surface.surface_mesh import DEFAULT, SurfaceMesh, build_surface
 
-DRAWING = "drawing"
-MAX_CHANNEL = 10_000_000
+MAX_GEODESIC = 200_000  # vertices: one way on a larger mesh takes a tenth of a second
+WORST = 5  # triangles listed for each patch
+MM = 1e3
 
 
 @dataclass(frozen=True, slots=True)
-class FlatJob:
-    """One run of the command.
+class Surfaces:
+    """What is laid flat.
 
     Attributes
     ----------
     name : str
-        Robot or file as people call it.
-    method, metric_name : str
-    meshing : str or None
-        None for a mesh file, which is a surface already.
-    metric : FaceMetric
-    others : tuple of str
-        Methods to compare with.
-    drawing : Path or None
-        The drawing of all parts, instead of those that the manifest names.
-    with_drawing : bool
-    away : (k,) int
-        Channels that seams keep away from.
-    budgets : dict
-        `max_seconds` and `max_edge_rms`, those that were given.
-    seed : int
-    iterations : int or None
-        None takes the method's own number.
-    precision : str
-    surfaces : mapping of str to callable
+        Robot or files as people call them.
+    makers : mapping of str to callable
         By part, what makes its surface mesh.
+    meshing : str or None
+        None for mesh files.
     drawings : mapping of str to Path
         By part, as the manifest has them.
     """
 
     name: str
-    method: str
-    metric_name: str
-    metric: FaceMetric
-    others: tuple[str, ...]
-    drawing: Path | None
-    with_drawing: bool
-    away: IntArray
-    budgets: Mapping[str, float]
-    meshing: str | None
-    seed: int
-    iterations: int | None = None
-    precision: str = "float64"
-    surfaces: Mapping[str, Callable[[], SurfaceMesh]] = field(default_factory=dict)
+    makers: Mapping[str, Callable[[], SurfaceMesh]]
+    meshing: str | None = None
     drawings: Mapping[str, Path] = field(default_factory=dict)
 
-    def for_meshes(self, paths: Sequence[Path]) -> FlatJob:
-        """The job on several mesh files; parts are named as their files, by path where two agree.
 
-        Raises
-        ------
-        MissingFileError
-            No such file.
-        """
-        names = [path.name for path in paths]
-        surfaces: dict[str, Callable[[], SurfaceMesh]] = {}
-        for path in paths:
-            name = path.name if names.count(path.name) == 1 else str(path)
-            (surfaces[name],) = self.for_mesh(path).surfaces.values()
-        return replace(self, name=", ".join(surfaces), surfaces=surfaces, meshing=None)
+@dataclass(frozen=True, eq=False, slots=True)
+class Flattened:
+    """The numbers, and the maps that pictures and files are made from.
 
-    def for_mesh(self, path: Path) -> FlatJob:
-        """The job on a mesh file.
+    Attributes
+    ----------
+    result : FlattenResult
+    maps : mapping of str to FlatMap
+        By part.
+    others : mapping of str to mapping of str to FlatMap
+        By part, then by method: the maps to compare with.
+    drawn : mapping of str to sequence of DrawnChart
+        By part.
+    """
 
-        Raises
-        ------
-        MissingFileError
-            No such file.
-        """
+    result: FlattenResult
+    maps: Mapping[str, FlatMap]
+    others: Mapping[str, Mapping[str, FlatMap]]
+    drawn: Mapping[str, Sequence[DrawnChart]]
+
+
+def mesh_surfaces(paths: Sequence[Path]) -> Surfaces:
+    """Several mesh files; parts are named as their files, by path where two agree.
+
+    Raises
+    ------
+    MissingFileError
+        No such file.
+    """
+    names = [path.name for path in paths]
+
+    def maker(path: Path) -> Callable[[], SurfaceMesh]:
         if not path.is_file():
             raise MissingFileError(path, "a mesh file")
-        surface = {path.name: lambda: mesh_surface(*read_mesh(path, merge=False), name=path.name)}
-        return replace(self, name=path.name, surfaces=surface, meshing=None)
+        return lambda: mesh_surface(*read_mesh(path, merge=False), name=path.name)
 
-    def for_robot(self, robot: Robot, parts: tuple[str, ...]) -> FlatJob:
-        """The job on parts of a robot."""
-
-        def maker(part: str) -> Callable[[], SurfaceMesh]:
-            if self.meshing != "accurate":
-                return lambda: build_surface(robot.skin(part), method=self.meshing or DEFAULT)
-            link = robot.part(part).link
-            return lambda: build_surface(robot.skin(part), method="accurate", body=robot.mesh(link))
-
-        specs = {part: robot.part(part).drawing for part in parts}
-        return replace(
-            self,
-            name=robot.name,
-            surfaces={part: maker(part) for part in parts},
-            drawings={part: path for part, path in specs.items() if path is not None},
-        )
+    makers = {
+        path.name if names.count(path.name) == 1 else str(path): maker(path) for path in paths
+    }
+    return Surfaces(", ".join(makers), makers)
 
 
-Outcome = tuple[
-    dict[str, Any],
-    dict[str, FlatMap],
-    dict[str, dict[str, FlatMap]],
-    dict[str, list[DrawnChart]],
-]
+def robot_surfaces(robot: Robot, parts: Sequence[str], meshing: str = DEFAULT) -> Surfaces:
+    """Parts of a robot, meshed by a method."""
+
+    def make(part: str) -> SurfaceMesh:
+        body = robot.mesh(robot.part(part).link) if meshing == "accurate" else None
+        return build_surface(robot.skin(part), method=meshing, body=body)
+
+    specs = {part: robot.part(part).drawing for part in parts}
+    drawings = {part: path for part, path in specs.items() if path is not None}
+    return Surfaces(robot.name, {part: partial(make, part) for part in parts}, meshing, drawings)
 
 
-def run_job(
-    job: FlatJob, *, workers: Workers = ONE, progress: Callable[[str], None] | None = None
-) -> Outcome:
-    """The JSON object (without files), the maps, those of other methods, and the drawings."""
-    drawings = _drawings(job)
-    meshes = {part: surface() for part, surface in job.surfaces.items()}
-    away = _taxels(job.away, meshes)
-    how = {"iterations": job.iterations, "precision": job.precision, **job.budgets}
+def work(
+    options: FlatOptions,
+    surfaces: Surfaces,
+    *,
+    workers: Workers = ONE,
+    progress: Callable[[str], None] | None = None,
+) -> Flattened:
+    """Lay everything flat and measure it."""
+    drawings = _drawings(options, surfaces)
+    meshes = {part: make() for part, make in surfaces.makers.items()}
+    away = _taxels(options.away, meshes)
+    how = {
+        "iterations": options.iterations,
+        "precision": options.precision,
+        **options.budgets,
+    }
     tasks = [
-        FlatTask(mesh, job.method, job.others, away[part], how) for part, mesh in meshes.items()
+        FlatTask(mesh, options.method, options.others, away[part], how)
+        for part, mesh in meshes.items()
     ]
     found = run_tasks(flatten_task, tasks, workers=workers, progress=progress)
     made = {
@@ -149,97 +135,26 @@ def run_job(
         for (part, mesh), own in zip(meshes.items(), found, strict=True)
     }
     maps = {part: own.pop("") for part, own in made.items()}
-    others = made
     drawn = {part: drawn_charts(maps[part], read_drawing(path)) for part, path in drawings.items()}
+    metric = face_metric(options.metric)
     rows = [
-        patch_row(part, flat, chart, job.metric)
+        _patch_row(part, flat, chart, metric)
         for part, flat in maps.items()
         for chart in flat.charts
     ]
-    result = {
-        "robot": job.name,
-        "method": job.method,
-        "meshing": job.meshing,
-        "iterations": job.iterations,
-        "precision": job.precision,
-        "metric": job.metric_name,
-        "seed": job.seed,
-        "patches": rows,
-        "compare": _compare_rows(maps, others, drawn),
-        "seconds": sum(row["seconds"] for row in rows),
-    }
-    return result, maps, others, drawn
-
-
-def check_compare(words: str) -> tuple[tuple[str, ...], bool]:
-    """The methods named in a list with commas, and whether a drawing is among them.
-
-    Raises
-    ------
-    UnknownNameError
-        No such method.
-    """
-    names = tuple(dict.fromkeys(word.strip() for word in words.split(",") if word.strip()))
-    methods = tuple(name for name in names if name != DRAWING)
-    for name in methods:
-        flatteners.get(name)
-    return methods, DRAWING in names
-
-
-def check_budget(
-    method: str, max_seconds: float | None, max_edge_rms: float | None
-) -> dict[str, float]:
-    """The budgets that were given: seconds, and the edge error as a share.
-
-    Raises
-    ------
-    InvalidArrayError
-        One that is not above zero, or with another method than `auto`.
-    """
-    given = {"max_seconds": max_seconds, "max_edge_rms": max_edge_rms}
-    budgets = {name: value for name, value in given.items() if value is not None}
-    for name, value in budgets.items():
-        option = "--" + name.replace("_", "-")
-        if not (0.0 < value < np.inf):
-            raise InvalidArrayError(f"{option} must be above 0, got {value:g}")
-        if method != "auto":
-            raise InvalidArrayError(f"{option} needs --method auto, got {method!r}")
-    if "max_edge_rms" in budgets:
-        budgets["max_edge_rms"] /= 100.0
-    return budgets
-
-
-def check_meshing(name: str) -> None:
-    """Refuse a meshing method that there is not.
-
-    Raises
-    ------
-    UnknownNameError
-    """
-    if name not in MESHING:
-        raise UnknownNameError("meshing method", name, MESHING)
-
-
-def read_channels(words: tuple[str, ...]) -> IntArray:
-    """Channels (k,) of lists such as `3,8,20-31`, each once.
-
-    Raises
-    ------
-    InvalidArrayError
-        Something that is no number and no range.
-    """
-    found: set[int] = set()
-    for word in ",".join(words).split(","):
-        if not word.strip():
-            continue
-        match = re.fullmatch(r"\s*(\d{1,8})(?:\s*-\s*(\d{1,8}))?\s*", word)
-        low, high = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
-        if not low <= high <= MAX_CHANNEL:
-            raise InvalidArrayError(
-                f"--seam-away wants channels as 3,8,20-31, got {word.strip()!r}"
-            )
-        found.update(range(low, high + 1))
-    return np.array(sorted(found), np.int64)
+    result = FlattenResult(
+        robot=surfaces.name,
+        method=options.method,
+        meshing=surfaces.meshing,
+        iterations=options.iterations,
+        precision=options.precision,
+        metric=options.metric,
+        seed=options.seed,
+        patches=rows,
+        compare=_compare_rows(maps, made, drawn),
+        seconds=sum(row.seconds for row in rows),
+    )
+    return Flattened(result, maps, made, drawn)
 
 
 def _taxels(channels: IntArray, meshes: Mapping[str, SurfaceMesh]) -> dict[str, IntArray]:
@@ -254,7 +169,7 @@ def _taxels(channels: IntArray, meshes: Mapping[str, SurfaceMesh]) -> dict[str, 
     }
 
 
-def _drawings(job: FlatJob) -> dict[str, Path]:
+def _drawings(options: FlatOptions, surfaces: Surfaces) -> dict[str, Path]:
     """The drawing of each part that has one.
 
     Raises
@@ -262,32 +177,162 @@ def _drawings(job: FlatJob) -> dict[str, Path]:
     MissingFileError
         A drawing was asked for and there is none.
     """
-    if not job.with_drawing:
+    if not options.with_drawing:
         return {}
-    if job.drawing is not None:
-        if not job.drawing.is_file():
-            raise MissingFileError(job.drawing, "a drawing of iCubSkinGui (.ini)")
-        return dict.fromkeys(job.surfaces, job.drawing)
-    if not job.drawings:
+    if options.drawing is not None:
+        if not options.drawing.is_file():
+            raise MissingFileError(options.drawing, "a drawing of iCubSkinGui (.ini)")
+        return dict.fromkeys(surfaces.makers, options.drawing)
+    if not surfaces.drawings:
         raise MissingFileError(
             "drawing",
-            f"`drawing = ...` for a part in the manifest of {job.name}, or --drawing FILE",
+            f"`drawing = ...` for a part in the manifest of {surfaces.name}, or --drawing FILE",
         )
-    without = [part for part in job.surfaces if part not in job.drawings]
+    without = [part for part in surfaces.makers if part not in surfaces.drawings]
     if without:
         warnings.warn(f"no drawing of {', '.join(without)}", SkinWarning, stacklevel=2)
-    return dict(job.drawings)
+    return dict(surfaces.drawings)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FlatTask:
+    """One part: what a worker needs.
+
+    Attributes
+    ----------
+    mesh : SurfaceMesh
+    method : str
+    others : tuple of str
+        Methods to compare with.
+    avoid : (k,) int
+        Taxels that seams keep away from.
+    how : mapping
+        Options of `flatten` for the first method: its budgets, iterations and precision.
+    """
+
+    mesh: SurfaceMesh
+    method: str
+    others: tuple[str, ...]
+    avoid: IntArray
+    how: Mapping[str, Any]
+
+
+def flatten_task(task: FlatTask) -> dict[str, dict[str, Any]]:
+    """The map by each method, the first one asked for, as plain arrays and numbers."""
+    first = flatten(task.mesh, method=task.method, avoid=task.avoid, **task.how)
+    rest = {name: flatten(task.mesh, method=name, avoid=task.avoid) for name in task.others}
+    # The mesh is not sent back: who gave the task has it.
+    return {
+        "": _plain(first),
+        **{name: _plain(flat) for name, flat in rest.items()},
+    }
+
+
+def flat_map(mesh: SurfaceMesh, plain: Mapping[str, Any]) -> FlatMap:
+    """The flat map of a mesh from what a worker gave back."""
+    charts = tuple(
+        Chart(**{**chart, "distortion": Distortion(**chart["distortion"])})
+        for chart in plain["charts"]
+    )
+    return FlatMap(mesh, charts, plain["uv"])
+
+
+def _plain(flat: FlatMap) -> dict[str, Any]:
+    charts = [{**_own(chart), "distortion": _own(chart.distortion)} for chart in flat.charts]
+    return {"charts": charts, "uv": flat.uv}
+
+
+def _own(value: Chart | Distortion) -> dict[str, Any]:
+    return {field.name: getattr(value, field.name) for field in fields(value)}
+
+
+def _figures(distortion: Distortion) -> dict[str, Any]:
+    """The fields of `Distorted`."""
+    summary: dict[str, Any] = distortion.summary()
+    return {k: Spread(**v) if isinstance(v, Mapping) else v for k, v in summary.items()}
+
+
+def _patch_row(part: str, flat: FlatMap, chart: Chart, metric: FaceMetric) -> PatchRow:
+    stress = error = None
+    if len(chart.taxels) <= MAX_GEODESIC:
+        vertices, rng = flat.mesh.vertices[chart.taxels], np.random.default_rng(0)
+        found = geodesic_stress(vertices, chart.faces, chart.uv, rng=rng)
+        stress, error = found.value, found.error
+    return PatchRow(
+        part=part,
+        patch=chart.patch,
+        vertices=len(chart.taxels),
+        faces=len(chart.faces),
+        holes=chart.holes,
+        cut_mm=MM * chart.seam_length,
+        method=chart.method,
+        fallback=chart.fallback,
+        reason=chart.reason,
+        **_figures(chart.distortion),
+        geodesic_stress=stress,
+        geodesic_stress_error=error,
+        seconds=chart.seconds,
+        worst=_worst(flat, chart, metric),
+    )
+
+
+def _worst(flat: FlatMap, chart: Chart, metric: FaceMetric) -> list[WorstFace]:
+    faces, values = worst_faces(chart, metric, WORST)
+    channels = flat.mesh.skin.channels[chart.taxels[chart.faces[faces]]]
+    pairs = zip(channels.tolist(), values.tolist(), strict=True)
+    return [WorstFace(channels=corners, value=value) for corners, value in pairs]
+
+
+def drawn_charts(flat: FlatMap, drawing: Drawing) -> list[DrawnChart]:
+    """The drawing laid over each chart of a part."""
+    return [
+        compare_drawing(
+            chart,
+            flat.mesh.vertices[chart.taxels],
+            flat.mesh.skin.channels[chart.taxels],
+            drawing.channels,
+            drawing.xy,
+        )
+        for chart in flat.charts
+    ]
 
 
 def _compare_rows(
     maps: Mapping[str, FlatMap],
     others: Mapping[str, Mapping[str, FlatMap]],
-    drawn: Mapping[str, list[DrawnChart]],
-) -> list[dict[str, Any]]:
+    drawn: Mapping[str, Sequence[DrawnChart]],
+) -> list[ComparedRow]:
     rows = []
     for part, flat in maps.items():
         for name, other in others[part].items():
-            rows += [{**method_row(part, chart), "with": name} for chart in other.charts]
+            rows += [
+                ComparedRow(
+                    part=part,
+                    patch=chart.patch,
+                    with_=name,
+                    fallback=chart.fallback,
+                    seconds=chart.seconds,
+                    **_figures(chart.distortion),
+                )
+                for chart in other.charts
+            ]
         pairs = zip(flat.charts, drawn.get(part, ()), strict=False)
-        rows += [drawing_row(part, chart, sketch) for chart, sketch in pairs]
+        rows += [_drawing_row(part, chart, sketch) for chart, sketch in pairs]
     return rows
+
+
+def _drawing_row(part: str, chart: Chart, drawn: DrawnChart) -> ComparedRow:
+    costs = drawn.distortion
+    return ComparedRow(
+        part=part,
+        patch=chart.patch,
+        with_=DRAWING,
+        taxels=len(drawn.vertices),
+        missing=drawn.missing,
+        mirrored=drawn.mirrored,
+        scale=drawn.scale,
+        distance_mm=MM * drawn.distance,
+        flips=None if costs is None else costs.flips,
+        edge_rms_percent=None if costs is None else 100.0 * costs.edge_rms,
+        area_sd=None if costs is None else costs.area_sd,
+    )

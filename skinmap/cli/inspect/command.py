@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import click
+from msgspec import UnsetType
 
-from skinmap.commands.options import json_option, open_robot, part_option, robot_argument
+from skinmap.cli.inspect.result import InspectResult
+from skinmap.commands.options import open_robot, part_option, prints, robot_argument
 from skinmap.commands.profiles import profile_option
-from skinmap.report.present import emit
-from skinmap.report.table import table
+from skinmap.report.present import present
+from skinmap.report.result import given
+from skinmap.report.table import Cell, Table
 
 TABLES = (".txt", ".csv")
 
@@ -25,7 +28,7 @@ TABLES = (".txt", ".csv")
     "--html", type=click.Path(path_type=Path, dir_okay=False), help="Report with pictures."
 )
 @profile_option()
-@json_option
+@prints(InspectResult)
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -43,6 +46,19 @@ def command(
     \b
     Example:  skinmap inspect icub --part right_forearm --json
     """
+    result = work(robot, parts, module, fit, skipped, html)
+    present(result, _lines, as_json=as_json)
+
+
+def work(
+    robot: str,
+    parts: tuple[str, ...],
+    module: str | None,
+    fit: bool,
+    skipped: tuple[str, ...],
+    html: Path | None,
+) -> InspectResult:
+    """Measure all parts, and write the page if one was asked for."""
     from skinmap.cli.inspect.inspection import inspect_part, inspect_table, repair_steps
 
     steps = repair_steps(skipped)
@@ -54,48 +70,35 @@ def command(
         loaded.steps = steps
         rows = [inspect_part(loaded, name, fit=fit) for name in names]
         name = loaded.name
+    taxels = sum(row.taxels for row in rows)
+    files = [] if html is None else [str(html)]
+    result = InspectResult(robot=name, parts=rows, taxels=taxels, files=files)
     if html is not None:
         from skinmap.cli.inspect.report import write_inspection
         from skinmap.io.output import staged_file
 
         with staged_file(html) as stage:
-            write_inspection(name, rows, loaded, stage)
-    if as_json:
-        files = [] if html is None else [html]
-        taxels = sum(row["taxels"] for row in rows)
-        emit({"robot": name, "parts": rows, "taxels": taxels, "files": files})
-        return
-    _print(rows)
+            write_inspection(result, loaded, stage)
+    return result
 
 
-def _print(rows: list[dict[str, Any]]) -> None:
+def _lines(result: InspectResult) -> Iterator[str | Table]:
     columns = ["part", "link", "taxels", "modules", "distance mm", "max", "pitch mm"]
-    table(
-        [*columns, "rebuilt", "inward", "covered", "verdict"],
+    rows: list[list[Cell]] = [
         [
-            [
-                row["name"],
-                row["link"],
-                row["taxels"],
-                row["modules"],
-                row["distance_mm"]["median"] if row["distance_mm"] else "-",
-                row["distance_mm"]["max"] if row["distance_mm"] else "-",
-                row["pitch_mm"]["median"],
-                row["rebuilt"],
-                row.get("inward", "-"),
-                row.get("covered", "-"),
-                row["verdict"],
-            ]
-            for row in rows
-        ],
-    )
-    for row in rows:
-        for warning in row["warnings"]:
-            click.echo(f"{row['name']}: {warning}")
-        if "fit" in row:
-            fit = row["fit"]
-            click.echo(
-                f"{row['name']}: mean distance {fit['mean_before_mm']:.2f} mm, "
-                f"{fit['mean_after_mm']:.2f} mm after {fit['shift_mm']:.1f} mm and "
-                f"{fit['angle_deg']:.1f} deg"
+            row.name, row.link, row.taxels, row.modules,
+            None if row.distance_mm is None else row.distance_mm.median,
+            None if row.distance_mm is None else row.distance_mm.max,
+            row.pitch_mm.median, row.rebuilt, given(row.inward), given(row.covered), row.verdict,
+        ]
+        for row in result.parts
+    ]  # fmt: skip
+    yield Table([*columns, "rebuilt", "inward", "covered", "verdict"], rows)
+    for row in result.parts:
+        yield from (f"{row.name}: {warning}" for warning in row.warnings)
+        if not isinstance(row.fit, UnsetType):
+            yield (
+                f"{row.name}: mean distance {row.fit.mean_before_mm:.2f} mm, "
+                f"{row.fit.mean_after_mm:.2f} mm after {row.fit.shift_mm:.1f} mm and "
+                f"{row.fit.angle_deg:.1f} deg"
             )

@@ -1,4 +1,4 @@
-"""The numbers and the verdict of `skinmap inspect`, part by part."""
+"""What `skinmap inspect` does: the numbers and the verdict, part by part."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray
+from skinmap.cli.inspect.result import AngleSpread, DrawingMatch, PartRow, RigidFit, Spread
+from skinmap.geometry.mesh import TriangleMesh
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
 from skinmap.skin.fit import SkinFit, measure_fit
-from skinmap.skin.layouts import module_layout
+from skinmap.skin.layouts import ModuleLayout, module_layout
 from skinmap.skin.modules import module_normals, slots_of
 from skinmap.skin.registration import fit_to_mesh
 from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, check_steps, repair_table
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import skin_from_table
+from skinmap.skin.skin import Skin, skin_from_table
 from skinmap.surface.surface_mesh import merge_coincident
 
 MM = 1e3
@@ -28,50 +30,62 @@ OFF_SIDE = 0.15  # module sides may differ from the layout's by this share: boar
 PLACEHOLDER = np.radians(20.0)  # stored normals further off than this are no normals
 
 
-def inspect_part(robot: Robot, name: str, *, fit: bool = False) -> dict[str, Any]:
-    """The numbers of one part of a robot, ready for JSON."""
+def inspect_part(robot: Robot, name: str, *, fit: bool = False) -> PartRow:
+    """The numbers of one part of a robot."""
     report, skin, spec = robot.repair(name), robot.skin(name), robot.part(name)
     mesh = robot.mesh(spec.link)
     found = measure_fit(skin, mesh)
-    row = _table_row(report, name, spec.link, skin.normals, spec.layout)
-    row["frame"] = robot.frame(name)
-    row["distance_mm"] = spread(found.distance * MM)
-    row["normal_angle_deg"] = {
-        **spread(np.degrees(found.normal_angle)),
-        "share_within_15": float((found.normal_angle <= np.radians(15.0)).mean()),
+    angle = np.degrees(found.normal_angle)
+    more: dict[str, Any] = {
+        "distance_mm": spread(found.distance * MM),
+        "frame": robot.frame(name),
+        "normal_angle_deg": AngleSpread(
+            **_spread(angle), share_within_15=float((angle <= 15.0).mean())
+        ),
+        "inward": int(found.inward.sum()),
+        "covered": int(found.covered.sum()),
     }
-    row["inward"], row["covered"] = int(found.inward.sum()), int(found.covered.sum())
     warnings = _fit_warnings(found)
     if spec.layout is not None:
         check = check_modules(report.table, skin, spec.layout, robot.module_frames(name))
-        row["module_side_mm"] = check.side * MM
-        row["swapped"] = {str(module): there for module, there in check.swapped.items()}
+        more["module_side_mm"] = check.side * MM
+        more["swapped"] = {str(module): there for module, there in check.swapped.items()}
         warnings += _module_warnings(check, spec.layout.side)
     if spec.drawing is not None:
-        drawn = read_drawing(spec.drawing).channels
-        missing = np.setdiff1d(report.table.channels, drawn)
-        extra = np.setdiff1d(drawn, report.table.channels)
-        row["drawing"] = {"taxels": len(drawn), "missing": len(missing), "extra": len(extra)}
-        if len(missing) or len(extra):
+        more["drawing"] = match = _drawing_match(report, spec.drawing)
+        if match.missing or match.extra:
             warnings.append(
-                f"{spec.drawing.name} is another skin's: {len(missing)} taxels are not drawn, "
-                f"{len(extra)} drawn ones are not in the table"
+                f"{spec.drawing.name} is another skin's: {match.missing} taxels are not drawn, "
+                f"{match.extra} drawn ones are not in the table"
             )
     twin = _twin(name)
     if twin in robot.parts:
         others = robot.repair(twin).table.positions
-        row["mirror_mm"] = mirror_distance(report.table.positions, others) * MM
-        if row["mirror_mm"] > UNLIKE * MM:
-            warnings.append(f"not the mirror image of {twin}: {row['mirror_mm']:.1f} mm apart")
+        more["mirror_mm"] = mirror_distance(report.table.positions, others) * MM
+        if more["mirror_mm"] > UNLIKE * MM:
+            warnings.append(f"not the mirror image of {twin}: {more['mirror_mm']:.1f} mm apart")
     if fit:
-        best = fit_to_mesh(skin.positions, mesh.vertices, mesh.faces)
-        row["fit"] = {
-            "mean_before_mm": float(best.before.mean()) * MM,
-            "mean_after_mm": float(best.after.mean()) * MM,
-            "shift_mm": best.shift * MM,
-            "angle_deg": float(np.degrees(best.angle)),
-        }
-    return _judged(row, warnings + row.pop("notes"))
+        more["fit"] = _rigid_fit(skin, mesh)
+    return _row(report, name, spec.link, skin.normals, spec.layout, warnings, **more)
+
+
+def _drawing_match(report: RepairReport, path: Path) -> DrawingMatch:
+    drawn, channels = read_drawing(path).channels, report.table.channels
+    return DrawingMatch(
+        taxels=len(drawn),
+        missing=len(np.setdiff1d(channels, drawn)),
+        extra=len(np.setdiff1d(drawn, channels)),
+    )
+
+
+def _rigid_fit(skin: Skin, mesh: TriangleMesh) -> RigidFit:
+    best = fit_to_mesh(skin.positions, mesh.vertices, mesh.faces)
+    return RigidFit(
+        mean_before_mm=float(best.before.mean()) * MM,
+        mean_after_mm=float(best.after.mean()) * MM,
+        shift_mm=best.shift * MM,
+        angle_deg=float(np.degrees(best.angle)),
+    )
 
 
 def repair_steps(skipped: Collection[str]) -> tuple[str, ...]:
@@ -86,26 +100,29 @@ def repair_steps(skipped: Collection[str]) -> tuple[str, ...]:
     return tuple(step for step in ALL_STEPS if step not in skipped)
 
 
-def inspect_table(path: Path, module: str | None, steps: Collection[str]) -> dict[str, Any]:
-    """The numbers of a bare table without a body, ready for JSON."""
+def inspect_table(path: Path, module: str | None, steps: Collection[str]) -> PartRow:
+    """The numbers of a bare table without a body."""
     layout = None if module is None else module_layout(module)
     table = read_taxels(path)
     report = repair_table(table, layout, steps=steps)
     hint = None if layout is None else module_normals(report.table, layout)
     keep = NORMALS not in steps
     skin = skin_from_table(report.table, None, path.stem, table.link, hint=hint, keep_normals=keep)
-    row = _table_row(report, path.stem, table.link, skin.normals, layout)
-    row["distance_mm"] = None
+    more: dict[str, Any] = {"distance_mm": None}
     warnings: list[str] = []
     if layout is not None:
         check = check_modules(report.table, skin, layout, {})
-        row["module_side_mm"] = check.side * MM
+        more["module_side_mm"] = check.side * MM
         warnings += _module_warnings(check, layout.side)
-    return _judged(row, warnings + row.pop("notes"))
+    return _row(report, path.stem, table.link, skin.normals, layout, warnings, **more)
 
 
-def spread(values: FloatArray) -> dict[str, float]:
+def spread(values: FloatArray) -> Spread:
     """Mean, median, 95th percentile, smallest and largest."""
+    return Spread(**_spread(values))
+
+
+def _spread(values: FloatArray) -> dict[str, float]:
     return {
         "mean": float(values.mean()),
         "median": float(np.median(values)),
@@ -115,9 +132,15 @@ def spread(values: FloatArray) -> dict[str, float]:
     }
 
 
-def _table_row(
-    report: RepairReport, name: str, link: str, normals: FloatArray, layout: Any
-) -> dict[str, Any]:
+def _row(
+    report: RepairReport,
+    name: str,
+    link: str,
+    normals: FloatArray,
+    layout: ModuleLayout | None,
+    warnings: list[str],
+    **more: Any,
+) -> PartRow:
     from skinmap.geometry.proximity import nearest
 
     table, before = report.table, report.original
@@ -128,7 +151,7 @@ def _table_row(
     replaced = int((np.arccos(np.clip(cosine, -1.0, 1.0)) > PLACEHOLDER).sum())
     distinct = len(np.unique(table.positions, axis=0))
     gap, _ = nearest(np.unique(table.positions, axis=0), 1)
-    notes = []
+    notes = list(warnings)
     if len(report.rebuilt):
         notes.append(f"{len(report.rebuilt)} taxels shared a place and were rebuilt")
     if len(report.unplaced):
@@ -138,21 +161,24 @@ def _table_row(
     pads = len(report.thermal)
     if layout is not None and not pads:
         pads = int(layout.thermal[slots_of(table, layout)].sum())
-    return {
-        "name": name,
-        "link": link,
-        "channels": int(before.channels.max()) + 1,
-        "taxels": len(table),
-        "modules": len(np.unique(table.modules)),
-        "distinct": distinct,
-        "coincident": int((merge_coincident(table.positions)[0] != np.arange(len(table))).sum()),
-        "rebuilt": len(report.rebuilt),
-        "normals_repaired": replaced,
-        "thermal": pads,
-        "unit": report.unit,
-        "pitch_mm": spread(gap[:, 0] * MM),
-        "notes": notes,
-    }
+    shared = merge_coincident(table.positions)[0] != np.arange(len(table))
+    return PartRow(
+        name=name,
+        link=link,
+        channels=int(before.channels.max()) + 1,
+        taxels=len(table),
+        modules=len(np.unique(table.modules)),
+        distinct=distinct,
+        coincident=int(shared.sum()),
+        rebuilt=len(report.rebuilt),
+        normals_repaired=replaced,
+        thermal=pads,
+        unit=report.unit,
+        pitch_mm=spread(gap[:, 0] * MM),
+        verdict=_verdict(notes),
+        warnings=notes,
+        **more,
+    )
 
 
 def _fit_warnings(found: SkinFit) -> list[str]:
@@ -192,8 +218,8 @@ def _twin(name: str) -> str:
     return "left_" + name.removeprefix("right_") if name.startswith("right_") else ""
 
 
-def _judged(row: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
-    """The row with its verdict: what to do next, in a few words."""
+def _verdict(warnings: list[str]) -> str:
+    """What to do next, in a few words."""
     verdict = "ok"
     if any("swapped" in text or "URDF has others" in text for text in warnings):
         verdict = "check the module numbers against the hardware"
@@ -203,4 +229,4 @@ def _judged(row: dict[str, Any], warnings: list[str]) -> dict[str, Any]:
         verdict = "check frame and unit"
     if any("still share" in text for text in warnings):
         verdict = "name the module layout"
-    return {**row, "verdict": verdict, "warnings": warnings}
+    return verdict

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Mapping, Sequence
-from html import escape
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from skinmap.cli.inspect.result import InspectResult, PartRow
 from skinmap.geometry.triangles import face_normals, unit
 from skinmap.report.figure import picture_bytes, plain_figure
+from skinmap.report.image import image
+from skinmap.report.page import facts, heading, page, verdict_lines
 from skinmap.report.projection import View, draw_surface
+from skinmap.report.result import plain
+from skinmap.report.table import cell_text
+from skinmap.report.verdict import Verdict
 from skinmap.skin.fit import measure_fit
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
@@ -24,33 +27,17 @@ MARGIN_MM = 10.0  # round the taxels: what of the link lies further is cut off
 TIP_MM = 6.0  # length of the normals drawn
 MAX_FACES = 12_000  # of the link: more cannot be seen at this size
 FAR_MM = 3.0  # end of the colour scale
-STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1d2733; margin: 2rem auto; max-width: 64rem; }
-img { max-width: 100%; } table { border-collapse: collapse; }
-td, th { padding: 0.2rem 0.8rem; text-align: left; border-bottom: 1px solid #e3e7eb; }
-.ok { color: #00795c; } .look { color: #b04a00; }
-"""
 
 
-def write_inspection(
-    name: str, rows: Sequence[Mapping[str, Any]], robot: Robot | None, path: Path
-) -> None:
-    """Write one self-contained page; pictures need the robot's body."""
+def write_inspection(result: InspectResult, robot: Robot | None, path: Path) -> None:
+    """Write the page; pictures need the robot's body."""
     sections = []
-    for row in rows:
-        mood = "ok" if row["verdict"] == "ok" else "look"
-        notes = "".join(f"<li>{escape(text)}</li>" for text in row["warnings"])
-        picture = "" if robot is None else _image(part_picture(robot, row["name"]), row["name"])
-        sections.append(
-            f"<h2>{escape(row['name'])}</h2><p class={mood}><b>{escape(row['verdict'])}</b></p>"
-            f"<ul>{notes}</ul>{picture}{_numbers(row)}"
-        )
-    page = (
-        "<!doctype html><html lang=en><head><meta charset=utf-8>"
-        f"<title>{escape(name)}: skin</title><style>{STYLE}</style></head><body>"
-        f"<h1>{escape(name)}</h1>" + "\n".join(sections) + "</body></html>\n"
-    )
-    path.write_text(page, encoding="utf-8")
+    for row in result.parts:
+        sections += [heading(row.name), verdict_lines(Verdict(row.verdict, row.warnings))]
+        if robot is not None:
+            sections.append(image(part_picture(robot, row.name), row.name))
+        sections.append(facts(_numbers(row)))
+    path.write_text(page(f"{result.robot}: skin", sections), encoding="utf-8")
 
 
 def part_picture(robot: Robot, name: str) -> bytes:
@@ -102,22 +89,15 @@ def _views(skin: Skin) -> list[View]:
     return views
 
 
-def _numbers(row: Mapping[str, Any]) -> str:
-    cells = []
-    for key, value in row.items():
+def _numbers(row: PartRow) -> list[tuple[str, str]]:
+    """Every figure of a part in words."""
+    rows = []
+    for key, value in plain(row).items():
         if key in ("name", "verdict", "warnings"):
             continue
         if isinstance(value, Mapping):
-            words = [
-                f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in value.items()
-            ]
-            text = ", ".join(words)
+            text = ", ".join(f"{name} {cell_text(one)}" for name, one in value.items())
         else:
-            text = f"{value:.4g}" if isinstance(value, float) else str(value)
-        cells.append(f"<tr><th>{escape(key)}</th><td>{escape(text or '-')}</td></tr>")
-    return f"<table>{''.join(cells)}</table>"
-
-
-def _image(data: bytes, what: str) -> str:
-    encoded = base64.b64encode(data).decode()
-    return f"<img alt='{escape(what)}' src='data:image/png;base64,{encoded}'>"
+            text = cell_text(value, 4)
+        rows.append((key, text or "-"))
+    return rows

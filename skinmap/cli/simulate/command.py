@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from skinmap.commands.options import (
-    json_option,
-    open_robot,
-    part_option,
-    robot_argument,
-    seed_option,
-)
+from skinmap.cli.simulate.result import SimulatedPart, SimulateResult, StreamResult
+from skinmap.commands.options import open_robot, part_option, prints, robot_argument, seed_option
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
-from skinmap.report.present import emit
+from skinmap.report.present import present
 
 SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bits", "rate")
 
@@ -89,7 +85,7 @@ SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bi
 @click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
 @seed_option
 @profile_option()
-@json_option
+@prints(SimulateResult, StreamResult)
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -116,20 +112,39 @@ def command(
         _refuse_given("per_gesture", "pairs", "output", "subjects", "places")
         from skinmap.cli.simulate.live import publish_touches
 
-        publish_touches(
-            robot,
-            parts,
-            publish,
-            gestures=gestures,
-            seconds=seconds,
-            raw=raw,
-            seed=seed,
-            as_json=as_json,
-            sensing={name: value for name, value in how.items() if name in SENSING},
-        )
+        sensing = {name: value for name, value in how.items() if name in SENSING}
+        streamed = publish_touches(
+            robot, parts, publish, gestures=gestures, seconds=seconds, raw=raw, seed=seed,
+            sensing=sensing,
+        )  # fmt: skip
+        present(streamed, _stream_lines, as_json=as_json)
         return
     if seconds is not None or raw:
         raise click.UsageError("--seconds and --raw are for streams: add --publish")
+    if pairs is not None and how["places"] != "anywhere":
+        raise click.UsageError("--pairs are made anywhere on the skin; leave out --places")
+    result = work(
+        robot, parts, output, per_gesture=per_gesture, gestures=gestures, pairs=pairs, seed=seed,
+        **how,
+    )  # fmt: skip
+    present(result, _lines, as_json=as_json)
+
+
+def work(
+    robot: str,
+    parts: tuple[str, ...],
+    output: Path,
+    *,
+    per_gesture: int,
+    gestures: tuple[str, ...],
+    pairs: int | None,
+    subjects: int,
+    places: Any,
+    foam_mm: float,
+    seed: int,
+    **sensing: Any,
+) -> SimulateResult:
+    """Simulate touches on all parts and write them."""
     import numpy as np
 
     from skinmap.io.output import staged_file
@@ -139,47 +154,48 @@ def command(
     from skinmap.touch.sensing import Sensing
     from skinmap.touch.simulator import check_gestures, simulate
 
-    if pairs is not None and how["places"] != "anywhere":
-        raise click.UsageError("--pairs are made anywhere on the skin; leave out --places")
     check_suffix(output)
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
     check_gestures(wanted)
-    subjects, places = how.pop("subjects"), how.pop("places")
-    sensing = Sensing(foam=how.pop("foam_mm") / 1e3, **how)
+    shared: dict[str, Any] = {
+        "gestures": wanted,
+        "subjects": subjects,
+        "sensing": Sensing(foam=foam_mm / 1e3, **sensing),
+    }
     steps = len(names) * (pairs or len(wanted) * per_gesture)
     recordings = []
     with staged_file(output) as stage, progress(steps, "simulating") as advance:
+        shared["progress"] = advance
         for name, rng in zip(names, np.random.default_rng(seed).spawn(len(names)), strict=True):
-            shared: dict[str, Any] = {
-                "rng": rng,
-                "gestures": wanted,
-                "subjects": subjects,
-                "sensing": sensing,
-                "progress": advance,
-            }
             skin = loaded.skin(name)
             if pairs is not None:
-                recordings.append(simulate_pairs(skin, count=pairs, **shared))
-            else:
-                recordings.append(simulate(skin, per_gesture=per_gesture, places=places, **shared))
+                recordings.append(simulate_pairs(skin, count=pairs, rng=rng, **shared))
+                continue
+            more = {"per_gesture": per_gesture, "places": places}
+            recordings.append(simulate(skin, rng=rng, **more, **shared))
         save_recordings(recordings, stage, robot=loaded)
-    rows: list[dict[str, Any]] = [
-        {
-            "part": recording.part,
-            "samples": len(recording.times),
-            "touches": _counts(recording.labels, wanted if pairs is None else ()),
-            "subjects": len(set(recording.subjects.tolist())),
-        }
+    rows = [
+        SimulatedPart(
+            part=recording.part,
+            samples=len(recording.times),
+            touches=_counts(recording.labels, wanted if pairs is None else ()),
+            subjects=len(set(recording.subjects.tolist())),
+        )
         for recording in recordings
     ]
-    if as_json:
-        emit({"robot": loaded.name, "seed": seed, "parts": rows, "files": [output]})
-        return
-    for row in rows:
-        counts = ", ".join(f"{count} {name}" for name, count in row["touches"].items())
-        click.echo(f"{row['part']}: {row['samples']} samples, {counts or 'no touch fits'}")
-    click.echo(str(output))
+    return SimulateResult(robot=loaded.name, seed=seed, parts=rows, files=[str(output)])
+
+
+def _lines(result: SimulateResult) -> Iterator[str]:
+    for row in result.parts:
+        counts = ", ".join(f"{count} {name}" for name, count in row.touches.items())
+        yield f"{row.part}: {row.samples} samples, {counts or 'no touch fits'}"
+
+
+def _stream_lines(result: StreamResult) -> Iterator[str]:
+    touches = sum(result.touches.values())
+    yield f"{result.samples} samples in {result.seconds:.1f} s, {touches} touches"
 
 
 def _refuse_given(*names: str) -> None:

@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
+from skinmap.cli.simulate.result import StreamResult
 from skinmap.commands.options import open_robot
-from skinmap.report.present import emit
 
 
 def publish_touches(
@@ -22,9 +22,8 @@ def publish_touches(
     seconds: float | None,
     raw: bool,
     seed: int,
-    as_json: bool,
     sensing: dict[str, Any],
-) -> None:
+) -> StreamResult:
     """Stream touches until `seconds` have passed or Ctrl-C comes, then say what was sent."""
     from skinmap.live.publishing.publish import open_publisher
     from skinmap.live.publishing.streaming import stream
@@ -63,22 +62,17 @@ def publish_touches(
         source.close()
     played = sent / info.rate
     labels = Counter(touch.label for touch in source.truth if touch.began < played)
-    if as_json:
-        emit(
-            {
-                "robot": loaded.name,
-                "seed": seed,
-                "publish": spec,
-                "kind": info.kind,
-                "rate_hz": info.rate,
-                "parts": names,
-                "channels": info.channels,
-                "samples": sent,
-                "seconds": took,
-                "behind_s": max(0.0, took - played),
-                "touches": labels,
-                "interrupted": interrupted,
-            }
-        )
-        return
-    click.echo(f"{sent} samples in {took:.1f} s, {labels.total()} touches")
+    return StreamResult(
+        robot=loaded.name,
+        seed=seed,
+        publish=spec,
+        kind=info.kind,
+        rate_hz=info.rate,
+        parts=list(names),
+        channels=info.channels,
+        samples=sent,
+        seconds=took,
+        behind_s=max(0.0, took - played),
+        touches=labels,
+        interrupted=interrupted,
+    )

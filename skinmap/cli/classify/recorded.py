@@ -1,0 +1,134 @@
+"""`skinmap classify` on recordings: the touches of each event, named."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import click
+import numpy as np
+
+from skinmap.classify.classifier import NO_CONTACT, TouchClassifier
+from skinmap.classify.naming import JOIN, all_right, name_touches, true_labels
+from skinmap.cli.classify.result import ClassifyResult, NamedRow
+from skinmap.commands.options import open_robot
+from skinmap.errors import SkinMismatchError, UnknownNameError
+from skinmap.io.recordings.touch_files import load_recordings
+from skinmap.skin.robot import Robot
+from skinmap.touch.grouping import GroupingRule
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.recording import Recording
+
+
+def work(
+    classifier: TouchClassifier,
+    path: Path,
+    robot: str,
+    parts: tuple[str, ...],
+    rule: GroupingRule,
+) -> ClassifyResult:
+    """Name the touches of each event and compare them with what was recorded."""
+    recordings = load_recordings(path)
+    loaded, wanted = open_robot(robot, parts)
+    chosen = [one for one in recordings if one.part in wanted]
+    if not chosen:
+        asked = parts[0] if parts else f"any of {loaded.name}"
+        raise UnknownNameError("recorded part", asked, [one.part for one in recordings])
+    skins = prepare_skins(loaded, chosen)
+    check_model(classifier, skins, chosen)
+    rows: list[NamedRow] = []
+    right = 0
+    for one in chosen:
+        found, hits = _name_events(classifier, skins[one.part], one, rule)
+        rows.extend(found)
+        right += hits
+    events = sum(len(one.labels) for one in chosen)
+    return ClassifyResult(
+        classifier=classifier.name,
+        touches=rows,
+        events=events,
+        accuracy=right / events if events else None,
+    )
+
+
+def _name_events(
+    classifier: TouchClassifier,
+    skin: PreparedSkin,
+    recording: Recording,
+    rule: GroupingRule,
+) -> tuple[list[NamedRow], int]:
+    """A row for each touch of each event, and how many events were understood in full."""
+    step = np.diff(recording.times)
+    rate = 1.0 / float(np.median(step)) if len(step) and np.median(step) > 0 else 50.0
+    rule = GroupingRule(span=rule.span, together=rule.together, rate=rate)
+    rows = []
+    right = 0
+    for event, label, samples in recording.touches():
+        owners = None if recording.owners is None else recording.owners[event]
+        named = name_touches(classifier, skin, samples, rule=rule)
+        right += all_right(named, samples, label, owners)
+        said = [(one.prediction.label, one.prediction.confidence) for one in named]
+        truth = true_labels(named, samples, label, owners)
+        for number, ((name, sure), recorded) in enumerate(
+            zip(said or [(NO_CONTACT, 1.0)], truth or [label], strict=True)
+        ):
+            row = NamedRow(
+                part=recording.part,
+                event=event,
+                touch=number,
+                label=name,
+                confidence=sure,
+                recorded_label=recorded,
+            )
+            rows.append(row)
+    return rows, right
+
+
+def check_model(
+    classifier: TouchClassifier,
+    skins: Mapping[str, PreparedSkin],
+    recordings: Sequence[Recording],
+) -> None:
+    """Refuse skins that a model cannot name touches on; say what else does not fit.
+
+    Raises
+    ------
+    SkinMismatchError
+        A model that reads taxels by their number, and another skin.
+    """
+    for skin in skins.values():
+        difference = classifier.difference(skin.skin)
+        if not difference.may_go_on:
+            raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
+        if difference.message:
+            click.echo(f"note: {difference.message}", err=True)
+    recorded = {kind for one in recordings for label in one.labels for kind in label.split(JOIN)}
+    strange = sorted(recorded - set(classifier.labels))
+    if strange:
+        click.echo(
+            f"note: recorded as {', '.join(strange)}, which the model cannot say; "
+            f"it knows {', '.join(classifier.labels)}",
+            err=True,
+        )
+
+
+def prepare_skins(robot: Robot, recordings: Sequence[Recording]) -> dict[str, PreparedSkin]:
+    """The skins of recorded parts; taxels and channels must agree.
+
+    Raises
+    ------
+    UnknownNameError
+        A recorded part that the robot lacks.
+    SkinMismatchError
+        A recording of another number of taxels.
+    """
+    skins = {}
+    for recording in recordings:
+        skin = PreparedSkin(robot.skin(recording.part))
+        if recording.pressures.shape[1] != len(skin):
+            raise SkinMismatchError(
+                f"the recording of {recording.part!r} has {recording.pressures.shape[1]} taxels, "
+                f"the skin of {robot.name} has {len(skin)}"
+            )
+        skins[recording.part] = skin
+    return skins

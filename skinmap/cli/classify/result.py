@@ -1,0 +1,148 @@
+"""What `skinmap classify` says: the types of its results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from skinmap.live.sources.sample_counts import Counts
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NamedRow:
+    """A touch of a recording.
+
+    Attributes
+    ----------
+    part, event
+        Where it was, and the number of the recorded event.
+    touch
+        Among those of the event; 0 is the heaviest.
+    label
+        The name given; `no_contact` and `unknown` too.
+    confidence
+        0 to 1.
+    recorded_label
+        The name that it was recorded with.
+    """
+
+    part: str
+    event: int
+    touch: int
+    label: str
+    confidence: float
+    recorded_label: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ClassifyResult:
+    """The touches of a recording, named.
+
+    Attributes
+    ----------
+    classifier
+        Its name.
+    touches
+        Event by event.
+    events
+        How many were recorded.
+    accuracy
+        Share of events of which every touch got its name; null without events.
+    """
+
+    classifier: str
+    touches: list[NamedRow]
+    events: int
+    accuracy: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LiveTouch:
+    """A line for each touch of a live source, when it is over.
+
+    Attributes
+    ----------
+    event
+        What the line is.
+    touch
+        Its number.
+    part, label
+        Where it was, and the name given.
+    confidence
+        0 to 1; null where it was too short to be named.
+    start_s, duration_s
+        In the source's clock.
+    area_mm2
+        Largest touched skin.
+    path_mm
+        How far its centre went along the skin.
+    peak
+        Largest pressure of a taxel [counts].
+    centre_mm
+        Where it was last, in the link's frame.
+    contacts
+        That were part of it.
+    """
+
+    event: Literal["touch"] = "touch"
+    touch: int
+    part: str
+    label: str
+    confidence: float | None
+    start_s: float
+    duration_s: float
+    area_mm2: float
+    path_mm: float
+    peak: float
+    centre_mm: list[float]
+    contacts: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Latency:
+    """From the arrival of a sample to its labels.
+
+    Attributes
+    ----------
+    median, p99, max
+        In milliseconds; null where no sample came.
+    """
+
+    median: float | None
+    p99: float | None
+    max: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LiveSummary:
+    """The last line of a live source.
+
+    Attributes
+    ----------
+    event
+        What the line is.
+    source, classifier
+        As given, and the model's name.
+    parts
+        That were followed.
+    touches
+        How many ended.
+    seconds
+        From first to last sample; null where none came.
+    rate_hz
+        That the source says; null where it does not.
+    latency_ms
+        Of the labels.
+    counts
+        What became of the samples.
+    """
+
+    event: Literal["summary"] = "summary"
+    source: str
+    classifier: str
+    parts: list[str]
+    touches: int
+    seconds: float | None
+    rate_hz: float | None
+    latency_ms: Latency
+    counts: Counts

@@ -1,0 +1,161 @@
+"""What `skinmap flatten` was asked for, every name and number checked before any work is done."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from skinmap.arrays import IntArray
+from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.flat.face_metrics import face_metric
+from skinmap.flat.flat_map import DEFAULT as DEFAULT_METHOD
+from skinmap.flat.methods import check_effort, flatteners
+from skinmap.surface.surface_mesh import DEFAULT, MESHING
+
+DRAWING = "drawing"
+MAX_CHANNEL = 10_000_000
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class FlatOptions:
+    """The options, as the work takes them.
+
+    Attributes
+    ----------
+    method, metric : str
+    meshing : str
+        For robots; a mesh file is a surface already.
+    others : tuple of str
+        Methods to compare with.
+    drawing : Path or None
+        The drawing of all parts, instead of those that the manifest names.
+    with_drawing : bool
+    away : (k,) int
+        Channels that seams keep away from.
+    budgets : dict
+        `max_seconds` and `max_edge_rms`, those that were given.
+    seed : int
+    iterations : int or None
+        None takes the method's own number.
+    precision : str
+    """
+
+    method: str
+    metric: str = "edge_strain"
+    meshing: str = DEFAULT
+    others: tuple[str, ...] = ()
+    drawing: Path | None = None
+    with_drawing: bool = False
+    away: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    budgets: Mapping[str, float] = field(default_factory=dict)
+    seed: int = 0
+    iterations: int | None = None
+    precision: str = "float64"
+
+
+def checked_options(
+    *,
+    method: str | None,
+    max_seconds: float | None,
+    max_edge_rms: float | None,
+    compare: str,
+    drawing: Path | None,
+    seam_away: tuple[str, ...],
+    metric: str,
+    meshing: str,
+    iterations: int | None,
+    precision: str,
+    seed: int,
+) -> FlatOptions:
+    """The options of the command line, before any work is done.
+
+    Raises
+    ------
+    UnknownNameError, InvalidArrayError
+        A name that does not exist, a number out of range.
+    """
+    budgets = max_seconds is not None or max_edge_rms is not None
+    method = method or ("auto" if budgets else DEFAULT_METHOD)
+    flatteners.get(method)
+    if meshing not in MESHING:
+        raise UnknownNameError("meshing method", meshing, MESHING)
+    check_effort(method, iterations, precision)
+    others, with_drawing = check_compare(compare)
+    face_metric(metric)
+    return FlatOptions(
+        method=method,
+        metric=metric,
+        meshing=meshing,
+        others=others,
+        drawing=drawing,
+        with_drawing=with_drawing or drawing is not None,
+        away=read_channels(seam_away),
+        budgets=check_budget(method, max_seconds, max_edge_rms),
+        seed=seed,
+        iterations=iterations,
+        precision=precision,
+    )
+
+
+def check_compare(words: str) -> tuple[tuple[str, ...], bool]:
+    """The methods named in a list with commas, and whether a drawing is among them.
+
+    Raises
+    ------
+    UnknownNameError
+        No such method.
+    """
+    names = tuple(dict.fromkeys(word.strip() for word in words.split(",") if word.strip()))
+    methods = tuple(name for name in names if name != DRAWING)
+    for name in methods:
+        flatteners.get(name)
+    return methods, DRAWING in names
+
+
+def check_budget(
+    method: str, max_seconds: float | None, max_edge_rms: float | None
+) -> dict[str, float]:
+    """The budgets that were given: seconds, and the edge error as a share.
+
+    Raises
+    ------
+    InvalidArrayError
+        One that is not above zero, or with another method than `auto`.
+    """
+    given = {"max_seconds": max_seconds, "max_edge_rms": max_edge_rms}
+    budgets = {name: value for name, value in given.items() if value is not None}
+    for name, value in budgets.items():
+        option = "--" + name.replace("_", "-")
+        if not (0.0 < value < np.inf):
+            raise InvalidArrayError(f"{option} must be above 0, got {value:g}")
+        if method != "auto":
+            raise InvalidArrayError(f"{option} needs --method auto, got {method!r}")
+    if "max_edge_rms" in budgets:
+        budgets["max_edge_rms"] /= 100.0
+    return budgets
+
+
+def read_channels(words: tuple[str, ...]) -> IntArray:
+    """Channels (k,) of lists such as `3,8,20-31`, each once.
+
+    Raises
+    ------
+    InvalidArrayError
+        Something that is no number and no range.
+    """
+    found: set[int] = set()
+    for word in ",".join(words).split(","):
+        if not word.strip():
+            continue
+        match = re.fullmatch(r"\s*(\d{1,8})(?:\s*-\s*(\d{1,8}))?\s*", word)
+        low, high = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+        if not low <= high <= MAX_CHANNEL:
+            raise InvalidArrayError(
+                f"--seam-away wants channels as 3,8,20-31, got {word.strip()!r}"
+            )
+        found.update(range(low, high + 1))
+    return np.array(sorted(found), np.int64)

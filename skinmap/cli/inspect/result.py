@@ -1,0 +1,172 @@
+"""What `skinmap inspect` finds: the types of its result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from msgspec import UNSET, UnsetType
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Spread:
+    """How a figure is spread over the taxels.
+
+    Attributes
+    ----------
+    mean, median, p95, min, max
+        The 95th percentile among them.
+    """
+
+    mean: float
+    median: float
+    p95: float
+    min: float
+    max: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AngleSpread(Spread):
+    """How angles are spread over the taxels.
+
+    Attributes
+    ----------
+    share_within_15
+        Share of the taxels with at most 15 degrees.
+    """
+
+    share_within_15: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DrawingMatch:
+    """A drawing beside the table of taxels.
+
+    Attributes
+    ----------
+    taxels
+        On the drawing.
+    missing
+        Taxels that are not drawn.
+    extra
+        Drawn ones that are not in the table.
+    """
+
+    taxels: int
+    missing: int
+    extra: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RigidFit:
+    """How much closer a rigid move brings the taxels to their link.
+
+    Attributes
+    ----------
+    mean_before_mm, mean_after_mm
+        Mean distance from the link.
+    shift_mm, angle_deg
+        The move.
+    """
+
+    mean_before_mm: float
+    mean_after_mm: float
+    shift_mm: float
+    angle_deg: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PartRow:
+    """One part, or a bare table.
+
+    Attributes
+    ----------
+    name, link
+        Of the part and of the body that it covers.
+    channels
+        Length of its live vector.
+    taxels, modules
+        How many.
+    distinct
+        Positions that differ.
+    coincident
+        Taxels that share a mesh vertex with another.
+    rebuilt
+        Taxels that shared a place and were set beside each other.
+    normals_repaired
+        Stored normals that were more than 20 degrees off.
+    thermal
+        Sensors of temperature, which are no taxels.
+    unit
+        Of the positions in their file.
+    pitch_mm
+        Distance to the nearest taxel.
+    distance_mm
+        To the mesh of the link; null for a bare table, which has no body.
+    frame
+        That positions are in; not for a bare table.
+    normal_angle_deg
+        To the normals of the link's mesh; not for a bare table.
+    inward, covered
+        Taxels whose normal points into the body, or that lie below it; not for a bare table.
+    module_side_mm
+        With a module layout; null where no module is whole enough.
+    swapped
+        With a module layout: module by number, and the one whose frame it stands at.
+    mirror_mm
+        Distance from the mirror image of the part's twin, where it has one.
+    drawing
+        Where the manifest names one.
+    fit
+        With `--fit`.
+    verdict
+        What to do next, in a few words.
+    warnings
+        Whole sentences.
+    """
+
+    name: str
+    link: str
+    channels: int
+    taxels: int
+    modules: int
+    distinct: int
+    coincident: int
+    rebuilt: int
+    normals_repaired: int
+    thermal: int
+    unit: str
+    pitch_mm: Spread
+    distance_mm: Spread | None
+    frame: str | UnsetType = UNSET
+    normal_angle_deg: AngleSpread | UnsetType = UNSET
+    inward: int | UnsetType = UNSET
+    covered: int | UnsetType = UNSET
+    module_side_mm: float | UnsetType | None = UNSET
+    swapped: dict[str, int] | UnsetType = UNSET
+    mirror_mm: float | UnsetType = UNSET
+    drawing: DrawingMatch | UnsetType = UNSET
+    fit: RigidFit | UnsetType = UNSET
+    verdict: str
+    warnings: list[str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InspectResult:
+    """What a robot's skin is made of, and whether it fits.
+
+    Attributes
+    ----------
+    robot
+        Its name, or that of the table.
+    parts
+        In the manifest's order, or that of the command line.
+    taxels
+        Over all these parts.
+    files
+        The report, with `--html`.
+    """
+
+    robot: str
+    parts: list[PartRow]
+    taxels: int
+    files: list[str] = field(default_factory=list)
