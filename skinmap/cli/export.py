@@ -101,16 +101,16 @@ def _export_recording(path: Path, output: Path, as_json: bool) -> None:
             getattr(learning, WRITERS[suffix])(track, stage)
     parts = [
         {"name": part, "channels": width}
-        for part, width in zip(track.parts, track.widths, strict=True)
+        for part, width in zip(track.parts, track.info.widths, strict=True)
     ]
     kind, samples = track.kind, len(track.times)
     if as_json:
         emit({
-            "robot": track.robot, "format": suffix[1:], "kind": kind, "samples": samples,
+            "robot": track.info.robot, "format": suffix[1:], "kind": kind, "samples": samples,
             "parts": parts, "files": [output],
         })  # fmt: skip
         return
-    click.echo(f"{samples} samples of {kind} values, {track.channels} channels")
+    click.echo(f"{samples} samples of {kind} values, {track.info.channels} channels")
     click.echo(str(output))
 
 
