@@ -16,8 +16,7 @@ from benchmarks.harness.timing import medians, ratio_quartiles, spreads, take_tu
 from skinmap.flat.flat_map import FlatMap, flatten
 from skinmap.skin.skin import Skin, skin_from_points
 from skinmap.surface.surface_mesh import build_surface
-from skinmap.touch.contact_image import ContactImageGeometry, image_geometry
-from skinmap.touch.image_gather import compiled_gathers
+from skinmap.touch.contact_image import ContactImageGeometry, compiled_gathers, image_geometry
 from skinmap.touch.paper_image import paper_images
 
 BATCH = 64

@@ -25,7 +25,7 @@ FORMAT = 1  # of the files; `compare.py` refuses another
 LIBRARIES = (
     "skinmap", "numpy", "scipy", "scikit-learn", "numba", "libigl", "trimesh", "pymeshlab",
     "cholespy", "scikit-sparse", "potpourri3d", "open3d", "pyvista", "vtk", "viser", "websockets",
-    "mcap", "zstandard", "pyzmq", "pylsl", "joblib", "torch",
+    "mcap", "zstandard", "pyzmq", "pylsl", "loky", "torch",
 )  # fmt: skip
 Measure = Callable[..., dict[str, Any]]
 

@@ -134,7 +134,10 @@ def read_touches(path: Path, probes: Mapping[str, Probe]) -> tuple[list[TouchFil
                 raise
             raise DataFormatError(f"not a recording that was exported: {error}", path) from error
     found = track_events(track, probes, path)
-    files = [TouchFile(one, track.joints, track.robot, path, track.fingerprints) for one in found]
+    files = [
+        TouchFile(one, track.joints, track.info.robot, path, track.info.fingerprints)
+        for one in found
+    ]
     return files, lone_touches(track, found, path)
 
 

@@ -232,7 +232,7 @@ def examine_recording(
     DataFormatError
         No touches in it, NaN, or places that do not belong to it.
     """
-    from skinmap.live.sources.open_recording import open_track, stream_info
+    from skinmap.live.sources.open_recording import open_track
     from skinmap.live.sources.skins import check_skin
 
     track = open_track(path, robot=robot)
@@ -240,7 +240,7 @@ def examine_recording(
         if part not in track.parts:
             raise UnknownNameError(f"part in {path}", part, track.parts)
     there = tuple(parts) or track.parts
-    info = stream_info(track)
+    info = track.info
     for part in there:
         robot.part(part)
     check_skin(info, robot)

@@ -11,13 +11,16 @@ Efficient", CVPR 2008.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.compiled import compile_loop
+from skinmap.errors import MissingLibraryError
 
 TABLE = 2**23  # numbers in a table at most (64 MB)
 COMPILE = 2_000_000  # bins from which compiling pays by itself
@@ -74,11 +77,9 @@ class AdditiveFunction:
 
     def compile(self) -> bool:
         """Use compiled code from now on; whether it can be had (numba)."""
-        from skinmap.classify.compiled_additive import additive_kernel
-
         try:
-            self._kernel = additive_kernel(self)
-        except ImportError:
+            self._kernel = _additive_kernel(self)
+        except MissingLibraryError:
             logger.info("numba is not installed: decision values are computed by numpy")
         return self._kernel is not None
 
@@ -145,3 +146,55 @@ def _look_up(rows: FloatArray, offset: IntArray, top: int, x: FloatArray) -> Flo
     start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(x)))])
     ones = csr_array((np.ones(len(row)), column, start), shape=(len(x), len(rows)))
     return np.asarray(ones @ rows)
+
+
+def _additive_kernel(function: AdditiveFunction) -> Callable[[FloatArray], FloatArray]:
+    """A function that gives the values (n, q) of x (n, d).
+
+    Raises
+    ------
+    MissingLibraryError
+        Without numba.
+    """
+    loop = _compiled(len(function.intercept))
+    none = np.zeros((0, len(function.intercept)))
+    rows = none if function.rows is None else function.rows
+    tables = (function.start, function.bends, function.base, function.slope, rows)
+    top, intercept = function.top, function.intercept
+
+    def values(x: FloatArray) -> FloatArray:
+        return np.asarray(loop(x, *tables, top, intercept))
+
+    return values
+
+
+@cache
+def _compiled(q: int) -> Any:
+    """The loop for q sums: a known number, so that the innermost loops unroll."""
+
+    def loop(x, start, bends, base, slope, rows, top, intercept):  # type: ignore[no-untyped-def]
+        total = np.empty((x.shape[0], q))
+        for t in range(x.shape[0]):
+            for i in range(q):
+                total[t, i] = intercept[i]
+            for place in range(x.shape[1]):
+                value = x[t, place]
+                if value == 0.0:
+                    continue
+                if len(rows) and value == np.floor(value):
+                    row = place * (top + 1) + int(min(value, float(top)))
+                    for i in range(q):
+                        total[t, i] += rows[row, i]
+                    continue
+                low, high = start[place], start[place + 1]
+                while low < high:
+                    middle = (low + high) // 2
+                    if bends[middle] < value:
+                        low = middle + 1
+                    else:
+                        high = middle
+                for i in range(q):
+                    total[t, i] += base[low + place, i] + slope[low + place, i] * value
+        return total
+
+    return compile_loop(loop, error_model="numpy")

@@ -197,9 +197,9 @@ def export_recording(path: Path, output: Path) -> ExportedRecording:
         track = open_track(path)
         with staged_file(output) as stage:
             getattr(learning, WRITERS[suffix])(track, stage)
-    pairs = zip(track.parts, track.widths, strict=True)
+    pairs = zip(track.parts, track.info.widths, strict=True)
     return ExportedRecording(
-        robot=track.robot,
+        robot=track.info.robot,
         format=suffix[1:],
         kind=track.kind,
         samples=len(track.times),

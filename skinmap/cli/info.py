@@ -90,24 +90,24 @@ def command(recording: Path, robot: str | None, as_json: bool) -> None:
 
 def work(path: Path, robot: str | None) -> tuple[RecordingInfo, Counter[str], list[str]]:
     """What is in the file, its touches by label, and what is wrong with it in words."""
-    from skinmap.live.sources.open_recording import open_track, stream_info
+    from skinmap.live.sources.open_recording import open_track
     from skinmap.live.sources.skins import check_skin
 
     loaded = open_robot(robot, ())[0] if robot else None
     track = open_track(path, robot=loaded)
     if loaded is not None:
-        check_skin(stream_info(track), loaded)
+        check_skin(track.info, loaded)
     skin = RecordedSkin(
-        robot=track.robot,
-        parts=list(track.parts),
+        robot=track.info.robot,
+        parts=list(track.info.parts),
         taxels=sum(len(table) for table in track.tables.values()) or None,
-        fingerprints=dict(track.fingerprints),
+        fingerprints=dict(track.info.fingerprints),
     )
     result = RecordingInfo(
         samples=len(track.times),
         seconds=track.seconds,
-        channels=track.channels,
-        rate_hz=track.rate,
+        channels=track.info.channels,
+        rate_hz=track.info.rate,
         gaps=track.gaps,
         recovered=track.loss.recovered,
         lost_seconds=track.loss.seconds,

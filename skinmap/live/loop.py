@@ -96,7 +96,7 @@ class TouchLoop:
     ) -> None:
         self.robot, self.counts = robot, Counts()
         self.feed = Feed(robot, source, self.counts, reopen)
-        info = source.info
+        info = self.info
         check_skin(info, robot)
         chosen = chosen_parts(info, parts)
         self.skins = {
@@ -107,7 +107,7 @@ class TouchLoop:
         self._skin = JoinedSkin(self.skins)
         self._gather = gather(info, self.skins)
         self._all = np.array_equal(self._gather, np.arange(info.channels))
-        self._checks = SampleChecks(info, self.counts, seekable=isinstance(source, Seekable))
+        self._checks = SampleChecks(info, self.counts, seekable=self.source.seekable)
         self._responses = Responses(self._skin, info, responses)
         self._tracker = ContactTracker(self._skin)
         self._book = TouchBook(self._skin)
@@ -199,7 +199,7 @@ class TouchLoop:
 
     def totals(self) -> dict[str, int]:
         """What became of the samples, on the way here and here, by the names of `Counts`."""
-        return self.counts.joined(getattr(self.source, "counts", None)).as_dict()
+        return self.counts.joined(self.source.counts).as_dict()
 
     def dense_info(self) -> StreamInfo:
         """How a publisher of the moments describes their pressures: dense rows of each part."""
@@ -228,7 +228,7 @@ class TouchLoop:
     @property
     def plays_ahead(self) -> bool:
         """Whether the source plays as fast as it is asked: then no sample is passed over."""
-        return bool(np.isinf(getattr(self.source, "speed", 1.0)))
+        return bool(np.isinf(self.source.speed))
 
     def _next_run(self) -> tuple[bool, FloatArray, NDArray[Any]]:
         """Samples that one step works on: a few at once, one where none is to be passed over."""

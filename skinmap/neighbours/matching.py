@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.neighbours.compiled import match_kernel
+from skinmap.compiled import compiled as compiled_loop
+from skinmap.compiled import pays
 from skinmap.neighbours.offsets import Neighbourhoods, ramp
 from skinmap.neighbours.prototypes import Prototypes
 
+PAYS = 20_000_000  # combinations; below, the import of numba costs more than it saves
 CELLS = 13  # cells of the coarse raster along one axis: all of them fit into three words
 WORDS = -(-CELLS * CELLS // 64)
 TRIPLES = 16384  # neighbourhood, prototype and rotation that are matched at a time
@@ -129,7 +132,9 @@ def match_costs(
     turn = np.zeros(shape, np.int64)
     if 0 in shape:
         return cost, stray, turn
-    kernel = match_kernel(len(rows) * len(ready.count) * ready.offsets.shape[1], compiled)
+    combinations = len(rows) * len(ready.count) * ready.offsets.shape[1]
+    compiled = pays(combinations, PAYS) if compiled is None else compiled
+    kernel = compiled_loop(_match) if compiled else None
     if kernel is not None:
         kernel(
             rows, seen.hoods.offsets, seen.held, seen.needed, seen.hoods.required,
@@ -239,3 +244,71 @@ def _joined(batch: list[tuple[IntArray, int, int]]) -> Triples:
         np.repeat([s for _, s, _ in batch], lengths),
         np.repeat([t for _, _, t in batch], lengths),
     )
+
+
+def _match(
+    rows: Any, offsets: Any, held: Any, musts: Any, must: Any, alone: Any, raster: Any,
+    places: Any, count: Any, needed: Any, required: Any, weight: Any, masks: Any,
+    reach2: float, margin: float, cost: Any, stray: Any, turn: Any,
+) -> None:  # fmt: skip
+    """Fill cost, stray and turn (r, s); the same steps as `pairing`, one by one."""
+    width, depth = offsets.shape[1], places.shape[2]
+    partner, gap = np.empty(depth, np.int64), np.empty(depth)
+    place, near = np.empty(width, np.int64), np.empty(width)
+    for line in range(len(rows)):
+        r = rows[line]
+        for s in range(places.shape[0]):
+            if musts[r] > count[s] or held[r] < needed[s]:
+                continue
+            for t in range(places.shape[1]):
+                fits = True
+                for p in range(count[s]):
+                    if required[s, p]:
+                        hit = False
+                        for w in range(raster.shape[1]):
+                            if raster[r, w] & masks[s, t, p, w]:
+                                hit = True
+                        if not hit:
+                            fits = False
+                            break
+                if not fits:
+                    continue
+                for j in range(held[r]):
+                    near[j] = np.inf
+                    place[j] = 0
+                for p in range(count[s]):
+                    gap[p] = np.inf
+                    partner[p] = 0
+                    for j in range(held[r]):
+                        x = offsets[r, j, 0] - places[s, t, p, 0]
+                        y = offsets[r, j, 1] - places[s, t, p, 1]
+                        d = x * x + y * y
+                        if d < gap[p]:
+                            gap[p], partner[p] = d, j
+                        if d < near[j]:
+                            near[j], place[j] = d, p
+                total, lone, number = 0.0, 0.0, 0
+                for p in range(count[s]):
+                    if gap[p] <= reach2 and place[partner[p]] == p:
+                        total += gap[p]
+                        number += 1
+                    elif required[s, p]:
+                        fits = False
+                        break
+                    else:
+                        lone += weight[s, p]
+                if not fits:
+                    continue
+                for j in range(held[r]):
+                    p = place[j]
+                    if not (near[j] <= reach2 and count[s] > 0 and partner[p] == j):
+                        if must[r, j]:
+                            fits = False
+                            break
+                        lone += alone[r, j]
+                if not fits:
+                    continue
+                mean = total / max(number, 1)
+                value = mean / reach2 + lone
+                if value < cost[line, s] - margin:
+                    cost[line, s], stray[line, s], turn[line, s] = value, mean, t

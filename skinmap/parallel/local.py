@@ -1,4 +1,4 @@
-"""Processes of this machine, by joblib's pool."""
+"""Processes of this machine, by the pool of loky."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class LocalPool:
 
     def submit(self, call: Callable[[Any], Any], task: Any) -> Any:
         """A future of one task."""
-        from joblib.externals.loky import get_reusable_executor
-        from joblib.externals.loky.process_executor import TerminatedWorkerError
+        from loky import get_reusable_executor
+        from loky.process_executor import TerminatedWorkerError
 
         if self._executor is None:
             self._executor = get_reusable_executor(
@@ -49,7 +49,7 @@ class LocalPool:
 
     def result(self, future: Any) -> Any:
         """What a task gave, or raises what it raised; WorkersLostError where its process died."""
-        from joblib.externals.loky.process_executor import TerminatedWorkerError
+        from loky.process_executor import TerminatedWorkerError
 
         try:  # a task that cannot be read there breaks the pool too, and is no death
             return future.result()

@@ -1,51 +1,24 @@
-"""Hot loops of meshing compiled by numba, where it is there and pays for its import."""
+"""The two hot loops of meshing as they are compiled."""
 
 from __future__ import annotations
-
-import importlib.util
-import sys
-from collections.abc import Callable
-from functools import cache
-from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.compiled import Loop, pays
+from skinmap.compiled import compiled as compiled_loop
 
 PAYS = 100_000  # taxels: below, the import of numba (over 1 s) costs more than it saves
-Kernel = Callable[..., Any]
 
 
-def pays(n: int) -> bool:
-    """Whether n taxels are worth compiled code: many, or numba is loaded already."""
-    if "numba" in sys.modules:
-        return True
-    return n >= PAYS and importlib.util.find_spec("numba") is not None
-
-
-@cache
-def compile_kernel(function: Kernel) -> Kernel:
-    """A function compiled on its first call; the machine code is kept on disk where it may be.
-
-    numba keeps it beside the source, or in the user's cache folder where the source may not be
-    written to; with neither it is compiled anew in each process.
-    """
-    import numba
-
-    try:
-        return numba.njit(function, cache=True, nogil=True)
-    except RuntimeError:  # "no locator available": nowhere to write
-        return numba.njit(function, nogil=True)
-
-
-def star_kernel(n: int, compiled: bool | None = None) -> Kernel | None:
+def star_kernel(n: int, compiled: bool | None = None) -> Loop | None:
     """Compiled stars for a chunk of n points; None for the plain ones, by default by what pays."""
-    return compile_kernel(_stars) if (pays(n) if compiled is None else compiled) else None
+    return compiled_loop(_stars) if (pays(n, PAYS) if compiled is None else compiled) else None
 
 
-def take_kernel(n: int, compiled: bool | None = None) -> Kernel | None:
+def take_kernel(n: int, compiled: bool | None = None) -> Loop | None:
     """Compiled `take_in_turn` for n points; None for the plain one, by default by what pays."""
-    return compile_kernel(_take) if (pays(n) if compiled is None else compiled) else None
+    return compiled_loop(_take) if (pays(n, PAYS) if compiled is None else compiled) else None
 
 
 def _take(numbers: IntArray) -> BoolArray:

@@ -7,18 +7,20 @@ once; an image is that matrix times the pressures.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
-from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.compiled import compiled
+from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinMismatchError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.raster import locate_pixels, pixel_coverage
-from skinmap.touch.image_gather import compiled_gathers
 
 PITCH = 8e-3  # [m]: about that of the taxels, as published (Albini, Denei and Cannata, IROS 2017)
 PIXELS = 2**26  # a grid of more is a mistake in its pitch
@@ -247,3 +249,41 @@ def _refuse_unusable(values: NDArray[np.generic]) -> None:
             f"pressures must be finite and below {LARGEST:g}, got {values[tuple(where)]} "
             f"for taxel {where[-1]}"
         )
+
+
+def _gather_one(pixels: Any, columns: Any, weights: Any, pressures: Any, image: Any) -> bool:
+    """Fill one image (pixels,); False where a pressure is not finite or too large for float32."""
+    values = np.empty(len(pressures), np.float32)
+    for i in range(len(pressures)):
+        if not abs(pressures[i]) <= 3.4e38:
+            return False
+        values[i] = pressures[i]
+    for j in range(len(pixels)):
+        image[pixels[j]] = (
+            weights[j, 0] * values[columns[j, 0]]
+            + weights[j, 1] * values[columns[j, 1]]
+            + weights[j, 2] * values[columns[j, 2]]
+        )
+    return True
+
+
+def _gather_many(pixels: Any, columns: Any, weights: Any, values: Any, images: Any) -> None:
+    """Fill images (pixels, samples) from values (taxels, samples): samples run innermost."""
+    samples, reached = values.shape[1], 0
+    for j in range(len(pixels)):
+        pixel = pixels[j]
+        images[reached:pixel] = 0.0
+        reached = pixel + 1
+        one, two, three = columns[j, 0], columns[j, 1], columns[j, 2]
+        u, v, w = weights[j, 0], weights[j, 1], weights[j, 2]
+        for s in range(samples):
+            images[pixel, s] = u * values[one, s] + v * values[two, s] + w * values[three, s]
+    images[reached:] = 0.0
+
+
+def compiled_gathers() -> tuple[Callable[..., bool], Callable[..., None]] | None:
+    """Loops that fill one image, and many at once; None without numba: the matrix does the same."""
+    try:
+        return compiled(_gather_one), compiled(_gather_many)
+    except MissingLibraryError:
+        return None

@@ -9,13 +9,16 @@ word. Ties go to the word of the smaller number, so to rest before all others.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.compiled import compile_loop
+from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinMismatchError
 from skinmap.neighbours.structures import Structures
 from skinmap.touch.codebook import COUNTS, LARGEST, Codebook, check_samples
 
@@ -23,6 +26,7 @@ CHUNK = 2**13  # patterns at a time, to stay in the cache
 SPARSE = 0.3  # share of taxels near a touch below which the rest of them are skipped
 NEVER = np.finfo(float).max  # cost of a word that is not there; infinity would spoil a product
 LARGEST_SINGLE = 1e15  # the same in single precision
+BLOCK = 64  # taxels that are compared together: a vector unit's width, many times over
 COMPILE = 2_000_000  # patterns from which compiling pays by itself (about two seconds)
 
 logger = logging.getLogger(__name__)
@@ -200,11 +204,9 @@ class VoteCounter:
         return word
 
     def _compile(self) -> Any:
-        from skinmap.touch.compiled_votes import vote_kernel
-
         try:
-            return vote_kernel(self)
-        except ImportError:
+            return _vote_kernel(self)
+        except MissingLibraryError:
             logger.info("numba is not installed: votes are counted by numpy")
             return None
 
@@ -218,3 +220,94 @@ def _nearest(seen: FloatArray, words: FloatArray) -> IntArray:
         np.multiply(step, step, out=step)
         cost += step
     return cost.argmin(axis=0)
+
+
+def _vote_kernel(counter: VoteCounter) -> Callable[[FloatArray, IntArray], bool]:
+    """A function that adds the votes of samples (t, n) to votes (t, s, k), where it can.
+
+    It says no where a sample holds something whose square is not finite.
+
+    Raises
+    ------
+    MissingLibraryError
+        Without numba.
+    """
+    loop = _compiled(counter.words.shape[2])
+    order = counter.index[:-1]
+    index = order.astype(np.uint32)
+    reverse, position = _readers(order, counter.n_taxels)
+    start, words, rest = counter.start, np.ascontiguousarray(counter.words), counter.rest
+
+    scale = counter.codebook.scale
+
+    def count(samples: FloatArray, votes: IntArray) -> bool:
+        done = loop(samples, scale, index, start, words, rest, reverse, position, votes)
+        return bool(done)
+
+    return count
+
+
+def _readers(index: IntArray, n_taxels: int) -> tuple[IntArray, IntArray]:
+    """Which positions read each taxel: those of taxel i are position[start[i] : start[i + 1]]."""
+    read = index.ravel()
+    where = np.tile(np.arange(index.shape[1]), len(index))[np.argsort(read, kind="stable")]
+    count = np.bincount(read, minlength=n_taxels + 1)[:n_taxels]
+    return np.concatenate([[0], np.cumsum(count)]), where
+
+
+@cache
+def _compiled(p: int) -> Any:
+    """The loop for patterns of p places: a known number, so that the sum unrolls."""
+
+    def loop(samples, scale, index, start, words, rest, reverse, position, votes):  # type: ignore[no-untyped-def]
+        n, m = samples.shape[1], index.shape[1]
+        sample = np.zeros(n + 1)  # empty places read the zero behind the last taxel
+        seen, best = np.empty((p, BLOCK)), np.empty(BLOCK)
+        word = np.empty(BLOCK, np.uint32)
+        near, todo = np.zeros(m, np.uint8), np.zeros(m, np.int64)
+        for t in range(len(samples)):
+            touched = fine = 0
+            for i in range(n):
+                sample[i] = samples[t, i] * scale
+                touched += sample[i] != 0.0
+                fine += abs(sample[i]) <= LARGEST
+            if fine < n:
+                return False
+            sparse = touched * p < m // 2
+            if sparse:
+                near[:] = 0
+                for i in range(n):
+                    if sample[i] != 0.0:
+                        for j in range(reverse[i], reverse[i + 1]):
+                            near[position[j]] = 1
+            for s in range(len(words)):
+                first, last = start[s], start[s + 1]
+                if sparse:
+                    last = first
+                    for a in range(start[s], start[s + 1]):
+                        todo[last] = a
+                        last += near[a]
+                    votes[t, s, rest[s]] += start[s + 1] - last
+                while first < last:
+                    size = min(BLOCK, last - first)
+                    for i in range(p):
+                        for b in range(size):
+                            a = todo[first + b] if sparse else first + b
+                            seen[i, b] = sample[index[i, a]]
+                    best[:] = np.inf
+                    word[:] = 0
+                    for j in range(words.shape[1]):
+                        for b in range(size):
+                            d = 0.0
+                            for i in range(p):
+                                step = seen[i, b] - words[s, j, i]
+                                d += step * step
+                            nearer = d < best[b]
+                            best[b] = d if nearer else best[b]
+                            word[b] = j if nearer else word[b]
+                    for b in range(size):
+                        votes[t, s, word[b]] += 1
+                    first += size
+        return True
+
+    return compile_loop(loop, error_model="numpy")

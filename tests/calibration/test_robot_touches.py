@@ -166,7 +166,7 @@ def test_an_exported_recording_keeps_its_joint_angles(icub, tmp_path):
     write_npz(track, tmp_path / "touches.npz")
     with np.load(tmp_path / "touches.npz") as arrays:
         again = track_of_arrays(arrays, tmp_path / "touches.npz")
-    assert (again.joints, again.parts, again.robot) == (track.joints, track.parts, "iCub")
+    assert (again.joints, again.parts, again.info.robot) == (track.joints, track.parts, "iCub")
     np.testing.assert_array_equal(again.angles, track.angles)
     np.testing.assert_array_equal(again.values, track.values[:])
     one, other = (

@@ -9,7 +9,7 @@ from sklearn.calibration import CalibratedClassifierCV
 from sklearn.svm import SVC
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from skinmap.classify import compiled_additive
+from skinmap.classify import additive
 from skinmap.classify.additive import AdditiveFunction, intersection_function
 from skinmap.classify.intersection import IntersectionSVC, intersection_kernel
 from skinmap.classify.unary import UnaryCode
@@ -87,7 +87,7 @@ def test_bins_without_support_values_add_nothing():
 def test_without_numba_numpy_evaluates(rng, monkeypatch):
     found = intersection_function(rng.random((5, 2)), np.ones((1, 5)), np.zeros(1))
     monkeypatch.setitem(sys.modules, "numba", None)
-    compiled_additive._compiled.cache_clear()
+    additive._compiled.cache_clear()
     assert not found.compile()
     assert found(np.ones((3, 2))).shape == (3, 1)
 

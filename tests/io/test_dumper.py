@@ -40,8 +40,8 @@ def test_log_is_read_as_it_was_sent(tmp_path, values):
         np.testing.assert_array_equal(track.values[:], values)
         np.testing.assert_allclose(track.times, 100 + np.arange(40) / RATE, rtol=0, atol=1e-6)
         assert track.values[:1].dtype == np.uint8
-        assert (track.kind, track.parts, track.widths) == ("raw", ("torso",), (12,))
-        assert track.rate == pytest.approx(RATE, rel=1e-4)  # stamps have microseconds
+        assert (track.kind, track.parts, track.info.widths) == ("raw", ("torso",), (12,))
+        assert track.info.rate == pytest.approx(RATE, rel=1e-4)  # stamps have microseconds
         assert not track.loss.recovered
 
 

@@ -81,7 +81,8 @@ def test_samples_come_back_bit_by_bit(tmp_path, values):
     np.testing.assert_array_equal(track.values[150:170], values[150:170])
     np.testing.assert_array_equal(track.times, np.arange(200) / 50)
     assert track.values[:1].dtype == np.uint8
-    assert (track.kind, track.parts, track.widths, track.rate) == ("raw", ("a", "b"), (10, 20), 50)
+    assert (track.kind, track.parts) == ("raw", ("a", "b"))
+    assert (track.info.widths, track.info.rate) == ((10, 20), 50)
     assert track.loss.seconds == track.gaps == 0
     assert not track.loss.recovered
 

@@ -163,7 +163,7 @@ def test_flipped_bit_in_what_the_file_says_of_itself_is_outvoted(tmp_path, whole
         data = bytearray(whole)
         data[place + 2] ^= 4
         track = read(tmp_path, bytes(data))
-        assert (track.parts, track.widths, len(track.times)) == (("a",), (N,), COUNT)
+        assert (track.parts, track.info.widths, len(track.times)) == (("a",), (N,), COUNT)
         assert track.loss.recovered
         assert any("differ" in one for one in track.loss.damage)
         assert track.loss.seconds == 0
@@ -263,7 +263,7 @@ def test_flipped_bits_never_give_a_wrong_value(tmp_path, whole, values, flips, e
         found = track.values[:]
     except SkinError:
         return
-    if (track.kind, track.parts, track.widths) != ("raw", ("a",), (N,)):
+    if (track.kind, track.parts, track.info.widths) != ("raw", ("a",), (N,)):
         return  # what the file says of itself carries no checksum
     rows = np.rint(track.times * RATE).astype(int)
     # A message's values stand under the checksum of their chunk.

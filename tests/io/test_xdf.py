@@ -74,7 +74,7 @@ def read(tmp_path, data: bytes, **how) -> RecordedStream:
 def test_stream_of_numbers_is_read_at_its_corrected_times(tmp_path, values):
     track = read(tmp_path, recording(values))
     np.testing.assert_array_equal(track.values[:], values)
-    assert (track.parts, track.widths, track.kind) == (("left_hand",), (8,), "raw")
+    assert (track.parts, track.info.widths, track.kind) == (("left_hand",), (8,), "raw")
     assert track.values[:].dtype == np.uint8
     # The clocks differ by half a second all the time; jitter removal leaves a straight line.
     np.testing.assert_allclose(track.times, START - 0.5 + np.arange(100) / RATE, rtol=0, atol=1e-6)
@@ -83,8 +83,8 @@ def test_stream_of_numbers_is_read_at_its_corrected_times(tmp_path, values):
 
 def test_stream_that_describes_its_skin_is_read_as_it_says(tmp_path, values):
     track = read(tmp_path, recording(values, "demo", OURS))
-    assert (track.parts, track.widths, track.kind) == (("a", "b"), (3, 5), "pressure")
-    assert (track.robot, track.fingerprints) == ("iCub", {"a": "ab"})
+    assert (track.parts, track.info.widths, track.kind) == (("a", "b"), (3, 5), "pressure")
+    assert (track.info.robot, track.info.fingerprints) == ("iCub", {"a": "ab"})
     np.testing.assert_array_equal(track.values[:][:, track.columns("b")], values[:, 3:])
 
 
@@ -95,7 +95,7 @@ def test_description_of_another_width_is_not_believed(tmp_path, values):
 
 def test_streams_are_parts_of_the_robot(tmp_path, values, icub):
     track = read(tmp_path, recording(values, "skin_left_hand"), robot=icub)
-    assert (track.parts, track.robot) == (("left_hand",), "iCub")
+    assert (track.parts, track.info.robot) == (("left_hand",), "iCub")
     with pytest.raises(UnknownNameError, match="no part of iCub among the streams 'tail'"):
         read(tmp_path, recording(values, "tail"), robot=icub)
 

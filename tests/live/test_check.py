@@ -62,6 +62,22 @@ class OtherInfo(Good):
         self.info = {"parts": 1}
 
 
+class OtherCounts(Good):
+    counts = {"lost": 3}  # noqa: RUF012
+
+
+class DegreesAsText(Good):
+    def angles_at(self, time: float) -> object:
+        return {"elbow": "90 deg"}
+
+
+class HalfARecording(Good):
+    speed = 1.0
+
+    def seek(self, seconds: float) -> None:
+        pass
+
+
 class Silent(Good):
     def read(self, timeout: float):
         return None
@@ -149,7 +165,10 @@ class Forgets(Playback):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (NoInfo, "NoInfo has no 'info'"),
+        (NoInfo, "NoInfo has no 'info'; a source has 'info', 'read' and 'close'"),
+        (OtherCounts, "counts is a dict, expected Counts"),
+        (DegreesAsText, "angles_at gives {'elbow': '90 deg'}, expected angles"),
+        (HalfARecording, "has 'seek' but no 'loop', 'duration', 'position'; a recording has all"),
         (lambda: 1 / 0, "cannot be opened: ZeroDivisionError"),
         (OtherInfo, "info is a dict, expected StreamInfo"),
         (Silent, r"nothing came within 0\.3 s"),

@@ -12,7 +12,8 @@ from skinmap.errors import (
 )
 from skinmap.live import open_source
 from skinmap.live.sources.open_source import sources
-from skinmap.live.sources.source import Source, blocks
+from skinmap.live.sources.playback import Playback
+from skinmap.live.sources.source import Source, StreamInfo, blocks
 from skinmap.touch.recording import Recording, save_recordings
 
 
@@ -85,12 +86,13 @@ def test_open_source_says_what_there_is(tmp_path):
 
 def test_open_source_finds_plug_ins(monkeypatch):
     asked = {}
+    made = Playback(StreamInfo("mine", ("arm",), (1,), 1.0), [0.0], np.zeros((1, 1), np.uint8))
 
     def opened(address, **how):
         asked.update(how, address=address)
-        return "the source"
+        return made
 
     monkeypatch.setitem(sources._own, "mine", opened)
-    assert open_source("mine:over:there", seed=3) == "the source"
+    assert open_source("mine:over:there", seed=3) is made
     assert asked["address"] == "over:there"
     assert asked["seed"] == 3

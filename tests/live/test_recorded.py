@@ -10,7 +10,7 @@ from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError,
 from skinmap.io.recordings.learning import write_npz
 from skinmap.io.recordings.mcap_recording import McapRecording
 from skinmap.io.recordings.touch_files import load_recordings, save_recordings
-from skinmap.live.sources.open_recording import open_recording, open_track, stream_info
+from skinmap.live.sources.open_recording import open_recording, open_track
 from skinmap.live.sources.source import Seekable, SourceEnded, blocks
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulator import simulate
@@ -127,11 +127,11 @@ def test_dumper_folder_is_a_source(tmp_path, icub):
     assert all_values(source).shape == (20, 192)
 
 
-def test_stream_info_repeats_the_track(files):
-    track = open_track(files / "t.mcap")
-    info = stream_info(track)
-    assert (info.channels, info.robot, info.rate) == (track.channels, "iCub", track.rate)
-    assert set(info.fingerprints) == {"left_hand", "left_foot"}
+def test_a_recorded_stream_says_of_itself_what_its_source_does(files):
+    track, source = open_track(files / "t.mcap"), open_recording(files / "t.mcap")
+    assert (source.info, track.info.robot) == (track.info, "iCub")
+    assert track.values[:].shape[1] == track.info.channels
+    assert set(track.info.fingerprints) == {"left_hand", "left_foot"}
 
 
 def test_what_is_no_recording_is_refused(tmp_path):

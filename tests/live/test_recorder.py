@@ -101,8 +101,8 @@ def test_files_rotate_by_time(tmp_path, info, values, monkeypatch):
     recorder = Recorder(tmp_path / "t.mcap", info, rotate_seconds=10)
     for first in range(3):
         recorder.put(block(values, first))
-        with recorder._changed:
-            assert recorder._changed.wait_for(lambda: recorder._counts.waiting == 0, DEADLINE)
+        with recorder._jobs._changed:
+            assert recorder._jobs._changed.wait_for(lambda: recorder.counts.waiting == 0, DEADLINE)
         now[0] += 6.0
     recorder.close()
     assert [len(read_track(file).times) for file in recorder.files] == [2, 1]

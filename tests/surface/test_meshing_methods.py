@@ -13,7 +13,6 @@ from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.body_surface import is_closed
-from skinmap.surface.compiled import compile_kernel
 from skinmap.surface.consensus_meshing import Limits, consensus_faces
 from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
 from skinmap.surface.holes import close_loop
@@ -258,22 +257,6 @@ def test_methods_that_do_not_exist_and_bodies_that_are_missing_are_named(hexagon
     big = 1e6 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     with pytest.raises(InvalidMeshError, match="too large"):
         build_surface(skin, method="accurate", body=(big, [[0, 1, 2]]))
-
-
-def test_compiled_loops_need_no_folder_that_can_be_written(monkeypatch):
-    numba = pytest.importorskip("numba", reason="the compiled loops need numba")
-
-    def njit(function, *, cache=False, **options):
-        if cache:  # numba's own words where neither the source's folder nor the user's will do
-            raise RuntimeError("cannot cache function: no locator available for file")
-        return function
-
-    monkeypatch.setattr(numba, "njit", njit)
-
-    def double(x: int) -> int:
-        return 2 * x
-
-    assert compile_kernel(double)(4) == 8
 
 
 def test_check_surface_sees_what_the_mesh_of_a_method_promises(rng):

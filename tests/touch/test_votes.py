@@ -10,7 +10,7 @@ import pytest
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import find_structures
-from skinmap.touch import compiled_votes
+from skinmap.touch import votes as module
 from skinmap.touch.codebook import Codebook, histograms, learn_codebook
 from skinmap.touch.votes import VoteCounter
 
@@ -83,7 +83,7 @@ def test_without_numba_the_votes_are_the_same(tiled, rng, monkeypatch):
     book = learn_codebook([(tiled, samples)], rng=rng)
     expected = histograms(book, tiled, samples)
     monkeypatch.setitem(sys.modules, "numba", None)
-    compiled_votes._compiled.cache_clear()
+    module._compiled.cache_clear()
     counter = VoteCounter(book, tiled, compiled=True)
     assert not counter.compiled
     np.testing.assert_array_equal(counter.count(samples), expected)

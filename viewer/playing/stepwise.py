@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from skinmap.live.sources.source import Block, Seekable, Source, StreamInfo
+from skinmap.live.sources.source import Block, Relay, Seekable, Source
 
 
-class OneByOne:
+class OneByOne(Relay):
     """A source whose blocks hold one sample each: for movies, which show them all.
 
     Parameters
@@ -16,14 +16,9 @@ class OneByOne:
     """
 
     def __init__(self, source: Source) -> None:
-        self._source = source
+        super().__init__(source)
         self._open: Block | None = None
         self._row = 0
-
-    @property
-    def info(self) -> StreamInfo:
-        """What is in a sample."""
-        return self._source.info
 
     @property
     def splits(self) -> bool:
@@ -33,7 +28,7 @@ class OneByOne:
     def read(self, timeout: float) -> Block | None:
         """The next sample, or the next block where nobody asks for single ones."""
         if self._open is None:
-            block = self._source.read(timeout)
+            block = self.source.read(timeout)
             if block is None or len(block) <= 1 or not self.splits:
                 return block
             self._open, self._row = block, 0
@@ -43,12 +38,8 @@ class OneByOne:
             self._open = None
         return Block(block.times[row : row + 1], block.values[row : row + 1], block.arrived)
 
-    def close(self) -> None:
-        """Close the source."""
-        self._source.close()
 
-
-class Stepwise(OneByOne):
+class Stepwise(OneByOne, Seekable):
     """A recording that gives single samples while it is hurried: a `Seekable`.
 
     What a player seeks for, or steps to, is then met to the sample.

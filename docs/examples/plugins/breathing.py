@@ -5,14 +5,14 @@ import time
 import numpy as np
 
 import skinmap
-from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
 
 
-class Breathing:
-    """What a source is: `info`, `read` and `close`."""
+class Breathing(Source):
+    """What a source defines: `info`, `read` and `close`."""
 
     def __init__(self, robot, part, seconds):
-        self.info = StreamInfo("breathing", (part,), (len(robot.skin(part)),), 50.0)
+        super().__init__(StreamInfo("breathing", (part,), (len(robot.skin(part)),), 50.0))
         self._began, self._sent = time.monotonic(), 0
         self._last = int(50 * seconds)
         self._closed = False

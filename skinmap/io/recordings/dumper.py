@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
-from skinmap.io.recordings.recorded_stream import Loss, RecordedStream, measured_rate
+from skinmap.io.recordings.recorded_stream import Loss, RecordedStream, StreamInfo, measured_rate
 from skinmap.io.text import check_file
 from skinmap.skin.robot import Robot
 
@@ -59,15 +59,18 @@ def read_dump(path: Path, *, robot: Robot | None = None) -> RecordedStream:
     times = longest[0]
     cut = [damage for _, _, damage in read.values() if damage]
     rate = measured_rate(times)
-    return RecordedStream(
+    info = StreamInfo(
         path.name if path.is_dir() else path.parent.name or path.name,
-        "raw",
         tuple(read),
         tuple(values.shape[1] for _, values, _ in read.values()),
+        rate,
+        "raw",
+        "" if robot is None else robot.name,
+    )
+    return RecordedStream(
+        info,
         times,
         np.concatenate([values for _, values, _ in read.values()], axis=1),
-        rate=rate,
-        robot="" if robot is None else robot.name,
         loss=Loss(True, 1.0 / rate if rate else 0.0, tuple(cut)) if cut else Loss(),
     )
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError, OutputError
 from skinmap.io.recordings.marked_events import part_events, taxel_columns
-from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream
+from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, StreamInfo
 from skinmap.touch.recording import Recording
 
 FORMAT = "skinmap-arrays-1"
@@ -33,7 +33,7 @@ def arrays_of(track: RecordedStream, path: Path) -> Iterator[tuple[str, NDArray[
     if track.joints:
         yield "joints", np.array(track.joints, np.str_)
         yield "angles", track.angles
-    for part, width in zip(track.parts, track.widths, strict=True):
+    for part, width in zip(track.parts, track.info.widths, strict=True):
         own = min(track.samples.get(part, count), count)
         touches = [one for one in track.touches if one.part == part]
         events, labels, subjects, owners = part_events(touches, own, width, path)
@@ -52,13 +52,13 @@ def about(track: RecordedStream) -> dict[str, Any]:
     """What is no array."""
     return {
         "format": FORMAT,
-        "name": track.name,
+        "name": track.info.name,
         "kind": track.kind,
-        "robot": track.robot,
-        "rate_hz": track.rate,
-        "clock": track.clock,
+        "robot": track.info.robot,
+        "rate_hz": track.info.rate,
+        "clock": track.info.clock,
         "parts": list(track.parts),
-        "fingerprints": dict(track.fingerprints),
+        "fingerprints": dict(track.info.fingerprints),
         "samples": dict(track.samples),
         "recovered": track.loss.recovered,
         "lost_seconds": track.loss.seconds,
@@ -84,7 +84,7 @@ def write_hdf5(track: RecordedStream, path: Path) -> None:
                 kind = h5py.string_dtype() if array.dtype.kind == "U" else array.dtype
                 content = array.astype(object) if array.dtype.kind == "U" else array
                 file.create_dataset(name, data=content, dtype=kind, compression=_packing(array))
-            for part, width in zip(track.parts, track.widths, strict=True):
+            for part, width in zip(track.parts, track.info.widths, strict=True):
                 _values(file, f"{part}/values", track, width)
             for start in range(0, len(track.times), BLOCK):
                 rows = slice(start, start + BLOCK)
@@ -190,16 +190,18 @@ def track_of_arrays(arrays: Any, path: Path) -> RecordedStream:
     if joints and angles.shape[1] != len(joints):
         raise DataFormatError(f"{angles.shape[1]} angles for {len(joints)} joints", path)
     return RecordedStream(
-        str(told["name"]),
-        told["kind"],
-        parts,
-        tuple(one.shape[1] for one in values),
+        StreamInfo(
+            str(told["name"]),
+            parts,
+            tuple(one.shape[1] for one in values),
+            float(told["rate_hz"]),
+            told["kind"],
+            str(told["robot"]),
+            told["fingerprints"],
+            str(told["clock"]),
+        ),
         times,
         np.concatenate(values, axis=1),
-        rate=float(told["rate_hz"]),
-        robot=str(told["robot"]),
-        fingerprints=told["fingerprints"],
-        clock=str(told["clock"]),
         touches=tuple(touch for part in parts for touch in _marks(arrays, part)),
         joints=joints,
         angles=angles,

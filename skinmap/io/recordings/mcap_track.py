@@ -26,6 +26,7 @@ from skinmap.io.recordings.recorded_stream import (
     Loss,
     MarkedTouch,
     RecordedStream,
+    StreamInfo,
     measured_rate,
     nanoseconds_of,
 )
@@ -64,16 +65,18 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
     rate, held = head_number(head, "rate", path), head_number(head, "chunk_seconds", path)
     joints, angles = _angles(index, values.stamps)
     return RecordedStream(
-        head.get("name", "") or path.name,
-        kind,
-        parts,
-        columns,
+        StreamInfo(
+            head.get("name", "") or path.name,
+            parts,
+            columns,
+            rate,
+            kind,
+            head.get("robot", ""),
+            head_words(head, "fingerprints", path),
+            head.get("clock", "recording"),
+        ),
         values.times,
         values,
-        rate=rate,
-        robot=head.get("robot", ""),
-        fingerprints=head_words(head, "fingerprints", path),
-        clock=head.get("clock", "recording"),
         touches=_touches(index, values.stamps),
         joints=joints,
         angles=angles,

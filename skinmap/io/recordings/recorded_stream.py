@@ -1,21 +1,101 @@
-"""A recording as it is read: when, what, of which skin, how touched, and what is missing."""
+"""Streams of samples: what one says of itself, and one as it was recorded."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray, check_finite, freeze
-from skinmap.errors import InvalidArrayError
+from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
+from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.skin.taxels import TaxelTable
 
 Kind = Literal["raw", "pressure"]
 GAP = 1.5  # median steps between two samples that count as a gap
 NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class StreamInfo:
+    """What a source says of itself before the first sample.
+
+    Attributes
+    ----------
+    name : str
+        Of the stream.
+    parts : tuple of str
+        Parts of the robot whose values follow each other in every sample.
+    widths : tuple of int
+        Channels of each part in the sample: its taxels in dense order, or its live vector (the
+        taxels then stand at `Skin.channels`).
+    rate : float
+        Nominal samples a second; 0 where they come when they like.
+    kind : {"raw", "pressure"}
+        What the sensors send, or what a response calibration made of it (0 at rest, to 255).
+    robot : str
+        Name of the robot; empty where unknown.
+    fingerprints : mapping of str to str
+        Of the skin of each part (`skinmap.skin.fingerprint.fingerprint(skin)`),
+        where known.
+    clock : str
+        Whose seconds the times are: "recording", "local" (this machine's monotonic clock) ...
+    """
+
+    name: str
+    parts: tuple[str, ...]
+    widths: tuple[int, ...]
+    rate: float
+    kind: Kind = "pressure"
+    robot: str = ""
+    fingerprints: Mapping[str, str] = field(default_factory=dict)
+    clock: str = "recording"
+
+    def __post_init__(self) -> None:
+        if len(self.parts) != len(self.widths) or len(set(self.parts)) != len(self.parts):
+            raise InvalidArrayError(
+                f"stream {self.name!r}: {len(self.parts)} parts (each once) and as many widths "
+                f"expected, got {self.parts} and {self.widths}"
+            )
+        if not self.parts or min(self.widths) < 1:
+            raise InvalidArrayError(f"stream {self.name!r}: no channels")
+        if not np.isfinite(self.rate) or self.rate < 0:
+            raise InvalidArrayError(f"stream {self.name!r}: rate {self.rate} samples a second")
+
+    @property
+    def channels(self) -> int:
+        """Values in one sample."""
+        return sum(self.widths)
+
+    def part_slice(self, part: str) -> slice:
+        """Where a part's channels stand in a sample.
+
+        Raises
+        ------
+        UnknownNameError
+            The stream has no such part.
+        """
+        if part not in self.parts:
+            raise UnknownNameError(f"part in stream {self.name!r}", part, self.parts)
+        row = self.parts.index(part)
+        start = sum(self.widths[:row])
+        return slice(start, start + self.widths[row])
+
+    def only(self, parts: Sequence[str]) -> tuple[StreamInfo, IntArray]:
+        """Some parts, each once, and the columns (k,) of their channels.
+
+        Raises
+        ------
+        UnknownNameError
+            The stream has no such part.
+        """
+        slices = {part: self.part_slice(part) for part in dict.fromkeys(parts)}
+        known = {part: mark for part, mark in self.fingerprints.items() if part in slices}
+        widths = tuple(one.stop - one.start for one in slices.values())
+        some = replace(self, parts=tuple(slices), widths=widths, fingerprints=known)
+        return some, np.concatenate([np.arange(one.start, one.stop) for one in slices.values()])
 
 
 class Samples(Protocol):
@@ -81,21 +161,11 @@ class RecordedStream:
 
     Attributes
     ----------
-    name : str
-    kind : {"raw", "pressure"}
-    parts : tuple of str
-    widths : tuple of int
-        Columns of each part: its taxels in dense order, or its live vector.
+    info : StreamInfo
+        Whose samples they are; its rate is the measured one where nobody said.
     times : (t,) float
         [s], not decreasing.
     values : Samples
-    rate : float
-        Nominal samples a second; the measured one where nobody said.
-    robot : str
-    fingerprints : mapping of str to str
-        Of each part's skin, where known.
-    clock : str
-        Whose seconds the times are.
     touches : tuple of MarkedTouch
     joints : tuple of str
     angles : (t, j) float
@@ -107,16 +177,9 @@ class RecordedStream:
         How many of the first samples each part really has; the others rest at zero.
     """
 
-    name: str
-    kind: Kind
-    parts: tuple[str, ...]
-    widths: tuple[int, ...]
+    info: StreamInfo
     times: FloatArray
     values: Samples
-    rate: float = 0.0
-    robot: str = ""
-    fingerprints: Mapping[str, str] = field(default_factory=dict)
-    clock: str = "recording"
     touches: tuple[MarkedTouch, ...] = ()
     joints: tuple[str, ...] = ()
     angles: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
@@ -131,20 +194,29 @@ class RecordedStream:
         if (np.diff(times) < 0).any():
             raise InvalidArrayError("times must not run backwards")
         freeze(self, times=times)
-        if self.rate <= 0:
-            object.__setattr__(self, "rate", measured_rate(times))
+        if self.info.rate == 0:
+            object.__setattr__(self, "info", replace(self.info, rate=measured_rate(times)))
 
     @property
-    def channels(self) -> int:
-        """Values in a sample."""
-        return sum(self.widths)
+    def kind(self) -> Kind:
+        """Raw values or pressures."""
+        return self.info.kind
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Parts whose values stand beside each other."""
+        return self.info.parts
+
+    def columns(self, part: str) -> slice:
+        """Where the values of a part stand in a sample."""
+        return self.info.part_slice(part)
 
     @property
     def seconds(self) -> float:
         """From the first sample to the end of the last."""
         if len(self.times) == 0:
             return 0.0
-        step = 1.0 / self.rate if self.rate > 0 else 0.0
+        step = 1.0 / self.info.rate if self.info.rate > 0 else 0.0
         return float(self.times[-1] - self.times[0]) + step
 
     @property
@@ -152,12 +224,6 @@ class RecordedStream:
         """How often more than one and a half steps passed between two samples."""
         steps = np.diff(self.times)
         return int((steps > GAP * np.median(steps)).sum()) if len(steps) else 0
-
-    def columns(self, part: str) -> slice:
-        """Where the values of a part stand in a sample."""
-        row = self.parts.index(part)
-        start = sum(self.widths[:row])
-        return slice(start, start + self.widths[row])
 
 
 def measured_rate(times: FloatArray) -> float:

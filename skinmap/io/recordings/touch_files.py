@@ -20,7 +20,12 @@ from skinmap.errors import (
 from skinmap.io.recordings.marked_events import part_events, taxel_columns, touches_of
 from skinmap.io.recordings.mcap_recording import McapRecording
 from skinmap.io.recordings.mcap_track import read_track
-from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, measured_rate
+from skinmap.io.recordings.recorded_stream import (
+    MarkedTouch,
+    RecordedStream,
+    StreamInfo,
+    measured_rate,
+)
 from skinmap.io.text import is_file
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
@@ -171,10 +176,7 @@ def track_of(recordings: Sequence[Recording], path: Path) -> RecordedStream:
     for one, end in zip(recordings, np.cumsum(widths).tolist(), strict=True):
         values[: len(one.times), end - one.pressures.shape[1] : end] = one.pressures
     return RecordedStream(
-        path.name,
-        "pressure",
-        tuple(one.part for one in recordings),
-        widths,
+        StreamInfo(path.name, tuple(one.part for one in recordings), widths, 0.0),
         longest.times,
         values,
         touches=tuple(touch for one in recordings for touch in touches_of(one)),
@@ -230,7 +232,7 @@ def recordings_of(track: RecordedStream, path: Path) -> list[Recording]:
 
 
 def _counts(track: RecordedStream, path: Path) -> NDArray[np.uint8]:
-    pressures = np.empty((len(track.times), track.channels), np.uint8)
+    pressures = np.empty((len(track.times), track.info.channels), np.uint8)
     for start in range(0, len(pressures), BLOCK):
         rows = slice(start, start + BLOCK)
         values = track.values[rows]

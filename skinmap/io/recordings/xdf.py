@@ -13,7 +13,7 @@ import logging
 import struct
 import warnings
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, UnknownNameError
-from skinmap.io.recordings.recorded_stream import Kind, Loss, RecordedStream
+from skinmap.io.recordings.recorded_stream import Loss, RecordedStream, StreamInfo
 from skinmap.io.text import check_file
 from skinmap.skin.robot import Robot
 
@@ -219,18 +219,7 @@ def _parts(streams: list[Any], robot: Robot | None, path: Path) -> dict[str, Any
     return named
 
 
-@dataclass(frozen=True, slots=True)
-class _Described:
-    """What an outlet of ours wrote into its stream's description."""
-
-    kind: Kind
-    robot: str
-    parts: tuple[str, ...]
-    widths: tuple[int, ...]
-    fingerprints: dict[str, str]
-
-
-def _described(stream: Any) -> _Described | None:
+def _described(stream: Any) -> StreamInfo | None:
     """Skin described by a stream (see `skinmap.live.network.lsl_description`), or None."""
     try:
         skin = stream["info"]["desc"][0]["skinmap"][0]
@@ -246,7 +235,7 @@ def _described(stream: Any) -> _Described | None:
     if kind not in ("raw", "pressure") or not whole or len(set(parts)) < len(parts):
         return None
     known = {part: print_ for part, print_ in zip(parts, prints, strict=True) if print_}
-    return _Described(kind, robot, parts, widths, known)
+    return StreamInfo("", parts, widths, 0.0, kind, robot, known)
 
 
 def _track(
@@ -261,18 +250,12 @@ def _track(
     told = _described(longest) if len(chosen) == 1 else None
     if told is None:
         name = "" if robot is None else robot.name
-        told = _Described("raw", name, tuple(chosen), tuple(c.shape[1] for c in columns), {})
+        told = StreamInfo("", tuple(chosen), tuple(c.shape[1] for c in columns), 0.0, "raw", name)
+    rate = max(rate, 0.0) if np.isfinite(rate) else 0.0
     return RecordedStream(
-        path.stem,
-        told.kind,
-        told.parts,
-        told.widths,
+        replace(told, name=path.stem, rate=rate, clock="lsl"),
         times,
         joined.astype(np.uint8 if whole else np.float32),
-        rate=rate if np.isfinite(rate) else 0.0,
-        robot=told.robot,
-        fingerprints=told.fingerprints,
-        clock="lsl",
         loss=Loss(True, 0.0, tuple(sound.damage[:100])) if sound.damage else Loss(),
     )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 from skinmap.errors import SkinError, SkinMismatchError
 from skinmap.io.recordings.mcap_recording import McapRecording
 from skinmap.io.recordings.mcap_writer import CHUNK_SECONDS
+from skinmap.live.bounded_queue import BoundedQueue, QueueEnded
 from skinmap.live.sources.source import Block, Kind, StreamInfo
 from skinmap.skin.robot import Robot
 
@@ -83,11 +83,9 @@ class Recorder:
         self._robot = robot
         self._widths: dict[Kind, tuple[int, ...]] = {**(widths or {}), info.kind: info.widths}
         self._rotate = (rotate_bytes, rotate_seconds)
-        self._most, self._chunk_seconds = most_bytes, chunk_seconds
-        self._counts = RecorderCounts()
-        self._queue: deque[tuple[int, Callable[[McapRecording], None]]] = deque()
-        self._changed = threading.Condition()
-        self._closing = False
+        self._chunk_seconds = chunk_seconds
+        self._written = self._dropped = 0
+        self._jobs: BoundedQueue[Callable[[McapRecording], None]] = BoundedQueue(most_bytes)
         self._error: Exception | None = None
         self._newest = float("-inf")
         self._file = self._open(path)
@@ -97,9 +95,7 @@ class Recorder:
     @property
     def counts(self) -> RecorderCounts:
         """What happened so far; a copy."""
-        with self._changed:
-            one = self._counts
-            return RecorderCounts(one.written, one.dropped, one.waiting)
+        return RecorderCounts(self._written, self._dropped, self._jobs.size)
 
     def put(self, block: Block, kind: Kind | None = None, *, patience: float = 1.0) -> None:
         """Queue samples; drop and count them if the disk lags behind for longer than `patience`.
@@ -118,19 +114,18 @@ class Recorder:
                 f"{block.values.shape[1]} {kind} values in a sample, stream {self.info.name!r} has "
                 f"{channels} channels"
             )
-        if not self._push(block.values.nbytes, lambda _: self._write(kind, block),
-                          patience):  # fmt: skip
-            with self._changed:
-                self._counts.dropped += len(block)
+        size = block.values.nbytes
+        if not self._jobs.put(lambda _: self._write(kind, block), size, patience=patience):
+            self._dropped += len(block)
 
     def mark(self, part: str, event: int, label: str, **how: Any) -> None:
         """Queue a mark of a touch (see `McapRecording.mark`)."""
-        self._push(0, lambda file: file.mark(part, event, label, **how), 0.0)
+        self._jobs.put(lambda file: file.mark(part, event, label, **how), 0, patience=0.0)
 
     def put_angles(self, time: float, angles: Mapping[str, float]) -> None:
         """Queue joint angles [rad]."""
         content = dict(angles)
-        self._push(0, lambda file: file.add_angles(time, content), 0.0)
+        self._jobs.put(lambda file: file.add_angles(time, content), 0, patience=0.0)
 
     def close(self) -> None:
         """Write what waits and end the file; may be called twice.
@@ -140,35 +135,25 @@ class Recorder:
         OutputError
             Writing failed, now or before.
         """
-        with self._changed:
-            self._closing = True
-            self._changed.notify_all()
+        self._jobs.end(QueueEnded("the recording is over"))
         self._thread.join()
         if self._error is not None:
             raise self._error
 
-    def _push(self, size: int, job: Callable[[McapRecording], None], patience: float) -> bool:
-        with self._changed:
-            room = self._changed.wait_for(
-                lambda: (
-                    self._counts.waiting + size <= self._most
-                    or not self._queue
-                    or self._error is not None
-                ),
-                patience,
-            )
-            if self._error is not None:
-                raise self._error
-            if room:
-                self._queue.append((size, job))
-                self._counts.waiting += size
-                self._changed.notify_all()
-            return room
-
     def _work(self) -> None:
         try:
-            while self._step():
-                pass
+            while True:
+                wait = self._chunk_seconds - self._file.age if self._file.age else None
+                try:
+                    job = self._jobs.take(wait)
+                except QueueEnded:
+                    break
+                if job is None:  # what has waited long enough
+                    self._file.flush()
+                    continue
+                if self._is_full():
+                    self._next_file()
+                job(self._file)
             self._file.close()
         except Exception as error:  # noqa: BLE001 - told to who gives the next sample
             self._fail(error)
@@ -177,29 +162,8 @@ class Recorder:
         """Keep what is on the disk readable, and tell who gives the next sample."""
         with contextlib.suppress(SkinError):
             self._file.close()
-        with self._changed:
-            self._error = error
-            self._queue.clear()
-            self._changed.notify_all()
-
-    def _step(self) -> bool:
-        """Write one thing, or what has waited long enough; False at the end."""
-        with self._changed:
-            wait = self._chunk_seconds - self._file.age if self._file.age else None
-            self._changed.wait_for(lambda: self._queue or self._closing, wait)
-            if not self._queue and self._closing:
-                return False
-            size, job = self._queue.popleft() if self._queue else (0, None)
-        if job is None:
-            self._file.flush()
-            return True
-        if self._is_full():
-            self._next_file()
-        job(self._file)
-        with self._changed:
-            self._counts.waiting -= size
-            self._changed.notify_all()
-        return True
+        self._error = error
+        self._jobs.end(error, at_once=True)
 
     def _write(self, kind: Kind, block: Block) -> None:
         for now, row in zip(block.times.tolist(), block.values, strict=True):
@@ -209,7 +173,7 @@ class Recorder:
                 self._newest = max(now, self._newest) if now > self._newest - RESTART else now
             self._file.add(kind, now, row)
             if kind == self.info.kind:
-                self._counts.written += 1
+                self._written += 1
 
     def _is_full(self) -> bool:
         most_bytes, most_seconds = self._rotate

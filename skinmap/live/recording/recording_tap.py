@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any
 
 from skinmap.live.recording.recorder import Recorder
-from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Relay, Source, SourceEnded
 
 HAIR = 1e-6  # [s]; times are multiples of a step only nearly
 
 
-class RecordingTap:
-    """A source whose samples are recorded on their way.
+class RecordingTap(Relay):
+    """A source whose samples are recorded on their way; the recorder is closed on its own.
 
     Parameters
     ----------
@@ -37,21 +36,14 @@ class RecordingTap:
         seconds: float | None = None,
         one_by_one: bool = False,
     ) -> None:
+        super().__init__(source)
         self._one_by_one = one_by_one
         self._waiting: deque[Block] = deque()
-        self.source, self.recorder, self._patience = source, recorder, patience
+        self.recorder, self._patience = recorder, patience
         self._seconds = float("inf") if seconds is None else seconds
         self._end = float("inf")
         self._ended = False
         self._angles: Mapping[str, float] = {}
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.source, name)  # speed, dropped: what the source has beside the protocol
-
-    @property
-    def info(self) -> StreamInfo:
-        """What is in a sample."""
-        return self.source.info
 
     def read(self, timeout: float) -> Block | None:
         """What the source gives, recorded."""
@@ -85,15 +77,8 @@ class RecordingTap:
 
     def _record_angles(self, block: Block) -> None:
         """Record joint angles where the source has them and they changed."""
-        ask = getattr(self.source, "angles_at", None)
-        if ask is None:
-            return
         for now in block.times.tolist():
-            angles = ask(now)
+            angles = self.source.angles_at(now)
             if angles != self._angles:
                 self._angles = angles
                 self.recorder.put_angles(now, angles)
-
-    def close(self) -> None:
-        """Close the source; the recorder goes on."""
-        self.source.close()

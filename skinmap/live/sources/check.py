@@ -2,7 +2,8 @@
 
 `check_source(make)` opens what `make()` gives, reads it, closes it, and checks that
 
-1. it has `info`, a `StreamInfo`, and the methods `read` and `close`;
+1. it has `info`, a `StreamInfo`, and the methods `read` and `close`; of the other members of
+   `Source` those that it has are of their kind, and a recording has all of `Seekable`;
 2. something comes within the time given;
 3. `read` gives a `Block` of at least one sample, or None once its timeout is over, or raises
    `SourceEnded`;
@@ -16,12 +17,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from skinmap.errors import BrokenPluginError, UnreachableError
+from skinmap.live.sources.foreign_source import LED, as_source
+from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.source import Block, Seekable, SourceEnded, StreamInfo
 
 POLL = 0.2  # asked for at a time [s]
@@ -46,13 +49,13 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
         Which promise is broken, and how.
     """
     try:
-        source = make()
+        made = make()
     except Exception as error:
         raise BrokenPluginError(f"cannot be opened: {error!r}") from error
-    for name in ("info", "read", "close"):
-        _require(hasattr(source, name), f"{type(source).__name__} has no {name!r}")
-    info = source.info
+    source = as_source(made)
+    info: object = source.info
     _require(isinstance(info, StreamInfo), f"info is a {type(info).__name__}, expected StreamInfo")
+    _check_members(made)
     blocks = _read(source, samples, seconds)
     _require(bool(blocks), f"nothing came within {seconds:g} s")
     _check_times(blocks)
@@ -73,6 +76,25 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
         raise BrokenPluginError(f"read after close raises {error!r}, not SourceEnded") from error
     _require(ended, "read after close must raise SourceEnded")
     _require(time.perf_counter() - began < 30.0, "read after close must end at once")
+
+
+def _check_members(made: Any) -> None:
+    """What a source need not have, where it has it."""
+    counts = made.counts if hasattr(made, "counts") else Counts()
+    _require(isinstance(counts, Counts), f"counts is a {type(counts).__name__}, expected Counts")
+    for name in ("speed", "last_seen"):
+        value = getattr(made, name, 0.0)
+        _require(isinstance(value, int | float), f"{name} is {value!r}, expected a number")
+    told = made.angles_at(0.0) if hasattr(made, "angles_at") else {}
+    sound = isinstance(told, Mapping) and all(isinstance(one, float) for one in told.values())
+    _require(sound, f"angles_at gives {told!r}, expected angles [rad] by joint")
+    has = [name for name in LED if hasattr(made, name)]
+    lacks = [name for name in LED if name not in has]
+    _require(
+        not lacks or "seek" not in has,
+        f"has 'seek' but no {', '.join(map(repr, lacks))}; a recording has all of "
+        f"{', '.join(map(repr, LED))}",
+    )
 
 
 def _read(source: Any, samples: int, seconds: float) -> list[Block]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from skinmap.errors import SkinMismatchError, UnreachableError
+from skinmap.live.sources.foreign_source import as_source
 from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.skins import check_skin
 from skinmap.live.sources.source import Block, Source, StreamInfo
@@ -48,7 +49,8 @@ class Feed:
         counts: Counts,
         reopen: Callable[[], Source] | None = None,
     ) -> None:
-        self.source, self._robot, self._counts, self._reopen = source, robot, counts, reopen
+        self.source = as_source(source)
+        self._robot, self._counts, self._reopen = robot, counts, reopen
         self.stale = False
         self.arrived = time.perf_counter()
         self._heard = float("nan")  # until somebody listens
@@ -75,12 +77,11 @@ class Feed:
     @property
     def dropped(self) -> int:
         """Samples that nobody took in time, where the source counts them."""
-        return int(getattr(getattr(self.source, "counts", None), "dropped", 0))
+        return self.source.counts.dropped
 
     def angles(self, now: float) -> Mapping[str, float]:
         """Joint angles [rad] at a sample's time [s]; empty where the source has none."""
-        ask = getattr(self.source, "angles_at", None)
-        return {} if ask is None else ask(now)
+        return self.source.angles_at(now)
 
     def read(self, timeout: float) -> Block | None:
         """What has come; waits `timeout` [s] at most, and no longer than until it is stale.
@@ -135,7 +136,7 @@ class Feed:
         self._next_try = time.perf_counter() + RETRY
         self.source.close()
         try:
-            source = self._reopen() if self._reopen is not None else self.source
+            source = self.source if self._reopen is None else as_source(self._reopen())
         except UnreachableError:
             return False
         if (source.info.parts, source.info.widths) != (self.info.parts, self.info.widths):
@@ -148,7 +149,7 @@ class Feed:
 
     def _patience(self) -> float:
         """Seconds without a sample after which the source is called stale."""
-        speed = float(getattr(self.source, "speed", 1.0))
+        speed = self.source.speed
         if speed == 0.0:
             return float("inf")
         rate = self.info.rate * speed

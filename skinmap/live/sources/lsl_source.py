@@ -17,7 +17,6 @@ from skinmap.live.network.lsl_description import read_description
 from skinmap.live.network.lsl_settings import load_lsl, split_scope
 from skinmap.live.sources.part_filter import follow
 from skinmap.live.sources.receiver import SILENT
-from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.skins import check_skin
 from skinmap.live.sources.source import Block, Source, StreamInfo
 from skinmap.skin.robot import Robot
@@ -34,7 +33,7 @@ MOST = 256  # samples in one block
 NUMBERS = (1, 2, 4, 5, 6)  # channel formats: float32, double64, int32, int16, int8
 
 
-class LslSource:
+class LslSource(Source):
     """Samples of one stream; times are those of this machine's monotonic clock.
 
     Parameters
@@ -66,18 +65,13 @@ class LslSource:
         self._lsl = load_lsl(scope)
         self._name, _, self._uid = name.partition("#")
         self._accept = accept
-        self.counts = Counts()
-        self.last_seen = 0.0
-        self._inlet, self._info = self._open(self._find())
+        self._inlet, info = self._open(self._find())
+        super().__init__(info)
+        self._last_seen = time.perf_counter()
         self._uid = ""  # whoever comes back under the name will do
         rows = max(1, min(MOST, MAX_VALUES // self._info.channels))
         self._buffer = np.empty((rows, self._info.channels), self._inlet.np_dtype)
         self._asked = time.perf_counter()
-
-    @property
-    def info(self) -> StreamInfo:
-        """What is in a sample."""
-        return self._info
 
     @property
     def alive(self) -> bool:
@@ -106,7 +100,7 @@ class LslSource:
         if len(stamps) == 0:
             return None
         now = time.perf_counter()
-        self.last_seen = now
+        self._last_seen = now
         self._correct(now)
         values = self._buffer[: len(stamps)]
         if values.dtype != np.float32:
@@ -150,7 +144,6 @@ class LslSource:
             raise UnreachableError(
                 f"LSL stream {self._name!r} on {found.hostname()} does not answer"
             ) from error
-        self.last_seen = time.perf_counter()
         self._offset = 0.0
         if found.hostname() != socket.gethostname():
             with suppress(RuntimeError):  # no answer in time: it is asked again
@@ -177,8 +170,8 @@ class LslSource:
                 f"LSL stream {self._name!r} came back with another skin: {info.channels} "
                 f"{info.kind} channels of {', '.join(info.parts)}"
             )
-        self._inlet = inlet
-        self.counts.reconnects += 1
+        self._inlet, self._last_seen = inlet, time.perf_counter()
+        self._counts.reconnects += 1
         return True
 
     def _correct(self, now: float) -> None:

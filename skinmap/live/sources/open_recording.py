@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import MissingFileError, UnknownNameError
-from skinmap.io.recordings.recorded_stream import Kind, RecordedStream, Samples
+from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, UnknownNameError
+from skinmap.io.recordings.recorded_stream import Kind, RecordedStream, Samples, StreamInfo
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import StreamInfo
-from skinmap.live.sources.touch_archive import open_touches
+from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
+from skinmap.touch.recording import Recording
 
+SAME_RATE = 0.01  # share by which the rates of parts may differ that are played together
 FORMATS = (".mcap", ".npz", ".xdf", ".xdfz", "data.log", "a folder of data.log files")
 
 
@@ -57,13 +58,11 @@ def open_recording(
     """
     path = Path(path)
     if path.suffix.lower() == ".npz":
-        return open_touches(path, robot=robot, parts=parts, speed=speed, loop=loop)
+        return _open_touches(path, robot, parts, speed=speed, loop=loop)
     track = open_track(path, robot=robot, kind=kind)
-    info = stream_info(track)
-    values: Samples = track.values
+    info, values = track.info, track.values
     if parts is not None:
-        columns = np.concatenate([np.r_[info.part_slice(part)] for part in parts])
-        info = _only(info, tuple(parts))
+        info, columns = info.only(parts)
         values = _Columns(track.values, columns)
     if robot is not None:
         check_skin(info, robot)
@@ -117,35 +116,6 @@ def open_track(
     raise UnknownNameError("reader of recordings for", path.name, FORMATS)
 
 
-def stream_info(track: RecordedStream) -> StreamInfo:
-    """What a source says of itself before the first sample."""
-    return StreamInfo(
-        track.name,
-        track.parts,
-        track.widths,
-        track.rate,
-        track.kind,
-        track.robot,
-        track.fingerprints,
-        track.clock,
-    )
-
-
-def _only(info: StreamInfo, parts: tuple[str, ...]) -> StreamInfo:
-    widths = dict(zip(info.parts, info.widths, strict=True))
-    known = {part: mark for part, mark in info.fingerprints.items() if part in parts}
-    return StreamInfo(
-        info.name,
-        parts,
-        tuple(widths[part] for part in parts),
-        info.rate,
-        info.kind,
-        info.robot,
-        known,
-        info.clock,
-    )
-
-
 class _Columns:
     """Some columns of samples."""
 
@@ -157,3 +127,57 @@ class _Columns:
 
     def __getitem__(self, rows: slice) -> NDArray[Any]:
         return self._values[rows][:, self._columns]
+
+
+def _open_touches(
+    path: Path, robot: Robot | None, parts: Sequence[str] | None, *, speed: float, loop: bool
+) -> Playback:
+    """Play what `skinmap simulate` wrote: all parts begin together, a short one rests at zero."""
+    from skinmap.io.recordings.touch_files import load_recordings
+
+    there = {recording.part: recording for recording in load_recordings(path)}
+    for part in parts or ():
+        if part not in there:
+            raise UnknownNameError(f"part in {path}", part, there)
+    chosen = [there[part] for part in (parts or there)]
+    if not chosen:
+        raise DataFormatError("no recording in it", path)
+    longest = max(chosen, key=lambda one: len(one.times))
+    rate = _rate(longest)
+    for one in chosen:
+        if robot is not None and one.pressures.shape[1] != len(robot.skin(one.part)):
+            raise SkinMismatchError(
+                f"{path}: {one.pressures.shape[1]} taxels on {one.part!r}, that of "
+                f"{robot.name!r} has {len(robot.skin(one.part))}"
+            )
+        if len(one.times) > 1 and abs(_rate(one) - rate) > SAME_RATE * rate:
+            raise DataFormatError(
+                f"parts of several rates do not play together: {one.part!r} has {_rate(one):.6g} "
+                f"samples a second, {longest.part!r} {rate:.6g}; choose parts",
+                path,
+            )
+    widths = tuple(one.pressures.shape[1] for one in chosen)
+    values = np.zeros((len(longest.times), sum(widths)), np.uint8)
+    start = 0
+    for one, width in zip(chosen, widths, strict=True):
+        values[: len(one.pressures), start : start + width] = one.pressures
+        start += width
+    info = StreamInfo(
+        path.name,
+        tuple(one.part for one in chosen),
+        widths,
+        rate,
+        robot="" if robot is None else robot.name,
+        fingerprints=(
+            {} if robot is None else {one.part: fingerprint(robot.skin(one.part)) for one in chosen}
+        ),
+    )
+    return Playback(info, longest.times, values, speed=speed, loop=loop)
+
+
+def _rate(recording: Recording) -> float:
+    """Samples a second; 0 where one sample or none tells nothing."""
+    if len(recording.times) < 2:
+        return 0.0
+    step = float(np.median(np.diff(recording.times)))
+    return 1.0 / step if step > 0 else 0.0

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from skinmap.errors import InvalidArrayError, MissingFileError, UnknownNameError
+from skinmap.live.sources.foreign_source import as_source
 from skinmap.live.sources.source import Source
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
@@ -82,6 +83,8 @@ def open_source(
         A source of another skin than the robot's.
     UnreachableError
         Nobody answers at an address.
+    BrokenPluginError
+        A plug-in whose source lacks `info`, `read` or `close`.
     """
     if isinstance(robot, str):
         from skinmap.io.robots.manifest import load_robot
@@ -91,7 +94,8 @@ def open_source(
         name, _, address = spec.partition(":")
         if name in sources.names():
             open_one = sources.get(name)
-            return open_one(address, robot=robot, parts=parts, seed=seed, speed=speed, loop=loop)
+            made = open_one(address, robot=robot, parts=parts, seed=seed, speed=speed, loop=loop)
+            return as_source(made)
     path = Path(spec)
     if not path.exists():
         if path.suffix.lower() in FILES or path.name != str(spec):

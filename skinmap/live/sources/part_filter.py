@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
-
-import numpy as np
 
 from skinmap.live.sources.receiver import Receiver
-from skinmap.live.sources.source import Block, Source, StreamInfo
+from skinmap.live.sources.source import Block, Relay, Source, StreamInfo
 
 
-class ChosenParts:
+class ChosenParts(Relay):
     """A source of which only some parts are handed on.
 
     Parameters
@@ -28,18 +24,8 @@ class ChosenParts:
     """
 
     def __init__(self, source: Source, parts: Sequence[str]) -> None:
-        self._source = source
-        whole = source.info
-        slices = {part: whole.part_slice(part) for part in dict.fromkeys(parts)}
-        self._info = replace(
-            whole,
-            parts=tuple(slices),
-            widths=tuple(one.stop - one.start for one in slices.values()),
-            fingerprints={
-                part: print_ for part, print_ in whole.fingerprints.items() if part in slices
-            },
-        )
-        self._columns = np.concatenate([np.arange(one.start, one.stop) for one in slices.values()])
+        super().__init__(source)
+        self._info, self._columns = source.info.only(parts)
 
     @property
     def info(self) -> StreamInfo:
@@ -48,20 +34,10 @@ class ChosenParts:
 
     def read(self, timeout: float) -> Block | None:
         """As the source's, with fewer channels."""
-        block = self._source.read(timeout)
+        block = self.source.read(timeout)
         if block is None:
             return None
         return Block(block.times, block.values[:, self._columns], block.arrived)
-
-    def close(self) -> None:
-        """Close the source."""
-        self._source.close()
-
-    def __getattr__(self, name: str) -> Any:
-        # Counts and signs of life are the source's own.
-        if name == "_source":
-            raise AttributeError(name)
-        return getattr(self._source, name)
 
 
 def choose_parts(source: Source, parts: Sequence[str] | None) -> Source:

@@ -5,27 +5,19 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
-from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, check_finite
 from skinmap.errors import InvalidArrayError
-from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
+from skinmap.io.recordings.recorded_stream import Samples
+from skinmap.live.sources.source import Block, Seekable, SourceEnded, StreamInfo
 
 MOST = 256  # samples in one block: what is given at once stays small
 
 
-class Samples(Protocol):
-    """What is played: an array (t, channels), or anything that reads a slice of rows."""
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, rows: slice, /) -> NDArray[Any]: ...
-
-
-class Playback:
+class Playback(Seekable):
     """A recording as a source: `Seekable`.
 
     Parameters
@@ -60,7 +52,8 @@ class Playback:
         joints: Sequence[str] = (),
         angles: FloatArray | None = None,
     ) -> None:
-        self._info, self._values = info, values
+        super().__init__(info)
+        self._values = values
         self._joints = tuple(joints)
         self._angles = np.zeros((0, 0)) if angles is None else np.asarray(angles, np.float64)
         self._times = check_finite(times, "times", (None,))
@@ -74,11 +67,6 @@ class Playback:
         self._loop = loop
         self._speed = _checked(speed)
         self._anchor()
-
-    @property
-    def info(self) -> StreamInfo:
-        """What is in a sample."""
-        return self._info
 
     @property
     def speed(self) -> float:

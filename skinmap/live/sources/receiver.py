@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
 
-from skinmap.errors import SkinError
+from skinmap.live.bounded_queue import BoundedQueue
+from skinmap.live.sources.foreign_source import as_source
 from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Relay, Source, SourceEnded
 
 MAX_BYTES = 64_000_000  # kept for who reads late: 3.7 s of a whole iCub at 1 kHz in float32
 POLL = 0.1  # the thread looks so often whether it is to stop [s]
@@ -19,14 +19,13 @@ SILENT = 0.8  # without a sign of life, a source counts as dead: well within a s
 LATE = 2.0  # periods after the one before, from which a block counts as late
 
 
-class Receiver:
+class Receiver(Relay):
     """Reads a source in a thread of its own; itself a `Source`.
 
     Parameters
     ----------
     source : Source
-        Read from the thread only, and closed with this. Its `counts` (lost, refused,
-        reconnected), `alive` and `last_seen` are used where it has them.
+        Read from the thread only, and closed with this.
     most_bytes : int
         Values kept for who reads late; the oldest samples go first.
 
@@ -38,33 +37,24 @@ class Receiver:
     """
 
     def __init__(self, source: Source, *, most_bytes: int = MAX_BYTES) -> None:
-        self._source, self._most_bytes = source, most_bytes
-        self._kept: deque[Block] = deque()
-        self._bytes = 0
-        self._counts = Counts()
+        super().__init__(as_source(source))
+        self._kept: BoundedQueue[Block] = BoundedQueue(most_bytes)
+        self._counting = threading.Lock()
         self._arrived = float("nan")
-        self._raised: Exception | None = None
         self._last_seen = time.perf_counter()
-        self._changed = threading.Condition()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="receiver", daemon=True)
         self._thread.start()
 
     @property
-    def info(self) -> StreamInfo:
-        """What is in a sample."""
-        return self._source.info
-
-    @property
     def counts(self) -> Counts:
         """What happened so far; a copy."""
-        theirs = getattr(self._source, "counts", None)
-        with self._changed:
+        theirs = self.source.counts
+        with self._counting:
             counts = replace(self._counts)
-        if isinstance(theirs, Counts):
-            counts.lost += theirs.lost
-            counts.refused += theirs.refused
-            counts.reconnects += theirs.reconnects
+        counts.lost += theirs.lost
+        counts.refused += theirs.refused
+        counts.reconnects += theirs.reconnects
         return counts
 
     @property
@@ -80,24 +70,20 @@ class Receiver:
         A source that knows it is asked: this thread takes a block a moment after it came, and two
         moments would let `alive` and `last_seen` contradict each other.
         """
-        return float(getattr(self._source, "last_seen", self._last_seen))
+        theirs = self.source.last_seen
+        return self._last_seen if np.isnan(theirs) else theirs
 
     @property
     def alive(self) -> bool:
         """Whether there was a sign of life within the last second."""
-        theirs = bool(getattr(self._source, "alive", True))
-        return theirs and time.perf_counter() - self.last_seen < SILENT
+        return self.source.alive and time.perf_counter() - self.last_seen < SILENT
 
     def read(self, timeout: float) -> Block | None:
         """All samples that were kept, as one block; None where none come within `timeout` [s]."""
-        if not self._wait(timeout):
+        blocks = self._kept.take_all(timeout)
+        if not blocks:
             return None
-        with self._changed:
-            blocks = list(self._kept)
-            self._kept.clear()
-            self._bytes = 0
-            count = sum(len(block) for block in blocks)
-            self._counts.given += count
+        self._count(given=sum(map(len, blocks)))
         if len(blocks) == 1:
             return blocks[0]
         return Block(
@@ -108,72 +94,45 @@ class Receiver:
 
     def newest(self, timeout: float) -> Block | None:
         """The last sample alone; those before it count as dropped."""
-        if not self._wait(timeout):
+        blocks = self._kept.take_all(timeout)
+        if not blocks:
             return None
-        with self._changed:
-            last = self._kept[-1]
-            count = sum(len(block) for block in self._kept)
-            self._kept.clear()
-            self._bytes = 0
-            self._counts.given += 1
-            self._counts.dropped += count - 1
+        self._count(given=1, dropped=sum(map(len, blocks)) - 1)
+        last = blocks[-1]
         return last if len(last) == 1 else Block(last.times[-1:], last.values[-1:], last.arrived)
 
     def close(self) -> None:
         """Stop the thread and close the source; may be called twice."""
         self._stop.set()
-        with self._changed:
-            self._changed.notify_all()
+        self._kept.end(SourceEnded(), at_once=True)
         if threading.current_thread() is not self._thread:
             self._thread.join()
-        self._source.close()
-
-    def _wait(self, timeout: float) -> bool:
-        """Whether something is kept, within the time; raises what the source raised."""
-        with self._changed:
-            self._changed.wait_for(
-                lambda: self._kept or self._raised is not None or self._stop.is_set(), timeout
-            )
-            if self._stop.is_set():
-                raise SourceEnded
-            if self._kept:
-                return True
-            if self._raised is not None:
-                raise self._raised
-            return False
+        self.source.close()
 
     def _work(self) -> None:
         while not self._stop.is_set():
             try:
-                block = self._source.read(POLL)
-            except (SourceEnded, SkinError) as error:
-                self._fail(error)
+                block = self.source.read(POLL)
+            except Exception as error:  # noqa: BLE001 - whoever reads is told
+                self._kept.end(error)
                 return
-            except Exception as error:  # noqa: BLE001 - a plug-in's fault, told to who reads
-                self._fail(error)
-                return
-            if block is None or len(block) == 0:
-                continue
-            with self._changed:
+            if block is not None and len(block):
                 self._last_seen = time.perf_counter()
                 self._keep(block)
-                self._changed.notify_all()
-
-    def _fail(self, error: Exception) -> None:
-        with self._changed:
-            self._raised = error
-            self._changed.notify_all()
 
     def _keep(self, block: Block) -> None:
-        self._counts.received += len(block)
         rate = self.info.rate
-        if rate > 0 and block.arrived - self._arrived > LATE / rate:
-            self._counts.delayed += 1
+        late = rate > 0 and block.arrived - self._arrived > LATE / rate
         self._arrived = block.arrived
-        self._kept.append(block)
-        self._bytes += block.values.nbytes
-        # One block always stays: it may alone be larger than what is to be kept.
-        while self._bytes > self._most_bytes and len(self._kept) > 1:
-            gone = self._kept.popleft()
-            self._bytes -= gone.values.nbytes
-            self._counts.dropped += len(gone)
+        self._count(received=len(block), delayed=int(late))
+        gone = self._kept.push(block, block.values.nbytes)
+        self._count(dropped=sum(map(len, gone)))
+
+    def _count(
+        self, *, received: int = 0, given: int = 0, dropped: int = 0, delayed: int = 0
+    ) -> None:
+        with self._counting:
+            self._counts.received += received
+            self._counts.given += given
+            self._counts.dropped += dropped
+            self._counts.delayed += delayed

@@ -61,10 +61,8 @@ class Counts:
         """By name."""
         return asdict(self)
 
-    def joined(self, theirs: object) -> Counts:
-        """These and what a source counted on the way, where it does."""
-        if not isinstance(theirs, Counts):
-            return Counts(**self.as_dict())
+    def joined(self, theirs: Counts) -> Counts:
+        """These and what a source counted on the way."""
         both = {name: getattr(self, name) + getattr(theirs, name) for name in self.__slots__}
         # Both see these: the larger one knows more.
         for name in ("received", "lost"):

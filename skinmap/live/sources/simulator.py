@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import queue
 import threading
 import time
 from collections.abc import Sequence
@@ -10,9 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import InvalidArrayError, SkinError
+from skinmap.errors import InvalidArrayError
+from skinmap.live.bounded_queue import BoundedQueue
 from skinmap.live.sources.simulated_touches import Touching, TrueTouch
-from skinmap.live.sources.source import Block, Kind, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Kind, Source, SourceEnded, StreamInfo
 from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
 from skinmap.touch.gestures import FOUR
@@ -23,7 +23,7 @@ CHUNK = 0.25  # samples are made so far in one go [s]
 AHEAD = 4  # chunks made before they are wanted
 
 
-class SimulatedSource:
+class SimulatedSource(Source):
     """Touches on a robot's skin without end: a `Source`.
 
     Parameters
@@ -69,7 +69,7 @@ class SimulatedSource:
         chosen = tuple(dict.fromkeys(parts or robot.parts))
         rng = np.random.default_rng(seed)
         self._touching = Touching(robot, chosen, rng=rng, sensing=sensing, gestures=gestures)
-        self._info = StreamInfo(
+        info = StreamInfo(
             "simulation",
             chosen,
             tuple(len(robot.skin(part)) for part in chosen),
@@ -79,10 +79,11 @@ class SimulatedSource:
             {part: fingerprint(robot.skin(part)) for part in chosen},
             "simulation",
         )
+        super().__init__(info)
         self._speed = float(speed)
         self._last = seconds * sensing.rate
         self._chunk = max(1, round(CHUNK * sensing.rate))
-        self._made: queue.Queue[NDArray[np.uint8] | Exception] = queue.Queue(AHEAD)
+        self._made: BoundedQueue[NDArray[np.uint8]] = BoundedQueue(AHEAD)
         self._closed = threading.Event()
         self._worker = threading.Thread(target=self._work, name="simulator", daemon=True)
         self._open = np.zeros((0, self._info.channels), np.uint8)
@@ -91,9 +92,9 @@ class SimulatedSource:
         self._worker.start()
 
     @property
-    def info(self) -> StreamInfo:
-        """What is in a sample."""
-        return self._info
+    def speed(self) -> float:
+        """How many times faster than the clock."""
+        return self._speed
 
     @property
     def truth(self) -> tuple[TrueTouch, ...]:
@@ -129,11 +130,7 @@ class SimulatedSource:
     def close(self) -> None:
         """End it; whoever waits in `read` is told."""
         self._closed.set()
-        while True:  # let the worker go that waits for room
-            try:
-                self._made.get_nowait()
-            except queue.Empty:
-                break
+        self._made.end(SourceEnded(), at_once=True)
         self._worker.join()
 
     def _when(self, sample: int) -> float:
@@ -154,27 +151,18 @@ class SimulatedSource:
 
     def _take(self, timeout: float) -> bool:
         """Open the next chunk, if one is made within the time."""
-        try:
-            made = self._made.get(timeout=max(timeout, 1e-3))
-        except queue.Empty:
+        made = self._made.take(max(timeout, 1e-3))
+        if made is None:
             return False
-        if isinstance(made, Exception):
-            raise made
         self._open = made
         return True
 
     def _work(self) -> None:
-        while not self._closed.is_set():
-            made: NDArray[np.uint8] | Exception
-            try:
+        try:
+            while True:
                 made = self._touching.make(self._chunk)
                 if self._info.kind == "raw":
                     made = np.uint8(REST) - np.minimum(made, np.uint8(REST))
-            except SkinError as error:
-                made = error
-            while not self._closed.is_set():
-                try:
-                    self._made.put(made, timeout=0.1)
-                    break
-                except queue.Full:
-                    continue
+                self._made.put(made)
+        except Exception as error:  # noqa: BLE001 - raised to whoever reads; closing ends it too
+            self._made.end(error)

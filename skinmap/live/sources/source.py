@@ -1,4 +1,4 @@
-"""Where samples come from: one protocol for recordings, the simulator and live streams.
+"""Where samples come from: one contract for recordings, the simulator and live streams.
 
 for block in skinmap.live.open_source("lsl:demo"):
     block.times, block.values
@@ -6,83 +6,31 @@ for block in skinmap.live.open_source("lsl:demo"):
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import FloatArray, check_finite, freeze
-from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.io.recordings.recorded_stream import Kind, StreamInfo
+from skinmap.live.sources.sample_counts import Counts
 
-Kind = Literal["raw", "pressure"]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class StreamInfo:
-    """What a source says of itself before the first sample.
-
-    Attributes
-    ----------
-    name : str
-        Of the stream.
-    parts : tuple of str
-        Parts of the robot whose values follow each other in every sample.
-    widths : tuple of int
-        Channels of each part in the sample: its taxels in dense order, or its live vector (the
-        taxels then stand at `Skin.channels`).
-    rate : float
-        Nominal samples a second; 0 where they come when they like.
-    kind : {"raw", "pressure"}
-        What the sensors send, or what a response calibration made of it (0 at rest, to 255).
-    robot : str
-        Name of the robot; empty where unknown.
-    fingerprints : mapping of str to str
-        Of the skin of each part (`skinmap.skin.fingerprint.fingerprint(skin)`),
-        where known.
-    clock : str
-        Whose seconds the times are: "recording", "local" (this machine's monotonic clock) ...
-    """
-
-    name: str
-    parts: tuple[str, ...]
-    widths: tuple[int, ...]
-    rate: float
-    kind: Kind = "pressure"
-    robot: str = ""
-    fingerprints: Mapping[str, str] = field(default_factory=dict)
-    clock: str = "recording"
-
-    def __post_init__(self) -> None:
-        if len(self.parts) != len(self.widths) or len(set(self.parts)) != len(self.parts):
-            raise InvalidArrayError(
-                f"stream {self.name!r}: {len(self.parts)} parts (each once) and as many widths "
-                f"expected, got {self.parts} and {self.widths}"
-            )
-        if not self.parts or min(self.widths) < 1:
-            raise InvalidArrayError(f"stream {self.name!r}: no channels")
-        if not np.isfinite(self.rate) or self.rate < 0:
-            raise InvalidArrayError(f"stream {self.name!r}: rate {self.rate} samples a second")
-
-    @property
-    def channels(self) -> int:
-        """Values in one sample."""
-        return sum(self.widths)
-
-    def part_slice(self, part: str) -> slice:
-        """Where a part's channels stand in a sample.
-
-        Raises
-        ------
-        UnknownNameError
-            The stream has no such part.
-        """
-        if part not in self.parts:
-            raise UnknownNameError(f"part in stream {self.name!r}", part, self.parts)
-        row = self.parts.index(part)
-        start = sum(self.widths[:row])
-        return slice(start, start + self.widths[row])
+__all__ = [
+    "Block",
+    "Kind",
+    "Relay",
+    "Seekable",
+    "Source",
+    "SourceEnded",
+    "StreamInfo",
+    "blocks",
+    "check_block",
+]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -114,50 +62,172 @@ class Block:
         return len(self.times)
 
 
-@runtime_checkable
-class Source(Protocol):
-    """Anything that samples come from.
+class Source(ABC):
+    """Where samples come from. A source of your own derives from this one.
 
-    `read` raises `SourceEnded` when nothing more will come (a recording's end), and
-    `UnreachableError` when a live source died and cannot be had again.
+    It says in `info` what it sends, and defines `read` and `close`. The other members have the
+    answers of a live source that counts nothing; override those for which yours knows better.
+
+    Parameters
+    ----------
+    info : StreamInfo
     """
+
+    def __init__(self, info: StreamInfo) -> None:
+        self._info = info
+        self._counts = Counts()
+        self._last_seen = math.nan
+
+    @abstractmethod
+    def read(self, timeout: float) -> Block | None:
+        """What has come since the last call; None when nothing comes within `timeout` [s].
+
+        Raises
+        ------
+        SourceEnded
+            Nothing more will come: a recording is over, or the source was closed.
+        UnreachableError
+            A live source died and cannot be had again.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give threads, sockets and files back; may be called twice."""
 
     @property
     def info(self) -> StreamInfo:
         """Skin, channels, rate and clock."""
-
-    def read(self, timeout: float) -> Block | None:
-        """What has come since the last call; None when nothing comes within `timeout` [s]."""
-
-    def close(self) -> None:
-        """Give threads, sockets and files back; may be called twice."""
-
-
-@runtime_checkable
-class Seekable(Source, Protocol):
-    """A source that can be led through time: a recording.
-
-    Attributes
-    ----------
-    speed : float
-        How many times faster than recorded; `inf` gives all at once, 0 halts.
-    loop : bool
-        Whether it starts again at its end.
-    """
-
-    speed: float
-    loop: bool
+        return self._info
 
     @property
+    def counts(self) -> Counts:
+        """What became of the samples on the way."""
+        return self._counts
+
+    @property
+    def last_seen(self) -> float:
+        """`time.perf_counter()` of the last sign of life; NaN where nobody notes it."""
+        return self._last_seen
+
+    @property
+    def alive(self) -> bool:
+        """Whether it is there."""
+        return True
+
+    @property
+    def seekable(self) -> bool:
+        """Whether its times may jump: a recording is led, and starts again."""
+        return False
+
+    @property
+    def speed(self) -> float:
+        """How many times faster than its clock it sends; `inf` gives all at once, 0 halts."""
+        return 1.0
+
+    def angles_at(self, time: float) -> Mapping[str, float]:
+        """Joint angles [rad] at a sample's time [s]; empty where there are none."""
+        return {}
+
+
+class Seekable(Source):
+    """A source that can be led through time: a recording."""
+
+    @property
+    def seekable(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    @abstractmethod
+    def speed(self) -> float:
+        """How many times faster than recorded; `inf` gives all at once, 0 halts."""
+
+    @speed.setter
+    @abstractmethod
+    def speed(self, speed: float) -> None: ...
+
+    @property
+    @abstractmethod
+    def loop(self) -> bool:
+        """Whether it starts again at its end."""
+
+    @loop.setter
+    @abstractmethod
+    def loop(self, loop: bool) -> None: ...
+
+    @property
+    @abstractmethod
     def duration(self) -> float:
         """[s]."""
 
     @property
+    @abstractmethod
     def position(self) -> float:
         """Seconds from its beginning."""
 
+    @abstractmethod
     def seek(self, seconds: float) -> None:
         """Go on from there."""
+
+
+class Relay(Source):
+    """A source that hands on another one's samples; what it does not change is the other's.
+
+    Parameters
+    ----------
+    source : Source
+        Closed with this.
+
+    Attributes
+    ----------
+    source : Source
+    """
+
+    def __init__(self, source: Source) -> None:
+        super().__init__(source.info)
+        self.source = source
+
+    def read(self, timeout: float) -> Block | None:
+        """What the source gives."""
+        return self.source.read(timeout)
+
+    def close(self) -> None:
+        """Close the source."""
+        self.source.close()
+
+    @property
+    def info(self) -> StreamInfo:
+        """Of the source."""
+        return self.source.info
+
+    @property
+    def counts(self) -> Counts:
+        """Of the source."""
+        return self.source.counts
+
+    @property
+    def last_seen(self) -> float:
+        """Of the source."""
+        return self.source.last_seen
+
+    @property
+    def alive(self) -> bool:
+        """Whether the source is."""
+        return self.source.alive
+
+    @property
+    def seekable(self) -> bool:
+        """Whether the source is."""
+        return self.source.seekable
+
+    @property
+    def speed(self) -> float:
+        """Of the source."""
+        return self.source.speed
+
+    def angles_at(self, time: float) -> Mapping[str, float]:
+        """Of the source."""
+        return self.source.angles_at(time)
 
 
 class SourceEnded(EOFError):  # noqa: N818 - no error: a recording has an end

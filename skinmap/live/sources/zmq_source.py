@@ -16,7 +16,6 @@ from skinmap.live.network.addresses import Address, parse_address, warn_if_open
 from skinmap.live.network.messages import Header, unpack_header, unpack_info, unpack_values
 from skinmap.live.sources.part_filter import follow
 from skinmap.live.sources.receiver import SILENT
-from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.skins import check_skin
 from skinmap.live.sources.source import Block, Source, StreamInfo
 from skinmap.skin.robot import Robot
@@ -30,7 +29,7 @@ MOST = 256  # samples in one block
 FRAMES = 3  # of a sample: topic, header, values
 
 
-class ZmqSource:
+class ZmqSource(Source):
     """Samples of one publisher.
 
     Parameters
@@ -64,13 +63,13 @@ class ZmqSource:
 
         warn_if_open(address, "reading from")
         self.address = address
-        self.counts = Counts()
-        self.last_seen = 0.0
         self._context = zmq.Context()
         try:
-            self._description, self._info = self._ask(wait)
+            self._description, info = self._ask(wait)
             if accept is not None:
-                accept(self._info)
+                accept(info)
+            super().__init__(info)
+            self._last_seen = time.perf_counter()
             self._socket = self._subscribe()
         except BaseException:
             self._context.destroy(linger=0)
@@ -78,11 +77,6 @@ class ZmqSource:
         self._session: int | None = None
         self._sequence = -1
         self._silent_since: float | None = None
-
-    @property
-    def info(self) -> StreamInfo:
-        """What is in a sample."""
-        return self._info
 
     @property
     def alive(self) -> bool:
@@ -128,17 +122,17 @@ class ZmqSource:
         try:
             if frames[0] == b"info":
                 self._hear(frames[1:])
-                self.last_seen = arrived
+                self._last_seen = arrived
                 return None
             if len(frames) != FRAMES:
                 raise MessageError(f"a sample of {len(frames)} frames, expected {FRAMES}")
             header = unpack_header(frames[1])
             values = unpack_values(header, frames[2], self._info)
         except MessageError as error:
-            self.counts.refused += 1
+            self._counts.refused += 1
             logger.debug("%s: %s", self.address.endpoint, error)
             return None
-        self.last_seen = arrived
+        self._last_seen = arrived
         self._follow(header)
         return header.time, values
 
@@ -169,9 +163,9 @@ class ZmqSource:
         """Count gaps in the numbers of samples."""
         if header.session != self._session:
             if self._session is not None:
-                self.counts.reconnects += 1
+                self._counts.reconnects += 1
         elif header.sequence > self._sequence + 1:
-            self.counts.lost += header.sequence - self._sequence - 1
+            self._counts.lost += header.sequence - self._sequence - 1
         self._session, self._sequence = header.session, header.sequence
 
     def _receive(self, flags: int) -> list[bytes]:
@@ -199,7 +193,6 @@ class ZmqSource:
             frames = socket.recv_multipart()
             if len(frames) != 2 or frames[0] != b"info":
                 raise MessageError(f"{self.address.endpoint} does not describe its stream")
-            self.last_seen = time.perf_counter()
             return frames[1], unpack_info(frames[1])
         finally:
             socket.close(linger=0)

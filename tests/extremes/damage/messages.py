@@ -17,8 +17,7 @@ from skinmap.errors import MessageError
 from skinmap.live.network.addresses import parse_address
 from skinmap.live.network.lsl_description import read_description
 from skinmap.live.network.messages import Header, pack_info, read_json, unpack_info
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import StreamInfo
+from skinmap.live.sources.source import Source, StreamInfo
 from skinmap.live.sources.zmq_source import ZmqSource
 from skinmap.profile import read_profile
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -69,10 +68,9 @@ REQUEST = b"/tok/live\nHost: 127.0.0.1:8080\nOrigin: http://127.0.0.1:8080\nUpgr
 def source() -> ZmqSource:
     """One that is handed its frames: no socket is needed to take them apart."""
     made = object.__new__(ZmqSource)
-    made.counts, made.address = Counts(), parse_address("5555")
-    made._info, made._description = INFO, DESCRIPTION
+    Source.__init__(made, INFO)
+    made.address, made._description = parse_address("5555"), DESCRIPTION
     made._session, made._sequence, made._silent_since = None, -1, None
-    made.last_seen = 0.0
     return made
 
 
@@ -176,7 +174,7 @@ def ask(message: bytes) -> None:
 
 
 logging.getLogger("skinmap.live").setLevel(logging.WARNING)
-LIVE = "skinmap.live"
+LIVE = "skinmap.live.network"
 
 TARGETS = [
     Target("stream-sample", "m", lambda: [SAMPLE, b"info|" + DESCRIPTION], of_bytes(take)),

@@ -12,7 +12,7 @@ import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.live.moment import Moment
-from skinmap.live.sources.source import SourceEnded, StreamInfo
+from skinmap.live.sources.source import Seekable, SourceEnded, StreamInfo
 from viewer.playing.player import Player
 from viewer.playing.rewind import LENGTH, History, size
 
@@ -63,12 +63,14 @@ class LiveLoop:
         self.closed += 1
 
 
-class Recording(FakeSource):
+class Recording(Seekable):
     """A recording of `count` samples that gives the next one whenever it is asked."""
 
+    speed, loop = 1.0, False
+
     def __init__(self, count: int) -> None:
+        super().__init__(FakeSource.info)
         self.count, self.row = count, 0
-        self.speed, self.loop = 1.0, False
         self.sought: list[float] = []
 
     @property
