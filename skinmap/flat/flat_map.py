@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.atlas import Laid, arrange
 from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, flatten_disc, map_disc
@@ -100,6 +100,7 @@ def flatten(
     max_seconds: float | None = None,
     max_edge_rms: float | None = None,
     avoid: ArrayLike | None = None,
+    touched: ArrayLike | None = None,
     iterations: int | None = None,
     precision: str = "float64",
 ) -> FlatMap:
@@ -116,6 +117,8 @@ def flatten(
         Only with `auto`: edge error that each patch should reach, 0.01 for 1 %.
     avoid : (k,) array-like of int, optional
         Taxels that seams keep away from where there is another way.
+    touched : (n,) array-like of float, optional
+        How often each taxel was touched (`touch_counts`): seams run where they divide few touches.
     iterations : int, optional
         Of `arap`, `balanced`, `slim` or `dirichlet`, instead of the method's own number.
     precision : {"float64", "float32"}
@@ -136,11 +139,12 @@ def flatten(
     check_effort(method, iterations, precision)
     effort = (iterations, precision)
     away = mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)]
+    often = None if touched is None else check_finite(touched, "touched", (len(mesh.skin),))
     charts, weights = [], [len(mesh.patch_faces(patch)) for patch in range(mesh.n_patches)]
     for patch, weight in enumerate(weights):
         # What earlier patches left of the time, shared out by size.
         share = max_seconds and max_seconds * weight / sum(weights[patch:])
-        charts.append(_flatten_patch(mesh, patch, method, away, share, max_edge_rms, effort))
+        charts.append(_flatten_patch(mesh, patch, method, away, often, share, max_edge_rms, effort))
         max_seconds = max_seconds and max(max_seconds - charts[-1].seconds, 1e-9)
     charts = _arranged(mesh, charts)
     uv = np.full((len(mesh.skin), 2), np.nan)
@@ -170,6 +174,7 @@ def _flatten_patch(
     patch: int,
     method: str,
     avoid: IntArray,
+    touched: FloatArray | None,
     max_seconds: float | None,
     max_edge_rms: float | None,
     effort: tuple[int | None, str],
@@ -181,7 +186,8 @@ def _flatten_patch(
     started = time.process_time()
     check_surface(faces)
     away = np.flatnonzero(np.isin(taxels, avoid))
-    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE, avoid=away)
+    often = None if touched is None else touched[taxels]
+    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE, avoid=away, touched=often)
     vertices, faces, taxels = vertices[cut.origin], cut.faces, taxels[cut.origin]
     flat = map_disc(
         vertices,

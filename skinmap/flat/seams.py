@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ from scipy.sparse.csgraph import dijkstra
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.geometry.topology import boundary_loops, edges, euler_number, half_edges, loop_length
 
+AWAY = 20.0  # times the length of edges that seams are to keep away from
+UNTOUCHED = 0.05  # of the price of the mean of touches: a seam through nothing is still kept short
 ROOTS = 6  # of a closed surface with handles: the loops from the best of so many vertices
 
 
@@ -42,6 +45,7 @@ def open_surface(
     *,
     hole_share: float,
     avoid: IntArray | None = None,
+    touched: FloatArray | None = None,
 ) -> CutMesh:
     """Cut a connected surface until only its outer border and small holes are left.
 
@@ -54,6 +58,8 @@ def open_surface(
         Holes up to this share of the outer border's length are left for filling.
     avoid : (k,) array of int, optional
         Vertices that seams keep away from where there is another way.
+    touched : (n,) array of float, optional
+        How often each vertex is touched: seams then run where they divide few touches.
 
     Returns
     -------
@@ -64,18 +70,19 @@ def open_surface(
     ----------
     Erickson and Whittlesey, "Greedy optimal homotopy and homology generators", SODA 2005.
     """
+    price = _Price(vertices, avoid, touched)
     cuts = np.zeros((0, 2), np.int64)
     loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
     limit = hole_share * loop_length(vertices, loops[0]) if loops else 0.0
     wide = [loop for loop in loops if loop_length(vertices, loop) > limit]
     for loop in wide[1:]:
-        cuts = np.concatenate([cuts, _seam(vertices, faces, wide[0], loop, cuts, avoid)])
+        cuts = np.concatenate([cuts, _seam(price, faces, wide[0], loop, cuts)])
     if euler_number(faces) != 2 - len(loops):
         small = [loop for loop in loops if loop_length(vertices, loop) <= limit]
         border = np.unique(np.concatenate([*wide, cuts.ravel()])) if wide else None
-        cuts = np.concatenate([cuts, _handle_cuts(vertices, faces, border, small, avoid)])
+        cuts = np.concatenate([cuts, _handle_cuts(price, faces, border, small)])
     elif not loops:
-        cuts = _slit(vertices, faces, avoid)
+        cuts = _slit(price, faces)
     if len(cuts) == 0:
         return CutMesh(faces, np.arange(len(vertices)), 0.0)
     length = np.linalg.norm(vertices[cuts[:, 0]] - vertices[cuts[:, 1]], axis=1).sum()
@@ -115,43 +122,63 @@ def split_along(faces: IntArray, cuts: IntArray) -> tuple[IntArray, IntArray]:
     return opened.reshape(-1, 3), faces.ravel()[corner]
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Price:
+    """What seams cost: their length, times twenty near some vertices, or times the touches there.
+
+    The number of touches that a seam divides is the integral of their density along it.
+    """
+
+    vertices: FloatArray
+    avoid: IntArray | None
+    touched: FloatArray | None
+
+    def lengths(self, pairs: IntArray) -> FloatArray:
+        """(e,) lengths of edges [m]."""
+        ends = self.vertices[pairs]
+        return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1))
+
+    def factors(self, pairs: IntArray) -> FloatArray:
+        """(e,) what the length of each edge is multiplied with."""
+        factor = np.ones(len(pairs))
+        if self.avoid is not None:
+            factor[np.isin(pairs, self.avoid).any(axis=1)] = AWAY
+        if self.touched is not None and (mean := float(self.touched.mean())) > 0.0:
+            factor *= UNTOUCHED + self.touched[pairs].mean(axis=1) / mean
+        return factor
+
+    def graph(self, faces: IntArray) -> csr_array:
+        """(n, n) costs of the edges of some faces."""
+        pairs = edges(faces)
+        return _graph(len(self.vertices), pairs, self.lengths(pairs) * self.factors(pairs))
+
+
 def _seam(
-    vertices: FloatArray,
-    faces: IntArray,
-    outer: IntArray,
-    inner: IntArray,
-    cuts: IntArray,
-    avoid: IntArray | None,
+    price: _Price, faces: IntArray, outer: IntArray, inner: IntArray, cuts: IntArray
 ) -> IntArray:
     """Edges (c, 2) of the cheapest path between two loops, earlier cuts counting as border."""
-    graph = _costs(vertices, faces, avoid)
     sources = np.unique(np.concatenate([outer, cuts.ravel()]))
     cost, before, _ = dijkstra(
-        graph, directed=False, indices=sources, min_only=True, return_predecessors=True
+        price.graph(faces), directed=False, indices=sources, min_only=True, return_predecessors=True
     )
     return _walk_back(int(inner[np.argmin(cost[inner])]), before)
 
 
-def _slit(vertices: FloatArray, faces: IntArray, avoid: IntArray | None) -> IntArray:
+def _slit(price: _Price, faces: IntArray) -> IntArray:
     """Edges of a slit half round a closed surface, where it crosses fewest vertices."""
-    pairs = edges(faces)
-    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
-    plain = _graph(len(vertices), pairs, length)
+    pairs, n = edges(faces), len(price.vertices)
+    length = price.lengths(pairs)
+    plain = _graph(n, pairs, length)
     start = int(np.argmax(dijkstra(plain, directed=False, indices=0)))
     end = int(np.argmax(dijkstra(plain, directed=False, indices=start)))
-    cost = np.ones(len(pairs)) + length / length.max()
-    cost = cost * _penalty(pairs, avoid)
-    graph = _graph(len(vertices), pairs, cost)
+    cost = (np.ones(len(pairs)) + length / length.max()) * price.factors(pairs)
+    graph = _graph(n, pairs, cost)
     _, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
     return _walk_back(end, before)
 
 
 def _handle_cuts(
-    vertices: FloatArray,
-    faces: IntArray,
-    border: IntArray | None,
-    holes: list[IntArray],
-    avoid: IntArray | None,
+    price: _Price, faces: IntArray, border: IntArray | None, holes: list[IntArray]
 ) -> IntArray:
     """Edges (c, 2) that open every handle: two loops for each, the shortest from the border.
 
@@ -159,7 +186,7 @@ def _handle_cuts(
     through the faces that crosses none of it leave two edges for each handle; each of them
     closes a loop with its ways back to the root. Holes count as filled.
     """
-    n = len(vertices)
+    n = len(price.vertices)
     fans = [
         np.column_stack([np.roll(loop, -1), loop, np.full(len(loop), n + number)])
         for number, loop in enumerate(holes)
@@ -168,17 +195,14 @@ def _handle_cuts(
     pairs = edges(filled)
     inside = pairs[:, 1] < n
     cost = np.zeros(len(pairs))
-    ends = vertices[pairs[inside]]
-    cost[inside] = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) * _penalty(pairs[inside], avoid)
+    cost[inside] = price.lengths(pairs[inside]) * price.factors(pairs[inside])
     cost[~inside] = cost.sum()  # no way leads across a hole
     graph = _graph(n + len(holes), pairs, cost)
     tried = (
         [border] if border is not None else np.linspace(0, n - 1, ROOTS, dtype=np.int64)[:, None]
     )
     found = [_system_of_loops(filled, pairs, cost, graph, roots) for roots in tried]
-    return min(
-        found, key=lambda cut: np.linalg.norm(np.diff(vertices[cut], axis=1)[:, 0], axis=1).sum()
-    )
+    return min(found, key=lambda cut: float(price.lengths(cut).sum()))
 
 
 def _system_of_loops(
@@ -232,19 +256,6 @@ def _spanning(n: int, sides: IntArray, weight: FloatArray) -> BoolArray:
     return np.isin(rank, minimum_spanning_tree(graph).data.astype(np.int64))
 
 
-def _costs(vertices: FloatArray, faces: IntArray, avoid: IntArray | None) -> csr_array:
-    pairs = edges(faces)
-    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
-    return _graph(len(vertices), pairs, length * _penalty(pairs, avoid))
-
-
-def _penalty(pairs: IntArray, avoid: IntArray | None) -> FloatArray:
-    """Twenty times the cost for edges that touch a vertex to keep away from."""
-    if avoid is None:
-        return np.ones(len(pairs))
-    return np.where(np.isin(pairs, avoid).any(axis=1), 20.0, 1.0)
-
-
 def _graph(n: int, pairs: IntArray, cost: FloatArray) -> csr_array:
     graph = coo_array((cost, pairs.T), shape=(n, n)).tocsr()
     return graph.maximum(graph.T)
@@ -255,3 +266,50 @@ def _walk_back(end: int, before: IntArray) -> IntArray:
     while before[path[-1]] >= 0:
         path.append(int(before[path[-1]]))
     return np.column_stack([path[:-1], path[1:]])
+
+
+def touch_counts(touches: Sequence[IntArray], n: int) -> FloatArray:
+    """How many touches cover each taxel.
+
+    Parameters
+    ----------
+    touches : sequence of (k,) array of int
+        Taxels of each touch, each once.
+    n : int
+        Taxels of the skin.
+
+    Returns
+    -------
+    (n,) array of float
+    """
+    every = np.concatenate([np.zeros(0, np.int64), *(np.unique(touch) for touch in touches)])
+    return np.bincount(every, minlength=n).astype(np.float64)
+
+
+def divided_touches(faces: IntArray, origin: IntArray, touches: Sequence[IntArray]) -> int:
+    """How many touches a chart shows in two places or more.
+
+    A piece counts where it has a taxel that is not itself on a seam: the rim of a touch that a
+    seam runs along is drawn twice, and divides nothing.
+
+    Parameters
+    ----------
+    faces : (m, 3) array of int
+        Chart vertices.
+    origin : (k,) array of int
+        Taxel of each chart vertex.
+    touches : sequence of (j,) array of int
+        Taxels of each touch.
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = edges(faces)
+    doubled = np.bincount(origin)[origin] > 1
+    count = 0
+    for touch in touches:
+        active = np.isin(origin, touch)
+        kept = pairs[active[pairs].all(axis=1)]
+        graph = coo_array((np.ones(len(kept)), kept.T), shape=(len(origin),) * 2)
+        _, piece = connected_components(graph, directed=False)
+        count += len(np.unique(piece[active & ~doubled])) > 1
+    return count

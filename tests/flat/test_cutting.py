@@ -3,10 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import cKDTree
 
 from skinmap.flat.flat_map import flatten, flatten_disc
 from skinmap.flat.mesh_charts import flatten_mesh
-from skinmap.flat.seams import open_surface, split_along
+from skinmap.flat.seams import divided_touches, open_surface, split_along, touch_counts
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number
 from skinmap.geometry.triangles import face_areas
 from skinmap.skin.skin import skin_from_points
@@ -225,3 +226,48 @@ def test_a_closed_skin_flattens_without_flips(sphere):
     flat = flatten(build_surface(skin_from_points(0.1 * vertices, vertices)))
     assert flat.flips == 0
     assert np.isfinite(flat.uv).all()
+
+
+def presses(vertices, places, rng, count, reach):
+    """Round touches near habitual places, their taxels within a reach [m]."""
+    tree = cKDTree(vertices)
+    middles = places[rng.integers(0, len(places), count)] + rng.normal(0, reach / 2, (count, 3))
+    return [
+        np.array(found) for found in tree.query_ball_point(vertices[tree.query(middles)[1]], reach)
+    ]
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_seam_that_knows_touches_divides_fewer_others(closed, sphere, rng):
+    vertices, faces = sphere if closed else tube(24, 20, 1.0, 5.0)
+    ratios, reach = [], 0.6 if closed else 0.9
+    for _ in range(12):
+        # Three places on one half: where a limb is touched by habit.
+        half = np.flatnonzero(vertices @ rng.normal(size=3) > 0)
+        places = vertices[rng.choice(half, 3)]
+        known, others = (presses(vertices, places, rng, 100, reach) for _ in range(2))
+        plain = open_surface(vertices, faces, hole_share=SHARE)
+        counts = touch_counts(known, len(vertices))
+        wise = open_surface(vertices, faces, hole_share=SHARE, touched=counts)
+        check_opened(vertices, faces, wise)
+        ratios.append([divided_touches(cut.faces, cut.origin, others) for cut in (plain, wise)])
+    plain, wise = np.sum(ratios, axis=0)
+    assert plain > 40
+    assert wise <= 0.65 * plain
+
+
+def test_touches_spread_evenly_leave_a_tube_its_shortest_seam():
+    vertices, faces = tube(24, 20, 1.0, 5.0)
+    cut = open_surface(vertices, faces, hole_share=SHARE, touched=np.ones(len(vertices)))
+    assert cut.seam_length == pytest.approx(5.0)
+
+
+def test_a_touch_is_divided_where_both_sides_of_the_seam_have_some_of_it():
+    vertices, faces = tube(24, 20, 1.0, 5.0)
+    cut = open_surface(vertices, faces, hole_share=SHARE)
+    seam = np.flatnonzero(np.bincount(cut.origin) > 1)
+    row = seam[9] // 24 * 24
+    around = row + (seam[9] % 24 + np.arange(-3, 4)) % 24
+    assert divided_touches(cut.faces, cut.origin, [around]) == 1
+    assert divided_touches(cut.faces, cut.origin, [around[3:]]) == 0  # its rim is on the seam
+    assert divided_touches(cut.faces, cut.origin, [around[4:]]) == 0
