@@ -14,13 +14,14 @@ from skinmap.cli.trade.result import (
     TaskRow,
     TradeResult,
 )
+from skinmap.knobs import Value
 from skinmap.report.image import media
 from skinmap.report.page import lines_page
 from skinmap.report.table import Cell, Table
 from skinmap.trade.front import Budget, pareto
 from skinmap.trade.points import Failure, Point, describe
 from skinmap.trade.profile_file import Origin, machine, write_profile
-from skinmap.trade.task import TradeTask
+from skinmap.trade.task import Setting, TradeTask
 
 PROFILE = "profile.toml"
 
@@ -83,6 +84,10 @@ def result_of(traded: Traded, out: Path | None) -> TradeResult:
         ],
         profile=None if out is None else str(out / PROFILE),
     )
+
+
+def _plain(setting: Setting | None) -> dict[str, Value] | None:
+    return None if setting is None else dict(setting)
 
 
 def _point(point: Point, on_front: bool) -> PointRow:
