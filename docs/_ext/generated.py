@@ -1,9 +1,9 @@
 """Text that is made and not written: a comment in a page names it, the build fills it in.
 
 `<!-- generated: modules skinmap.flat -->` stands for the interface of every module of a package,
-`commands` for all commands and their options, `schemas` for what `--json` prints, and
-`contents name ...` for a table of contents of the pages that exist (a page that another command
-has yet to write leaves no hole); `contents rest` for the pages that no other one lists.
+`commands` for all commands and their options, and `contents name ...` for a table of contents of
+the pages that exist (a page that another command has yet to write leaves no hole);
+`contents rest` for the pages that no other one lists.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from api_pages import drop_guesses, escape_docstring, modules_text
 from command_pages import commands_text
-from schema_pages import schemas_text
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -48,7 +47,6 @@ def fill_in(app: Sphinx, docname: str, source: list[str]) -> None:
         "commands": lambda _: commands_text(),
         "contents": lambda words: contents(folder, words),
         "modules": lambda words: modules_text(*words),
-        "schemas": lambda _: schemas_text(Path(app.srcdir) / "schemas"),
     }
     source[0] = MARK.sub(lambda mark: makers[mark[1]](mark[2].split()), source[0])
 

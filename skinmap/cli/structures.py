@@ -16,9 +16,11 @@ from skinmap.report.present import present
 from skinmap.report.table import Table
 
 if TYPE_CHECKING:
-    from skinmap.neighbours.offsets import Neighbourhoods
+    from skinmap.neighbours.structures import Structures
+    from skinmap.skin.robot import Robot
     from skinmap.touch.prepared_skin import PreparedSkin
 
+Distance = Literal["euclidean", "geodesic"]
 RARE = 5  # structures with fewer members say little about the lattice
 
 
@@ -81,7 +83,7 @@ class StructuresResult:
     radius_is: Literal["requested", "auto"]
     tolerance_mm: float
     rotations: int
-    distance: Literal["euclidean", "geodesic"]
+    distance: Distance
     structures: int
     taxels: int
     rare_taxels: int
@@ -127,7 +129,7 @@ def command(
     radius_mm: str,
     tolerance_mm: float,
     rotations: str,
-    distance: Literal["euclidean", "geodesic"],
+    distance: Distance,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -136,42 +138,12 @@ def command(
     \b
     Example:  skinmap structures icub --part right_leg_upper --rotations 6 --out pictures
     """
-    from skinmap.neighbours.offsets import concatenate
-    from skinmap.neighbours.structures import find_structures
-    from skinmap.touch.prepared_skin import PreparedSkin
-
     if not 0 < tolerance_mm < math.inf:
         raise click.UsageError(f"--tolerance-mm must be above 0, got {tolerance_mm}")
     wanted = read_radius(radius_mm)
     loaded, names = open_robot(robot, parts)
-    skins = {name: PreparedSkin(loaded.skin(name)) for name in names}
-    radius = auto_radius_of(skins) if wanted is None else wanted
-    hoods = [_neighbourhoods(skin, radius, int(rotations), distance) for skin in skins.values()]
-    found = find_structures(
-        concatenate(hoods), tolerance=tolerance_mm * 1e-3, rotations=int(rotations)
-    )
-    counts = found.counts
-    without = int((found.labels < 0).sum())
-    rare = int(counts[counts < RARE].sum()) + without
-    result = StructuresResult(
-        robot=loaded.name,
-        parts=list(names),
-        radius_mm=radius * 1e3,
-        radius_is="auto" if wanted is None else "requested",
-        tolerance_mm=tolerance_mm,
-        rotations=int(rotations),
-        distance=distance,
-        structures=len(found.prototypes),
-        taxels=len(found.labels),
-        rare_taxels=rare,
-        rare_share=rare / max(len(found.labels), 1),
-        leftovers=len(found.leftovers),
-        without_structure=without,
-        table=[
-            StructureRow(structure=s, taxels=int(count), neighbours=int(filled.sum()))
-            for s, (count, filled) in enumerate(zip(counts, found.prototypes.filled, strict=True))
-        ],
-    )
+    sought = Sought(names, wanted, tolerance_mm * 1e-3, int(rotations), distance)
+    result, skins, found = work(loaded, sought)
 
     def write(stage: Path) -> Iterator[str]:
         from skinmap.report.structure_figures import body_figure, structures_figure
@@ -181,6 +153,71 @@ def command(
         yield from ("structures.png", "structures_body.png")
 
     present(result, _lines, as_json=as_json, out=out, write=write)
+
+
+@dataclass(frozen=True, slots=True)
+class Sought:
+    """What is looked for.
+
+    Attributes
+    ----------
+    parts : tuple of str
+    radius : float or None
+        Of a neighbourhood [m]; None chooses it between two rings of the lattice.
+    tolerance : float
+        How far neighbours may stray [m].
+    rotations : int
+    distance : {"euclidean", "geodesic"}
+    """
+
+    parts: tuple[str, ...]
+    radius: float | None
+    tolerance: float
+    rotations: int
+    distance: Distance
+
+
+def work(
+    robot: Robot, sought: Sought
+) -> tuple[StructuresResult, dict[str, PreparedSkin], Structures]:
+    """The numbers, the skins by part, and the structures on them."""
+    from skinmap.neighbours.offsets import LATTICE, concatenate
+    from skinmap.neighbours.structures import find_structures
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    skins = {name: PreparedSkin(robot.skin(name)) for name in sought.parts}
+    radius = auto_radius_of(skins) if sought.radius is None else sought.radius
+    symmetry = sought.rotations if sought.rotations > 1 else LATTICE
+    hoods = [
+        skin.neighbourhoods(radius=radius, distance=sought.distance, symmetry=symmetry)
+        for skin in skins.values()
+    ]
+    found = find_structures(
+        concatenate(hoods), tolerance=sought.tolerance, rotations=sought.rotations
+    )
+    counts, filled = found.counts, found.prototypes.filled.sum(axis=1)
+    without = int((found.labels < 0).sum())
+    rare = int(counts[counts < RARE].sum()) + without
+    result = StructuresResult(
+        robot=robot.name,
+        parts=list(sought.parts),
+        radius_mm=radius * 1e3,
+        radius_is="auto" if sought.radius is None else "requested",
+        tolerance_mm=sought.tolerance * 1e3,
+        rotations=sought.rotations,
+        distance=sought.distance,
+        structures=len(found.prototypes),
+        taxels=len(found.labels),
+        rare_taxels=rare,
+        rare_share=rare / max(len(found.labels), 1),
+        leftovers=len(found.leftovers),
+        without_structure=without,
+        table=[
+            StructureRow(structure=s, taxels=int(count), neighbours=int(filled[s]))
+            for s, count in enumerate(counts)
+        ],
+    )
+    return result, skins, found
 
 
 def _lines(result: StructuresResult) -> Iterator[str | Table]:
@@ -213,12 +250,3 @@ def auto_radius_of(skins: Mapping[str, PreparedSkin]) -> float:
     from skinmap.neighbours.structures import RADIUS
 
     return auto_radius([skin.skin.positions for skin in skins.values()], near=RADIUS)
-
-
-def _neighbourhoods(
-    skin: PreparedSkin, radius: float, rotations: int, distance: str
-) -> Neighbourhoods:
-    from skinmap.neighbours.offsets import LATTICE
-
-    symmetry = rotations if rotations > 1 else LATTICE
-    return skin.neighbourhoods(radius=radius, distance=distance, symmetry=symmetry)

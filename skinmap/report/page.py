@@ -44,6 +44,12 @@ def page(title: str, sections: Iterable[str]) -> str:
     )
 
 
+def lines_page(title: str, lines: Iterable[str | Table], pictures: Iterable[str] = ()) -> str:
+    """A page of what a command says to people, and its pictures."""
+    words = [line.html() if isinstance(line, Table) else paragraph(line) for line in lines]
+    return page(title, [*words, *pictures])
+
+
 def heading(text: str) -> str:
     """The heading of a section."""
     return f"<h2>{escape(text)}</h2>"

@@ -57,8 +57,9 @@ def test_kaspar_prints_the_table_beside_the_papers(small_paper, tmp_path):
     assert {row["folds"] for row in result["table"]} == {"plain", "event"}
     assert [row["percent"] for row in result["paper"]] == [2, 2, 10, 10]
     assert result["accuracy_is"] == "simulated"
-    assert result["files"] == ["evaluation.json", "kaspar.png", "sweep.png"]
-    assert all((tmp_path / name).read_bytes().startswith(PNG) for name in result["files"][1:])
+    assert result["files"] == ["evaluation.json", "kaspar.png", "sweep.png", "report.html"]
+    assert all((tmp_path / name).read_bytes().startswith(PNG) for name in result["files"][1:3])
+    assert (tmp_path / "report.html").read_text().count("data:image/png;base64,") == 2
     assert json.loads((tmp_path / "evaluation.json").read_text())["table"] == result["table"]
     assert documented(result) == []
 

@@ -96,7 +96,9 @@ def test_out_holds_a_plot_and_a_profile_that_reads_back(plugged, drawn, tmp_path
     out = tmp_path / "out"
     result = trade(*SMALL, "--seeds", 2, "--budget-ms", 50, "--out", out)
     assert result.exit_code == 0, result.output
-    assert sorted(path.name for path in out.iterdir()) == ["planted.png", "profile.toml"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "planted.png", "profile.toml", "report.html",
+    ]  # fmt: skip
     assert (out / "planted.png").read_bytes().startswith(b"\x89PNG")
     written = tomllib.loads((out / "profile.toml").read_text())
     assert written["profile"]["format"] == 1

@@ -7,17 +7,17 @@ from typing import Any
 
 import click
 
-from skinmap.cli.evaluate.evaluation import PROTOCOLS, Settings, run
-from skinmap.commands.options import (
-    json_option,
-    out_option,
-    outside_option,
-    part_option,
-    seed_option,
+from skinmap.cli.evaluate.evaluation import PROTOCOLS, Settings, work
+from skinmap.cli.evaluate.result import (
+    BaxterResult,
+    CrossPatchResult,
+    KasparResult,
+    RecordingsResult,
 )
+from skinmap.commands.options import out_folder, outside_option, part_option, prints, seed_option
 from skinmap.commands.profiles import from_profile, profile_option
 from skinmap.commands.workers import worker_options, workers_options
-from skinmap.report.present import emit
+from skinmap.report.present import present
 
 OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of their own
 
@@ -73,10 +73,10 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
     "--folds", type=click.IntRange(2, 20), default=4, show_default=True, help="recordings: folds."
 )
 @workers_options
-@out_option
+@out_folder("pictures, evaluation.json and report.html")
 @seed_option
 @profile_option("classify")
-@json_option
+@prints(KasparResult, CrossPatchResult, RecordingsResult, BaxterResult)
 def command(
     recordings: tuple[Path, ...],
     protocol: str | None,
@@ -95,7 +95,7 @@ def command(
               skinmap evaluate touches.npz --robot icub
               skinmap evaluate --protocol kaspar --sweep --jobs 4 --resume kaspar.resume
     """
-    from skinmap.cli.evaluate.report import show, write
+    from skinmap.cli.evaluate.report import lines, report, write
 
     chosen, files = _protocol(protocol, recordings)
     spread = worker_options(options)
@@ -104,14 +104,15 @@ def command(
         options["names"] = ()  # a profile's classifier is one of those that are compared anyway
     options["sweep"] = options["sweep"] or out is not None
     with spread.open(f"evaluate {chosen}") as workers:
-        result = run(Settings(protocol=chosen, recordings=files, workers=workers, **options))
-    result["files"] = write(result, out) if out is not None else []
-    if as_json:
-        emit(result)
-        return
-    show(result)
-    for file in result["files"]:
-        click.echo(str(Path(out or ".") / file))
+        result = work(Settings(protocol=chosen, recordings=files, workers=workers, **options))
+    present(
+        result,
+        lines,
+        as_json=as_json,
+        out=out,
+        write=lambda stage: write(result, stage),
+        page=lambda stage: report(result, stage),
+    )
 
 
 def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, tuple[Path, ...]]:

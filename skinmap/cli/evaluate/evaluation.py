@@ -1,4 +1,4 @@
-"""What `skinmap evaluate` runs: skins and settings to protocols, results ready for JSON."""
+"""What `skinmap evaluate` does: skins and settings to protocols and their results."""
 
 from __future__ import annotations
 
@@ -8,7 +8,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec import UNSET
 
+from skinmap.cli.evaluate.result import (
+    AccuracyRow,
+    BaxterResult,
+    CarryOver,
+    CarryRow,
+    CarrySummary,
+    Confusion,
+    CrossPatchResult,
+    EvaluateResult,
+    KasparResult,
+    LeakRow,
+    MethodResult,
+    PatchesRow,
+    RecordingsResult,
+    SplitSpread,
+    SweepRow,
+)
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 
@@ -48,15 +66,15 @@ class Settings:
         return list(range(self.seed, self.seed + self.seeds))
 
 
-def run(settings: Settings) -> dict[str, Any]:
-    """The result of a protocol, ready for JSON."""
-    runners: dict[str, Callable[[Settings], dict[str, Any]]] = {
+def work(settings: Settings) -> EvaluateResult:
+    """Run a protocol."""
+    runners: dict[str, Callable[[Settings], EvaluateResult]] = {
         "kaspar": _kaspar,
         "baxter": _baxter,
         "cross-patch": _cross_patch,
         "recordings": _recordings,
     }
-    return {"protocol": settings.protocol, **runners[settings.protocol](settings)}
+    return runners[settings.protocol](settings)
 
 
 def _gestures(settings: Settings) -> tuple[str, ...]:
@@ -71,7 +89,7 @@ def _gestures(settings: Settings) -> tuple[str, ...]:
     return names
 
 
-def _kaspar(settings: Settings) -> dict[str, Any]:
+def _kaspar(settings: Settings) -> KasparResult:
     from skinmap.classify.protocols import kaspar, sweep
     from skinmap.classify.protocols.carry_over import evaluate_carry_over
     from skinmap.touch.prepared_skin import PreparedSkin
@@ -105,22 +123,27 @@ def _kaspar(settings: Settings) -> dict[str, Any]:
             swept = sweep.sweep_radius_and_words(
                 skins[part], radii=sweep.RADII, words=sweep.WORDS, percent=most, **shared
             )
-    return {
-        "robot": loaded.name,
-        "part": part,
-        "taxels": len(skins[part]),
-        "places": settings.places,
-        "accuracy_is": "simulated",
-        "seeds": seeds,
-        "samples": kaspar.SAMPLES,
-        "table": table,
-        "paper": kaspar.paper_rows(),
-        "carry_over": others,
-        "sweep": swept,
-    }
+    carry_over = CarryOver(
+        percent=others["percent"],
+        summary=[CarrySummary(**row) for row in others["summary"]],
+        rows=[CarryRow(**row) for row in others["rows"]],
+        left_out=others["left_out"],
+    )
+    return KasparResult(
+        robot=loaded.name,
+        part=part,
+        taxels=len(skins[part]),
+        places=settings.places,
+        seeds=seeds,
+        samples=kaspar.SAMPLES,
+        table=[AccuracyRow(**row) for row in table],
+        paper=[AccuracyRow(**row) for row in kaspar.paper_rows()],
+        carry_over=carry_over,
+        sweep=[SweepRow(**row) for row in swept],
+    )
 
 
-def _baxter(settings: Settings) -> dict[str, Any]:
+def _baxter(settings: Settings) -> BaxterResult:
     from skinmap.classify.protocols.baxter import evaluate_baxter
     from skinmap.classify.protocols.baxter_methods import METHODS
     from skinmap.touch.prepared_skin import PreparedSkin
@@ -144,16 +167,19 @@ def _baxter(settings: Settings) -> dict[str, Any]:
             workers=settings.workers,
             progress=advance,
         )
-    return {
-        "robot": loaded.name,
-        "part": parts[0],
-        "taxels": len(skin),
-        "accuracy_is": "simulated",
-        **found,
-    }
+    own: dict[str, Any] = {name: _method(found.pop(name)) for name in methods}
+    confusion, _ = Confusion(**found.pop("confusion")), found.pop("simulated")
+    return BaxterResult(
+        robot=loaded.name, part=parts[0], taxels=len(skin), confusion=confusion, **own, **found
+    )
 
 
-def _cross_patch(settings: Settings) -> dict[str, Any]:
+def _method(found: dict[str, Any]) -> MethodResult:
+    plain = found.pop("plain", None)
+    return MethodResult(**found, plain=UNSET if plain is None else SplitSpread(**plain))
+
+
+def _cross_patch(settings: Settings) -> CrossPatchResult:
     from skinmap.classify.protocols.cross_patch import (
         DEFAULTS,
         check_carries_over,
@@ -189,16 +215,15 @@ def _cross_patch(settings: Settings) -> dict[str, Any]:
             trained = _touched(train, **{**simulated, "seed": [seed, 1]})
             found.append(transfer(trained, tested, names=names, seed=seed, **shared))
     rows = [summarise(name, [one[k] for one in found]) for k, name in enumerate(names)]
-    return {
-        "robot": settings.robot or "icub",
-        "train_robot": settings.train_robot,
-        "gestures": gestures,
-        "per_gesture": settings.per_gesture,
-        "accuracy_is": "simulated",
-        "seeds": settings.all_seeds,
-        "patches": {patch.name: len(patch.skin) for patch in test},
-        "rows": rows,
-    }
+    return CrossPatchResult(
+        robot=settings.robot or "icub",
+        train_robot=settings.train_robot,
+        gestures=list(gestures),
+        per_gesture=settings.per_gesture,
+        seeds=settings.all_seeds,
+        patches={patch.name: len(patch.skin) for patch in test},
+        rows=[PatchesRow(**row) for row in rows],
+    )
 
 
 def _patches(robot: str, parts: tuple[str, ...]) -> list[Patch]:
@@ -214,7 +239,7 @@ def _touched(patches: list[Patch], **simulated: Any) -> list[Patch]:
     return touch_patches(patches, **simulated)
 
 
-def _recordings(settings: Settings) -> dict[str, Any]:
+def _recordings(settings: Settings) -> RecordingsResult:
     from skinmap.classify.classifier import classifiers
     from skinmap.classify.protocols.recordings import (
         KINDS,
@@ -244,12 +269,14 @@ def _recordings(settings: Settings) -> dict[str, Any]:
             progress=advance,
         )
     labels = [touch.label for touch in touches]
-    return {
-        "robot": loaded.name,
-        "parts": list(skins),
-        "recordings": settings.recordings,
-        "folds": settings.folds,
-        "seeds": settings.all_seeds,
-        "touches": {label: labels.count(label) for label in dict.fromkeys(sorted(labels))},
-        **found,
-    }
+    return RecordingsResult(
+        robot=loaded.name,
+        parts=list(skins),
+        recordings=[str(path) for path in settings.recordings],
+        folds=settings.folds,
+        seeds=settings.all_seeds,
+        touches={label: labels.count(label) for label in dict.fromkeys(sorted(labels))},
+        table=[AccuracyRow(**row) for row in found["table"]],
+        leak=[LeakRow(**row) for row in found["leak"]],
+        skipped=found["skipped"],
+    )

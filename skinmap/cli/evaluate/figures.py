@@ -2,46 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from skinmap.report.figure import picture_bytes
+from skinmap.cli.evaluate.result import CrossPatchResult, KasparResult, RecordingsResult, SweepRow
+from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.result import given
 
-DPI = 110
 BLUE, ORANGE, GREY = "#3b6ea8", "#d98032", "#9aa3ad"
 COLOURS = (BLUE, "#7fa6d0", "#2f8f6b", ORANGE, "#e8b98a")
 
 
-def _figure(width: float, height: float) -> Any:
-    # The object interface and not pyplot: no global state, no window system.
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), dpi=DPI, layout="constrained")
-
-
-def kaspar_figure(result: dict[str, Any], path: Path) -> None:
+def kaspar_figure(result: KasparResult, path: Path) -> None:
     """Accuracy by features, plain folds beside folds by event, the paper's as lines."""
-    percents = list(dict.fromkeys(row["percent"] for row in result["table"]))
-    figure = _figure(5.6 * len(percents), 5.0)
+    percents = list(dict.fromkeys(row.percent for row in result.table))
+    figure = plain_figure((5.6 * len(percents), 5.0))
     axes = figure.subplots(1, len(percents), sharey=True, squeeze=False)[0]
     for axis, percent in zip(axes, percents, strict=True):
-        rows = [row for row in result["table"] if row["percent"] == percent]
-        kinds = list(dict.fromkeys(row["folds"] for row in rows))
-        pairs = list(dict.fromkeys((row["features"], row["classifier"]) for row in rows))
+        rows = [row for row in result.table if row.percent == percent]
+        kinds = list(dict.fromkeys(row.folds for row in rows))
+        pairs = list(dict.fromkeys((row.features, row.classifier) for row in rows))
         for number, (features, classifier) in enumerate(pairs):
-            own = [row for row in rows if (row["features"], row["classifier"]) == pairs[number]]
+            own = [row for row in rows if (row.features, row.classifier) == pairs[number]]
             place = np.arange(len(kinds)) + 0.16 * (number - (len(pairs) - 1) / 2)
-            values = [100.0 * row["mean"] for row in own]
-            spread = [100.0 * row["std"] for row in own]
+            values = [100.0 * row.mean for row in own]
+            spread = [100.0 * (given(row.std) or 0.0) for row in own]
             label = f"{features}, {classifier}"
             axis.bar(place, values, 0.15, yerr=spread, color=COLOURS[number % 5], label=label)
-        for row in result["paper"]:
-            if row["percent"] == percent:
-                style = "-" if row["features"] == "histogram" else "--"
-                text = f"paper: {row['features']}, plain folds, real touches"
-                axis.axhline(100.0 * row["mean"], color="black", lw=1.0, ls=style, label=text)
+        for row in result.paper:
+            if row.percent == percent:
+                style = "-" if row.features == "histogram" else "--"
+                text = f"paper: {row.features}, plain folds, real touches"
+                axis.axhline(100.0 * row.mean, color="black", lw=1.0, ls=style, label=text)
         axis.set_xticks(range(len(kinds)), [f"{kind} folds" for kind in kinds])
         axis.set_title(f"{percent} % of the samples")
         axis.set_ylim(25.0, 100.0)
@@ -50,28 +44,28 @@ def kaspar_figure(result: dict[str, Any], path: Path) -> None:
     figure.legend(
         *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8
     )
-    figure.suptitle(f"{result['robot']} {result['part']}: four touches, 4 folds")
-    path.write_bytes(picture_bytes(figure))
+    figure.suptitle(f"{result.robot} {result.part}: four touches, 4 folds")
+    save_figure(figure, path)
 
 
-def sweep_figure(rows: list[dict[str, Any]], path: Path) -> None:
+def sweep_figure(rows: Sequence[SweepRow], path: Path) -> None:
     """Accuracy over radius and codewords, a number in each cell."""
-    words = list(dict.fromkeys(row["words"] for row in rows))
-    radii = list(dict.fromkeys(row["radius_mm"] for row in rows))
-    cells = {(row["radius_mm"], row["words"]): row for row in rows}
-    values = np.array([[100.0 * cells[r, k]["mean"] for k in words] for r in radii])
-    figure = _figure(7.6, 4.6)
+    words = list(dict.fromkeys(row.words for row in rows))
+    radii = list(dict.fromkeys(row.radius_mm for row in rows))
+    cells = {(row.radius_mm, row.words): row for row in rows}
+    values = np.array([[100.0 * cells[r, k].mean for k in words] for r in radii])
+    figure = plain_figure((7.6, 4.6))
     axis = figure.subplots()
     image = axis.imshow(values, cmap="viridis", aspect="auto")
     middle = 0.5 * (values.min() + values.max())
     for (row, column), value in np.ndenumerate(values):
-        spread = cells[radii[row], words[column]]["std"]
+        spread = cells[radii[row], words[column]].std
         text = f"{value:.1f}\n± {100.0 * spread:.1f}" if spread else f"{value:.1f}"
         colour = "white" if value < middle else "black"
         axis.text(column, row, text, ha="center", va="center", color=colour, fontsize=8)
     axis.set_xticks(range(len(words)), [str(k) for k in words])
     labels = [
-        f"{r:g} mm ({cells[r, words[0]]['neighbours']}, {cells[r, words[0]]['structures']})"
+        f"{r:g} mm ({cells[r, words[0]].neighbours}, {cells[r, words[0]].structures})"
         for r in radii
     ]
     axis.set_yticks(range(len(radii)), labels)
@@ -79,45 +73,45 @@ def sweep_figure(rows: list[dict[str, Any]], path: Path) -> None:
     axis.set_ylabel("radius r (neighbours of most taxels, structures)")
     axis.set_title("Histograms by radius and codewords, folds by event", fontsize=11)
     figure.colorbar(image, ax=axis, label="mean of the classes [%], simulated")
-    path.write_bytes(picture_bytes(figure))
+    save_figure(figure, path)
 
 
-def patches_figure(result: dict[str, Any], path: Path) -> None:
+def patches_figure(result: CrossPatchResult, path: Path) -> None:
     """Accuracy of each classifier on each patch."""
-    patches = list(result["patches"])
-    rows = result["rows"]
-    values = np.array([[100.0 * row["per_patch"][name] for name in patches] for row in rows])
-    figure = _figure(2.8 + 0.45 * len(patches), 2.6 + 0.55 * len(rows))
+    patches = list(result.patches)
+    rows = result.rows
+    values = np.array([[100.0 * row.per_patch[name] for name in patches] for row in rows])
+    figure = plain_figure((2.8 + 0.45 * len(patches), 2.6 + 0.55 * len(rows)))
     axis = figure.subplots()
     image = axis.imshow(values, cmap="viridis", vmin=0.0, vmax=100.0, aspect="auto")
     for (row, column), value in np.ndenumerate(values):
         colour = "white" if value < 60.0 else "black"
         axis.text(column, row, f"{value:.0f}", ha="center", va="center", color=colour, fontsize=8)
-    names = [f"{name} ({result['patches'][name]})" for name in patches]
+    names = [f"{name} ({result.patches[name]})" for name in patches]
     axis.set_xticks(range(len(patches)), names, rotation=60, ha="right", fontsize=8)
-    labels = [f"{row['features']}: {100 * row['mean']:.1f}" for row in rows]
+    labels = [f"{row.features}: {100 * row.mean:.1f}" for row in rows]
     axis.set_yticks(range(len(rows)), labels)
-    trained = result["train_robot"]
+    trained = result.train_robot
     how = f"trained on {trained}" if trained else "trained on all other patches"
-    axis.set_title(f"{result['robot']}: touches named right on each patch [%], {how} (simulated)")
+    axis.set_title(f"{result.robot}: touches named right on each patch [%], {how} (simulated)")
     figure.colorbar(image, ax=axis, pad=0.01)
-    path.write_bytes(picture_bytes(figure))
+    save_figure(figure, path)
 
 
-def leak_figure(result: dict[str, Any], path: Path) -> None:
+def leak_figure(result: RecordingsResult, path: Path) -> None:
     """Accuracy of each classifier, plain folds beside folds by event."""
-    names = list(dict.fromkeys(row["classifier"] for row in result["table"]))
-    figure = _figure(2.5 + 1.1 * len(names), 4.6)
+    names = list(dict.fromkeys(row.classifier for row in result.table))
+    figure = plain_figure((2.5 + 1.1 * len(names), 4.6))
     axis = figure.subplots()
     for shift, (kind, colour) in enumerate((("event", BLUE), ("plain", GREY))):
-        rows = [row for row in result["table"] if row["folds"] == kind]
+        rows = [row for row in result.table if row.folds == kind]
         place = np.arange(len(names)) + 0.38 * (shift - 0.5)
-        values = [100.0 * row["mean"] for row in rows]
-        spread = [100.0 * row["std"] for row in rows]
+        values = [100.0 * row.mean for row in rows]
+        spread = [100.0 * (given(row.std) or 0.0) for row in rows]
         axis.bar(place, values, 0.36, yerr=spread, color=colour, label=f"{kind} folds")
     axis.set_xticks(range(len(names)), names, rotation=30, ha="right")
     axis.set_ylabel("mean of the classes [%]")
     axis.set_ylim(0.0, 100.0)
     axis.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside upper right", ncols=2)
-    path.write_bytes(picture_bytes(figure))
+    save_figure(figure, path)

@@ -1,172 +1,162 @@
-"""What `skinmap evaluate` prints for people and writes into `--out`."""
+"""What `skinmap evaluate` says to people, and what it writes into `--out`."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
-import click
+from skinmap.cli.evaluate.result import (
+    AccuracyRow,
+    BaxterResult,
+    CrossPatchResult,
+    EvaluateResult,
+    KasparResult,
+    RecordingsResult,
+    SweepRow,
+)
+from skinmap.report.image import media
+from skinmap.report.page import lines_page
+from skinmap.report.result import given, plain
+from skinmap.report.table import Cell, Table
 
-from skinmap.report.result import plain
-from skinmap.report.table import table
+Rows = list[list[Cell]]
 
 
-def show(result: dict[str, Any]) -> None:
-    """Print the tables of a result."""
-    shows = {
-        "kaspar": _show_kaspar,
-        "baxter": _show_baxter,
-        "cross-patch": _show_cross_patch,
-        "recordings": _show_recordings,
-    }
-    shows[result["protocol"]](result)
+def lines(result: EvaluateResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    if isinstance(result, KasparResult):
+        return _kaspar(result)
+    if isinstance(result, CrossPatchResult):
+        return _cross_patch(result)
+    return _baxter(result) if isinstance(result, BaxterResult) else _recordings(result)
 
 
-def write(result: dict[str, Any], out: Path) -> list[str]:
+def write(result: EvaluateResult, stage: Path) -> Iterator[str]:
     """Write the result as JSON and its pictures; names of the files."""
     from skinmap.cli.evaluate import figures
-    from skinmap.io.output import staged_folder
 
-    files = ["evaluation.json"]
-    with staged_folder(out) as stage:
-        text = json.dumps(plain(result), indent=2, allow_nan=False)
-        (stage / files[0]).write_text(text + "\n", encoding="utf-8")
-        if result["protocol"] == "kaspar":
-            figures.kaspar_figure(result, stage / "kaspar.png")
-            figures.sweep_figure(result["sweep"], stage / "sweep.png")
-            files += ["kaspar.png", "sweep.png"]
-        elif result["protocol"] == "cross-patch":
-            figures.patches_figure(result, stage / "patches.png")
-            files.append("patches.png")
-        elif result["protocol"] == "recordings":
-            figures.leak_figure(result, stage / "leak.png")
-            files.append("leak.png")
-    return files
+    numbers = {key: value for key, value in plain(result).items() if key != "files"}
+    text = json.dumps(numbers, indent=2, allow_nan=False) + "\n"
+    (stage / "evaluation.json").write_text(text, encoding="utf-8")
+    yield "evaluation.json"
+    if isinstance(result, KasparResult):
+        figures.kaspar_figure(result, stage / "kaspar.png")
+        figures.sweep_figure(result.sweep, stage / "sweep.png")
+        yield from ("kaspar.png", "sweep.png")
+    elif isinstance(result, CrossPatchResult):
+        figures.patches_figure(result, stage / "patches.png")
+        yield "patches.png"
+    elif isinstance(result, RecordingsResult):
+        figures.leak_figure(result, stage / "leak.png")
+        yield "leak.png"
+
+
+def report(result: EvaluateResult, stage: Path) -> str:
+    """The page, with the pictures that were written."""
+    pictures = [media(path, path.stem) for path in sorted(stage.glob("*.png"))]
+    return lines_page(f"{result.robot}: evaluation, {result.protocol}", lines(result), pictures)
 
 
 def _percent(value: float | None) -> str:
     return "" if value is None or value != value else f"{100 * value:.1f}"
 
 
-def _show_kaspar(result: dict[str, Any]) -> None:
-    click.echo(
-        f"{result['robot']} {result['part']}, {result['taxels']} taxels, "
-        f"{len(result['seeds'])} seeds, touches {result['places']} (simulated); accuracy in %"
+def _kaspar(result: KasparResult) -> Iterator[str | Table]:
+    yield (
+        f"{result.robot} {result.part}, {result.taxels} taxels, {len(result.seeds)} seeds, "
+        f"touches {result.places} (simulated); accuracy in %"
     )
-    classes = list(result["samples"])
-    rows = [(row, f"{100 * row['std']:.1f}") for row in result["table"]]
-    rows += [({**row, "folds": "paper"}, "") for row in result["paper"]]
-    table(
-        ["percent", "folds", "features", "classifier", *classes, "mean", "std"],
+    classes = list(result.samples)
+    named = [(row.folds, row) for row in result.table] + [("paper", row) for row in result.paper]
+    rows: Rows = [
         [
-            [
-                f"{row['percent']} %",
-                row["folds"],
-                row["features"],
-                row["classifier"],
-                *(_percent(row["per_class"][name]) for name in classes),
-                _percent(row["mean"]),
-                std,
-            ]
-            for row, std in rows
-        ],
-    )
-    click.echo("\ncarry-over between patches with other numbers of taxels, 10 %, by event")
-    table(
-        ["features", "same patch", "other patches", "worst", "worst pair"],
+            f"{row.percent} %", folds, row.features, row.classifier, *_by_class(row, classes),
+            _percent(row.mean), _percent(given(row.std)),
+        ]
+        for folds, row in named
+    ]  # fmt: skip
+    yield Table(["percent", "folds", "features", "classifier", *classes, "mean", "std"], rows)
+    yield "\ncarry-over between patches with other numbers of taxels, 10 %, by event"
+    rows = [
         [
-            [
-                row["features"],
-                _percent(row["same"]),
-                _percent(row["other"]),
-                _percent(row["worst"]),
-                " > ".join(row["worst_pair"]),
-            ]
-            for row in result["carry_over"]["summary"]
-        ],
+            row.features,
+            _percent(row.same),
+            _percent(row.other),
+            _percent(row.worst),
+            " > ".join(row.worst_pair),
+        ]
+        for row in result.carry_over.summary
+    ]
+    yield Table(["features", "same patch", "other patches", "worst", "worst pair"], rows)
+    if result.sweep:
+        yield "\nradius and codewords a structure, 10 %, by event"
+        yield _sweep(result.sweep)
+
+
+def _by_class(row: AccuracyRow, classes: Sequence[str]) -> list[str]:
+    return [_percent(row.per_class.get(name)) for name in classes]
+
+
+def _sweep(found: Sequence[SweepRow]) -> Table:
+    words = list(dict.fromkeys(row.words for row in found))
+    radii = list(dict.fromkeys(row.radius_mm for row in found))
+    cells = {(row.radius_mm, row.words): row for row in found}
+    rows: Rows = [
+        [f"{r:g}", cells[r, words[0]].structures, *(_percent(cells[r, k].mean) for k in words)]
+        for r in radii
+    ]
+    return Table(["r [mm]", "structures", *(f"k = {k}" for k in words)], rows)
+
+
+def _cross_patch(result: CrossPatchResult) -> Iterator[str | Table]:
+    where = f"trained on {result.train_robot}" if result.train_robot else "leave one patch out"
+    yield (
+        f"{result.robot}, {len(result.patches)} patches, {where}, {len(result.seeds)} seeds "
+        "(simulated); accuracy in % of touches"
     )
-    if result["sweep"]:
-        click.echo("\nradius and codewords a structure, 10 %, by event")
-        _show_sweep(result["sweep"])
-
-
-def _show_sweep(rows: list[dict[str, Any]]) -> None:
-    words = list(dict.fromkeys(row["words"] for row in rows))
-    radii = list(dict.fromkeys(row["radius_mm"] for row in rows))
-    cells = {(row["radius_mm"], row["words"]): row for row in rows}
-    table(
-        ["r [mm]", "structures", *(f"k = {k}" for k in words)],
+    classes = list(result.gestures)
+    rows: Rows = [
         [
-            [
-                f"{r:g}",
-                cells[r, words[0]]["structures"],
-                *(_percent(cells[r, k]["mean"]) for k in words),
-            ]
-            for r in radii
-        ],
-    )
+            row.features, row.classifier, _percent(row.mean), _percent(row.worst),
+            row.worst_patch, *(_percent(row.per_class.get(name)) for name in classes),
+        ]
+        for row in result.rows
+    ]  # fmt: skip
+    yield Table(["features", "classifier", "mean", "worst", "worst patch", *classes], rows)
 
 
-def _show_cross_patch(result: dict[str, Any]) -> None:
-    where = "leave one patch out"
-    if result["train_robot"]:
-        where = f"trained on {result['train_robot']}"
-    click.echo(
-        f"{result['robot']}, {len(result['patches'])} patches, {where}, "
-        f"{len(result['seeds'])} seeds (simulated); accuracy in % of touches"
-    )
-    classes = list(result["gestures"])
-    table(
-        ["features", "classifier", "mean", "worst", "worst patch", *classes],
+def _recordings(result: RecordingsResult) -> Iterator[str | Table]:
+    touches = ", ".join(f"{count} {name}" for name, count in result.touches.items())
+    yield f"{touches} on {', '.join(result.parts)}; {result.folds} folds; in %"
+    classes = list(result.touches)
+    rows: Rows = [
         [
-            [
-                row["features"],
-                row["classifier"],
-                _percent(row["mean"]),
-                _percent(row["worst"]),
-                row["worst_patch"],
-                *(_percent(row["per_class"].get(name)) for name in classes),
-            ]
-            for row in result["rows"]
-        ],
-    )
+            row.classifier,
+            row.folds,
+            *_by_class(row, classes),
+            _percent(row.mean),
+            _percent(given(row.std)),
+        ]
+        for row in result.table
+    ]
+    yield Table(["classifier", "folds", *classes, "mean", "std"], rows)
+    for leak in result.leak:
+        yield f"plain folds flatter {leak.classifier} by {leak.points:.1f} points"
+    for name, why in result.skipped.items():
+        yield f"{name} was left out: {why}"
 
 
-def _show_recordings(result: dict[str, Any]) -> None:
-    touches = ", ".join(f"{count} {name}" for name, count in result["touches"].items())
-    click.echo(f"{touches} on {', '.join(result['parts'])}; {result['folds']} folds; in %")
-    classes = list(result["touches"])
-    table(
-        ["classifier", "folds", *classes, "mean", "std"],
-        [
-            [
-                row["classifier"],
-                row["folds"],
-                *(_percent(row["per_class"].get(name)) for name in classes),
-                _percent(row["mean"]),
-                f"{100 * row['std']:.1f}",
-            ]
-            for row in result["table"]
-        ],
+def _baxter(result: BaxterResult) -> Iterator[str | Table]:
+    yield (
+        f"{result.robot} {result.part}, {result.images} images of {result.touches} touches "
+        f"(simulated), {result.repeats} splits 70/30; mean of the diagonal in %"
     )
-    for row in result["leak"]:
-        click.echo(f"plain folds flatter {row['classifier']} by {row['points']:.1f} points")
-    for name, why in result["skipped"].items():
-        click.echo(f"{name} was left out: {why}")
-
-
-def _show_baxter(result: dict[str, Any]) -> None:
-    click.echo(
-        f"{result['robot']} {result['part']}, {result['images']} images of {result['touches']} "
-        f"touches (simulated), {result['repeats']} splits 70/30; mean of the diagonal in %"
-    )
-    methods = [name for name in result["confusion"] if name != "labels"]
-    table(
-        ["method", "split", "mean", "min", "max"],
-        [
-            [name, split, *(_percent(found[key]) for key in ("mean", "min", "max"))]
-            for name in methods
-            for split, found in (("by touch", result[name]), ("plain", result[name]["plain"]))
-        ],
-    )
+    rows: Rows = []
+    for name in ("bovw", "cnn", "raw_rbf"):
+        method = given(getattr(result, name))
+        if method is None or given(method.missing) is not None:
+            continue
+        for split, one in (("by touch", method), ("plain", method.plain)):
+            rows.append([name, split, _percent(one.mean), _percent(one.min), _percent(one.max)])
+    yield Table(["method", "split", "mean", "min", "max"], rows)

@@ -89,7 +89,8 @@ class PatchRow(Distorted):
     Attributes
     ----------
     part, patch
-        Name of the part (of a mesh, its file), and the patch's number in it.
+        Name of the part, and the patch's number in it. A mesh file is a part by its name, or by its
+        path as it was given where two files have the same name.
     vertices, faces, holes
         How many.
     cut_mm

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from skinmap.cli.trade.result import CheckResult, TradeResult
 from skinmap.commands.options import (
-    json_option,
     open_robot,
+    out_folder,
     outside_option,
     part_option,
+    prints,
     seed_option,
 )
 from skinmap.commands.progress import progress
+from skinmap.report.present import present
+from skinmap.report.result import significant
 
 if TYPE_CHECKING:
+    from skinmap.cli.trade.report import Traded
     from skinmap.trade.front import Budget
+    from skinmap.trade.points import Failure
     from skinmap.trade.runner import Measured
     from skinmap.trade.task import TradeTask
 
@@ -60,11 +65,7 @@ ALL = "all"
     show_default=True,
     help="Repetitions, each with touches of its own.",
 )
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for a plot a task and profile.toml.",
-)
+@out_folder("a plot a task, profile.toml and report.html")
 @click.option(
     "--check",
     type=click.Path(path_type=Path),
@@ -72,7 +73,7 @@ ALL = "all"
     help="Measure a profile's settings again instead, beside what it predicts.",
 )
 @seed_option
-@json_option
+@prints(TradeResult, check=CheckResult)
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -97,39 +98,54 @@ def command(
               skinmap trade --check trade/profile.toml
     """
     if check is not None:
-        _run_check(check, robot, parts, names, seed, seeds, as_json)
+        _check(check, robot, parts, names, seed, seeds, as_json)
         return
-    from skinmap.cli.trade.report import PROFILE, emit_result, result_of, show, write
-    from skinmap.trade.front import recommend
-    from skinmap.trade.profile_file import Origin
+    from skinmap.cli.trade.report import lines, report, result_of, write
 
     tasks, failures = _tasks(names)
     budgets = _budgets(tasks, budgets_ms, max_errors)
+    traded = work(tasks, failures, budgets, robot, parts, range(seed, seed + seeds))
+    present(
+        result_of(traded, out),
+        lambda _: lines(traded),
+        as_json=as_json,
+        out=out,
+        write=lambda stage: write(traded, stage),
+        page=lambda stage: report(traded, stage),
+        number=significant,  # a touch may take 50 microseconds
+    )
+
+
+def work(
+    tasks: Mapping[str, TradeTask],
+    failures: Sequence[Failure],
+    budgets: Mapping[str, Budget],
+    robot: str,
+    parts: tuple[str, ...],
+    seeds: range,
+) -> Traded:
+    """Measure every setting of every task, and choose one of each.
+
+    Raises
+    ------
+    SkinError
+        Nothing could be measured, or no setting keeps a limit.
+    """
+    from skinmap.cli.trade.report import Traded
+    from skinmap.trade.front import recommend
+    from skinmap.trade.profile_file import Origin
+
     loaded, wanted = open_robot(robot, parts)
-    with _folder(out) as stage:
-        measured = _measure(tasks, loaded, wanted, range(seed, seed + seeds), budgets)
-        for task in tasks:
-            failures += measured[task].failures
-        found = {name: one.points for name, one in measured.items() if one.points}
-        _refuse_nothing(found, failures)
-        chosen = {name: recommend(points, budgets[name]) for name, points in found.items()}
-        origin = Origin(robot, wanted, seed, seeds)
-        result = result_of(tasks, found, failures, chosen, budgets, origin)
-        if stage is not None and out is not None:
-            write(stage, tasks, found, chosen, origin)
-            result |= {
-                "profile": str(out / PROFILE),
-                "files": [*(f"{n}.png" for n in found), PROFILE],
-            }
-    if as_json:
-        emit_result(result)
-        return
-    show(tasks, found, failures, chosen, budgets)
-    for file in result["files"]:
-        click.echo(str(Path(out or ".") / file))
+    measured = _measure(tasks, loaded, wanted, seeds, budgets)
+    failed = [*failures, *(one for task in tasks for one in measured[task].failures)]
+    found = {name: one.points for name, one in measured.items() if one.points}
+    _refuse_nothing(found, failed)
+    chosen = {name: recommend(points, budgets[name]) for name, points in found.items()}
+    origin = Origin(robot, wanted, seeds.start, len(seeds))
+    return Traded(tasks, found, failed, chosen, budgets, origin)
 
 
-def _run_check(
+def _check(
     path: Path,
     robot: str,
     parts: tuple[str, ...],
@@ -139,21 +155,16 @@ def _run_check(
     as_json: bool,
 ) -> None:
     """Check a profile; exits with 1 where it does not keep what it predicts."""
-    from skinmap.cli.trade.check import given, run_check
+    from skinmap.cli.trade.check import given, lines, work
 
     writing = {"budgets_ms": "--budget-ms", "max_errors": "--max-error", "out": "--out"}
     for option in (option for name, option in writing.items() if given(name)):
         raise click.UsageError(f"--check recommends and writes nothing: it takes no {option}")
     only = None if ALL in names else names
-    if not run_check(path, robot, parts, only, seed, seeds, as_json=as_json):
+    result = work(path, robot, parts, only, seed, seeds)
+    present(result, lines, as_json=as_json, number=significant)
+    if not result.within:
         click.get_current_context().exit(1)
-
-
-def _folder(out: Path | None) -> AbstractContextManager[Path | None]:
-    """Where the files go, tried before anything is measured; nowhere without `--out`."""
-    from skinmap.io.output import staged_folder
-
-    return nullcontext() if out is None else staged_folder(out)
 
 
 def _tasks(names: tuple[str, ...]) -> tuple[dict[str, TradeTask], list[Any]]:

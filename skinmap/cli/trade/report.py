@@ -1,111 +1,118 @@
-"""What `skinmap trade` gives back: the JSON object, tables, plots and the profile."""
+"""What `skinmap trade` gives back: its result, words for people, plots, page and profile."""
 
 from __future__ import annotations
 
-import importlib.metadata
-import json
-import math
-import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import click
-
-from skinmap import __version__
-from skinmap.report.table import table
+from skinmap.cli.trade.result import (
+    FailedRow,
+    KnobRow,
+    PointRow,
+    Recommended,
+    TaskRow,
+    TradeResult,
+)
+from skinmap.knobs import Value
+from skinmap.report.image import media
+from skinmap.report.page import lines_page
+from skinmap.report.table import Cell, Table
 from skinmap.trade.front import Budget, pareto
 from skinmap.trade.points import Failure, Point, describe
 from skinmap.trade.profile_file import Origin, machine, write_profile
-from skinmap.trade.task import TradeTask
+from skinmap.trade.task import Setting, TradeTask
 
-LIBRARIES = ("numpy", "scipy", "libigl", "scikit-learn", "numba")
 PROFILE = "profile.toml"
-Points = Mapping[str, Sequence[Point]]
 
 
-def result_of(
-    tasks: Mapping[str, TradeTask],
-    found: Points,
-    failures: Sequence[Failure],
-    chosen: Mapping[str, Point],
-    budgets: Mapping[str, Budget],
-    origin: Origin,
-) -> dict[str, Any]:
-    """The JSON object; `docs/json.md` has its keys."""
-    return {
-        "robot": origin.robot,
-        "parts": list(origin.parts),
-        "seed": origin.seed,
-        "seeds": origin.seeds,
-        "machine": machine(),
-        "versions": versions(),
-        "tasks": [_task(task) for task in tasks.values()],
-        "points": [
-            point_row(point, on)
-            for points in found.values()
-            for point, on in zip(points, pareto(points), strict=True)
+@dataclass(frozen=True, eq=False, slots=True)
+class Traded:
+    """All that was measured.
+
+    Attributes
+    ----------
+    tasks : mapping of str to TradeTask
+    points : mapping of str to sequence of Point
+        By task; those of which every setting failed are left out.
+    failures : sequence of Failure
+    chosen : mapping of str to Point
+        The recommendation by task.
+    budgets : mapping of str to Budget
+    origin : Origin
+    """
+
+    tasks: Mapping[str, TradeTask]
+    points: Mapping[str, Sequence[Point]]
+    failures: Sequence[Failure]
+    chosen: Mapping[str, Point]
+    budgets: Mapping[str, Budget]
+    origin: Origin
+
+
+def result_of(traded: Traded, out: Path | None) -> TradeResult:
+    """The numbers."""
+    return TradeResult(
+        robot=traded.origin.robot,
+        parts=list(traded.origin.parts),
+        seed=traded.origin.seed,
+        seeds=traded.origin.seeds,
+        machine=machine(),
+        tasks=[_task(task) for task in traded.tasks.values()],
+        points=[
+            _point(point, on_front)
+            for points in traded.points.values()
+            for point, on_front in zip(points, pareto(points), strict=True)
         ],
-        "recommended": {
-            name: {
-                "setting": dict(point.setting),
-                "seconds": point.seconds,
-                "error": point.error,
-                "unit": point.unit,
-                "why": why(budgets[name]),
-            }
-            for name, point in chosen.items()
+        recommended={
+            name: Recommended(
+                setting=dict(point.setting),
+                seconds=point.seconds,
+                error=point.error,
+                unit=point.unit,
+                why=why(traded.budgets[name]),
+            )
+            for name, point in traded.chosen.items()
         },
-        "failed": [
-            {"task": one.task, "setting": one.setting and dict(one.setting), "reason": one.reason}
-            for one in failures
+        failed=[
+            FailedRow(
+                task=one.task,
+                setting=None if one.setting is None else dict(one.setting),
+                reason=one.reason,
+            )
+            for one in traded.failures
         ],
-        "profile": None,
-        "files": [],
-    }
+        profile=None if out is None else str(out / PROFILE),
+    )
 
 
-def point_row(point: Point, on_front: bool) -> dict[str, Any]:
-    """One of `points`."""
-    return {
-        "task": point.task,
-        "setting": dict(point.setting),
-        "seconds": point.seconds,
-        "seconds_spread": point.seconds_spread,
-        "error": point.error,
-        "error_spread": point.error_spread,
-        "unit": point.unit,
-        "memory_mb": point.memory_mb,
-        "pareto": on_front,
-        "runs": point.runs,
-        "pace_seconds": point.pace,
-        **point.beside,
-    }
+def _plain(setting: Setting | None) -> dict[str, Value] | None:
+    return None if setting is None else dict(setting)
 
 
-def _task(task: TradeTask) -> dict[str, Any]:
+def _point(point: Point, on_front: bool) -> PointRow:
+    return PointRow(
+        task=point.task,
+        setting=dict(point.setting),
+        seconds=point.seconds,
+        seconds_spread=point.seconds_spread,
+        error=point.error,
+        error_spread=point.error_spread,
+        unit=point.unit,
+        memory_mb=point.memory_mb,
+        pareto=on_front,
+        runs=point.runs,
+        pace_seconds=point.pace,
+        beside=dict(point.beside),
+    )
+
+
+def _task(task: TradeTask) -> TaskRow:
     knobs = [
-        {"name": k.name, "values": list(k.values), "default": k.default, "meaning": k.meaning}
+        KnobRow(name=k.name, values=list(k.values), default=k.default, meaning=k.meaning)
         for k in task.knobs
     ]
-    return {
-        "task": task.name,
-        "work": task.work,
-        "unit": task.unit,
-        "truth": task.truth,
-        "knobs": knobs,
-    }
-
-
-def versions() -> dict[str, str | None]:
-    """Versions of what the figures depend on; None where it is not installed."""
-    found: dict[str, str | None] = {"skinmap": __version__, "python": platform.python_version()}
-    for name in LIBRARIES:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            found[name] = None
-    return found
+    return TaskRow(task=task.name, work=task.work, unit=task.unit, truth=task.truth, knobs=knobs)
 
 
 def why(budget: Budget) -> str:
@@ -118,67 +125,46 @@ def why(budget: Budget) -> str:
     return " and ".join(said) or "knee of the front: least time x error"
 
 
-def write(
-    stage: Path,
-    tasks: Mapping[str, TradeTask],
-    found: Points,
-    chosen: Mapping[str, Point],
-    origin: Origin,
-) -> None:
-    """Write a plot of each task and the profile into a folder."""
+def write(traded: Traded, stage: Path) -> Iterator[str]:
+    """Write a plot of each task and the profile into a folder; their names."""
     from skinmap.cli.trade.figures import trade_figure
 
-    for name, points in found.items():
-        trade_figure(tasks[name], points, chosen[name], origin, stage / f"{name}.png")
-    write_profile(stage / PROFILE, list(chosen.values()), origin)
+    for name, points in traded.points.items():
+        path = stage / f"{name}.png"
+        trade_figure(traded.tasks[name], points, traded.chosen[name], traded.origin, path)
+        yield path.name
+    write_profile(stage / PROFILE, list(traded.chosen.values()), traded.origin)
+    yield PROFILE
 
 
-def emit_result(result: Mapping[str, Any]) -> None:
-    """Print one JSON object; numbers to six digits, as a touch may take 50 microseconds."""
-    click.echo(json.dumps(significant(result), indent=2, allow_nan=False))
+def report(traded: Traded, stage: Path) -> str:
+    """The page, with the plots that were written."""
+    plots = [media(stage / f"{name}.png", name) for name in traded.points]
+    title = f"{Path(traded.origin.robot).name}: speed against accuracy"
+    return lines_page(title, lines(traded), plots)
 
 
-def significant(value: Any) -> Any:
-    """Nested data with numbers of six digits, None for NaN and infinity."""
-    if isinstance(value, Mapping):
-        return {str(key): significant(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [significant(item) for item in value]
-    if isinstance(value, float):
-        return float(f"{value:.6g}") if math.isfinite(value) else None
-    return value
-
-
-def show(
-    tasks: Mapping[str, TradeTask],
-    found: Points,
-    failures: Sequence[Failure],
-    chosen: Mapping[str, Point],
-    budgets: Mapping[str, Budget],
-) -> None:
-    """Tables for people: every setting by its time, the front and the recommendation marked."""
-    for name, points in found.items():
-        task = tasks[name]
-        click.echo(f"{name}: time of {task.work}; error in {task.unit}, {task.truth}")
-        table(
-            ["", "setting", "ms", "±", task.unit, "±", "MB"],
-            [_row(point, on, point is chosen[name]) for point, on in _by_time(points)],
+def lines(traded: Traded) -> Iterator[str | Table]:
+    """For people: every setting by its time, the front and the recommendation marked."""
+    for name, points in traded.points.items():
+        task, chosen = traded.tasks[name], traded.chosen[name]
+        yield f"{name}: time of {task.work}; error in {task.unit}, {task.truth}"
+        columns = ["", "setting", "ms", "±", task.unit, "±", "MB"]
+        yield Table(columns, [_row(point, on, point is chosen) for point, on in _by_time(points)])
+        yield (
+            f"recommended ({why(traded.budgets[name])}): {chosen.words}: "
+            f"{chosen.seconds * 1e3:.3g} ms, {chosen.error:.3g} {chosen.unit}\n"
         )
-        point = chosen[name]
-        click.echo(
-            f"recommended ({why(budgets[name])}): {point.words}: {point.seconds * 1e3:.3g} ms, "
-            f"{point.error:.3g} {point.unit}\n"
-        )
-    for one in failures:
+    for one in traded.failures:
         where = "" if one.setting is None else f" {describe(one.setting)}"
-        click.echo(f"not measured: {one.task}{where}: {one.reason}")
+        yield f"not measured: {one.task}{where}: {one.reason}"
 
 
 def _by_time(points: Sequence[Point]) -> list[tuple[Point, bool]]:
     return sorted(zip(points, pareto(points), strict=True), key=lambda pair: pair[0].seconds)
 
 
-def _row(point: Point, on_front: bool, recommended: bool) -> list[Any]:
+def _row(point: Point, on_front: bool, recommended: bool) -> list[Cell]:
     return [
         "=>" if recommended else "*" if on_front else "",
         point.words,

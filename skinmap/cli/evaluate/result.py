@@ -1,0 +1,416 @@
+"""What `skinmap evaluate` measures: a type of result for each protocol."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from msgspec import UNSET, UnsetType
+
+Kind = Literal["plain", "event"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AccuracyRow:
+    """One classifier under one kind of cross-validation.
+
+    Attributes
+    ----------
+    percent
+        kaspar: share of the samples that was drawn.
+    folds
+        Plain as published, or by touch event, so that no event is in both halves.
+    features, classifier
+        What it reads, and what decides.
+    per_class
+        Share named right, by label.
+    mean
+        Of the classes.
+    std
+        Of the mean over the seeds; not of published figures.
+    samples, touches
+        That were tested: samples (kaspar), touch events (recordings).
+    """
+
+    percent: int | UnsetType = UNSET
+    folds: Kind
+    features: str
+    classifier: str
+    per_class: dict[str, float]
+    mean: float
+    std: float | UnsetType = UNSET
+    samples: int | UnsetType = UNSET
+    touches: int | UnsetType = UNSET
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CarrySummary:
+    """How well some features carry over between patches.
+
+    Attributes
+    ----------
+    features
+        What is read.
+    same, other
+        Accuracy on the patch trained on and on the others; null where there is none.
+    difference
+        Other less same; null without others.
+    worst
+        Accuracy of the worst pair of patches; null without others.
+    worst_pair
+        Trained on and tested on; empty without others.
+    """
+
+    features: str
+    same: float | None
+    other: float | None
+    difference: float | None
+    worst: float | None
+    worst_pair: list[str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CarryRow:
+    """One pair of patches.
+
+    Attributes
+    ----------
+    features
+        What is read.
+    trained_on, tested_on
+        The patches.
+    taxels
+        Of both.
+    accuracy
+        Share named right, by event.
+    """
+
+    features: str
+    trained_on: str
+    tested_on: str
+    taxels: list[int]
+    accuracy: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CarryOver:
+    """Training on one patch, testing on another with other numbers of taxels.
+
+    Attributes
+    ----------
+    percent
+        Share of the samples that was drawn.
+    summary
+        By features.
+    rows
+        Pair by pair.
+    left_out
+        Parts on which not every touch can be simulated.
+    """
+
+    percent: int
+    summary: list[CarrySummary]
+    rows: list[CarryRow]
+    left_out: list[str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SweepRow:
+    """Histograms with one radius and number of codewords.
+
+    Attributes
+    ----------
+    radius_mm, words
+        Of a neighbourhood, and codewords of a structure.
+    structures, neighbours, bins
+        How many there are, of most taxels, and of the histogram.
+    mean, std
+        Mean of the classes, and its spread over the seeds.
+    """
+
+    radius_mm: float
+    words: int
+    structures: int
+    neighbours: int
+    bins: int
+    mean: float
+    std: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class KasparResult:
+    """The protocol `kaspar`.
+
+    Attributes
+    ----------
+    protocol, robot, part, taxels
+        What was measured, and where.
+    places
+        Where people touch.
+    accuracy_is
+        Where the touches come from.
+    seeds
+        Of the repetitions.
+    samples
+        Of each gesture.
+    table
+        Features and classifiers.
+    paper
+        The published figures.
+    carry_over
+        Between patches.
+    sweep
+        Of radius and codewords; empty without `--sweep` or `--out`.
+    files
+        Names inside `--out`.
+    """
+
+    protocol: Literal["kaspar"] = "kaspar"
+    robot: str
+    part: str
+    taxels: int
+    places: str
+    accuracy_is: Literal["simulated"] = "simulated"
+    seeds: list[int]
+    samples: dict[str, int]
+    table: list[AccuracyRow]
+    paper: list[AccuracyRow]
+    carry_over: CarryOver
+    sweep: list[SweepRow]
+    files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PatchesRow:
+    """One classifier on patches that it was not trained on.
+
+    Attributes
+    ----------
+    features, classifier
+        What it reads, and what decides.
+    mean, std
+        Share named right, and its spread over the seeds.
+    worst, worst_patch
+        On the patch that it does worst on.
+    per_patch, per_class
+        By patch, and by gesture.
+    unknown
+        Share that the classifier would leave unnamed.
+    touches
+        That were tested.
+    """
+
+    features: str
+    classifier: str
+    mean: float
+    std: float
+    worst: float
+    worst_patch: str
+    per_patch: dict[str, float]
+    per_class: dict[str, float]
+    unknown: float
+    touches: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CrossPatchResult:
+    """The protocol `cross-patch`.
+
+    Attributes
+    ----------
+    protocol, robot
+        What was measured, and where.
+    train_robot
+        Robot trained on; null: all other patches of the same.
+    gestures, per_gesture
+        To tell apart, and touches of each on each patch.
+    accuracy_is
+        Where the touches come from.
+    seeds
+        Of the repetitions.
+    patches
+        Taxels by patch.
+    rows
+        By classifier.
+    files
+        Names inside `--out`.
+    """
+
+    protocol: Literal["cross-patch"] = "cross-patch"
+    robot: str
+    train_robot: str | None
+    gestures: list[str]
+    per_gesture: int
+    accuracy_is: Literal["simulated"] = "simulated"
+    seeds: list[int]
+    patches: dict[str, int]
+    rows: list[PatchesRow]
+    files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LeakRow:
+    """How much plain folds flatter a classifier.
+
+    Attributes
+    ----------
+    classifier, points
+        Its name, and percentage points.
+    """
+
+    classifier: str
+    points: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RecordingsResult:
+    """Recordings, cross-validated.
+
+    Attributes
+    ----------
+    protocol, robot, parts
+        What was measured, and where.
+    recordings
+        The files.
+    folds, seeds
+        Of the cross-validation.
+    touches
+        Events by label.
+    table
+        By classifier and kind of folds.
+    leak
+        By classifier.
+    skipped
+        Classifiers that were left out, and why.
+    files
+        Names inside `--out`.
+    """
+
+    protocol: Literal["recordings"] = "recordings"
+    robot: str
+    parts: list[str]
+    recordings: list[str]
+    folds: int
+    seeds: list[int]
+    touches: dict[str, int]
+    table: list[AccuracyRow]
+    leak: list[LeakRow]
+    skipped: dict[str, str]
+    files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SplitSpread:
+    """Mean of the diagonal of the confusion matrix over the splits.
+
+    Attributes
+    ----------
+    mean, min, max
+        0 to 1.
+    """
+
+    mean: float
+    min: float
+    max: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MethodResult:
+    """One method of the protocol `baxter`.
+
+    Attributes
+    ----------
+    missing
+        Which library is not installed; then there is nothing else.
+    mean, min, max
+        Mean of the diagonal over the splits, by touch.
+    plain
+        The same for splits as published.
+    tuning
+        What was tried: settings and their mean.
+    k
+        bovw: codewords.
+    network, learning_rate, epochs
+        cnn: its size and training.
+    C, gamma
+        raw_rbf: penalty and width.
+    """
+
+    missing: str | UnsetType = UNSET
+    mean: float | UnsetType = UNSET
+    min: float | UnsetType = UNSET
+    max: float | UnsetType = UNSET
+    plain: SplitSpread | UnsetType = UNSET
+    tuning: list[dict[str, Any]] | UnsetType = UNSET
+    k: int | UnsetType = UNSET
+    network: str | UnsetType = UNSET
+    learning_rate: float | UnsetType = UNSET
+    epochs: int | UnsetType = UNSET
+    C: float | UnsetType = UNSET
+    gamma: float | UnsetType = UNSET
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Confusion:
+    """Mean confusion matrices: rows are what a touch was, columns what it was named.
+
+    Attributes
+    ----------
+    labels
+        Of rows and columns.
+    bovw, cnn, raw_rbf
+        Of each method that ran.
+    """
+
+    labels: list[str]
+    bovw: list[list[float]] | UnsetType = UNSET
+    cnn: list[list[float]] | UnsetType = UNSET
+    raw_rbf: list[list[float]] | UnsetType = UNSET
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BaxterResult:
+    """The protocol `baxter`.
+
+    Attributes
+    ----------
+    protocol, robot, part, taxels
+        What was measured, and where.
+    accuracy_is, simulated
+        Where the touches come from.
+    bovw, cnn, raw_rbf
+        Bags of visual words, a network, raw values; those that were asked for.
+    confusion
+        By method.
+    images, touches, repeats
+        How many; a repeat is a split into 70 and 30 %.
+    seed
+        Of all randomness.
+    network
+        The paper's size, or a smaller one.
+    paper
+        The published figures, by method.
+    files
+        Names inside `--out`.
+    """
+
+    protocol: Literal["baxter"] = "baxter"
+    robot: str
+    part: str
+    taxels: int
+    accuracy_is: Literal["simulated"] = "simulated"
+    bovw: MethodResult | UnsetType = UNSET
+    cnn: MethodResult | UnsetType = UNSET
+    raw_rbf: MethodResult | UnsetType = UNSET
+    confusion: Confusion
+    images: int
+    touches: int
+    repeats: int
+    seed: int
+    network: str
+    paper: dict[str, dict[str, float]]
+    simulated: Literal[True] = True
+    files: list[str] = field(default_factory=list)
+
+
+EvaluateResult = KasparResult | CrossPatchResult | RecordingsResult | BaxterResult
