@@ -1,9 +1,10 @@
 """Text that is made and not written: a comment in a page names it, the build fills it in.
 
 `<!-- generated: modules skinmap.flat -->` stands for the interface of every module of a package,
-`commands` for all commands and their options, `schemas` for what `--json` prints, and
-`contents name ...` for a table of contents of the pages that exist (a page that another command
-has yet to write leaves no hole); `contents rest` for the pages that no other one lists.
+`public` for what `import skinmap` offers, `commands` for all commands and their options,
+`schemas` for what `--json` prints, and `contents name ...` for a table of contents of the pages
+that exist (a page that another command has yet to write leaves no hole); `contents rest` for the
+pages that no other one lists.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from api_pages import drop_guesses, escape_docstring, modules_text
+from api_pages import drop_guesses, escape_docstring, modules_text, public_text
 from command_pages import commands_text
 from schema_pages import schemas_text
 
@@ -48,6 +49,7 @@ def fill_in(app: Sphinx, docname: str, source: list[str]) -> None:
         "commands": lambda _: commands_text(),
         "contents": lambda words: contents(folder, words),
         "modules": lambda words: modules_text(*words),
+        "public": lambda _: public_text(),
         "schemas": lambda _: schemas_text(Path(app.srcdir) / "schemas"),
     }
     source[0] = MARK.sub(lambda mark: makers[mark[1]](mark[2].split()), source[0])
