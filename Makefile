@@ -52,7 +52,7 @@ docs: $(READY)  ## the documentation, to build/docs; a warning or a broken link 
 	$(BIN)/python scripts/check_links.py build/docs
 
 tutorials: $(READY)  ## run the tutorials, which draw their own pictures into docs/pictures/tutorials
-	for script in docs/tutorials/*.py; do $(BIN)/python $$script docs/pictures/tutorials || exit 1; done
+	cd docs/pictures/tutorials && for script in ../../tutorials/*.py; do $(CURDIR)/$(BIN)/python $$script . || exit 1; done
 
 figures: $(READY)  ## the figures of README.md from benchmarks/results, where benchmarks leave them
 	$(BIN)/python scripts/figures.py

@@ -20,6 +20,7 @@ _PUBLIC = {
     "SelfTouchFit": "calibration.mount.self_touch",
     "Status": "calibration.patch.patch_calibration",
     "Touch": "calibration.patch.touch",
+    "TouchRecording": "calibration.mount.chains",
     "TouchSession": "calibration.patch.touch_session",
     "fit_mount": "calibration.mount.rigid_mount",
     "fit_plane": "calibration.plane.fit",

@@ -20,7 +20,7 @@ extensions = [
     "tutorials",  # scripts as pages
 ]
 root_doc = "index"
-exclude_patterns = ["_ext", "plugin", "examples", "conf.py"]
+exclude_patterns = ["_ext", "examples", "conf.py"]
 # Several classes have a `channels`; sklearn documents its own methods with links of its own.
 suppress_warnings = ["ref.python", "ref.term", "ref.ref"]
 

@@ -24,8 +24,9 @@ class Registry(Generic[T]):
         Entry-point group that other distributions add to.
     built_in : mapping of str to str, optional
         Ours that are imported when first looked up: name and "module:attribute".
-    adapt : callable, optional
-        `adapt(name, thing)` makes one of ours of what a plug-in's entry point gave.
+    adapt : callable or str, optional
+        `adapt(name, thing)` makes one of ours of what a plug-in's entry point gave; as
+        "module:attribute" it is imported with the first plug-in.
     """
 
     def __init__(
@@ -34,7 +35,7 @@ class Registry(Generic[T]):
         group: str,
         *,
         built_in: Mapping[str, str] | None = None,
-        adapt: Callable[[str, object], T] | None = None,
+        adapt: Callable[[str, object], T] | str | None = None,
     ) -> None:
         self.kind, self.group = kind, group
         self._built_in = dict(built_in or {})
@@ -66,8 +67,7 @@ class Registry(Generic[T]):
         if name in self._own:
             return self._own[name]
         if name in self._built_in:
-            # An entry point is "module:attribute" too, and loads itself.
-            thing = EntryPoint(name, self._built_in[name], self.group).load()
+            thing = _load(self._built_in[name], self.group)
             return self._own.setdefault(name, cast("T", thing))
         if name in self._loaded():
             return self._loaded()[name]
@@ -79,8 +79,18 @@ class Registry(Generic[T]):
             for point in entry_points(group=self.group):
                 try:
                     thing = point.load()
-                    adapted = self._adapt(point.name, thing) if self._adapt else thing
-                    self._plugins[point.name] = adapted
+                    self._plugins[point.name] = self._adapted(point.name, thing)
                 except Exception:  # another distribution's fault must not take ours down
                     logger.exception("plug-in %s of %s does not load", point.name, self.group)
         return self._plugins
+
+    def _adapted(self, name: str, thing: object) -> T:
+        adapt = self._adapt
+        if isinstance(adapt, str):
+            adapt = self._adapt = cast("Callable[[str, object], T]", _load(adapt, self.group))
+        return cast("T", thing) if adapt is None else adapt(name, thing)
+
+
+def _load(place: str, group: str) -> object:
+    """What stands at "module:attribute": an entry point is written so, too, and loads itself."""
+    return EntryPoint(place, place, group).load()

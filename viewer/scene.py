@@ -88,6 +88,17 @@ class Scene(Shown):
     ------
     UnknownNameError, InvalidArrayError
         A part, link, layer or style that does not exist; a number out of its range.
+    MissingLibraryError
+        No OpenGL to draw with.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> scene = skinmap.Scene.load("kaspar", ["torso"], links="skin")
+    >>> scene.set_pressures("torso", [100.0] * 240)
+    >>> scene.screenshot("torso.png").name
+    'torso.png'
+    >>> scene.close()
     """
 
     def __init__(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, freeze
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.rigid import check_transform, rigid_fit, transform_points
+from skinmap.summary import Summary, millimetres
 
 Loss = Literal["linear", "cauchy"]
 CAUCHY = 2.3849  # residuals' scale: 95 % efficient on normal errors (Holland and Welsch 1977)
@@ -22,8 +23,8 @@ RIGID = 1e-6
 FLOOR = 1e-12  # of the points' size: residuals below are rounding
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class MountFit:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class MountFit(Summary):
     """The pose of a patch on its link, and how well it explains the pairs.
 
     Attributes
@@ -48,6 +49,14 @@ class MountFit:
 
     def __post_init__(self) -> None:
         freeze(self, mount=self.mount, covariance=self.covariance, residuals=self.residuals)
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "pairs": len(self.residuals),
+            "rms": millimetres(self.rms),
+            "translation": ", ".join(map(millimetres, self.mount[:3, 3].tolist())),
+        }
 
 
 def fit_mount(
@@ -83,11 +92,25 @@ def fit_mount(
     module_sigma : float
         Standard deviation of a module's shift against the noise of a pair [m].
 
+    Returns
+    -------
+    MountFit
+        T_link_patch (4, 4), its covariance and the distances (m,) that are left [m].
+
     Raises
     ------
     InvalidArrayError
         Wrong shapes, NaN, frames that are not rigid (names the rows), fewer than three pairs
         or points in a row.
+
+    Examples
+    --------
+    >>> import numpy as np, skinmap
+    >>> points = np.random.default_rng(0).uniform(-0.05, 0.05, (20, 3))
+    >>> frames = np.tile(np.eye(4), (20, 1, 1))
+    >>> found = skinmap.fit_mount(points, frames, points + [0.1, 0.3, 0.02])
+    >>> found.mount[:3, 3].round(3).tolist()
+    [0.1, 0.3, 0.02]
     """
     p, back = _check(points, frames, targets)
     if loss not in get_args(Loss):

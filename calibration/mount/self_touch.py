@@ -23,6 +23,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_points
+from skinmap.summary import Summary, listed, millimetres
 
 FOLDS = 5  # each event is held out once
 FEWEST = 12  # events
@@ -33,8 +34,8 @@ ENOUGH = 150  # touches that tell poses in their order from others
 ORDERS = 12  # seed of the poses' other orders, apart from the user's: they judge, no more
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class SelfTouchFit:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class SelfTouchFit(Summary):
     """Mounts that explain the touches, and how well.
 
     Attributes
@@ -94,6 +95,16 @@ class SelfTouchFit:
         """Recordings that contradict the others."""
         return self.agreement.inconsistent
 
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "mounts": listed(self.mounts),
+            "rms_before": millimetres(self.rms_before),
+            "rms_after": millimetres(self.rms_after),
+            "held_out": millimetres(self.held_out),
+            "dropped": listed(self.dropped),
+        }
+
 
 def self_touch(
     recordings: Sequence[TouchRecording],
@@ -104,14 +115,16 @@ def self_touch(
     joint_sigma: float = JOINT_SIGMA,
     loss: Loss = "cauchy",
     keep_all: bool = False,
-    rng: np.random.Generator,
+    rng: np.random.Generator | int,
 ) -> SelfTouchFit:
     """Fit the mounts of the named chains to recordings of self-touch.
 
     Parameters
     ----------
     recordings : sequence of TouchRecording
+        Joint angles (m, joints) [rad] of each event and the taxels that felt it.
     chains : mapping of str to Chain
+        What touches what, by name: kinematics, and taxels (n, 3) [m] or a probe.
     calibrate : sequence of str
         Chains whose mount is unknown; the others hold the world still. Tips of probes are found
         as well.
@@ -120,11 +133,17 @@ def self_touch(
     joint_sigma : float
         Prior standard deviation of such an offset [rad].
     loss : {"linear", "cauchy"}
+        Squares, or a loss that outliers cannot pull.
     keep_all : bool
         Keep recordings without which the others agree; they are left out otherwise. Where it
         cannot be told which one is wrong, as of two, all stay.
-    rng : numpy.random.Generator
-        Draws the held-out events and the halves.
+    rng : numpy.random.Generator or int
+        Draws the held-out events and the halves; a number is its seed.
+
+    Returns
+    -------
+    SelfTouchFit
+        Mounts (4, 4), what the touches cannot tell, and recordings that contradict the others.
 
     Raises
     ------
@@ -133,7 +152,30 @@ def self_touch(
     InvalidArrayError
         Too few events, a taxel that a chain lacks, angles that a chain needs and a recording
         lacks, recordings whose numbers of angles differ or whose names do not.
+
+    Examples
+    --------
+    A finger on three slides pokes a belly that is known and a chest 10 mm from where it should be.
+
+    >>> import numpy as np, skinmap
+    >>> from calibration import Chain, TouchRecording
+    >>> board = 0.01 * np.stack(np.meshgrid(range(5), range(4), [0]), -1).reshape(-1, 3)
+    >>> slides = np.tile(np.eye(4), (3, 1, 1)), np.eye(3), [True] * 3, range(3), np.ones(3)
+    >>> chains = {
+    ...     "finger": Chain("finger", *slides, np.zeros(3)),
+    ...     "belly": Chain("belly", taxels=board),
+    ...     "chest": Chain("chest", taxels=board + [0, 0.19, 0.05]),
+    ... }
+    >>> felt = None, [[row] for row in range(20)]
+    >>> pokes = [
+    ...     TouchRecording("belly", ("finger", "belly"), board, felt),
+    ...     TouchRecording("chest", ("finger", "chest"), board + [0, 0.2, 0.05], felt),
+    ... ]
+    >>> found = skinmap.self_touch(pokes, chains, calibrate=["chest"], rng=0)
+    >>> [round(1e3 * float(x)) for x in found.mounts["chest"][:3, 3]]
+    [0, 10, 0]
     """
+    rng = np.random.default_rng(rng)
     given = [_check(recording, chains) for recording in recordings]
     _check_all(given, chains, calibrate)
     every = [contacts_of(one, *(chains[name] for name in one.chains)) for one in given]

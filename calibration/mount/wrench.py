@@ -55,6 +55,7 @@ def fit_wrench(
     initial : (4, 4) array-like of float, optional
         One more start beside those that are always tried.
     loss : {"linear", "cauchy"}
+        Squares, or a loss that outliers cannot pull.
     point_sigma : float
         Standard deviation of a point [m].
     moment_sigma : float
@@ -70,6 +71,15 @@ def fit_wrench(
     InvalidArrayError
         Wrong shapes, NaN, frames that are not rigid, forces too light for a line (names the
         rows), fewer than six touches, lines that are all parallel.
+
+    Examples
+    --------
+    >>> import numpy as np, skinmap
+    >>> rng = np.random.default_rng(0)
+    >>> points, forces = rng.uniform(-0.05, 0.05, (20, 3)), rng.normal(size=(20, 3))
+    >>> frames, moments = np.tile(np.eye(4), (20, 1, 1)), np.cross(points + [0.1, 0, 0], forces)
+    >>> skinmap.fit_wrench(points, frames, forces, moments).mount[:3, 3].round(3)[0]
+    np.float64(0.1)
     """
     if loss not in get_args(Loss):
         raise UnknownNameError("loss", loss, get_args(Loss))

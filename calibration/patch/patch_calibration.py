@@ -10,6 +10,7 @@ import numpy as np
 
 from calibration.patch.leave_one_out import LeftOut
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
+from skinmap.summary import Summary, listed, millimetres
 
 
 class Status(StrEnum):
@@ -35,8 +36,8 @@ class Doubt(StrEnum):
     FEW = "too few touches"
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class PatchCalibration:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class PatchCalibration(Summary):
     """Calibrated taxels of one patch, in the frame of the mesh that they were laid on.
 
     Attributes
@@ -118,3 +119,13 @@ class PatchCalibration:
     def predicted_sd(self) -> FloatArray:
         """(n,) predicted error of each position: the root of its covariance's trace [m]."""
         return np.asarray(np.sqrt(np.einsum("nii->n", self.covariance)))
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        error = np.sqrt(np.mean(self.predicted_sd**2)) if len(self) else 0.0
+        return {
+            "status": self.status.value,
+            "taxels": len(self),
+            "expected_error": millimetres(float(error)),
+            "reasons": listed(self.reasons),
+        }

@@ -75,7 +75,7 @@ def locate_by_touch(
     channels: ArrayLike | None = None,
     mirror: bool = False,
     effort: Effort = FULL,
-    rng: np.random.Generator,
+    rng: np.random.Generator | int,
 ) -> PatchCalibration:
     """Lay a flat board on a link by touches, with anchors or without.
 
@@ -102,8 +102,8 @@ def locate_by_touch(
         Whether the layout shows the board from its other side.
     effort : Effort
         Starts, steps and detail of the wrap.
-    rng : numpy.random.Generator
-        Where the starts are taken.
+    rng : numpy.random.Generator or int
+        Where the starts are taken; a number is its seed.
 
     Returns
     -------
@@ -116,7 +116,21 @@ def locate_by_touch(
         Too few touches, a channel that the layout lacks, NaN, other units (names the row).
     InvalidMeshError
         An empty mesh, or one that the anchors are far from.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> skin = robot.skin("left_hand")
+    >>> link, board = robot.mesh(skin.link), skinmap.flatten(skinmap.build_surface(skin)).uv
+    >>> touches = [
+    ...     skinmap.Touch(skin.positions[row], 1e-3, channels=[row], values=[1.0])
+    ...     for row in range(0, 144, 4)
+    ... ]
+    >>> skinmap.locate_by_touch(board, link.vertices, link.faces, touches, rng=0).status.value
+    'ok'
     """
+    rng = np.random.default_rng(rng)
     board_layout = check_layout(layout) * ([-1.0, 1.0] if mirror else [1.0, 1.0])
     names = Names(check_channels(channels, len(board_layout)))
     plates = check_modules(modules, len(board_layout))

@@ -31,7 +31,7 @@ def wrap_layout(
     channels: ArrayLike | None = None,
     mirror: bool = False,
     effort: Effort = FULL,
-    rng: np.random.Generator,
+    rng: np.random.Generator | int,
 ) -> PatchCalibration:
     """Lay a flat board on a link so that lengths hold and the anchors are where they should be.
 
@@ -55,12 +55,13 @@ def wrap_layout(
         Whether the layout shows the board from its other side.
     effort : Effort
         Starts, steps and detail of the wrap.
-    rng : numpy.random.Generator
-        Where the starts are taken.
+    rng : numpy.random.Generator or int
+        Where the starts are taken; a number is its seed.
 
     Returns
     -------
     PatchCalibration
+        Positions (n, 3) [m], their covariance, and whether they may be used.
 
     Raises
     ------
@@ -69,7 +70,21 @@ def wrap_layout(
         layout lacks, lengths in other units than metres (names the factor).
     InvalidMeshError
         An empty mesh, or one that the anchors are far from.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> skin = robot.skin("left_hand")
+    >>> link, board = robot.mesh(skin.link), skinmap.flatten(skinmap.build_surface(skin)).uv
+    >>> known = range(0, 144, 16)
+    >>> found = skinmap.wrap_layout(
+    ...     board, link.vertices, link.faces, known, skin.positions[known], rng=0
+    ... )
+    >>> found.status.value, bool(abs(found.positions - skin.positions).max() < 2e-3)
+    ('ok', True)
     """
+    rng = np.random.default_rng(rng)
     board_layout = check_layout(layout) * ([-1.0, 1.0] if mirror else [1.0, 1.0])
     names = Names(check_channels(channels, len(board_layout)))
     plates = check_modules(modules, len(board_layout))

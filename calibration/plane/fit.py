@@ -26,6 +26,7 @@ from calibration.plane.verdict import (
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
+from skinmap.summary import Summary, listed
 
 FEWEST = 4  # contacts: fewer cannot even show that they are too few
 JOINT_SIGMA = np.deg2rad(0.5)  # what zero positions of joints are off by
@@ -35,8 +36,8 @@ MISSED_PRESSES = 3.0  # that a dead taxel should have felt
 MM = 1e3
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class PlaneFit:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class PlaneFit(Summary):
     """Mounts that explain which taxels felt a flat surface in which poses.
 
     Attributes
@@ -113,6 +114,16 @@ class PlaneFit:
             self._problem, self._solution, candidates, count=count, widening=self.widening
         )
 
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "status": self.status.value,
+            "mounts": listed(self.mounts),
+            "contacts": len(self.losses),
+            "dropped": len(self.dropped),
+            "reasons": listed(self.reasons),
+        }
+
 
 def fit_plane(
     contacts: PlaneContacts,
@@ -130,6 +141,7 @@ def fit_plane(
     Parameters
     ----------
     contacts : PlaneContacts
+        Joint angles (m, joints) [rad, m] and active taxels (m, n) of m presses.
     patches : sequence of Chain
         From one base; their mounts are where the search starts.
     modules : mapping of str to (n,) array-like of int, optional
@@ -146,6 +158,11 @@ def fit_plane(
     previous : PlaneFit, optional
         Of the first of these contacts: the search starts there, which is quicker.
 
+    Returns
+    -------
+    PlaneFit
+        Mounts (4, 4), places (n, 3) [m] with their covariance, and whether they may be used.
+
     Raises
     ------
     InvalidArrayError
@@ -153,6 +170,25 @@ def fit_plane(
         match, a plane that no contact comes near.
     UnknownNameError
         Contacts of a patch that there is no chain of.
+
+    Examples
+    --------
+    >>> import numpy as np, skinmap
+    >>> from calibration import Plane, PlaneContacts, robot_chain
+    >>> from calibration.plane.poses import pressing_poses
+    >>> robot, rng = skinmap.load_robot("icub"), np.random.default_rng(0)
+    >>> arm = "pitch", "roll", "yaw"
+    >>> joints = [f"torso_{j}" for j in arm] + [f"r_shoulder_{j}" for j in arm] + ["r_elbow"]
+    >>> skin, table = robot.skin("right_arm"), Plane([-0.2, 0.2, -0.05], [0.0, 0.0, 1.0])
+    >>> arm = robot_chain(robot, skin.link, joints, name="right_arm", taxels=skin.positions)
+    >>> limits = np.array([robot.body.joints[joint] for joint in joints])
+    >>> poses = pressing_poses(arm, skin.normals, table, limits, depth=3e-3, count=200, rng=rng)
+    >>> T = arm.frames(poses)
+    >>> places = np.einsum("mij,nj->mni", T[:, :3, :3], skin.positions) + T[:, None, :3, 3]
+    >>> felt = PlaneContacts(poses[:12], {"right_arm": table.height(places[:12]) < 0})
+    >>> found = skinmap.fit_plane(felt, [arm])
+    >>> bool(abs(found.places["right_arm"] - skin.positions).max() < 5e-3)
+    True
     """
     problem = _checked(contacts, patches, modules, planes, joint_sigma)
     starts = first_states(problem, planes)

@@ -13,6 +13,7 @@ from calibration.response.drift import DriftTracker
 from calibration.response.gain import BranchFollower, Gain, ReferenceLoads, fit_gain
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.summary import Summary
 
 RATE = 50.0  # samples a second
 FEWEST = 50  # samples at rest: a second
@@ -41,8 +42,8 @@ class ResponseTracker:
     branch: BranchFollower
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class ResponseCalibration:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class ResponseCalibration(Summary):
     """How each of n channels answers.
 
     Attributes
@@ -63,6 +64,15 @@ class ResponseCalibration:
         Module of each channel: its free channels tell the drift of those pressed.
     thermal : (n,) bool or None
         Channels that feel temperature and no touch.
+
+    Examples
+    --------
+    >>> import numpy as np, skinmap
+    >>> rest = np.random.default_rng(0).normal(40.0, 1.0, (500, 12))
+    >>> response = skinmap.ResponseCalibration.fit(rest)
+    >>> pressures = response.apply(np.full((1, 12), 90.0))
+    >>> pressures.shape, bool((abs(pressures - 50.0) < 1.0).all())
+    ((1, 12), True)
     """
 
     baseline: FloatArray
@@ -134,6 +144,11 @@ class ResponseCalibration:
             Channels that feel temperature and no touch.
         fingerprint : str
             Of the skin.
+
+        Returns
+        -------
+        ResponseCalibration
+            Of n channels.
 
         Raises
         ------
@@ -226,6 +241,16 @@ class ResponseCalibration:
             raise SkinMismatchError(
                 f"calibrated was the skin {self.fingerprint[:12]}, this one is {fingerprint[:12]}"
             )
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        states, counts = np.unique(self.health, return_counts=True)
+        return {
+            "taxels": len(self),
+            "health": ", ".join(f"{n} {state}" for state, n in zip(states, counts, strict=True)),
+            "noise": f"{float(np.median(self.noise)):.3g} counts",
+            "unit": "counts" if self.gain is None else "load",
+        }
 
 
 def _health(

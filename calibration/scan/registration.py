@@ -16,6 +16,7 @@ from calibration.scan.icp import Scene, make_scene, polish, register
 from skinmap.arrays import FloatArray, check_points, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import check_transform, transform_points
+from skinmap.summary import Summary, listed, millimetres
 
 FEWEST_POINTS = 100
 MAX_POINTS = 3000  # of a scan: more only cost time, the noise is far below a millimetre by then
@@ -28,8 +29,8 @@ ON_MESH = 0.5  # share of the scan that has to lie on the mesh
 NEAR = 3e-3  # what lies on it [m]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class ScanRegistration:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class ScanRegistration(Summary):
     """Where a scan is on a mesh.
 
     Attributes
@@ -68,6 +69,15 @@ class ScanRegistration:
     def __post_init__(self) -> None:
         freeze(self, T_mesh_scan=self.T_mesh_scan, covariance=self.covariance)
 
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "status": self.status.value,
+            "rms": millimetres(self.rms),
+            "share_on_mesh": f"{self.share:.2f}",
+            "reasons": listed(self.reasons),
+        }
+
 
 def register_scan(
     points: ArrayLike,
@@ -76,7 +86,7 @@ def register_scan(
     *,
     initial: ArrayLike | None = None,
     anchors: tuple[ArrayLike, ArrayLike] | None = None,
-    rng: np.random.Generator,
+    rng: np.random.Generator | int,
 ) -> ScanRegistration:
     """Register the points of a scan to a link's mesh, from a rough pose.
 
@@ -93,12 +103,14 @@ def register_scan(
         T_mesh_scan, roughly.
     anchors : tuple of two (k, 3) array-like of float, optional
         Points of the scan and the same on the mesh [m].
-    rng : numpy.random.Generator
-        Chooses among the scan's points, and the starts that look for a second pose.
+    rng : numpy.random.Generator or int
+        Chooses among the scan's points, and the starts that look for a second pose; a number is
+        its seed.
 
     Returns
     -------
     ScanRegistration
+        T_mesh_scan (4, 4), its covariance, and whether another pose fits as well.
 
     Raises
     ------
@@ -108,7 +120,17 @@ def register_scan(
         An empty mesh.
     MissingLibraryError
         Open3D is not installed (extra `scan`).
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> link = skinmap.load_robot("kaspar").mesh("left_hand")
+    >>> scan = link.vertices + [0.01, 0.0, 0.0]
+    >>> found = skinmap.register_scan(scan, link.vertices, link.faces, rng=0)
+    >>> round(1e3 * float(found.T_mesh_scan[0, 3]))
+    -10
     """
+    rng = np.random.default_rng(rng)
     scan = check_points(points, "points")
     link = check_link(vertices, faces)
     _check_scan(scan, link[0])

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
 import re
 from typing import TYPE_CHECKING
 
 from sphinx import addnodes
+
+import skinmap
 
 if TYPE_CHECKING:
     from docutils import nodes
@@ -31,6 +34,25 @@ def modules_text(package: str, *only: str) -> str:
         blocks += [f"## {name}", "", "```{eval-rst}", f".. automodule:: {name}"]
         blocks += ["   :members:", "   :show-inheritance:", "```", ""]
     return "\n".join(blocks)
+
+
+def public_text() -> str:
+    """What `import skinmap` offers: the names themselves, then what they return and raise."""
+    blocks = []
+    for name in (*sorted(skinmap._NAMES, key=str.lower), *skinmap._RETURNED):
+        thing = getattr(skinmap, name)
+        kind = "class" if inspect.isclass(thing) else "function"
+        place = f"{thing.__module__}.{thing.__qualname__}" if kind == "class" else _place(name)
+        blocks += [f"## {name}", "", "```{eval-rst}", f".. auto{kind}:: {place}"]
+        blocks += ["   :members:"] if kind == "class" else []
+        blocks += ["   :no-index:", "```", ""]
+    errors = ", ".join(f"`{name}`" for name in skinmap._ERRORS)
+    return "\n".join([*blocks, "## Errors", "", f"All derive from `SkinError`: {errors}."])
+
+
+def _place(name: str) -> str:
+    module, _, attribute = skinmap._PLACES[name].partition(":")
+    return f"{module}.{attribute or name}"
 
 
 def escape_docstring(

@@ -1,9 +1,9 @@
 """Text that is made and not written: a comment in a page names it, the build fills it in.
 
 `<!-- generated: modules skinmap.flat -->` stands for the interface of every module of a package,
-`commands` for all commands and their options, and `contents name ...` for a table of contents of
-the pages that exist (a page that another command has yet to write leaves no hole);
-`contents rest` for the pages that no other one lists.
+`public` for what `import skinmap` offers, `commands` for all commands and their options, and
+`contents name ...` for a table of contents of the pages that exist (a page that another command
+has yet to write leaves no hole); `contents rest` for the pages that no other one lists.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from api_pages import drop_guesses, escape_docstring, modules_text
+from api_pages import drop_guesses, escape_docstring, modules_text, public_text
 from command_pages import commands_text
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def fill_in(app: Sphinx, docname: str, source: list[str]) -> None:
         "commands": lambda _: commands_text(),
         "contents": lambda words: contents(folder, words),
         "modules": lambda words: modules_text(*words),
+        "public": lambda _: public_text(),
     }
     source[0] = MARK.sub(lambda mark: makers[mark[1]](mark[2].split()), source[0])
 

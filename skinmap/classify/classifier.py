@@ -4,23 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import FloatArray
+from skinmap.classify.catalogue import BUILT_IN, DEFAULT, classifiers
 from skinmap.classify.descriptors import Descriptor, Touch
 from skinmap.classify.rejection import UNKNOWN
 from skinmap.classify.trained_skin import SkinDifference, TrainedSkin, compare_skin, remember
 from skinmap.errors import InvalidArrayError, NotFittedError
-from skinmap.registry import Registry
 from skinmap.skin.skin import Skin
+from skinmap.summary import Summary, listed
 from skinmap.touch.prepared_skin import PreparedSkin
+
+__all__ = [
+    "BUILT_IN",
+    "DEFAULT",
+    "NO_CONTACT",
+    "Classifier",
+    "Prediction",
+    "TouchClassifier",
+    "calibrated",
+    "classifiers",
+]
 
 NO_CONTACT = "no_contact"
 CALIBRATION_FOLDS = 5
 ROWS = 1200  # training rows at most: the cost of a Gram matrix grows with the square
-DEFAULT = "contact-geometry"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +43,35 @@ class Prediction:
     confidence: float
 
 
-class TouchClassifier:
-    """Names touches.
+class Classifier(Summary):
+    """Names touches; `skinmap.train` makes one, `Classifier.load` reads one.
 
     Parameters
     ----------
     name : str
         Under which it was registered.
     descriptor : Descriptor
+        Turns the samples of a touch into rows of numbers.
     estimator : scikit-learn classifier
         With `predict_proba`.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        Names that it can give, once it is trained.
+    trained_on : tuple of TrainedSkin
+        Part and taxel positions (n, 3) [m] of the skins that it was trained on.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> gestures = ["poke", "full_finger"]
+    >>> touches = skinmap.simulate(robot.skin("torso"), gestures=gestures, per_gesture=8, rng=0)
+    >>> classifier = skinmap.train(touches, robot)
+    >>> classifier.save("touch.skinmodel")
+    >>> skinmap.Classifier.load("touch.skinmodel")
+    Classifier(name=contact-geometry, labels=full_finger, poke, trained_on=torso)
     """
 
     def __init__(self, name: str, descriptor: Descriptor, estimator: Any) -> None:
@@ -91,6 +122,52 @@ class TouchClassifier:
         self._quick = None
         return self
 
+    def save(self, path: str | Path) -> None:
+        """Write a trained classifier (`.skinmodel`).
+
+        Parameters
+        ----------
+        path : str or Path
+            File to write; one that is there is replaced.
+
+        Raises
+        ------
+        NotFittedError
+            Before training.
+        OutputError
+            The file cannot be written.
+        """
+        from skinmap.classify.model_file import save_classifier
+
+        save_classifier(self, path)
+
+    @staticmethod
+    def load(path: str | Path) -> TouchClassifier:
+        """Read what `save` or `skinmap train` wrote; nothing in the file is executed.
+
+        Parameters
+        ----------
+        path : str or Path
+            A file ending in .skinmodel.
+
+        Returns
+        -------
+        Classifier
+            Trained.
+
+        Raises
+        ------
+        MissingFileError
+            No such file.
+        DataFormatError
+            It is no Skinmap model, or holds types that a model has no use for.
+        UnknownNameError
+            A classifier whose plug-in is not installed.
+        """
+        from skinmap.classify.model_file import load_classifier
+
+        return load_classifier(path)
+
     def prepare(self, skin: PreparedSkin) -> None:
         """Make ready to name touches on a skin one at a time, by compiled loops where numba is.
 
@@ -134,41 +211,21 @@ class TouchClassifier:
         known = share[best] >= getattr(self.estimator, "reject_", 0.0)
         return Prediction(self.labels[best] if known else UNKNOWN, float(share[best]))
 
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        trained = hasattr(self.estimator, "classes_")
+        return {
+            "name": self.name,
+            "labels": listed(self.labels) if trained else "not trained",
+            "trained_on": listed(one.part for one in self.trained_on),
+        }
+
+
+TouchClassifier = Classifier
+
 
 def calibrated(estimator: Any) -> Any:
     """Probabilities by Platt's sigmoid on held-out folds, one final model on all the data."""
     from sklearn.calibration import CalibratedClassifierCV
 
     return CalibratedClassifierCV(estimator, method="sigmoid", cv=CALIBRATION_FOLDS, ensemble=False)
-
-
-def _plugged_in(name: str, thing: object) -> Callable[[], TouchClassifier]:
-    """A factory of ours for what an entry point of another distribution gave."""
-    from skinmap.classify.plugins import plugged_in
-
-    return plugged_in(name, thing)
-
-
-# One line a classifier: a function without arguments that gives an untrained TouchClassifier,
-# in a file of its own, imported when the name is first looked up.
-BUILT_IN = {
-    # the geometry of the contacts
-    "contact-geometry": "skinmap.classify.geometry_classifier:contact_geometry_classifier",
-    # the first paper
-    "histogram": "skinmap.classify.histogram_classifier:histogram_classifier",
-    "paper": "skinmap.classify.paper_classifier:paper_classifier",
-    # what it is compared with
-    "raw-rbf": "skinmap.classify.raw_classifiers:raw_rbf_classifier",
-    "raw-intersection": "skinmap.classify.raw_classifiers:raw_intersection_classifier",
-    "histogram-chi2": "skinmap.classify.feature_map_classifiers:chi2_classifier",
-    "histogram-sqrt": "skinmap.classify.feature_map_classifiers:sqrt_classifier",
-    # the second paper
-    "bovw": "skinmap.classify.bovw_classifier:bovw_classifier",
-    "cnn": "skinmap.classify.cnn_classifier:cnn_classifier",
-    # the first two, pooled
-    "fusion": "skinmap.classify.fusion:fusion_classifier",
-    "fusion-images": "skinmap.classify.fusion:fusion_images_classifier",
-}
-classifiers: Registry[Callable[[], TouchClassifier]] = Registry(
-    "classifier", "skinmap.classifiers", built_in=BUILT_IN, adapt=_plugged_in
-)

@@ -19,7 +19,7 @@ import zipfile
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,18 @@ from numpy.typing import NDArray
 from skinmap import __version__
 from skinmap.archive import quiet_headers
 from skinmap.classify.allowed_types import foreign_types
-from skinmap.classify.classifier import TouchClassifier, classifiers
+from skinmap.classify.catalogue import classifiers
 from skinmap.classify.trained_skin import TrainedSkin
-from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
+from skinmap.errors import (
+    DataFormatError,
+    MissingFileError,
+    OutputError,
+    SkinWarning,
+    UnknownNameError,
+)
+
+if TYPE_CHECKING:
+    from skinmap.classify.classifier import TouchClassifier
 
 FORMAT = "skinmap-model-2"
 SUFFIX = ".skinmodel"
@@ -39,14 +48,8 @@ FILES = (HEAD, SKINS, DESCRIPTOR, ESTIMATOR)
 LARGEST = 2**28  # bytes in a file, unpacked, and in each archive inside it
 
 
-def save_classifier(classifier: TouchClassifier, path: Path) -> None:
-    """Write a trained classifier.
-
-    Raises
-    ------
-    NotFittedError
-        Before training.
-    """
+def save_classifier(classifier: TouchClassifier, path: str | Path) -> None:
+    """Write a trained classifier; see `skinmap.Classifier.save`."""
     from skops.io import dumps
 
     trained = classifier.trained_on
@@ -67,7 +70,10 @@ def save_classifier(classifier: TouchClassifier, path: Path) -> None:
         if hasattr(classifier.descriptor, "to_arrays"):
             archive.writestr(DESCRIPTOR, _pack(classifier.descriptor.to_arrays()))
         archive.writestr(ESTIMATOR, dumps(classifier.estimator))
-    path.write_bytes(buffer.getvalue())
+    try:
+        Path(path).write_bytes(buffer.getvalue())
+    except OSError as error:
+        raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from error
 
 
 def load_classifier(path: str | Path) -> TouchClassifier:

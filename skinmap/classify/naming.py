@@ -1,9 +1,9 @@
-"""From the samples of one event to named touches: grouped first, each named on its own."""
+"""From recorded samples to named touches: grouped first, each named on its own."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,11 @@ from skinmap.arrays import BoolArray, IntArray
 from skinmap.classify.classifier import NO_CONTACT, Prediction, TouchClassifier
 from skinmap.classify.descriptors import Touch
 from skinmap.errors import SkinMismatchError
+from skinmap.skin.robot import Robot
 from skinmap.touch.contacts import pool_event
 from skinmap.touch.grouping import RULE, GroupingRule, group_touches
-from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
+from skinmap.touch.recording import Recording
 
 JOIN = "+"  # between the labels of touches that overlap in time
 
@@ -98,3 +100,104 @@ def all_right(
     truth = true_labels(named, samples, label, owners)
     said = [touch.prediction.label for touch in named]
     return sorted(truth) == sorted(kinds) and said == truth
+
+
+@dataclass(frozen=True, slots=True)
+class ClassifiedTouch:
+    """What one touch of a recording was called.
+
+    Attributes
+    ----------
+    part : str
+    event, touch : int
+        Number of the event in its recording, and of the touch within it.
+    label : str
+        `no_contact` where nothing is touched, `unknown` where the classifier is too unsure.
+    confidence : float
+        0 to 1.
+    recorded_label : str
+        What the recording calls it.
+    """
+
+    part: str
+    event: int
+    touch: int
+    label: str
+    confidence: float
+    recorded_label: str
+
+
+def classify(
+    recordings: Recording | Sequence[Recording],
+    classifier: TouchClassifier,
+    robot: Robot,
+    *,
+    rule: GroupingRule = RULE,
+) -> list[ClassifiedTouch]:
+    """Name the marked touches of recordings.
+
+    Parameters
+    ----------
+    recordings : Recording or sequence of Recording
+        Pressures (t, n) of 0 to 255 counts with marked touches, one recording a part.
+    classifier : Classifier
+        Trained.
+    robot : Robot
+        Whose skins were touched.
+    rule : GroupingRule
+        When contacts are one grip.
+
+    Returns
+    -------
+    list of ClassifiedTouch
+        In the order of the recordings; several of one event where several touches came at once.
+
+    Raises
+    ------
+    UnknownNameError
+        A recorded part that the robot lacks.
+    SkinMismatchError
+        A recording of another number of taxels, or a skin that the classifier cannot read.
+    NotFittedError
+        A classifier that is not trained.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> gestures = ["poke", "full_finger"]
+    >>> touches = skinmap.simulate(robot.skin("torso"), gestures=gestures, per_gesture=8, rng=0)
+    >>> named = skinmap.classify(touches, skinmap.train(touches, robot), robot)
+    >>> sum(one.label == one.recorded_label for one in named) >= 14
+    True
+    """
+    every = [recordings] if isinstance(recordings, Recording) else recordings
+    skins = prepare_skins(robot, every)
+    for skin in skins.values():
+        difference = classifier.difference(skin.skin)
+        if not difference.may_go_on:
+            raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
+    return [
+        touch
+        for one in every
+        for event in range(len(one.labels))
+        for touch in _classify_event(classifier, skins[one.part], one, event, rule)
+    ]
+
+
+def _classify_event(
+    classifier: TouchClassifier,
+    skin: PreparedSkin,
+    recording: Recording,
+    event: int,
+    rule: GroupingRule,
+) -> list[ClassifiedTouch]:
+    label, samples = recording.labels[event], recording.pressures[recording.events == event]
+    owners = None if recording.owners is None else recording.owners[event]
+    named = name_touches(classifier, skin, samples, rule=replace(rule, rate=recording.rate))
+    said = [one.prediction for one in named] or [Prediction(NO_CONTACT, 1.0)]
+    truth = true_labels(named, samples, label, owners) or [label]
+    return [
+        ClassifiedTouch(recording.part, event, number, one.label, one.confidence, recorded)
+        for number, (one, recorded) in enumerate(zip(said, truth, strict=True))
+    ]

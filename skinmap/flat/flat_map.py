@@ -17,6 +17,7 @@ from skinmap.flat.methods import check_effort, flatteners
 from skinmap.flat.orientation import limb_frame, turn_upright
 from skinmap.flat.seams import open_surface
 from skinmap.geometry.topology import check_surface
+from skinmap.summary import Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 __all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc"]
@@ -67,8 +68,8 @@ class Chart:
         freeze(self, taxels=self.taxels, faces=self.faces, uv=self.uv)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class FlatMap:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class FlatMap(Summary):
     """Charts of all patches of one part, packed at one scale.
 
     Attributes
@@ -78,6 +79,14 @@ class FlatMap:
     uv : (n, 2) float
         Packed coordinates of every taxel [m], one of them for a taxel on a seam; NaN for a
         taxel that no face uses.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("torso")
+    >>> flat = skinmap.flatten(skinmap.build_surface(skin))
+    >>> flat.uv.shape, flat.flips
+    ((240, 2), 0)
     """
 
     mesh: SurfaceMesh
@@ -91,6 +100,19 @@ class FlatMap:
     def flips(self) -> int:
         """Triangles turned over, all charts together."""
         return sum(chart.distortion.flips for chart in self.charts)
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        shown = self.uv[np.isfinite(self.uv[:, 0])]
+        width, height = 1e2 * np.ptp(shown, axis=0) if len(shown) else (0.0, 0.0)
+        return {
+            "part": self.mesh.skin.part,
+            "taxels": len(self.uv),
+            "charts": len(self.charts),
+            "size": f"{width:.3g} x {height:.3g} cm",
+            "methods": listed(dict.fromkeys(chart.method for chart in self.charts)),
+            "flips": self.flips,
+        }
 
 
 def flatten(
@@ -109,8 +131,9 @@ def flatten(
     Parameters
     ----------
     mesh : SurfaceMesh
+        Of n taxels [m].
     method : str
-        One of `flatteners.names()`.
+        One of `skinmap.flatteners()`.
     max_seconds : float, optional
         Only with `auto`: CPU time for all patches together [s].
     max_edge_rms : float, optional
@@ -124,6 +147,11 @@ def flatten(
     precision : {"float64", "float32"}
         Of the sparse solves of the methods that use ours; the rest is in double precision.
 
+    Returns
+    -------
+    FlatMap
+        A chart for each patch, with coordinates (n, 2) [m] and distortion.
+
     Raises
     ------
     UnknownNameError
@@ -133,6 +161,14 @@ def flatten(
         precision that the method cannot have.
     FlatteningError
         A patch with a triangle without area, or one that no method lays flat without a flip.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("torso")
+    >>> flat = skinmap.flatten(skinmap.build_surface(skin), method="arap")
+    >>> flat.charts[0].method
+    'arap'
     """
     flatteners.get(method)
     check_budget(method, max_seconds, max_edge_rms)

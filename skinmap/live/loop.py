@@ -32,6 +32,7 @@ from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.skins import check_skin
 from skinmap.live.sources.source import Seekable, Source, SourceEnded, StreamInfo
 from skinmap.skin.robot import Robot
+from skinmap.summary import Summary, listed
 from skinmap.touch.grouping import RULE, GroupingRule
 from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -41,7 +42,7 @@ NAMED = 10  # of them at most from one naming to the next: who comes late still 
 logger = logging.getLogger(__name__)
 
 
-class TouchLoop:
+class TouchLoop(Summary):
     """Turns what a source sends into touches with names.
 
     Parameters
@@ -79,6 +80,19 @@ class TouchLoop:
         A part that the robot or the source lacks.
     SkinMismatchError
         A source, a calibration or a classifier of another skin.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> source = skinmap.open_source("sim", robot=robot, parts=["torso"], speed=float("inf"))
+    >>> loop = skinmap.TouchLoop(robot, source)
+    >>> for moment in loop:
+    ...     if moment.touches:
+    ...         break
+    >>> moment.touches[0].part
+    'torso'
+    >>> loop.close()
     """
 
     def __init__(
@@ -296,3 +310,13 @@ class TouchLoop:
                 self.counts.failed += 1
                 logger.exception("a subscriber failed")
         return moment
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        named = "none" if self._namer is None else self._namer.classifier.name
+        return {
+            "robot": self.robot.name,
+            "source": self.info.name,
+            "parts": listed(self.skins),
+            "classifier": named,
+        }

@@ -9,10 +9,11 @@ from typing import Any
 from numpy.typing import NDArray
 
 from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.summary import Summary, listed
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Moment:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Moment(Summary):
     """One sample of all parts, and the touches found in it.
 
     Attributes
@@ -50,3 +51,12 @@ class Moment:
     latency: float = float("nan")
     dropped: int = 0
     contacts: tuple[NamedTouch, ...] = ()
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "time": f"{self.time:.3f} s",
+            "parts": listed(self.pressures),
+            "touches": listed(f"{one.label} on {one.part}" for one in self.touches),
+            "stale": self.stale,
+        }

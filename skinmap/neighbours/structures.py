@@ -13,9 +13,16 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
+from skinmap.flat.flat_map import FlatMap
 from skinmap.neighbours.matching import MARGIN, View, match_costs, matcher, pairing, view
-from skinmap.neighbours.offsets import Neighbourhoods, ramp
+from skinmap.neighbours.offsets import (
+    Neighbourhoods,
+    flat_map_directions,
+    neighbourhoods,
+    ramp,
+)
 from skinmap.neighbours.prototypes import Prototypes, as_prototypes, clockwise
+from skinmap.summary import Summary, listed
 
 __all__ = ["RADIUS", "TOLERANCE", "Prototypes", "Structures", "assign", "find_structures"]
 
@@ -31,8 +38,8 @@ RARELY = 0.25  # a place that holds less of a neighbour than this, on average, i
 ROWS = 16384  # neighbourhoods assigned at a time
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Structures:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Structures(Summary):
     """Which structure each of n taxels has, and which neighbour fills which place.
 
     Attributes
@@ -66,10 +73,20 @@ class Structures:
         alone = np.append(self.counts == 1, True)  # the last place answers for label -1
         return np.flatnonzero(alone[self.labels])
 
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "taxels": len(self.labels),
+            "structures": len(self.prototypes),
+            "members": listed(self.counts.tolist()),
+            "leftovers": len(self.leftovers),
+        }
+
 
 def find_structures(
-    hoods: Neighbourhoods,
+    skin: FlatMap | Neighbourhoods,
     *,
+    radius: float = RADIUS,
     tolerance: float = TOLERANCE,
     rotations: int = 1,
     compiled: bool | None = None,
@@ -83,7 +100,10 @@ def find_structures(
 
     Parameters
     ----------
-    hoods : Neighbourhoods
+    skin : FlatMap or Neighbourhoods
+        The flat map gives each taxel a direction; with neighbourhoods they are known already.
+    radius : float
+        How far neighbours of a taxel lie [m]; only with a flat map.
     tolerance : float
         How far a neighbour may lie from its place [m].
     rotations : int
@@ -92,11 +112,25 @@ def find_structures(
     compiled : bool, optional
         Whether numba does the matching; by default where it is installed and worth its import.
 
+    Returns
+    -------
+    Structures
+        A label for each taxel, the most common structure first.
+
     Raises
     ------
     InvalidArrayError
-        A tolerance or a number of rotations that is not positive.
+        A radius, a tolerance or a number of rotations that is not positive.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
+    >>> structures = skinmap.find_structures(skinmap.flatten(skinmap.build_surface(skin)))
+    >>> len(structures.labels) == len(skin)
+    True
     """
+    hoods = skin if isinstance(skin, Neighbourhoods) else _flat_neighbourhoods(skin, radius)
     if not tolerance > 0 or rotations < 1:
         raise InvalidArrayError(
             f"tolerance must be above 0 and rotations at least 1, got {tolerance} and {rotations}"
@@ -112,6 +146,13 @@ def find_structures(
         own, _ = _cover(seen, left, none, compiled, fewest=1)
         shapes = shapes.joined(own)
     return _by_frequency(_assigned(seen, shapes, compiled))
+
+
+def _flat_neighbourhoods(flat: FlatMap, radius: float) -> Neighbourhoods:
+    if not 0.0 < radius < np.inf:
+        raise InvalidArrayError(f"radius must be above 0 m, got {radius}")
+    skin, directions = flat.mesh.skin, flat_map_directions(flat)
+    return neighbourhoods(skin.positions, skin.normals, directions, radius=radius)
 
 
 def assign(

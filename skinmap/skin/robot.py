@@ -19,6 +19,7 @@ from skinmap.skin.layouts import ModuleLayout
 from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, repair_table, replace
 from skinmap.skin.skin import Skin, skin_from_table
 from skinmap.skin.taxels import TaxelTable
+from skinmap.summary import Summary, listed
 
 
 class Body(Protocol):
@@ -80,8 +81,8 @@ class Part:
     drawing: Path | None = None
 
 
-@dataclass(eq=False)
-class Robot:
+@dataclass(eq=False, repr=False)
+class Robot(Summary):
     """A body with skinned parts.
 
     Attributes
@@ -94,6 +95,15 @@ class Robot:
         Joint angles [rad] of a natural pose, for pictures.
     steps : collection of str
         Repair steps to take, all of `skinmap.skin.repair.ALL_STEPS` by default.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> robot.parts[:3]
+    ('torso', 'right_arm', 'left_arm')
+    >>> robot.skin("torso").positions.shape
+    (240, 3)
     """
 
     name: str
@@ -197,3 +207,7 @@ class Robot:
         if link not in self._meshes:
             self._meshes[link] = self.body.mesh(link)
         return self._meshes[link]
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {"name": self.name, "parts": listed(self.parts), "joints": len(self.body.joints)}

@@ -12,10 +12,11 @@ from skinmap.errors import InvalidArrayError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.skin.normals import repair_normals
 from skinmap.skin.taxels import TaxelTable
+from skinmap.summary import Summary
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Skin:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Skin(Summary):
     """Taxels of one part, dense rows 0..n-1, in the frame of their link.
 
     Attributes
@@ -29,7 +30,13 @@ class Skin:
     normals : (n, 3) float
         Unit, outward.
     up : (3,) float or None
-        What is up for the robot at rest; flat maps are turned by it. None where nobody knows.
+        What is up for the robot at rest; flat maps are turned by it. None where it is unknown.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skinmap.load_robot("kaspar").skin("left_hand")
+    Skin(part=left_hand, taxels=144, modules=12, link=left_hand)
     """
 
     part: str
@@ -55,6 +62,15 @@ class Skin:
 
     def __len__(self) -> int:
         return len(self.channels)
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "part": self.part,
+            "taxels": len(self),
+            "modules": len(np.unique(self.modules)),
+            "link": self.link or "none",
+        }
 
 
 def skin_from_points(

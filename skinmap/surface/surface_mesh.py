@@ -13,6 +13,7 @@ from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import check_surface, face_components
 from skinmap.geometry.triangles import vertex_areas
 from skinmap.skin.skin import Skin
+from skinmap.summary import Summary
 from skinmap.surface.accurate import accurate_faces
 from skinmap.surface.consensus_meshing import Limits, consensus_faces
 from skinmap.surface.delaunay_stars import FEW, NEIGHBOURS
@@ -25,8 +26,8 @@ MESHING = ("consensus", "fast", "accurate")
 DEFAULT = MESHING[0]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class SurfaceMesh:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class SurfaceMesh(Summary):
     """Triangles over the taxels of a skin.
 
     Attributes
@@ -39,6 +40,12 @@ class SurfaceMesh:
         The taxel that stands for each taxel in the mesh: itself but for near-coincident ones.
     face_patches : (m,) int
         Patch of each face, 0 first; the largest patch has number 0.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skinmap.build_surface(skinmap.load_robot("kaspar").skin("torso"))
+    SurfaceMesh(part=torso, taxels=240, faces=426, patches=1, area=67.1 cm2)
     """
 
     skin: Skin
@@ -87,6 +94,16 @@ class SurfaceMesh:
         """(k, 3) faces of one patch."""
         return self.faces[self.face_patches == patch]
 
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "part": self.skin.part,
+            "taxels": len(self.skin),
+            "faces": len(self.faces),
+            "patches": self.n_patches,
+            "area": f"{1e4 * self.taxel_areas.sum():.3g} cm2",
+        }
+
 
 def build_surface(
     skin: Skin,
@@ -125,6 +142,11 @@ def build_surface(
     body : TriangleMesh or (vertices, faces), optional
         The link's mesh [m] in the frame of the taxels, for "accurate".
 
+    Returns
+    -------
+    SurfaceMesh
+        Triangles (m, 3) over the taxels, numbered by patch.
+
     Raises
     ------
     UnknownNameError
@@ -132,6 +154,13 @@ def build_surface(
     InvalidMeshError
         Fewer than three distinct taxels, none that are close enough to be joined, faces that are
         no oriented manifold, or no body for "accurate".
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> mesh = skinmap.build_surface(skinmap.load_robot("kaspar").skin("torso"))
+    >>> mesh.faces.shape[1], mesh.n_patches
+    (3, 1)
     """
     if faces is not None:
         return surface_from_faces(skin, faces)

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.neighbours.structures import Prototypes, Structures
+from skinmap.summary import Summary
 
 WORDS = 8  # codewords a structure
 REST = 12.0 / 255.0  # a pattern whose largest pressure is below this is at rest
@@ -30,8 +31,8 @@ SMALL = 1e-100  # pressures below this (or above its inverse) are scaled before 
 PATTERNS = 4000  # patterns of one structure that k-means sees at most
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Codebook:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Codebook(Summary):
     """Codewords of s structures.
 
     Attributes
@@ -61,6 +62,15 @@ class Codebook:
         """Length of a histogram."""
         dropped = 0 if self.literal else len(self.prototypes)
         return self.words.shape[0] * self.words.shape[1] - dropped
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "structures": len(self.prototypes),
+            "words": self.words.shape[1],
+            "bins": self.bins,
+            "method": "paper" if self.literal else "rest-dropped",
+        }
 
 
 def patterns(structures: Structures, s: int, samples: FloatArray) -> FloatArray:
@@ -94,9 +104,9 @@ def _scale(largest: float) -> float:
 
 
 def learn_codebook(
-    skins: Sequence[tuple[Structures, FloatArray]],
+    skins: Sequence[tuple[Structures, ArrayLike]],
     *,
-    rng: np.random.Generator,
+    rng: np.random.Generator | int,
     words: int = WORDS,
     literal: bool = False,
 ) -> Codebook:
@@ -104,32 +114,52 @@ def learn_codebook(
 
     Parameters
     ----------
-    skins : sequence of (Structures, (t, n) array of float)
-        Pressures 0 to 1.
-    rng : numpy.random.Generator
+    skins : sequence of (Structures, (t, n) array-like)
+        Of each skin its structures and t samples of its n taxels: pressures of 0 to 1, or 8-bit
+        counts of 0 to 255.
+    rng : numpy.random.Generator or int
+        Chooses patterns and starts of k-means; a number is its seed.
     words : int
         Codewords a structure, rest included.
     literal : bool
         The method as published: rest neither pinned nor dropped.
+
+    Returns
+    -------
+    Codebook
+        Up to `words` codewords of each structure.
 
     Raises
     ------
     InvalidArrayError
         No skin, fewer than two codewords, skins whose structures are not the same, or samples
         that are not finite numbers.
+    SkinMismatchError
+        Samples of another number of taxels.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
+    >>> structures = skinmap.find_structures(skinmap.flatten(skinmap.build_surface(skin)))
+    >>> touches = skinmap.simulate(skin, per_gesture=2, rng=0)
+    >>> book = skinmap.learn_codebook([(structures, touches.pressures)], words=4, rng=0)
+    >>> book.bins == 3 * len(book.prototypes)
+    True
     """
+    rng = np.random.default_rng(rng)
     if not skins or words < 2:
         raise InvalidArrayError(f"a codebook needs a skin and 2 words, got {len(skins)}, {words}")
     prototypes = skins[0][0].prototypes
     if any(structures.prototypes is not prototypes for structures, _ in skins):
         raise InvalidArrayError("all skins of a codebook must share the same prototypes")
-    skins = [(structures, check_samples(x, len(structures.labels))) for structures, x in skins]
-    scale = _scale(max(float(np.abs(x).max(initial=0.0)) for _, x in skins))
-    skins = [(structures, x * scale) for structures, x in skins]
+    checked = [(structures, check_samples(x, len(structures.labels))) for structures, x in skins]
+    scale = _scale(max(float(np.abs(x).max(initial=0.0)) for _, x in checked))
+    scaled = [(structures, x * scale) for structures, x in checked]
     width = prototypes.offsets.shape[1] + 1
     book = np.full((len(prototypes), words, width), np.nan)
     for s in range(len(prototypes)):
-        seen = np.concatenate([patterns(st, s, x).reshape(-1, width) for st, x in skins])
+        seen = np.concatenate([patterns(st, s, x).reshape(-1, width) for st, x in scaled])
         centres = _centres(seen, words, literal, rng)
         book[s, : len(centres)] = centres
     return Codebook(prototypes, book, literal, scale)
@@ -152,10 +182,40 @@ def _centres(seen: FloatArray, words: int, literal: bool, rng: np.random.Generat
 
 
 def histograms(codebook: Codebook, structures: Structures, samples: ArrayLike) -> IntArray:
-    """(t, bins) votes for samples (t, n) of 0 to 1; taxels without a structure do not vote.
+    """Votes of the taxels for codewords, sample by sample.
 
-    Ties go to the word of the smaller number, so to rest before all others. Whoever counts on
-    one skin again and again keeps a `VoteCounter` instead.
+    Taxels without a structure do not vote. Ties go to the word of the smaller number, so to rest
+    before all others. For many calls on one skin, `skinmap.touch.votes.VoteCounter` is kept.
+
+    Parameters
+    ----------
+    codebook : Codebook
+    structures : Structures
+        Of a skin of n taxels, by the codebook's prototypes.
+    samples : (t, n) array-like
+        Pressures of 0 to 1, or 8-bit counts of 0 to 255.
+
+    Returns
+    -------
+    (t, bins) array of int
+        Histograms.
+
+    Raises
+    ------
+    SkinMismatchError
+        Samples of another number of taxels.
+    InvalidArrayError
+        Samples that are not finite numbers.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
+    >>> structures = skinmap.find_structures(skinmap.flatten(skinmap.build_surface(skin)))
+    >>> touches = skinmap.simulate(skin, per_gesture=2, rng=0)
+    >>> book = skinmap.learn_codebook([(structures, touches.pressures)], words=4, rng=0)
+    >>> skinmap.histograms(book, structures, touches.pressures[:5]).shape == (5, book.bins)
+    True
     """
     from skinmap.touch.votes import VoteCounter
 

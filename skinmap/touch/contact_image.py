@@ -203,6 +203,54 @@ def image_geometry(
     )
 
 
+def contact_image(
+    flat: FlatMap,
+    pressures: ArrayLike,
+    *,
+    pitch: float | None = None,
+    shape: tuple[int | None, int | None] | None = None,
+) -> np.ma.MaskedArray[Any, np.dtype[np.float32]]:
+    """Pressures on the flat map as a picture of square pixels, masked where there is no skin.
+
+    Parameters
+    ----------
+    flat : FlatMap
+        Of n taxels.
+    pressures : (n,) or (t, n) array-like
+        One sample or several, in any unit.
+    pitch : float, optional
+        Side of a pixel [m]; 8 mm where no shape is given either.
+    shape : (rows, columns), optional
+        Instead of a pitch: the smallest pitch with which the map fits.
+
+    Returns
+    -------
+    (rows, columns) or (t, rows, columns) masked array of float32
+        In the unit of the pressures; `.filled(0.0)` gives a plain array. Where images are made
+        again and again, `skinmap.touch.contact_image.image_geometry(flat)` is kept instead.
+
+    Raises
+    ------
+    SkinMismatchError
+        Another number of pressures than taxels.
+    InvalidArrayError
+        NaN or infinity; a pitch that is not positive, or a grid of more than 2^26 pixels.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
+    >>> flat = skinmap.flatten(skinmap.build_surface(skin))
+    >>> image = skinmap.contact_image(flat, [100.0] * len(skin), pitch=4e-3)
+    >>> round(float(image.max()), 3)
+    100.0
+    """
+    geometry = image_geometry(flat, pitch=pitch, shape=shape)
+    several = np.ndim(pressures) == 2
+    pixels = geometry.images(pressures) if several else geometry.image(pressures)
+    return np.ma.MaskedArray(pixels, np.broadcast_to(~geometry.mask, pixels.shape))
+
+
 def _grid(
     size: FloatArray, pitch: float | None, shape: tuple[int | None, int | None] | None
 ) -> tuple[float, tuple[int, int]]:

@@ -169,14 +169,44 @@ def check_pressures(pressures: ArrayLike, geometry: SkinGeometry) -> NDArray[Any
     return array
 
 
-def find_contacts(geometry: SkinGeometry, pressures: FloatArray) -> tuple[BoolArray, IntArray]:
-    """Active taxels (n,) and the contact (n,) of each, numbered by load; -1 where not active.
+def find_contacts(
+    surface: SurfaceMesh | SkinGeometry, pressures: ArrayLike
+) -> tuple[BoolArray, IntArray]:
+    """Connected pieces of active taxels on a skin in one sample.
+
+    Parameters
+    ----------
+    surface : SurfaceMesh or SkinGeometry
+        Of n taxels. What is measured of a mesh is worth keeping where many samples follow:
+        `skinmap.touch.contacts.measure_skin(mesh)`.
+    pressures : (n,) array-like
+        0 to 255 [counts]; above 12 a taxel is active.
+
+    Returns
+    -------
+    active : (n,) array of bool
+        Whether each taxel is active.
+    contacts : (n,) array of int
+        Contact of each taxel, numbered by load, the largest 0; -1 where it is not active.
 
     Raises
     ------
-    SkinMismatchError, InvalidArrayError
-        Pressures of another length than the skin, NaN or infinity.
+    SkinMismatchError
+        Pressures of another length than the skin.
+    InvalidArrayError
+        NaN or infinity (says which taxel).
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> mesh = skinmap.build_surface(skinmap.load_robot("kaspar").skin("left_hand"))
+    >>> pressures = [0] * len(mesh.skin)
+    >>> pressures[3] = 200
+    >>> active, contacts = skinmap.find_contacts(mesh, pressures)
+    >>> int(active.sum()), int(contacts[3])
+    (1, 0)
     """
+    geometry = measure_skin(surface) if isinstance(surface, SurfaceMesh) else surface
     pressures = check_pressures(pressures, geometry)
     active = pressures > ACTIVE
     label = np.full(len(pressures), -1)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
 from skinmap.arrays import IntArray
+from skinmap.errors import SkinMismatchError
 from skinmap.flat.flat_map import DEFAULT, FlatMap, flatten
 from skinmap.neighbours.geodesic import geodesic_neighbourhoods
 from skinmap.neighbours.offsets import (
@@ -16,10 +18,12 @@ from skinmap.neighbours.offsets import (
     neighbourhoods,
 )
 from skinmap.neighbours.structures import RADIUS
+from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
 from skinmap.touch.contact_image import ContactImageGeometry, image_geometry
 from skinmap.touch.contacts import SkinGeometry, measure_skin
+from skinmap.touch.recording import Recording
 
 
 class PreparedSkin:
@@ -115,3 +119,25 @@ class PreparedSkin:
     def patches(self) -> IntArray:
         """(n,) patch of each taxel."""
         return np.asarray(self.mesh.taxel_patches)
+
+
+def prepare_skins(robot: Robot, recordings: Sequence[Recording]) -> dict[str, PreparedSkin]:
+    """The skins of recorded parts; taxels and channels must agree.
+
+    Raises
+    ------
+    UnknownNameError
+        A recorded part that the robot lacks.
+    SkinMismatchError
+        A recording of another number of taxels.
+    """
+    skins = {}
+    for one in recordings:
+        skin = PreparedSkin(robot.skin(one.part))
+        if one.pressures.shape[1] != len(skin):
+            raise SkinMismatchError(
+                f"the recording of {one.part!r} has {one.pressures.shape[1]} taxels, "
+                f"the skin of {robot.name} has {len(skin)}"
+            )
+        skins[one.part] = skin
+    return skins

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.summary import Summary, listed
 
 FORMAT = "skinmap-recording-1"
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Recording:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Recording(Summary):
     """Samples of one part.
 
     Attributes
@@ -39,6 +40,13 @@ class Recording:
     owners : (n_events, n_taxels) int, optional
         Which of the touches that an event's label joins each taxel belongs to, 0 first; -1 for
         none. Only where touches overlap in time.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
+    >>> skinmap.simulate(skin, per_gesture=1, gestures=["poke"], rng=0).rate
+    50.0
     """
 
     part: str
@@ -78,10 +86,28 @@ class Recording:
             wanted = (len(self.labels), pressures.shape[1])
             freeze(self, owners=check_whole(self.owners, "owners", wanted))
 
+    @property
+    def rate(self) -> float:
+        """Samples a second; 50 where the times do not tell."""
+        step = float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
+        return 1.0 / step if step > 0 else 50.0
+
     def touches(self) -> Iterator[tuple[int, str, NDArray[np.uint8]]]:
         """Number, label and samples (k, n_taxels) of each touch event."""
         for event, label in enumerate(self.labels):
             yield event, label, self.pressures[self.events == event]
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        length = float(self.times[-1] - self.times[0]) if len(self.times) else 0.0
+        return {
+            "part": self.part,
+            "taxels": self.pressures.shape[1],
+            "samples": len(self.times),
+            "seconds": f"{length:.1f}",
+            "touches": len(self.labels),
+            "labels": listed(sorted(set(self.labels))),
+        }
 
 
 def save_recordings(recordings: list[Recording], path: Path) -> None:

@@ -91,7 +91,7 @@ def prepare(skin: Skin, *, rng: np.random.Generator, sensing: Sensing = SENSING)
 def simulate(
     skin: Skin,
     *,
-    rng: np.random.Generator,
+    rng: np.random.Generator | int,
     per_gesture: int = 20,
     gestures: Sequence[str] = FOUR,
     subjects: int = SUBJECTS,
@@ -106,7 +106,8 @@ def simulate(
     ----------
     skin : Skin
         n taxels.
-    rng : numpy.random.Generator
+    rng : numpy.random.Generator or int
+        A number is its seed.
     per_gesture : int
         Touches of each gesture. A gesture that does not fit the skin (less than 70 % of it
         over taxels wherever it is tried; 45 % of long things) is left out.
@@ -132,8 +133,17 @@ def simulate(
     ------
     UnknownNameError
         A gesture that does not exist.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
+    >>> recording = skinmap.simulate(skin, per_gesture=2, gestures=["poke"], rng=0)
+    >>> recording.labels
+    ('poke', 'poke')
     """
     check_gestures(gestures)
+    rng = np.random.default_rng(rng)
     stage = prepare(skin, rng=rng, sensing=sensing)
     people = draw_subjects(subjects, rng=rng)
     wanted = rng.permutation(np.repeat(np.arange(len(gestures)), per_gesture))

@@ -57,6 +57,7 @@ def test_tutorial_runs_and_draws_the_pictures_of_its_page(script, tmp_path, monk
 
         require_opengl()
     monkeypatch.setattr(sys, "argv", [str(script), str(tmp_path)])
+    monkeypatch.chdir(tmp_path)
     runpy.run_path(str(script), run_name="__main__")
     shown = re.findall(r"\(\.\./pictures/tutorials/(\S+?)\)", script.read_text())
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(shown)

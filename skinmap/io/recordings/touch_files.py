@@ -38,16 +38,37 @@ SAVED_CHUNK = 10.0  # [s]; nothing is saved piece by piece, so chunks close by s
 SAME_TIME = 1e-6  # [s]; parts that are recorded together agree within it
 
 
-def load_recordings(path: Path) -> list[Recording]:
+def load_recordings(path: str | Path) -> list[Recording]:
     """Read labelled pressures of each part.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file of `save_recordings`, `skinmap simulate`, `record` or `export`: .npz or .mcap.
+
+    Returns
+    -------
+    list of Recording
+        One a part.
 
     Raises
     ------
-    MissingFileError, DataFormatError
-        No such file, damaged, or no pressures in it.
+    MissingFileError
+        No such file.
+    DataFormatError
+        It is damaged, or holds no pressures.
     UnknownNameError
         A suffix that no reader has.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
+    >>> skinmap.save_recordings(skinmap.simulate(skin, per_gesture=1, rng=0), "touches.npz")
+    >>> [recording.part for recording in skinmap.load_recordings("touches.npz")]
+    ['left_hand']
     """
+    path = Path(path)
     if not is_file(path):
         raise MissingFileError(path, "a recording made by `skinmap simulate` or `skinmap record`")
     check_suffix(path)
@@ -84,8 +105,8 @@ def check_suffix(path: Path) -> None:
 
 
 def save_recordings(
-    recordings: Sequence[Recording],
-    path: Path,
+    recordings: Recording | Sequence[Recording],
+    path: str | Path,
     *,
     suffix: str | None = None,
     robot: Robot | None = None,
@@ -94,12 +115,14 @@ def save_recordings(
 
     Parameters
     ----------
-    recordings : sequence of Recording
+    recordings : Recording or sequence of Recording
         One a part. In MCAP they share their times: a shorter one is known to end sooner.
-    path : Path
+    path : str or Path
+        Ends in .npz or .mcap.
     suffix : str, optional
         Format, where the path's own suffix does not tell.
     robot : Robot, optional
+        Whose skins are written too, in MCAP.
 
     Raises
     ------
@@ -109,7 +132,18 @@ def save_recordings(
         Parts that cannot stand in one MCAP file: another time for the same sample.
     OutputError
         The file cannot be written.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> touches = skinmap.simulate(robot.skin("left_hand"), per_gesture=1, rng=0)
+    >>> skinmap.save_recordings(touches, "touches.mcap", robot=robot)
+    >>> skinmap.load_recordings("touches.mcap")[0].labels == touches.labels
+    True
     """
+    recordings = [recordings] if isinstance(recordings, Recording) else recordings
+    path = Path(path)
     name = path if suffix is None else path.with_suffix(suffix)
     check_suffix(name)
     if name.suffix.lower() == ".npz":

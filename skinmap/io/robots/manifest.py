@@ -51,8 +51,18 @@ def _builtin_manifests() -> dict[str, Path]:
 def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     """A robot by built-in name or by the path of its manifest; no part is read yet.
 
-    A manifest reads from its own folder and from installed packages only, unless
-    `allow_outside` is given: one from a stranger must not open whatever it names.
+    Parameters
+    ----------
+    robot : str or Path
+        "icub", "kaspar", "baxter-forearm", or a manifest (.toml).
+    allow_outside : bool
+        Whether a manifest may read beyond its own folder and installed packages: one from a
+        stranger must not open whatever it names.
+
+    Returns
+    -------
+    Robot
+        Its body, and the skins of its parts on demand.
 
     Raises
     ------
@@ -62,6 +72,12 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
         A manifest that is wrong, or names a file that does not exist.
     ForbiddenPathError
         A manifest that names a file outside its folder.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skinmap.load_robot("baxter-forearm")
+    Robot(name=Baxter forearm, parts=forearm, joints=1)
     """
     builtin = _builtin_manifests()
     if str(robot) in builtin:

@@ -9,6 +9,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from skinmap.arrays import FloatArray, freeze
+from skinmap.summary import Summary
 
 Event = TypeVar("Event")
 Happening = Literal["birth", "motion", "merge", "split", "end"]
@@ -40,8 +41,8 @@ class ContactEvent:
     centre: tuple[float, float, float]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class TouchEvent:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class TouchEvent(Summary):
     """A touch that is over.
 
     Attributes
@@ -83,6 +84,16 @@ class TouchEvent:
     def duration(self) -> float:
         """From the first to the last sample [s]."""
         return self.ended - self.began
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "label": self.label,
+            "confidence": f"{self.confidence:.2f}",
+            "part": self.part,
+            "began": f"{self.began:.3f} s",
+            "duration": f"{self.duration:.3f} s",
+        }
 
 
 def taken(queue: deque[Event]) -> list[Event]:

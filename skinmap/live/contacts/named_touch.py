@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.summary import Summary
 
 UNNAMED = "touch"  # what a touch is called while nobody has named it
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class NamedTouch:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class NamedTouch(Summary):
     """One touch on one part at one moment.
 
     Attributes
@@ -62,3 +63,12 @@ class NamedTouch:
             freeze(self, normal=np.asarray(self.normal, np.float64))
         if self.path is not None:
             freeze(self, path=np.asarray(self.path, np.float64))
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "label": self.label,
+            "confidence": f"{self.confidence:.2f}",
+            "part": self.part,
+            "taxels": len(self.taxels),
+        }

@@ -1,13 +1,20 @@
-"""A source whose samples are recorded on their way to whoever reads it."""
+"""A source whose samples are recorded on their way, and recording without anything else."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
 
+from skinmap.errors import OutputError, UnknownNameError
 from skinmap.live.recording.recorder import Recorder
-from skinmap.live.sources.source import Block, Relay, Source, SourceEnded
+from skinmap.live.sources.open_source import open_source, resolve_robot
+from skinmap.live.sources.source import Block, Relay, Source, SourceEnded, blocks
+from skinmap.skin.robot import Robot
 
+PATIENCE = 60.0  # seconds to wait for a slow disk before a sample is dropped
 HAIR = 1e-6  # [s]; times are multiples of a step only nearly
 
 
@@ -82,3 +89,86 @@ class RecordingTap(Relay):
             if angles != self._angles:
                 self._angles = angles
                 self.recorder.put_angles(now, angles)
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What a recording became.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        One, or more where a file grew too large.
+    samples, dropped : int
+        Written, and left out because the disk was too slow.
+    """
+
+    files: tuple[Path, ...]
+    samples: int
+    dropped: int
+
+
+def record(
+    source: Source | str | Path,
+    path: str | Path,
+    seconds: float | None = None,
+    *,
+    robot: Robot | str | None = None,
+    replace: bool = False,
+) -> Recorded:
+    """Record what a source sends into an MCAP file.
+
+    Parameters
+    ----------
+    source : Source, str or Path
+        As `skinmap.open_source` gives or takes it. One that is open already stays open.
+    path : str or Path
+        File to write, ending in .mcap.
+    seconds : float, optional
+        Stop after these, in the source's clock [s]; else when the source ends.
+    robot : Robot or str, optional
+        Whose skins the file should hold.
+    replace : bool
+        Whether a file that is there may be replaced.
+
+    Returns
+    -------
+    Recorded
+        Files, and counts of samples.
+
+    Raises
+    ------
+    UnknownNameError
+        A source that does not exist, or a path of another suffix.
+    OutputError
+        The file is there already, or cannot be written.
+    SkinMismatchError
+        A source of another skin than the robot's.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> source = skinmap.open_source("sim", robot=robot, parts=["torso"], speed=float("inf"))
+    >>> recorded = skinmap.record(source, "touches.mcap", seconds=1.0, robot=robot)
+    >>> recorded.samples
+    50
+    >>> source.close()
+    """
+    file = Path(path)
+    if file.suffix.lower() != ".mcap":
+        raise UnknownNameError("format to record in for files ending in", file.suffix, [".mcap"])
+    if file.exists() and not replace:
+        raise OutputError(f"{str(file)!r} exists already")
+    loaded = resolve_robot(robot)
+    opened = isinstance(source, str | Path)
+    origin = open_source(source, robot=loaded) if isinstance(source, str | Path) else source
+    try:
+        with closing(Recorder(file, origin.info, robot=loaded)) as recorder:
+            for _ in blocks(RecordingTap(origin, recorder, patience=PATIENCE, seconds=seconds)):
+                pass
+    finally:
+        if opened:
+            origin.close()
+    counts = recorder.counts
+    return Recorded(tuple(recorder.files), counts.written, counts.dropped)

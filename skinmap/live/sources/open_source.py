@@ -73,6 +73,11 @@ def open_source(
     loop : bool
         Whether a recording starts again at its end.
 
+    Returns
+    -------
+    Source
+        Open; `read(timeout)` gives blocks of samples (k, channels), `close()` ends it.
+
     Raises
     ------
     UnknownNameError
@@ -82,14 +87,20 @@ def open_source(
     SkinMismatchError
         A source of another skin than the robot's.
     UnreachableError
-        Nobody answers at an address.
+        Nothing answers at an address.
     BrokenPluginError
         A plug-in whose source lacks `info`, `read` or `close`.
-    """
-    if isinstance(robot, str):
-        from skinmap.io.robots.manifest import load_robot
 
-        robot = load_robot(robot)
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> source = skinmap.open_source("sim", robot=robot, parts=["torso"], speed=float("inf"))
+    >>> source.read(1.0).values.shape[1] == len(robot.skin("torso"))
+    True
+    >>> source.close()
+    """
+    robot = resolve_robot(robot)
     if isinstance(spec, str):
         name, _, address = spec.partition(":")
         if name in sources.names():
@@ -104,6 +115,15 @@ def open_source(
     from skinmap.live.sources.open_recording import open_recording
 
     return open_recording(path, robot=robot, parts=parts, speed=speed, loop=loop)
+
+
+def resolve_robot(robot: Robot | str | Path | None) -> Robot | None:
+    """A robot by its name, or the robot itself."""
+    if robot is None or isinstance(robot, Robot):
+        return robot
+    from skinmap.io.robots.manifest import load_robot
+
+    return load_robot(robot)
 
 
 def _simulated(

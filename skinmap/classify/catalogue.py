@@ -1,0 +1,40 @@
+"""The classifiers that there are, by name; each is imported when it is first looked up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from skinmap.registry import Registry
+
+if TYPE_CHECKING:
+    from skinmap.classify.classifier import TouchClassifier
+
+DEFAULT = "contact-geometry"
+
+# One line a classifier: a function without arguments that gives an untrained TouchClassifier,
+# in a file of its own.
+BUILT_IN = {
+    # the geometry of the contacts
+    "contact-geometry": "skinmap.classify.geometry_classifier:contact_geometry_classifier",
+    # the first paper
+    "histogram": "skinmap.classify.histogram_classifier:histogram_classifier",
+    "paper": "skinmap.classify.paper_classifier:paper_classifier",
+    # what it is compared with
+    "raw-rbf": "skinmap.classify.raw_classifiers:raw_rbf_classifier",
+    "raw-intersection": "skinmap.classify.raw_classifiers:raw_intersection_classifier",
+    "histogram-chi2": "skinmap.classify.feature_map_classifiers:chi2_classifier",
+    "histogram-sqrt": "skinmap.classify.feature_map_classifiers:sqrt_classifier",
+    # the second paper
+    "bovw": "skinmap.classify.bovw_classifier:bovw_classifier",
+    "cnn": "skinmap.classify.cnn_classifier:cnn_classifier",
+    # the first two, pooled
+    "fusion": "skinmap.classify.fusion:fusion_classifier",
+    "fusion-images": "skinmap.classify.fusion:fusion_images_classifier",
+}
+classifiers: Registry[Callable[[], TouchClassifier]] = Registry(
+    "classifier",
+    "skinmap.classifiers",
+    built_in=BUILT_IN,
+    adapt="skinmap.classify.plugins:plugged_in",
+)

@@ -1,0 +1,48 @@
+"""What an object says of itself: one line at the prompt, a small table in a notebook."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Mapping
+
+SHOWN = 4  # names of a long list
+STYLE = "text-align: left; padding: 0 1em 0 0"
+
+
+class Summary:
+    """Base of objects that hold arrays: their facts are shown, never the arrays.
+
+    A class says in `facts` what it is; both ways of showing it come from there.
+    """
+
+    __slots__ = ()
+
+    def facts(self) -> Mapping[str, object]:
+        """Names and values, the most telling first; values carry their units."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        said = ", ".join(f"{name}={value}" for name, value in self.facts().items())
+        return f"{type(self).__name__}({said})"
+
+    def _repr_html_(self) -> str:
+        """For notebooks."""
+        rows = "".join(
+            f'<tr><th style="{STYLE}">{html.escape(name.replace("_", " "))}</th>'
+            f'<td style="{STYLE}">{html.escape(str(value))}</td></tr>'
+            for name, value in self.facts().items()
+        )
+        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+
+def listed(names: Iterable[object], most: int = SHOWN) -> str:
+    """How many there are and the first of them: "13: torso, left_arm, ..."."""
+    every = [str(name) for name in names]
+    if len(every) <= most:
+        return ", ".join(every) or "none"
+    return f"{len(every)}: {', '.join(every[:most])}, ..."
+
+
+def millimetres(metres: float) -> str:
+    """A length [m] as text."""
+    return f"{round(metres * 1e3, 3):g} mm"

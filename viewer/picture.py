@@ -1,0 +1,133 @@
+"""Look at a robot's skin in one call: in a window, or as a picture, a movie, a page or a body."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from skinmap.errors import UnknownNameError
+from skinmap.io.robots.manifest import load_robot
+from skinmap.live.loop import TouchLoop
+from skinmap.live.moment import Moment
+from skinmap.skin.robot import Robot
+from skinmap.touch.prepared_skin import PreparedSkin
+from viewer.look import Look, new_scene
+from viewer.session import Session
+from viewer.show import LIVE_SIZE, Wanted, write_files
+from viewer.window import play
+
+# What is written for a suffix.
+SUFFIXES: dict[str, Callable[[Path, float | None], Wanted]] = {
+    ".png": lambda path, seconds: Wanted(screenshot=path, seconds=seconds),
+    ".jpg": lambda path, seconds: Wanted(screenshot=path, seconds=seconds),
+    ".mp4": lambda path, seconds: Wanted(movie=path, seconds=seconds),
+    ".gif": lambda path, seconds: Wanted(movie=path, seconds=seconds),
+    ".glb": lambda path, seconds: Wanted(gltf=path, seconds=seconds),
+    ".html": lambda path, seconds: Wanted(html=path, seconds=seconds),
+}
+
+
+@dataclass(eq=False)
+class _Given(Session):
+    """A session whose moments are given instead of read from a source."""
+
+    given: Iterable[Moment] = ()
+
+    def moments(self, seconds: float | None, *, start: float = 0.0) -> Iterator[Moment]:
+        first = math.nan
+        for moment in self.given:
+            first = moment.time if math.isnan(first) else first
+            if seconds is not None and moment.time - first > seconds:
+                return
+            yield moment
+
+
+def show(
+    robot: Robot | str | Path,
+    moments: Moment | Iterable[Moment] | None = None,
+    *,
+    parts: Sequence[str] | None = None,
+    seconds: float | None = None,
+    path: str | Path | None = None,
+) -> Path | None:
+    """Show a robot's skin, its pressures and named touches.
+
+    Parameters
+    ----------
+    robot : Robot, str or Path
+        As `skinmap.load_robot` takes it.
+    moments : Moment, TouchLoop or iterable of Moment, optional
+        What is felt, pressures (n,) of 0 to 255 counts for each part; nothing by default. A
+        picture shows the one that tells most.
+    parts : sequence of str, optional
+        Parts to show; those of the moments by default, else all.
+    seconds : float, optional
+        Stop after these [s].
+    path : str or Path, optional
+        File to write instead of opening a window: a picture (.png, .jpg), a movie (.mp4, .gif), a
+        page for a browser (.html) or a body with its skin (.glb).
+
+    Returns
+    -------
+    Path or None
+        The file; None after a window was closed.
+
+    Raises
+    ------
+    UnknownNameError
+        A robot or part that does not exist, or a suffix that nothing is written as.
+    SkinMismatchError
+        Moments of another skin.
+    MissingLibraryError
+        No OpenGL to draw with.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> skinmap.show(robot, parts=["torso"], path="torso.png").name
+    'torso.png'
+    """
+    kind = None if path is None else _kind(Path(path))
+    loaded = robot if isinstance(robot, Robot) else load_robot(robot)
+    felt, known = _felt(moments)
+    wanted = tuple(parts) if parts is not None else known or loaded.parts
+    made = moments.skins if isinstance(moments, TouchLoop) else {}
+    skins = {part: made.get(part) or PreparedSkin(loaded.skin(part)) for part in wanted}
+    session = _Given(loaded, wanted, skins=skins, given=felt or [_at_rest(skins)])
+    if path is None or kind is None:
+        scene = new_scene(session, Look(), size=LIVE_SIZE, off_screen=False)
+        play(scene, session.given, seconds=math.inf if seconds is None else seconds)
+        return None
+    write_files(session, Look(), SUFFIXES[kind](Path(path), seconds))
+    return Path(path)
+
+
+def _kind(path: Path) -> str:
+    """The suffix of a file, checked."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise UnknownNameError(
+            "format to show a skin in, for files ending in", path.suffix, SUFFIXES
+        )
+    return path.suffix.lower()
+
+
+def _felt(
+    moments: Moment | Iterable[Moment] | None,
+) -> tuple[Iterable[Moment] | None, tuple[str, ...]]:
+    """The moments one by one, and the parts that they tell of where that is known before."""
+    if isinstance(moments, Moment):
+        return [moments], tuple(moments.pressures)
+    if isinstance(moments, TouchLoop):
+        return moments, tuple(moments.skins)
+    if isinstance(moments, Sequence):
+        return moments, tuple(moments[0].pressures) if moments else ()
+    return moments, ()
+
+
+def _at_rest(skins: Mapping[str, PreparedSkin]) -> Moment:
+    return Moment(0.0, {part: np.zeros(len(skin)) for part, skin in skins.items()})
