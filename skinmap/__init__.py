@@ -16,6 +16,7 @@ _PUBLIC = {
     "flatteners": ("skinmap.flat.methods", "flattener_names"),
     "load_classifier": ("skinmap.classify.model_file", "load_classifier"),
     "load_robot": ("skinmap.io.robots.manifest", "load_robot"),
+    "show": ("viewer.notebook", "show"),
 }
 __all__ = ["__version__", *_PUBLIC]
 
