@@ -15,7 +15,7 @@ from skinmap.touch.gestures import GESTURES
 BACKGROUND = "#f7f8fa"
 PANEL = "#ffffff"
 INK = "#20262e"
-FAINT = "#6b7480"
+FAINT = "#5f6772"  # 5.4:1 on the ground
 WARNING = "#b42318"
 BODY = "#a6b0bb"
 SHEET = "#dde1e6"  # the skin under discs
@@ -47,10 +47,12 @@ DISTORTION_STOPS = (
     (0.80, "#6d3390"), (1.00, "#2b0a42"),
 )  # fmt: skip
 UNKNOWN = "#78818f"  # a taxel of which nothing is known
+FADED = 0.6  # how far what is silent goes there
 TOUCHED, UNTOUCHED = "#c2410c", "#f4f2ec"
-# For things without an order. Told apart under both kinds of red-green blindness.
+# For things without an order: at least 0.37 apart in sRGB, from each other, from grey and from
+# white, under red-green blindness of both kinds and under tritan vision (found by a search).
 CATEGORIES = (
-    "#56b4e9", "#e69f00", "#0b3d91", "#f4e9a0", "#592424", "#80734c", "#6130f2", "#f2f230",
+    "#0905ec", "#fcd168", "#a03e36", "#01c90b", "#6c559e", "#410100", "#d020ff", "#000066",
 )  # fmt: skip
 # Lines on white: dark enough to be seen, and apart for every eye.
 TRACES = ("#0b3d91", "#d98200", "#2f9fe0", "#592424", "#6130f2", "#80734c")
@@ -107,6 +109,12 @@ def class_colour(label: str) -> str:
     names = list(GESTURES)
     number = names.index(label) if label in names else len(names) + zlib.crc32(label.encode())
     return CLASS_COLOURS[number % len(CLASS_COLOURS)]
+
+
+def faded(colour: str) -> str:
+    """The colour of a thing of which nothing new is heard, on its way to the ground's."""
+    mixed = (1.0 - FADED) * rgb(colour) + FADED * rgb(BACKGROUND)
+    return "#" + "".join(f"{round(255 * channel):02x}" for channel in mixed.tolist())
 
 
 def luminance(colours: FloatArray) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ VIEWS = ("auto", "window", "none")
 LAYERS = (
     "pressure", "raw", "binary", "structures", "uncertainty", "distortion", "health", "patches",
 )  # fmt: skip
+MOVIES = (".mp4", ".gif")
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -132,6 +135,21 @@ def summary(result: dict[str, object], out: Path) -> str:
     show_default=True,
     help="What is drawn of the body: all, links with the parts' skin, nothing.",
 )
+@click.option("--size", metavar="WxH", help="Width and height of the picture [px], as 1200x800.")
+@click.option(
+    "--range",
+    "ranges",
+    multiple=True,
+    metavar="[LAYER=]LOW:HIGH",
+    help="Values of the first and last colour, or auto: from the data. May be repeated.",
+)
+@click.option(
+    "--unit",
+    "units",
+    multiple=True,
+    type=click.Choice(("%", "um", "cm")),
+    help="Pressures in % of full scale, lengths in um or cm.",
+)
 @click.option(
     "--detail",
     type=click.FloatRange(0.1, 100.0),
@@ -157,6 +175,7 @@ def summary(result: dict[str, object], out: Path) -> str:
 @click.option("--web", is_flag=True, help="Serve the scene to a browser.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address for --web.")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port; 0: a free one.")
+@click.option("--token", help="First part of --web's address; a random one without.")
 @seed_option
 @profile_option("view")
 @json_option
@@ -169,11 +188,122 @@ def view(**options: Any) -> None:
     Example:  skinmap view icub --part torso --part left_arm --source sim
               skinmap view icub --source touches.npz --screenshot touches.png
     """
-    from viewer.view_job import run_view
-
     result = run_view(options)
     if options["as_json"]:
         emit(result)
     else:
         for file in result.get("files", ()):
             click.echo(str(file))
+
+
+def run_view(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Check the options and show what they ask for.
+
+    Returns
+    -------
+    dict
+        As docs/json.md has it.
+
+    Raises
+    ------
+    SkinError, click.UsageError
+        Bad input, in one line.
+    """
+    _check(options)
+    from viewer.display import require_opengl
+
+    require_opengl()
+    from viewer.drawing.skin.taxel_drawing import check_style
+    from viewer.interaction.view_file import load_view
+    from viewer.view_files import Wanted, write_files
+    from viewer.view_options import Look
+    from viewer.window import open_window
+
+    if options["style"] is not None:
+        check_style(options["style"])
+    view_file: Path | None = options["view_file"]
+    view = load_view(view_file) if view_file is not None and view_file.exists() else None
+    session = _session(options)
+    from viewer.inputs import parse_pose, read_ranges, read_size
+
+    look = Look(
+        layer=options["layer"],
+        style=options["style"],
+        angles=parse_pose(options["pose"], session.robot),
+        links=options["links"],
+        size=read_size(options["size"]),
+        ranges=read_ranges(options["ranges"], options["layer"] or "pressure"),
+        units=options["units"],
+        view=view,
+        follow=options["follow"],
+        **{name: options[name] for name in ("detail", "contour_rate") if options[name] is not None},
+    )
+    wanted = Wanted(
+        screenshot=options["screenshot"],
+        movie=options["movie"],
+        gltf=options["gltf"],
+        html=options["html"],
+        at=options["at"],
+        seconds=options["seconds"],
+    )
+    if wanted.files:
+        return write_files(session, look, wanted)
+    if options["web"]:
+        from viewer.web.serving import serve_web
+
+        return serve_web(
+            session,
+            look,
+            host=options["host"],
+            port=options["port"],
+            seconds=wanted.seconds,
+            token=options["token"],
+        )
+    return open_window(session, look, seconds=wanted.seconds, view_file=view_file)
+
+
+def _session(options: Mapping[str, Any]) -> Any:
+    """The robot, its parts and all that was named for them."""
+    from viewer.inputs import read_covariances, read_responses
+    from viewer.view_options import Session
+
+    robot, parts = open_robot(options["robot"], options["parts"])
+    session = Session(
+        robot,
+        parts,
+        source=options["source"],
+        model=options["model"],
+        seed=options["seed"],
+        speed=options["speed"],
+        loop=options["loop"],
+        responses=read_responses(options["responses"], robot, parts),
+        covariances=read_covariances(options["calibrations"], robot, parts),
+    )
+    session.prepare()
+    return session
+
+
+def _check(options: Mapping[str, Any]) -> None:
+    """What can be told to be wrong before anything is loaded."""
+    from skinmap.errors import InvalidArrayError, OutputError, UnknownNameError
+    from viewer.display import has_display
+
+    if options["layer"] is not None and options["layer"] not in LAYERS:
+        raise UnknownNameError("layer", options["layer"], LAYERS)
+    files = {name: options[name] for name in ("screenshot", "movie", "gltf", "html")}
+    for name, path in files.items():
+        if path is not None and not path.parent.is_dir():
+            raise OutputError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
+        if path is not None and name == "movie" and path.suffix not in MOVIES:
+            raise click.UsageError(f"--movie ends in .mp4 or .gif, got {str(path)!r}")
+    for name in ("at", "seconds"):
+        if options[name] is not None and not 0 <= options[name] < math.inf:
+            raise InvalidArrayError(f"--{name} must be seconds from 0, got {options[name]}")
+    if not 0 < options["speed"] < math.inf:
+        raise InvalidArrayError(f"--speed must be above 0, got {options['speed']}")
+    if options["web"] and any(files.values()):
+        raise click.UsageError("--web serves the scene, and files are asked for: one of them")
+    if not options["web"] and not any(files.values()) and not has_display():
+        raise click.UsageError(
+            "there is no display here: give --screenshot, --movie, --gltf, --html or --web"
+        )

@@ -29,9 +29,9 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import RATE, simulate
 from viewer.analysis import Analysis, analyse, summarise
 from viewer.export.movie import MOVIE_FPS, write_movie
-from viewer.filming import movie_frames
 from viewer.report import write_report
 from viewer.scene import Scene
+from viewer.view_files import movie_frames
 
 STEPS = 12  # progress steps beside those per part
 STAGGER = 0.45  # between the starts of two touches of the replay [s]

@@ -9,11 +9,10 @@ from pathlib import Path
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.moment import Moment
 from skinmap.skin.robot import Robot
-from viewer.filming import Best, show
 from viewer.interaction.selection import module_taxels
-from viewer.look import Look, new_scene
 from viewer.scene import Scene
-from viewer.session import Session
+from viewer.view_files import Best
+from viewer.view_options import Look, Session, new_scene
 
 SIZE = (960, 720)
 SECONDS = 6.0  # of simulated touches that the moment is chosen from
@@ -57,7 +56,7 @@ def make_gallery(
 
 
 def _picture(scene: Scene, moment: Moment, path: Path, layer: str, style: str) -> Path:
-    show(scene, moment)
+    scene.follow(moment)
     scene.set_layer(layer)
     scene.set_style(style)
     if path.stem == "selection" and moment.touches:

@@ -22,7 +22,9 @@ from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
+from viewer.layers import AUTO, Range, check_layer
 
+SIZES = (160, 8000)  # of a picture [px]
 TEACHERS = 2  # parts that the default classifier learns from: touches are alike on all
 TRAINING = 12  # simulated touches of each gesture on each of them
 # Place of each covariance column in the matrix.
@@ -56,6 +58,52 @@ def parse_pose(text: str | None, robot: Robot) -> dict[str, float]:
             )
         angles[joint] = math.radians(degrees)
     return angles
+
+
+def read_size(text: str | None) -> tuple[int, int] | None:
+    """Width and height [px] from "WxH".
+
+    Raises
+    ------
+    InvalidArrayError
+        No such text, or a size that cannot be drawn.
+    """
+    if text is None:
+        return None
+    width, _, height = text.lower().partition("x")
+    try:
+        size = int(width), int(height)
+    except ValueError:
+        raise InvalidArrayError(
+            f"--size: expected WIDTHxHEIGHT, as 1200x800, got {text!r}"
+        ) from None
+    if not all(SIZES[0] <= side <= SIZES[1] for side in size):
+        raise InvalidArrayError(f"--size: sides from {SIZES[0]} to {SIZES[1]} pixels, got {text!r}")
+    return size
+
+
+def read_ranges(texts: Sequence[str], shown: str) -> dict[str, Range]:
+    """Limits by layer from "LOW:HIGH", "auto", or either with "LAYER=" before it.
+
+    Raises
+    ------
+    InvalidArrayError, UnknownNameError
+        No range, or no such layer.
+    """
+    found: dict[str, Range] = {}
+    for text in texts:
+        name, equals, limits = text.partition("=")
+        if not equals:
+            name, limits = shown, text
+        check_layer(name)
+        low, _, high = limits.partition(":")
+        try:
+            found[name] = AUTO if limits == AUTO else (float(low), float(high))
+        except ValueError:
+            raise InvalidArrayError(f"--range: expected LOW:HIGH or auto, got {limits!r}") from None
+        if found[name] != AUTO and not -math.inf < float(low) < float(high) < math.inf:
+            raise InvalidArrayError(f"--range: LOW must be below HIGH, got {limits!r}")
+    return found
 
 
 def read_covariances(

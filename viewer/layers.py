@@ -7,8 +7,11 @@ layer.colours(layer.values("torso", moment))
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,6 +53,14 @@ LAYERS = (
 FULL_SCALE = 255.0  # counts
 WORST_SD = 3.0  # [mm]: half a pitch of the finest skins; beyond, taxels are taken for neighbours
 WORST_STRAIN = 5.0  # [%]
+AUTO: Literal["auto"] = "auto"
+Range = tuple[float, float] | Literal["auto"]
+# What one of a layer's own unit is in another.
+UNITS: dict[str, dict[str, float]] = {
+    "%": {"counts": 100.0 / FULL_SCALE},
+    "um": {"mm": 1e3},
+    "cm": {"mm": 0.1},
+}
 TURNS = 6  # structures that are turned by multiples of 60 degrees count as one
 
 
@@ -64,6 +75,11 @@ class Layers:
         Of the calibrated positions of each part's taxels [m2].
     healths : mapping of str to (n,) array-like of str, optional
         States of each part's taxels, named as in `viewer.health.STATES`.
+    ranges : mapping of str to (float, float) or "auto", optional
+        Values of a layer's first and last colour, in its unit. "auto" takes the least and the
+        largest value that were seen so far: such limits grow, and never shrink.
+    units : iterable of str, optional
+        Of `UNITS`: what values of layers are told in.
     """
 
     def __init__(
@@ -72,13 +88,20 @@ class Layers:
         *,
         covariances: Mapping[str, ArrayLike] | None = None,
         healths: Mapping[str, ArrayLike] | None = None,
+        ranges: Mapping[str, Range] | None = None,
+        units: Iterable[str] = (),
     ) -> None:
+        for name in ranges or {}:
+            check_layer(name)
+        self._ranges = dict(ranges or {})
+        self._units = tuple(units)
         self.skins = dict(skins)
         self._sd = {part: self._worst_sd(part, c) for part, c in (covariances or {}).items()}
         for part in healths or {}:
             self._check(part)
         self.watch = HealthWatch({p: len(s) for p, s in self.skins.items()}, healths)
         self._made: dict[str, Layer] = {}
+        self._seen: dict[str, tuple[float, float]] = {}  # limits of the layers that find them
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -93,8 +116,7 @@ class Layers:
         UnknownNameError
             No such layer (says which there are).
         """
-        if name not in LAYERS:
-            raise UnknownNameError("layer", name, LAYERS)
+        check_layer(name)
         if name not in self._made:
             makers: dict[str, Callable[[], Layer]] = {
                 "pressure": self._pressure,
@@ -106,12 +128,47 @@ class Layers:
                 "health": self._health,
                 "patches": self._patches,
             }
-            self._made[name] = makers[name]()
+            self._made[name] = self._as_wished(makers[name]())
         return self._made[name]
 
+    @property
+    def felt(self) -> Layer:
+        """Pressures in counts from 0 to 255, whatever range and unit the layer of them has."""
+        return self._pressure()
+
     def observe(self, moment: Moment) -> None:
-        """Let the health layer see a moment: what was touched or sits at full scale."""
+        """See a moment: what was touched or sits at full scale, and how far values go."""
         self.watch.observe(moment)
+        for name, wanted in self._ranges.items():
+            layer = self._made.get(name)
+            if wanted == AUTO and layer is not None and layer.live:
+                self._made[name] = self._widened(layer, moment)
+
+    def _as_wished(self, layer: Layer) -> Layer:
+        """A layer in the unit and with the limits that were asked for."""
+        for unit in self._units:
+            if (factor := UNITS[unit].get(layer.unit.partition(",")[0])) is not None:
+                layer = in_unit(layer, unit, factor)
+        wanted = self._ranges.get(layer.name)
+        if wanted is None or layer.categories:
+            return layer
+        if wanted != AUTO:
+            return replace(layer, limits=wanted)
+        return self._widened(layer, None, layer.limits)
+
+    def _widened(
+        self, layer: Layer, moment: Moment | None, least: tuple[float, float] = (0.0, 1.0)
+    ) -> Layer:
+        """Limits that hold the values of a moment too; as they are where nothing is known."""
+        values = np.concatenate([layer.values(part, moment) for part in self.skins])
+        known = values[np.isfinite(values)]
+        low, high = self._seen.get(layer.name, (math.inf, -math.inf))
+        if len(known):
+            low, high = min(low, float(known.min())), max(high, float(known.max()))
+            self._seen[layer.name] = (low, high)
+        if not low < high:
+            low, high = least if not math.isfinite(low) else (low, low + 1.0)
+        return layer if layer.limits == (low, high) else replace(layer, limits=(low, high))
 
     def _check(self, part: str) -> None:
         if part not in self.skins:
@@ -248,6 +305,31 @@ class Layers:
         colours = (*CATEGORIES[:named], NONE)
         source = partial(self._fixed, table)
         return categories("patches", "patch", (*names, "none"), colours, source)
+
+
+def check_layer(name: str) -> str:
+    """A layer that exists.
+
+    Raises
+    ------
+    UnknownNameError
+    """
+    if name not in LAYERS:
+        raise UnknownNameError("layer", name, LAYERS)
+    return name
+
+
+def in_unit(layer: Layer, unit: str, factor: float) -> Layer:
+    """A layer whose values are told in another unit."""
+    low, high = layer.limits
+    _, comma, more = layer.unit.partition(",")
+    full = " of full scale" if unit == "%" else ""
+
+    def values(part: str, moment: Moment | None) -> FloatArray:
+        return factor * layer.values(part, moment)
+
+    limits = (factor * low, factor * high)
+    return replace(layer, unit=f"{unit}{full}{comma}{more}", limits=limits, source=values)
 
 
 def taxel_strain(skin: PreparedSkin) -> FloatArray:

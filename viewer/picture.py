@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +17,9 @@ from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.look import Look, new_scene
-from viewer.session import Session
-from viewer.show import LIVE_SIZE, Wanted, write_files
-from viewer.window import play
+from viewer.view_files import Wanted, write_files
+from viewer.view_options import Look, Session, new_scene
+from viewer.window import SIZE, play
 
 # What is written for a suffix.
 SUFFIXES: dict[str, Callable[[Path, float | None], Wanted]] = {
@@ -37,7 +38,9 @@ class _Given(Session):
 
     given: Iterable[Moment] = ()
 
-    def moments(self, seconds: float | None, *, start: float = 0.0) -> Iterator[Moment]:
+    def moments(
+        self, seconds: float | None, *, start: float = 0.0, name: bool = True
+    ) -> Iterator[Moment]:
         first = math.nan
         for moment in self.given:
             first = moment.time if math.isnan(first) else first
@@ -53,7 +56,7 @@ def show(
     parts: Sequence[str] | None = None,
     seconds: float | None = None,
     path: str | Path | None = None,
-) -> Path | None:
+) -> Any:
     """Show a robot's skin, its pressures and named touches.
 
     Parameters
@@ -73,8 +76,10 @@ def show(
 
     Returns
     -------
-    Path or None
-        The file; None after a window was closed.
+    Path, widget or None
+        The file; in a notebook without `moments` a widget, which also takes a skin, a flat map, a
+        recording's file or a source in place of a robot (`viewer.notebook.show`, with more
+        options); None after a window was closed.
 
     Raises
     ------
@@ -92,6 +97,10 @@ def show(
     >>> skinmap.show(robot, parts=["torso"], path="torso.png").name
     'torso.png'
     """
+    if path is None and moments is None and in_notebook():
+        from viewer.notebook import show as show_in_cell
+
+        return show_in_cell(robot, parts=parts)
     kind = None if path is None else _kind(Path(path))
     loaded = robot if isinstance(robot, Robot) else load_robot(robot)
     felt, known = _felt(moments)
@@ -100,11 +109,18 @@ def show(
     skins = {part: made.get(part) or PreparedSkin(loaded.skin(part)) for part in wanted}
     session = _Given(loaded, wanted, skins=skins, given=felt or [_at_rest(skins)])
     if path is None or kind is None:
-        scene = new_scene(session, Look(), size=LIVE_SIZE, off_screen=False)
+        scene = new_scene(session, Look(), size=SIZE, off_screen=False)
         play(scene, session.given, seconds=math.inf if seconds is None else seconds)
         return None
     write_files(session, Look(), SUFFIXES[kind](Path(path), seconds))
     return Path(path)
+
+
+def in_notebook() -> bool:
+    """Whether this runs in a notebook's kernel, and not in a terminal."""
+    shell = sys.modules.get("IPython")
+    found = None if shell is None else shell.get_ipython()
+    return found is not None and getattr(found, "kernel", None) is not None
 
 
 def _kind(path: Path) -> str:

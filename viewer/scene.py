@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skinmap.arrays import IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.output import staged_file
@@ -26,30 +27,29 @@ from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.display import require_opengl
-from viewer.drawing.body.bare_body import Links
-from viewer.drawing.body.body_view import GOOD_PX
 from viewer.drawing.body.posing import posed
 from viewer.drawing.frame.camera import View
-from viewer.drawing.frame.canvas import TURN_STEP, Canvas, Content
+from viewer.drawing.frame.canvas import TURN_STEP, Canvas, Drawing
 from viewer.drawing.frame.content_checks import (
     check_moment,
     check_part,
     check_taxels,
     check_touches,
 )
-from viewer.drawing.frame.framing import Mode
+from viewer.drawing.frame.framing import Framing
+from viewer.drawing.panel.flat_panel import FlatPanel
 from viewer.drawing.skin.lazy_maps import LazyMaps, SomeMaps
 from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
 from viewer.drawing.skin.taxel_drawing import check_style
-from viewer.drawing.touches.contour_cache import EVERY
+from viewer.drawing.touches.contact_courses import COURSES, ContactCourses
 from viewer.drawing.touches.traces import History
+from viewer.layer import Layer
 from viewer.layers import Layers
-from viewer.shown import Shown
 
 STILL_SAMPLES = 8  # per pixel, for stills only: too slow for live pictures
 
 
-class Scene(Shown):
+class Scene:
     """A robot to look at.
 
     Parameters
@@ -64,25 +64,38 @@ class Scene(Shown):
         Joint angles [rad]; the robot's natural pose by default.
     parts : iterable of str, optional
         Parts to show; all of `meshes` by default.
-    links : iterable of str, "all" or "skin", optional
-        Links to draw; all that have a mesh by default, "skin" for those under the parts shown.
-    window_size : (int, int)
-        Width and height [px].
-    off_screen : bool
-        Draw without a window.
-    camera : {"auto", "still", "free"}
-        Whether the camera turns by itself to show touches, keeps its view, or obeys the mouse.
     data : Layers, optional
         What the skin can show; made of meshes and flat maps by default.
     layer : str
         One of `viewer.layers.LAYERS`.
     style : {"surface", "discs"}
         A coloured surface with a dot for each taxel, or a coloured disc for each.
-    detail : float
-        Links are drawn with vertices so far apart [px], in a picture of the whole robot.
-    contour_rate : float
-        How often the contours of touches are found anew, at most [1/s]; with each sample by
-        default.
+    drawing
+        As `viewer.drawing.frame.canvas.Drawing` has them: links, window_size, off_screen, camera,
+        detail, contour_rate.
+
+    Attributes
+    ----------
+    layer : Layer
+        What the skin shows.
+    style : str
+        How: "surface" or "discs".
+    moment : Moment
+        What is shown now.
+    touches : tuple of NamedTouch
+        Those shown now.
+    selection : mapping of str to (k,) int
+        Selected taxels by part; parts without any are left out.
+    plot : str
+        What the panel plots.
+    canvas : Canvas
+        All that is drawn.
+    plotter : pyvista.Plotter
+        The window or picture that is drawn in.
+    panel : FlatPanel or None
+        Beside the body, where there are flat maps.
+    framing : Framing
+        The camera's behaviour.
 
     Raises
     ------
@@ -109,17 +122,13 @@ class Scene(Shown):
         *,
         angles: Mapping[str, float] | None = None,
         parts: Iterable[str] | None = None,
-        links: Links = None,
-        window_size: tuple[int, int] = (1400, 900),
-        off_screen: bool = True,
-        camera: Mode = "auto",
         data: Layers | None = None,
         layer: str = "pressure",
         style: str = "surface",
-        detail: float = GOOD_PX,
-        contour_rate: float = EVERY,
+        **drawing: Any,
     ) -> None:
-        require_opengl(window=not off_screen)
+        how = Drawing(**drawing)
+        require_opengl(window=not how.off_screen)
         self.robot = robot
         shown = tuple(meshes) if parts is None else tuple(parts)
         for part in shown:
@@ -131,15 +140,19 @@ class Scene(Shown):
         if data is None:
             data = Layers({p: PreparedSkin.of(meshes[p], flat_maps.get(p)) for p in shown})
         self.data = data
+        self.layer: Layer = data.get(layer)
+        self.style = check_style(style)
         sizes = {part: len(one.skin) for part, one in self.layers.items()}
-        at_rest = Moment(float("nan"), {part: np.zeros(n) for part, n in sizes.items()})
-        self.content = Content(robot.name, data, data.get(layer), check_style(style), at_rest)
-        self.history = History(sizes)
-        maps = SomeMaps(flat_maps, shown)
-        self.canvas = Canvas(
-            robot, self.layers, maps, self.poses, links, window_size, off_screen, camera,
-            detail=detail, contour_rate=contour_rate,
-        )  # fmt: skip
+        self.moment = Moment(float("nan"), {part: np.zeros(n) for part, n in sizes.items()})
+        self.touches: tuple[NamedTouch, ...] = ()
+        self.selection: Mapping[str, IntArray] = {}
+        self.title: str | None = None
+        self.history, self.courses = History(sizes), ContactCourses()
+        self.plot = "taxels"
+        self.canvas = Canvas(robot, self.layers, SomeMaps(flat_maps, shown), self.poses, how)
+        self.plotter = self.canvas.plotter
+        self.panel: FlatPanel | None = self.canvas.panel
+        self.framing: Framing = self.canvas.framing
 
     @classmethod
     def load(
@@ -173,6 +186,21 @@ class Scene(Shown):
         meshes = {part: skin.mesh for part, skin in skins.items()}
         return cls(loaded, meshes, LazyMaps(skins), data=data, **options)
 
+    @property
+    def angles(self) -> Mapping[str, float]:
+        """Joint angles shown now [rad]; joints not named stand in the robot's natural pose."""
+        return dict(self._angles)
+
+    @property
+    def font_px(self) -> int:
+        """Height of the letters [px]."""
+        return self.canvas.font_px
+
+    @property
+    def front(self) -> View:
+        """From where most of the skin is seen."""
+        return self.framing.front
+
     def show_moment(self, moment: Moment) -> None:
         """Show a moment: its pressures, touches and joint angles; parts not shown are left out.
 
@@ -189,11 +217,22 @@ class Scene(Shown):
         for part, pressures in moment.pressures.items():
             if part in self.layers:
                 self.layers[part].set_pressures(pressures)
-        self.content.moment, self.content.touches = moment, touches
+        self.moment, self.touches = moment, touches
         self.data.observe(moment)
+        self.layer = self.data.get(self.layer.name)
         self.history.add(moment.time, moment.pressures)
+        self.courses.add(moment)
         self.canvas.status.take(moment)
         self.canvas.changed = True
+
+    def follow(self, moment: Moment) -> None:
+        """Show a moment, with the flat map of the part that was touched last."""
+        self.show_moment(moment)
+        if self.panel is not None:
+            for touch in reversed(moment.touches):
+                if touch.part in self.panel.flat_maps:
+                    self.show_flat_map(touch.part)
+                    return
 
     def set_pressures(self, part: str, pressures: ArrayLike) -> None:
         """Take pressures (n,) of 0 to 255 counts for one part.
@@ -206,14 +245,14 @@ class Scene(Shown):
         layer = check_part(part, self.layers)
         layer.set_pressures(pressures)
         felt = {**self.moment.pressures, part: layer.pressures}
-        self.content.moment = replace(self.moment, pressures=felt)
+        self.moment = replace(self.moment, pressures=felt)
         self.canvas.changed = True
 
     def set_touches(self, touches: Iterable[NamedTouch]) -> None:
         """Outline and label these touches, and no others."""
         chosen = tuple(touches)
         check_touches(chosen, self.layers)
-        self.content.touches = chosen
+        self.touches = chosen
         self.canvas.changed = True
 
     def set_layer(self, name: str) -> None:
@@ -224,7 +263,20 @@ class Scene(Shown):
         UnknownNameError
             No such layer.
         """
-        self.content.layer = self.data.get(name)
+        self.layer = self.data.get(name)
+        self.canvas.changed = True
+
+    def set_plot(self, plot: str) -> None:
+        """Plot the chosen "taxels" in the panel, or "force", "area" or "speed" of the contacts.
+
+        Raises
+        ------
+        UnknownNameError
+            Another plot.
+        """
+        if plot not in ("taxels", *COURSES):
+            raise UnknownNameError("plot", plot, ("taxels", *COURSES))
+        self.plot = plot
         self.canvas.changed = True
 
     def set_style(self, style: str) -> None:
@@ -235,7 +287,7 @@ class Scene(Shown):
         UnknownNameError
             Another style.
         """
-        self.content.style = check_style(style)
+        self.style = check_style(style)
         self.canvas.changed = True
 
     def select(self, part: str, taxels: ArrayLike) -> None:
@@ -248,7 +300,7 @@ class Scene(Shown):
         """
         chosen = check_taxels(taxels, part, len(check_part(part, self.layers).skin))
         others = {name: rows for name, rows in self.selection.items() if name != part}
-        self.content.selection = {**others, part: chosen} if chosen.size else others
+        self.selection = {**others, part: chosen} if chosen.size else others
         self.canvas.changed = True
 
     def set_pose(self, angles: Mapping[str, float]) -> None:
@@ -273,7 +325,7 @@ class Scene(Shown):
 
     def set_title(self, text: str | None) -> None:
         """Replace the title; None brings back robot, taxels and touches."""
-        self.content.title = text
+        self.title = text
         self.canvas.changed = True
 
     def look(self, azimuth: float, elevation: float = 12.0) -> None:
@@ -284,18 +336,18 @@ class Scene(Shown):
         """Write a still of the scene, smoothed, turned to show its touches."""
         import imageio.v3 as iio
 
-        picture = self.canvas.draw(self.content, self.history, 360.0, samples=STILL_SAMPLES)
+        picture = self.canvas.draw(self, 360.0, samples=STILL_SAMPLES)
         with staged_file(Path(path)) as stage:
             iio.imwrite(stage, picture)
         return Path(path)
 
     def frame(self, step: float = TURN_STEP) -> NDArray[np.uint8]:
         """One picture (h, w, 3) of a movie: the camera turns `step` [deg] towards the touches."""
-        return self.canvas.draw(self.content, self.history, step)
+        return self.canvas.draw(self, step)
 
     def update(self, step: float = TURN_STEP) -> None:
         """Bring all that is drawn up to date; `step` [deg] limits the camera's turn."""
-        self.canvas.update(self.content, self.history, step)
+        self.canvas.update(self, step)
 
     def refresh(self, step: float = TURN_STEP) -> bool:
         """Bring the window up to date; False where nothing had to be drawn.

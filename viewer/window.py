@@ -10,14 +10,15 @@ from typing import Any
 
 from skinmap.live.moment import Moment
 from viewer.export.movie import MOVIE_FPS
-from viewer.filming import show
 from viewer.interaction.controls import Controls
 from viewer.interaction.events import Events
 from viewer.interaction.mouse import Pace
 from viewer.playing.frame_deadline import Punctual
 from viewer.playing.player import Player
 from viewer.scene import Scene
+from viewer.view_options import Look, Session, new_scene
 
+SIZE = (1024, 768)
 IDLE = 0.02  # longest wait for a sample before keys and mouse are looked at again [s]
 TURN = 60.0  # of the camera by itself [deg/s]
 LONGEST = 0.1  # between two pictures: after a rest the camera does not leap [s]
@@ -126,7 +127,7 @@ class Window:
 
     def _show(self, moment: Moment) -> None:
         if self.controls.following:
-            show(self.scene, moment)
+            self.scene.follow(moment)
         else:
             self.scene.show_moment(moment)
 
@@ -181,3 +182,22 @@ def play(scene: Scene, moments: Iterable[Moment], *, seconds: float = math.inf) 
     window = Window(scene, Player(moments))
     window.open()
     return run(window, seconds=seconds)
+
+
+def open_window(
+    session: Session, look: Look, *, seconds: float | None, view_file: Path | None
+) -> dict[str, Any]:
+    """Play the source in a window until it is closed."""
+    loop = session.live()
+    try:
+        scene = new_scene(session, look, size=SIZE, off_screen=False)
+        player = Player(loop)
+        player.speed = session.speed
+        window = Window(scene, player, view_file=view_file)
+        window.open()
+        if session.model is None:
+            session.train(loop, window.controls.say)
+        drawn = run(window, seconds=math.inf if seconds is None else seconds)
+    finally:
+        loop.close()
+    return {"robot": session.robot.name, "parts": list(session.parts), "drawn": drawn}

@@ -131,12 +131,18 @@ def command(
         recorded = RecordingTap(
             origin, recorder, patience=patience, seconds=seconds, one_by_one=named
         )
-        with _stopped_politely(), closing(recorder), suppress(KeyboardInterrupt):
-            if named:
-                _follow(TouchLoop(loaded, recorded, classifier=classifier), recorder, label)
-            else:
-                for _ in blocks(recorded):
-                    pass
+        try:
+            with _stopped_politely(), closing(recorder), suppress(KeyboardInterrupt):
+                if named:
+                    _follow(TouchLoop(loaded, recorded, classifier=classifier), recorder, label)
+                else:
+                    for _ in blocks(recorded):
+                        pass
+        except Exception:
+            for file in recorder.files:
+                if file.exists():
+                    click.echo(f"written until then: {file}", err=True)
+            raise
     finally:
         origin.close()
     result = RecordResult(

@@ -30,7 +30,7 @@ from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.feed import STALE, Feed
 from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import Seekable, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Seekable, Source, SourceEnded, StreamInfo, is_live
 from skinmap.skin.robot import Robot
 from skinmap.summary import Summary, listed
 from skinmap.touch.grouping import RULE, GroupingRule
@@ -38,7 +38,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 
 PACE = 100.0  # labels a second for each part at most
 MOST = 64  # samples that one step works on
-NAMED = 10  # of them at most from one naming to the next: who comes late still gets labels
+NAMED = 10  # live ones at most from one naming to the next: who comes late still gets labels
 logger = logging.getLogger(__name__)
 
 
@@ -64,6 +64,8 @@ class TouchLoop(Summary):
         Labels a second for each part at most.
     reopen : callable, optional
         Opens the source again where it died for good.
+    singly : bool
+        A moment for every sample; otherwise only of sources that play as fast as they are asked.
 
     Attributes
     ----------
@@ -107,7 +109,9 @@ class TouchLoop(Summary):
         rule: GroupingRule = RULE,
         pace: float = PACE,
         reopen: Callable[[], Source] | None = None,
+        singly: bool = False,
     ) -> None:
+        self._singly = singly
         self.robot, self.counts = robot, Counts()
         self.feed = Feed(robot, source, self.counts, reopen)
         info = self.info
@@ -240,6 +244,11 @@ class TouchLoop(Summary):
         self.source.close()
 
     @property
+    def live(self) -> bool:
+        """Whether the source is live: what is done with a sample may then depend on the clock."""
+        return is_live(self.source)
+
+    @property
     def plays_ahead(self) -> bool:
         """Whether the source plays as fast as it is asked: then no sample is passed over."""
         return bool(np.isinf(self.source.speed))
@@ -247,7 +256,7 @@ class TouchLoop(Summary):
     def _next_run(self) -> tuple[bool, FloatArray, NDArray[Any]]:
         """Samples that one step works on: a few at once, one where none is to be passed over."""
         anew, times, values = self._runs.popleft()
-        most = 1 if self.plays_ahead else MOST
+        most = 1 if self._singly or self.plays_ahead else MOST
         if len(times) > most:
             self._runs.appendleft((False, times[most:], values[most:]))
         return anew, times[:most], values[:most]
@@ -258,15 +267,17 @@ class TouchLoop(Summary):
             self._begin_anew()
         dense = values if self._all else values[:, self._gather]
         pressures, forces = self._responses.apply(dense)
-        last = len(times) - 1
+        live, last = self.live, len(times) - 1
         for row, now in enumerate(times.tolist()):
             self._tracker.update(now, pressures[row], None if forces is None else forces[row])
             tracks = self._tracker.tracks
             if self._namer is not None:
                 self._namer.push(now, pressures[row], tracks)
             self._keep_book()
-            if self._namer is not None and tracks and (row == last or row % NAMED == NAMED - 1):
-                self._namer.name(now, tracks, hurry=not self.plays_ahead)
+            # Which samples come together is the clock's doing: only live ones are named by that.
+            due = not live or row == last or row % NAMED == NAMED - 1
+            if self._namer is not None and tracks and due:
+                self._namer.name(now, tracks, live=live, speed=self.source.speed)
                 self._keep_book()
         self.counts.used += len(times)
         self._last = (float(times[-1]), pressures[-1], dense[-1])

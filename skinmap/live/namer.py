@@ -96,19 +96,31 @@ class Namer:
         self._slot = -np.inf
         self.labels.clear()
 
-    def name(self, time: float, tracks: Sequence[Track], *, hurry: bool = True) -> None:
+    def name(
+        self, time: float, tracks: Sequence[Track], *, live: bool = True, speed: float = 1.0
+    ) -> None:
         """Name the touches on the parts whose turn it is; `labels` and `Track.touch` change.
 
-        In a `hurry`, samples come as they like: naming takes no more than its share of the clock's
-        time, one part after the other. Else each sample has its names, however long it takes.
+        Parameters
+        ----------
+        time : float
+            Of the newest sample, in the source's clock [s].
+        tracks : sequence of Track
+        live : bool
+            Samples do not wait: naming takes no more than its share of this machine's time, one
+            part after the other. Else the source's clock alone says when a part is named.
+        speed : float
+            How many times quicker than recorded samples come: of quick ones fewer are named, the
+            same ones in each run.
         """
+        pause = self._pause * (speed if 1.0 < speed < np.inf else 1.0)
         present = [track for track in tracks if len(track.taxels)]
         parts = sorted({track.part for track in present}, key=lambda one: float(self._done[one]))
         for part in parts:
-            if time - self._done[part] < self._pause:
+            if time - self._done[part] < pause:
                 continue
             started = clock.perf_counter()
-            if hurry and started < self._rests:
+            if live and started < self._rests:
                 break
             self._done[part] = time
             self._name_part(time, part, [track for track in present if track.part == part])

@@ -3,11 +3,15 @@ import pytest
 
 from skinmap.touch.gestures import GESTURES
 from viewer.colours import (
+    BACKGROUND,
     BODY,
     CATEGORIES,
     CLASS_COLOURS,
     DISTORTION_STOPS,
+    FAINT,
     HEALTH,
+    NONE,
+    PANEL,
     RARER,
     RAW_STOPS,
     TOUCHED,
@@ -75,7 +79,7 @@ def test_lightness_of_each_layer_goes_one_way(stops):
 @pytest.mark.parametrize(
     ("colours", "least"),
     [
-        ([*CATEGORIES, RARER], 0.17),  # nine of them: the search found no set further apart
+        ([*CATEGORIES, RARER, NONE], 0.35),
         (list(HEALTH.values()), 0.3),
         ([TOUCHED, UNTOUCHED], 0.3),
         ([*TRACES], 0.17),
@@ -86,6 +90,24 @@ def test_categories_stay_apart_for_colour_blind_eyes(colours, least, kind):
     views = seen(np.array([rgb(colour) for colour in colours]), kind) ** (1 / 2.2)
     distance = np.linalg.norm(views[:, None] - views[None], axis=2)
     assert distance[~np.eye(len(views), dtype=bool)].min() > least
+
+
+def test_structures_stay_apart_in_tritan_vision():
+    """Machado, Oliveira and Fernandes, IEEE TVCG 15(6), 2009: tritanopia, linear RGB."""
+    tritan = [[1.2555, -0.0767, -0.1788], [-0.0784, 0.9308, 0.1476], [0.0047, 0.6914, 0.3039]]
+    for colours, apart in ((CATEGORIES, True), (("#f4e9a0", "#f2f230"), False)):
+        linear = np.array([rgb(colour) for colour in colours]) ** 2.2
+        views = np.clip(linear @ np.array(tritan).T, 0, 1) ** (1 / 2.2)
+        distance = np.linalg.norm(views[:, None] - views[None], axis=2)
+        least = distance[~np.eye(len(views), dtype=bool)].min()
+        assert (least > 0.35) == apart
+
+
+def test_grey_letters_can_be_read():
+    """WCAG 2.1: 4.5 for small letters."""
+    for ground in (BACKGROUND, PANEL):
+        light = luminance(np.array([rgb(FAINT), rgb(ground)]))
+        assert (light.max() + 0.05) / (light.min() + 0.05) > 4.5
 
 
 def test_letters_on_a_label_can_be_read():

@@ -26,7 +26,12 @@ HEAD = re.compile(r"<link rel=.*</script>\n", re.S)  # files that the served pag
 
 
 def write_html(
-    scene: Scene, path: Path, *, moments: Sequence[Moment] = (), now: int | None = None
+    scene: Scene,
+    path: Path,
+    *,
+    moments: Sequence[Moment] = (),
+    now: int | None = None,
+    size: tuple[int, int] | None = None,
 ) -> Path:
     """Write what a scene shows now, with all layers to choose from.
 
@@ -38,6 +43,8 @@ def write_html(
         To be played in the page; only what is shown now by default.
     now : int, optional
         Which of them is shown first; the last by default.
+    size : (int, int), optional
+        Width and height of the robot's picture [px]; as large as the page by default.
 
     Raises
     ------
@@ -53,6 +60,7 @@ def write_html(
         now=first,
         layer=scene.layer.name,
         style=scene.style,
+        size=size,
     )
     with staged_file(path) as stage:
         stage.write_text(page(web.packed, reel, scene.robot.name), encoding="utf-8")
@@ -63,17 +71,23 @@ def web_scene(scene: Scene) -> WebScene:
     """What the page draws of a scene: the same parts and links, in the same pose."""
     skins = {part: scene.data.skins[part] for part in scene.layers}
     return make_scene(
-        scene.robot, skins, angles=scene.angles, links=scene.canvas.body.links, cell=CELL
+        scene.robot,
+        skins,
+        angles=scene.angles,
+        links=scene.canvas.body.links,
+        cell=CELL,
+        health=scene.data.watch,
     )
 
 
-def page(scene: bytes, reel: bytes, title: str) -> str:
+def page(scene: bytes, reel: bytes | None, title: str) -> str:
     """The page's file: its own text with scripts, style and data in it.
 
     Parameters
     ----------
     scene, reel : bytes
-        As `make_scene` and `pack_reel` pack them.
+        As `make_scene` and `pack_reel` pack them; without a reel, what is shown comes from the page
+        around this one.
     title : str
         Of the page until it has read the scene.
     """
@@ -88,6 +102,7 @@ def page(scene: bytes, reel: bytes, title: str) -> str:
     data = "".join(
         f'<script type="text/plain" id="{name}">{_text(message)}</script>\n'
         for name, message in (("scene", scene), ("reel", reel))
+        if message is not None
     )
     text, count = HEAD.subn("", page_text(""))
     if count != 1:

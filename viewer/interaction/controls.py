@@ -8,6 +8,7 @@ from pathlib import Path
 
 from skinmap.errors import SkinError
 from viewer.drawing.frame.canvas import FOOT
+from viewer.drawing.touches.contact_courses import COURSES
 from viewer.interaction.boxes import Notice, TextBox
 from viewer.interaction.files import Files
 from viewer.interaction.keys import help_lines, key_for
@@ -61,6 +62,8 @@ class Controls:
         self.slider = Slider(body, scene.font_px)
         self.notice = Notice(body, scene.font_px)
         self._help = TextBox(body, round(SMALL * scene.font_px), mono=True)
+        self._told: tuple[int, int] = (-1, 0)
+        self._marks: tuple[tuple[float, float, str], ...] = ()
         self._size = (scene.font_px, *body.GetSize())
         scene.canvas.reserve(ROOM)
 
@@ -94,6 +97,13 @@ class Controls:
         else:
             self._help.tell(help_lines())
 
+    def put_away(self) -> None:
+        """Close what lies over the picture: the help, else the box at a taxel, else a notice."""
+        if self._help.shown:
+            self._help.hide()
+        elif not self.pointing.put_away():
+            self.notice.hide()
+
     def say(self, text: str) -> None:
         """Show a short line for some seconds."""
         self.notice.say(text)
@@ -117,7 +127,7 @@ class Controls:
     def jump(self, seconds: float) -> None:
         """Go so many seconds on."""
         if not self.player.seek(max(0.0, self.player.position + seconds)):
-            self.say("a live source cannot be led through time")
+            self.say("nothing is remembered yet")
 
     def change_speed(self, factor: float) -> None:
         """Play quicker or slower."""
@@ -149,6 +159,13 @@ class Controls:
         part = parts[(parts.index(self.scene.panel.part) + 1) % len(parts)]
         self.scene.show_flat_map(part)
         self.following = False
+
+    def next_plot(self) -> None:
+        """Plot the chosen taxels, or force, area or speed of the contacts."""
+        names = ("taxels", *COURSES)
+        plot = names[(names.index(self.scene.plot) + 1) % len(names)]
+        self.scene.set_plot(plot)
+        self.say(f"plot: {plot if plot != 'taxels' else 'chosen taxels'}")
 
     # The camera.
 
@@ -249,9 +266,21 @@ class Controls:
         self._fit()
         self.changed |= self.pointing.tick(self.player.moment)
         self.changed |= self.notice.over()
-        self.slider.show(self.player.position, self.player.duration, self.state())
+        player = self.player
+        spans = self._spans()
+        self.slider.show(
+            player.position, player.span, self.state(), spans, live=not player.seekable
+        )
         changed, self.changed = self.changed, False
         return changed
+
+    def _spans(self) -> tuple[tuple[float, float, str], ...]:
+        """Touches on the slider, asked for when there are others."""
+        version = (self.player.timeline.version, round(self.player.span[0]))
+        if version != self._told:
+            self._told = version
+            self._marks = tuple((a, b, tint) for a, b, tint, _ in self.player.spans())  # type: ignore[misc]
+        return self._marks
 
     def _fit(self) -> None:
         """Follow a window of another size."""

@@ -51,6 +51,7 @@ KEYS = (
     Key((), "", ", ".join(LAYERS[4:]), ""),
     Key(("d",), "d", "discs or surface", "toggle_style"),
     Key(("Tab",), "tab", "flat map of the next part", "next_map"),
+    Key(("k",), "k", "plot taxels, force, area, speed", "next_plot"),
     Key(("m",), "m p c", "choose module, patch; clear", "choose_module"),
     Key(("p",), "", "", "choose_patch"),
     Key(("c",), "", "", "clear"),
@@ -69,7 +70,8 @@ KEYS = (
     Key(("x",), "x e", "export glTF, HTML page", "files.export_gltf"),
     Key(("e",), "", "", "files.export_html"),
     Key(("h", "question"), "h", "this help", "toggle_help"),
-    Key(("q", "Escape"), "q", "close", "close"),
+    Key(("Escape",), "esc", "close help and box", "put_away"),
+    Key(("q",), "q", "close the window", "close"),
 )
 MOUSE = (
     ("drag", "turn (left), move (middle)"),

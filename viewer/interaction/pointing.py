@@ -114,6 +114,12 @@ class Pointing:
         """Look at once where the mouse is, whenever that was done last."""
         self._pace.reset()
 
+    def put_away(self) -> bool:
+        """Hide the box at a taxel; whether there was one."""
+        shown = any(box.shown for box in self._boxes.values())
+        self.leave()
+        return shown
+
     def leave(self) -> None:
         """The mouse has left: nothing is pointed at."""
         self._mouse = None

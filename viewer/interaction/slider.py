@@ -22,6 +22,9 @@ ROOM = 3.2  # what the slider needs at the foot of the picture, in letters
 NOTE = 0.85  # height of its text, in letters
 CORNERS = 20
 
+SPAN = 3.2  # of touches above the bar, in halves of its height
+Spans = tuple[tuple[float, float, str], ...]  # from, to [s] and colour
+
 
 class Slider:
     """A bar from 0 to a duration, drawn in front of a renderer's picture.
@@ -35,7 +38,8 @@ class Slider:
 
     def __init__(self, renderer: vtkRenderer, font_px: int) -> None:
         self.renderer, self.font_px = renderer, font_px
-        self.position, self.duration = 0.0, math.nan
+        self.position, self.span = 0.0, (0.0, math.nan)
+        self._touches: Spans = ()
         self._drawn: tuple[object, ...] = ()
         self._mapper = vtkPolyDataMapper2D()
         self._mapper.SetScalarModeToUseCellData()
@@ -60,7 +64,8 @@ class Slider:
     @property
     def shown(self) -> bool:
         """Whether there is anything to slide through."""
-        return math.isfinite(self.duration) and self.duration > 0
+        low, high = self.span
+        return math.isfinite(high) and high > low
 
     @property
     def bar(self) -> tuple[float, float, float]:
@@ -79,26 +84,44 @@ class Slider:
         """The time that a pixel of the window stands for [s], within the recording."""
         left, right, _ = self.bar
         share = min(max((x - left) / (right - left), 0.0), 1.0)
-        return share * self.duration if self.shown else 0.0
+        low, high = self.span
+        return low + share * (high - low) if self.shown else 0.0
 
     def place(self, seconds: float) -> tuple[float, float]:
         """Pixel of the window where the handle stands at a time [s]."""
         left, right, middle = self.bar
-        share = min(max(seconds / self.duration, 0.0), 1.0) if self.shown else 0.0
+        low, high = self.span
+        share = min(max((seconds - low) / (high - low), 0.0), 1.0) if self.shown else 0.0
         return left + share * (right - left), middle
 
-    def show(self, position: float, duration: float, note: str) -> None:
-        """Draw the bar with its handle at a position [s], and a note above; none without end."""
-        self.position, self.duration = position, duration
-        state = (round(position, 3), duration, note, self.renderer.GetSize())
+    def show(
+        self,
+        position: float,
+        span: tuple[float, float],
+        note: str,
+        touches: Spans = (),
+        *,
+        live: bool = False,
+    ) -> None:
+        """Draw the bar from one time to another [s], its handle, touches on it, and a note above.
+
+        Of what is live, the time is told from its newest sample backwards.
+        """
+        self.position, self.span, self._touches = position, span, touches
+        if live:  # the bar moves on with each sample: no picture is drawn for that alone
+            clock = "" if note == "" else f"{position - span[1]:.1f} s"
+            ends = (float(round(span[0])), float(round(span[1])))
+        else:
+            clock, ends = f"{position:.2f} / {span[1]:.2f} s", span
+        state = (round(position, 1 if live else 3), ends, note, touches, self.renderer.GetSize())
         if state == self._drawn:
             return
         self._drawn = state
         self.actor.SetVisibility(self.shown)
         rise = (2.6 if self.shown else 1.6) * self.font_px
         self._text.actor.SetPosition(LEFT, rise / self.renderer.GetSize()[1])
-        clock = f"{position:.2f} / {duration:.2f} s" if self.shown else ""
-        self._text.write("   ".join(text for text in (clock, note) if text))
+        told = (clock if self.shown else "", note)
+        self._text.write("   ".join(text for text in told if text))
         if self.shown:
             self._mapper.SetInputData(self._picture())
 
@@ -108,12 +131,14 @@ class Slider:
         left, right, middle = left - x0, right - x0, middle - y0
         x = self.place(self.position)[0] - x0
         half = THICK * self.font_px / 2
-        shapes = [
-            _rectangle(left, right, middle, half),
-            _rectangle(left, x, middle, half),
-            _disc(x, middle, HANDLE * self.font_px),
-        ]
-        colours = [RIM, FAINT, INK]
+        shapes = [_rectangle(left, right, middle, half), _rectangle(left, x, middle, half)]
+        colours = [RIM, FAINT]
+        for began, ended, colour in self._touches:
+            a, b = (self.place(time)[0] - x0 for time in (began, ended))
+            shapes.append(_rectangle(a, max(b, a + 2.0), middle + SPAN * half, half))
+            colours.append(colour)
+        shapes.append(_disc(x, middle, HANDLE * self.font_px))
+        colours.append(INK)
         points = np.concatenate(shapes)
         faces = np.arange(len(points)).reshape(-1, CORNERS)
         mesh = make_mesh(np.column_stack([points, np.zeros(len(points))]), faces)

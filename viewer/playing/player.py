@@ -21,6 +21,7 @@ from skinmap.live.sources.source import SourceEnded
 from viewer.playing.latest_moment import Outlet
 from viewer.playing.playable import Feed, feed_of
 from viewer.playing.rewind import History, Past
+from viewer.playing.timeline import Timeline
 from viewer.playing.worker import Worker
 
 WAIT = 0.1  # longest wait of the thread before it looks for wishes again [s]
@@ -56,6 +57,7 @@ class Player:
         self._news = self._outlet.news  # guards all below
         self._history = History()
         self._past = Past()
+        self.timeline = Timeline()
         self._origin = math.nan  # time of the recording's beginning, in the moments' clock [s]
         self._paused = paused
         self._speed = 1.0
@@ -119,6 +121,11 @@ class Player:
     # Where it stands.
 
     @property
+    def halts(self) -> bool:
+        """Whether what is played waits while it is paused: a recording."""
+        return self._feed.halts
+
+    @property
     def seekable(self) -> bool:
         """Whether it can be led through time: a recording."""
         return self._feed.seekable
@@ -134,6 +141,27 @@ class Player:
         if self._asked is not None:
             return max(0.0, self._asked - self._start)
         return 0.0 if self.moment is None else max(0.0, self.moment.time - self._start)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """From when to when it can be led [s], as `position` counts; both 0 before anything came.
+
+        The whole of a recording; of what is live, what is remembered of it.
+        """
+        if self.seekable:
+            return 0.0, self.duration
+        with self._news:
+            first, last = self._history.oldest, self._history.newest
+        if first is None or last is None:
+            return 0.0, 0.0
+        return first.time - self._start, last.time - self._start
+
+    def spans(self) -> list[list[object]]:
+        """Touches that were seen, as the pages get them: of what is live those of `span`."""
+        with self._news:
+            found = self.timeline.spans()
+        first = self.span[0]
+        return [s.to_json(self._start) for s in found if s.ended - self._start >= first]
 
     @property
     def ended(self) -> bool:
@@ -163,7 +191,7 @@ class Player:
     def play(self) -> None:
         """Go on: a live source with its newest sample, a recording from where it stands."""
         with self._news:
-            if not self._paused:
+            if not (self._paused or self._ended):
                 return
             self._paused = False
             if self.seekable and self.moment is not None:
@@ -177,8 +205,8 @@ class Player:
         self._wake.set()
 
     def toggle(self) -> None:
-        """Pause or go on."""
-        (self.play if self._paused else self.pause)()
+        """Pause or go on; at its end a recording begins again."""
+        (self.play if self._paused or (self._ended and self.seekable) else self.pause)()
 
     def step(self, count: int) -> bool:
         """Halt, and show `count` samples later (negative: earlier)."""
@@ -197,9 +225,19 @@ class Player:
         return True
 
     def seek(self, seconds: float) -> bool:
-        """Go to so many seconds from the recording's beginning, playing or halted."""
+        """Go to so many seconds from the beginning: of a recording, playing or halted.
+
+        What is live is halted, and shown as far back as it is remembered.
+        """
         if not math.isfinite(seconds):
             raise InvalidArrayError(f"seconds to go to must be a number, got {seconds}")
+        if not self.seekable and not self._feed.halts:
+            self.pause()
+            with self._news:
+                if (moment := self._past.at(self._start + seconds)) is None:
+                    return False
+                self._outlet.show(moment)
+            return True
         with self._news:
             inside = min(max(seconds, 0.0), self.duration)
             return self._ask(self._start + inside)
@@ -293,6 +331,7 @@ class Player:
             if self._until is not None:
                 if moment.time < self._until - self._feed.period / 2:
                     self._history.add(moment)
+                    self.timeline.see(moment)
                     return
                 self._until = None
             elif self._paused and self._feed.halts:
@@ -300,6 +339,7 @@ class Player:
                     return
                 self._more -= 1
             self._history.add(moment)
+            self.timeline.see(moment)
             if self._paused and not self._feed.halts and self.moment is not None:
                 return
             self._land(moment)

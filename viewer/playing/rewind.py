@@ -1,17 +1,24 @@
-"""What was seen lately: moments to step back through, in bounded memory."""
+"""What was seen lately: moments to step and slide back through, in bounded memory."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from skinmap.live.moment import Moment
 
-MEMORY = 8_000_000  # bytes: 5 s of the whole iCub's raw values and pressures at 50 Hz
-LENGTH = 500  # moments, however small they are
+MINUTE = 60.0  # that is remembered [s]
+MEMORY = 64_000_000  # bytes at most: a minute of the whole iCub at 50 Hz, in float32
+LENGTH = 6000  # moments, however small they are
 
 
 class History:
-    """The last moments, oldest first."""
+    """The last moments, oldest first, in as few bytes as their numbers need."""
 
     def __init__(self) -> None:
         self._moments: deque[Moment] = deque()
@@ -25,15 +32,25 @@ class History:
         """What came last."""
         return self._moments[-1] if self._moments else None
 
+    @property
+    def oldest(self) -> Moment | None:
+        """What came first of what is remembered."""
+        return self._moments[0] if self._moments else None
+
     def moments(self) -> tuple[Moment, ...]:
         """All that is remembered, oldest first."""
         return tuple(self._moments)
 
     def add(self, moment: Moment) -> None:
         """Remember a moment, and forget the oldest where it gets too much."""
-        self._moments.append(moment)
-        self._bytes += size(moment)
-        while len(self._moments) > LENGTH or (self._bytes > MEMORY and len(self._moments) > 2):
+        kept = replace(moment, pressures=small(moment.pressures), raw=small(moment.raw))
+        self._moments.append(kept)
+        self._bytes += size(kept)
+        while len(self._moments) > 2 and (
+            len(self._moments) > LENGTH
+            or self._bytes > MEMORY
+            or kept.time - self._moments[0].time > MINUTE
+        ):
             self._bytes -= size(self._moments.popleft())
 
     def clear(self) -> None:
@@ -67,6 +84,29 @@ class Past:
             return None
         self._cursor = goal
         return self._moments[goal]
+
+    def at(self, time: float) -> Moment | None:
+        """The moment nearest to a time [s]; None where nothing is remembered."""
+        if not self._moments:
+            return None
+        self._cursor = min(
+            range(len(self._moments)), key=lambda k: abs(self._moments[k].time - time)
+        )
+        return self._moments[self._cursor]
+
+
+def small(values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Arrays as bytes where they hold whole counts, else in single precision."""
+    found = {}
+    for part, array in values.items():
+        own = np.asarray(array)
+        if own.dtype == np.uint8:
+            found[part] = own
+            continue
+        with np.errstate(invalid="ignore"):
+            counts = own.astype(np.uint8)
+        found[part] = counts if np.array_equal(counts, own) else own.astype(np.float32)
+    return found
 
 
 def size(moment: Moment) -> int:

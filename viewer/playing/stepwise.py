@@ -1,4 +1,4 @@
-"""Sources that give sample after sample, so that none is passed over where each one counts."""
+"""A recording that can be led to the very sample."""
 
 from __future__ import annotations
 
@@ -7,39 +7,7 @@ import math
 from skinmap.live.sources.source import Block, Relay, Seekable, Source
 
 
-class OneByOne(Relay):
-    """A source whose blocks hold one sample each: for movies, which show them all.
-
-    Parameters
-    ----------
-    source : Source
-    """
-
-    def __init__(self, source: Source) -> None:
-        super().__init__(source)
-        self._open: Block | None = None
-        self._row = 0
-
-    @property
-    def splits(self) -> bool:
-        """Whether blocks are taken apart now."""
-        return True
-
-    def read(self, timeout: float) -> Block | None:
-        """The next sample, or the next block where nobody asks for single ones."""
-        if self._open is None:
-            block = self.source.read(timeout)
-            if block is None or len(block) <= 1 or not self.splits:
-                return block
-            self._open, self._row = block, 0
-        block, row = self._open, self._row
-        self._row += 1
-        if self._row == len(block):
-            self._open = None
-        return Block(block.times[row : row + 1], block.values[row : row + 1], block.arrived)
-
-
-class Stepwise(OneByOne, Seekable):
+class Stepwise(Relay, Seekable):
     """A recording that gives single samples while it is hurried: a `Seekable`.
 
     What a player seeks for, or steps to, is then met to the sample.
@@ -52,12 +20,9 @@ class Stepwise(OneByOne, Seekable):
     def __init__(self, recording: Seekable) -> None:
         super().__init__(recording)
         self._recording = recording
+        self._open: Block | None = None  # what was read ahead, and its next row
+        self._row = 0
         self._origin = math.nan  # of its times, where its position is 0 [s]
-
-    @property
-    def splits(self) -> bool:
-        """While the speed is infinite."""
-        return math.isinf(self._recording.speed)
 
     @property
     def speed(self) -> float:
@@ -95,11 +60,19 @@ class Stepwise(OneByOne, Seekable):
 
     def read(self, timeout: float) -> Block | None:
         """The next sample while hurried, else all that is due."""
-        before = self._recording.position
-        block = super().read(timeout)
-        if block is not None and math.isnan(self._origin):
-            self._origin = float(block.times[0]) - before
-        return block
+        if self._open is None:
+            before = self._recording.position
+            block = self._recording.read(timeout)
+            if block is not None and math.isnan(self._origin):
+                self._origin = float(block.times[0]) - before
+            if block is None or len(block) <= 1 or not math.isinf(self.speed):
+                return block
+            self._open, self._row = block, 0
+        block, row = self._open, self._row
+        self._row += 1
+        if self._row == len(block):
+            self._open = None
+        return Block(block.times[row : row + 1], block.values[row : row + 1], block.arrived)
 
     def seek(self, seconds: float) -> None:
         """Go on from there."""

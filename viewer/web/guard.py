@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+import re
 import secrets
 import socket
 from collections.abc import Mapping, Sequence
@@ -16,8 +17,11 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from urllib.parse import urlsplit
 
+from skinmap.errors import InvalidArrayError
+
 LOOPBACK = "127.0.0.1"
 TOKEN_BYTES = 24  # 192 random bits: not to be guessed
+TOKEN = re.compile(r"[A-Za-z0-9_-]{16,128}")
 LIVE = "live"  # where the page's WebSocket connects
 
 
@@ -32,6 +36,20 @@ class Refusal:
 def new_token() -> str:
     """A random word for the address."""
     return secrets.token_urlsafe(TOKEN_BYTES)
+
+
+def check_token(token: str) -> str:
+    """A word that may stand in the address and is not to be guessed.
+
+    Raises
+    ------
+    InvalidArrayError
+    """
+    if not TOKEN.fullmatch(token):
+        raise InvalidArrayError(
+            f"a token has 16 to 128 letters, digits, '-' or '_', got {len(token)} characters"
+        )
+    return token
 
 
 def is_loopback(host: str) -> bool:

@@ -25,6 +25,15 @@ if TYPE_CHECKING:
 
 AHEAD = 2  # samples on their way to a page that it has not drawn yet
 UNFIT = ("short", "long", "refused")  # counts of samples that do not fit the skin
+LED = {
+    "play": "went on",
+    "pause": "paused",
+    "step": "went a sample on or back",
+    "seek": "went to another time",
+    "speed": "changed the speed",
+    "loop": "changed the loop",
+}
+SPANS = 0.5  # between two letters with the touches on the time line [s]
 WAIT = 0.1  # how long the player is waited for before it is asked for its state [s]
 
 
@@ -46,6 +55,8 @@ class Client:
         Number of the newest sample it was sent.
     wake : asyncio.Event
         There is something to send.
+    making : asyncio.Task or None
+        Makes the layer that is wanted: one at a time, however often a page asks.
     letters : dict of str to str
         Messages that wait, the newest of each kind: a page that asks and never reads fills nothing.
     """
@@ -58,6 +69,7 @@ class Client:
     told: int = -1
     wake: asyncio.Event = field(default_factory=asyncio.Event)
     letters: dict[str, str] = field(default_factory=dict)
+    making: asyncio.Task[None] | None = None
 
     def tell(self, message: dict[str, Any]) -> None:
         """Send a message that is no sample soon; it takes the place of one of its kind."""
@@ -78,6 +90,8 @@ class Hub:
         Layer, style and saved view that a page shows first.
     counts : callable, optional
         Counts of the source's samples (`skinmap.live.sources.sample_counts.Counts`).
+    waits : bool
+        The player is paused until the first page comes.
     """
 
     def __init__(
@@ -87,6 +101,8 @@ class Hub:
         layers: Layers,
         first: Mapping[str, Any],
         counts: Callable[[], Mapping[str, int]] | None = None,
+        *,
+        waits: bool = False,
     ) -> None:
         self.scene, self.player, self.layers = scene, player, layers
         self.first, self._counts = first, counts
@@ -98,8 +114,9 @@ class Hub:
         self._moment: Moment | None = None
         self._number = 0
         self._state: dict[str, Any] = {}
+        self._waits = waits
+        self._told_spans, self._next_spans = -1, 0.0
         self._structures: asyncio.Task[Layer] | None = None  # that finds them
-        self._making: set[asyncio.Task[None]] = set()  # layers, in threads
         self._written: dict[str, bytes] = {}  # samples of now, by layer
         self._wishes: dict[str, Callable[[Client, dict[str, Any]], None]] = {
             "drawn": self._drawn,
@@ -124,6 +141,7 @@ class Hub:
                 self._number += 1
                 self._written.clear()
             self._tell_state()
+            self._tell_spans()
             if changed:
                 for client in self.clients:
                     client.wake.set()
@@ -134,7 +152,11 @@ class Hub:
             for part, skin in self.scene.skins.items():
                 if part in moment.pressures:
                     check_values(moment.pressures[part], len(skin), part)
+            before = {client.layer: self.layers.get(client.layer) for client in self.clients}
             self.layers.observe(moment)
+            for client in self.clients:  # limits that are found from the data have grown
+                if (now := self.layers.get(client.layer)) is not before[client.layer]:
+                    client.tell(layer_message(now))
         except SkinError as error:
             for client in self.clients:
                 client.tell({"kind": "problem", "text": str(error)})
@@ -144,10 +166,15 @@ class Hub:
     async def talk(self, connection: ServerConnection) -> None:
         """Serve one page until it goes."""
         client = Client(self.first["layer"])
-        client.tell({"kind": "hello", "layers": list(LAYERS), **self.first})
+        about = {"layers": list(LAYERS), "scene": self.scene.name, **self.first}
+        client.tell({"kind": "hello", **about})
         client.tell(layer_message(self.layers.get(client.layer)))
         client.tell({"kind": "state", **self.state()})
+        client.tell({"kind": "spans", "spans": self.player.spans()})
         self.clients.add(client)
+        if self._waits:  # a recording begins when there is somebody to see it
+            self._waits = False
+            self.player.play()
         tasks = [
             asyncio.create_task(self._send(connection, client)),
             asyncio.create_task(self._listen(connection, client)),
@@ -158,6 +185,8 @@ class Hub:
                 task.result()
         finally:
             self.clients.discard(client)
+            if client.making is not None:
+                tasks.append(client.making)
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
@@ -184,8 +213,8 @@ class Hub:
         if layer not in self._written:
             started = time.thread_time()
             about = {"number": self._number, **self.state()}
-            felt = self.layers.get("pressure")
-            made = self._writer.write(self._moment, self.layers.get(layer), about, felt=felt)
+            shown = self.layers.get(layer)
+            made = self._writer.write(self._moment, shown, about, felt=self.layers.felt)
             self._written[layer] = made
             self.samples_written += 1
             self.seconds += time.thread_time() - started
@@ -198,6 +227,7 @@ class Hub:
             "paused": player.paused,
             "seekable": player.seekable,
             "position": finite(player.position),
+            "span": [finite(time) for time in player.span],
             "duration": finite(player.duration),
             "speed": player.speed,
             "loop": bool(player.loop),
@@ -214,10 +244,20 @@ class Hub:
     def _tell_state(self) -> None:
         """Tell all pages when the player stands differently than they know, not at each sample."""
         state = self.state()
-        if {**state, "position": None} != {**self._state, "position": None}:
+        still: dict[str, Any] = {"position": None, "span": None}
+        if {**state, **still} != {**self._state, **still}:
             self._state = state
             for client in self.clients:
                 client.tell({"kind": "state", **state})
+
+    def _tell_spans(self) -> None:
+        """Tell all pages of the touches on the time line, where there are others, not too often."""
+        version, now = self.player.timeline.version, time.monotonic()
+        if version != self._told_spans and self.clients and now >= self._next_spans:
+            self._told_spans, self._next_spans = version, now + SPANS
+            message = {"kind": "spans", "spans": self.player.spans()}
+            for client in self.clients:
+                client.tell(message)
 
     def _obey(self, client: Client, text: str | bytes) -> None:
         """Do what a page asks for; what makes no sense is answered with a line and forgotten."""
@@ -230,26 +270,33 @@ class Hub:
                 self._describe(client, name, str(wish["part"]), int(wish["taxel"]))
             else:
                 self._wishes[name](client, wish)
+                self._tell_others(client, name)
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             client.tell({"kind": "problem", "text": "the page asked for something unknown"})
         except SkinError as error:
             client.tell({"kind": "problem", "text": str(error)})
+
+    def _tell_others(self, client: Client, name: str) -> None:
+        """All pages show the same player: say so where another page has led it."""
+        for other in self.clients - {client} if name in LED else ():
+            other.tell({"kind": "notice", "text": f"another page {LED[name]}"})
 
     def _ask_layer(self, client: Client, name: str) -> None:
         """Show another layer as soon as it is made: structures take a second, samples go on."""
         if name not in LAYERS:
             raise UnknownNameError("layer", name, LAYERS)
         client.wanted = name
-        task = asyncio.create_task(self._turn_to(client, name))
-        self._making.add(task)
-        task.add_done_callback(self._making.discard)
+        if client.making is None or client.making.done():
+            client.making = asyncio.create_task(self._turn(client))
 
-    async def _turn_to(self, client: Client, name: str) -> None:
-        made = await asyncio.to_thread(self.layers.get, name)
-        if client.wanted == name:  # nothing else was asked for meanwhile
-            client.layer = name
-            client.tell(layer_message(made))
-            client.told = -1
+    async def _turn(self, client: Client) -> None:
+        """Make what a page wants, until nothing else was asked for meanwhile."""
+        made: Layer | None = None
+        while made is None or made.name != client.wanted:
+            made = await asyncio.to_thread(self.layers.get, client.wanted)
+        client.layer = made.name
+        client.tell(layer_message(made))
+        client.told = -1
 
     def _drawn(self, client: Client, wish: dict[str, Any]) -> None:
         client.drawn = min(client.sent, max(client.drawn, int(wish["samples"])))
@@ -280,7 +327,7 @@ class Hub:
 
     def _seek(self, client: Client, wish: dict[str, Any]) -> None:
         if not self.player.seek(_number(wish["to"])):
-            client.tell({"kind": "notice", "text": "a live source cannot be led through time"})
+            client.tell({"kind": "notice", "text": "nothing is remembered yet"})
 
     def _speed(self, wish: dict[str, Any]) -> None:
         self.player.speed = _number(wish["to"])

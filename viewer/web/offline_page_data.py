@@ -12,6 +12,7 @@ from skinmap.geometry.topology import edges
 from skinmap.live.moment import Moment
 from viewer.layer import Layer
 from viewer.layers import Layers
+from viewer.playing.timeline import Timeline
 from viewer.web.packing import pack, unpack
 from viewer.web.sample import SampleWriter, layer_message, taxel_bytes
 from viewer.web.scene_data import WebScene
@@ -27,6 +28,7 @@ def pack_reel(
     now: int = 0,
     layer: str = "pressure",
     style: str = "surface",
+    size: tuple[int, int] | None = None,
 ) -> bytes:
     """A message of kind "reel".
 
@@ -40,6 +42,8 @@ def pack_reel(
         Which of them is shown first.
     layer, style : str
         What is shown first.
+    size : (int, int), optional
+        Width and height of the robot's picture [px].
     """
     arrays: dict[str, NDArray[Any]] = {}
     shown = [layers.get(name) for name in layers.names]
@@ -70,6 +74,8 @@ def pack_reel(
             "now": now,
             "layer": layer,
             "style": style,
+            "size": size,
+            "spans": [span.to_json(moments[0].time) for span in Timeline.of(moments).spans()],
         },
         arrays,
     )

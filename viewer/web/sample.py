@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,7 +15,7 @@ from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from viewer.colours import class_colour
 from viewer.drawing.body.posing import posed
-from viewer.drawing.panel.touch_list import caption
+from viewer.drawing.panel.touch_list import caption, details
 from viewer.drawing.touches.contours import Outline
 from viewer.drawing.touches.outlines import outline_touch
 from viewer.layers import Layer
@@ -38,6 +39,7 @@ def layer_message(layer: Layer) -> dict[str, Any]:
         "table": layer.table[rows, :3].tolist(),
         "categories": list(layer.categories),
         "missing": layer.missing,
+        "live": layer.live,
     }
 
 
@@ -94,7 +96,7 @@ class SampleWriter:
         parts = self.scene.skins
         arrays: dict[str, NDArray[Any]] = {}
         arrays["values"] = np.concatenate([taxel_bytes(layer, part, moment) for part in parts])
-        if felt is not None and felt.name != layer.name:
+        if felt is not None and (felt.name, felt.limits) != (layer.name, layer.limits):
             arrays["felt"] = np.concatenate([taxel_bytes(felt, part, moment) for part in parts])
         touches = [] if moment is None else [t for t in moment.touches if t.part in parts]
         header: dict[str, Any] = {"kind": "sample", "layer": layer.name, **about}
@@ -151,10 +153,10 @@ class SampleWriter:
             "centre": np.asarray(touch.centre, np.float64).round(5).tolist(),
             "normal": np.asarray(normal).round(4).tolist(),
             "taxels": len(touch.taxels),
-            "area": finite(touch.area),
+            "area_mm2": finite(1e6 * touch.area),
             "peak": finite(touch.peak),
-            "mean": finite(touch.mean),
             "force": finite(touch.force),
+            "about": details(touch, math.nan if moment is None else moment.time),
             "path": None if touch.path is None else np.asarray(touch.path[-60:]).round(4).tolist(),
             "outline": name,
         }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,7 @@ from viewer.drawing.body.posing import posed
 from viewer.drawing.frame.camera import VIEW_ANGLE, front_view
 from viewer.drawing.skin.draw_positions import DISC_LIFT, DOT_SHARE, LIFT
 from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
+from viewer.health import STATES, HealthWatch
 from viewer.web.packing import pack
 
 CELL = 6e-3  # of the body's meshes [m]: four pixels of a whole robot in a picture of 768
@@ -58,6 +60,11 @@ class WebScene:
     first_vertex: Mapping[str, int]
     packed: bytes
 
+    @property
+    def name(self) -> str:
+        """Another one for another scene: a page that is open must be loaded anew then."""
+        return hashlib.sha256(self.packed).hexdigest()[:16]
+
 
 def make_scene(
     robot: Robot,
@@ -66,6 +73,7 @@ def make_scene(
     angles: Mapping[str, float] | None = None,
     links: Links = None,
     cell: float = CELL,
+    health: HealthWatch | None = None,
 ) -> WebScene:
     """Decimate the body, build the sheets and pack both.
 
@@ -80,6 +88,8 @@ def make_scene(
         Links to draw; all that have a mesh by default.
     cell : float
         Vertices of the body within so much become one [m].
+    health : HealthWatch, optional
+        Whose taxels that are not to be trusted are marked.
 
     Raises
     ------
@@ -98,6 +108,7 @@ def make_scene(
         "ink": INK,
     }  # fmt: skip
     header["traces"] = TRACES
+    header["signs"] = [] if health is None else _signs(health, skins, taxels)
     header.update(_whereabouts(skins, meshes, poses))
     arrays: dict[str, NDArray[Any]] = {"poses": pack_poses(poses, names)}
     header["links"] = _add_body(arrays, meshes, names)
@@ -112,6 +123,17 @@ def make_scene(
         dict(zip(skins, vertices, strict=False)),
         pack(header, arrays),
     )
+
+
+def _signs(
+    health: HealthWatch, skins: Mapping[str, PreparedSkin], first: list[int]
+) -> list[tuple[int, str]]:
+    """Number among all taxels, and sign, of those whose values mean nothing."""
+    return [
+        (start + int(row), STATES[health.known(part)[row]])
+        for part, start in zip(skins, first, strict=False)
+        for row in np.flatnonzero(health.unfit(part))
+    ]
 
 
 def first_rows(sizes: Iterable[int]) -> list[int]:

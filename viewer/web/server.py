@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import gzip
 import logging
 import socket
 import threading
@@ -26,8 +27,17 @@ from viewer.drawing.body.bare_body import Links
 from viewer.interaction.view_file import SavedView, content_of
 from viewer.layers import Layers
 from viewer.playing.player import Player
-from viewer.web.files import served_files
-from viewer.web.guard import LIVE, LOOPBACK, Guard, Refusal, is_loopback, new_token, page_headers
+from viewer.web.files import packed_files, served_files
+from viewer.web.guard import (
+    LIVE,
+    LOOPBACK,
+    Guard,
+    Refusal,
+    check_token,
+    is_loopback,
+    new_token,
+    page_headers,
+)
 from viewer.web.hub import Hub
 from viewer.web.scene_data import make_scene
 
@@ -38,6 +48,7 @@ if TYPE_CHECKING:
 PORT = 8080
 LARGEST = 4096  # bytes of a message from a page: it sends wishes of some words
 CLIENTS = 8  # pages at once
+LEVEL = 6  # of gzip: a scene of the whole iCub takes a fifth of a second
 PATIENCE = 5.0  # for threads to end [s]
 SCENE = "scene.bin"
 
@@ -58,8 +69,10 @@ def serve(
     angles: Mapping[str, float] | None = None,
     links: Links = None,
     view: SavedView | None = None,
+    size: tuple[int, int] | None = None,
     counts: Callable[[], Mapping[str, int]] | None = None,
     clients: int = CLIENTS,
+    waits: bool = False,
 ) -> WebServer:
     """Start to serve a robot; the player is started and stays the caller's to close.
 
@@ -75,7 +88,8 @@ def serve(
     port : int
         0 for any that is free.
     token : str, optional
-        First part of the address; random by default.
+        First part of the address; random by default. With the same one and the same port a page
+        that is open finds the server again after it was started anew.
     layers : Layers, optional
         With covariances and healths where there are any.
     layer, style : str
@@ -86,29 +100,35 @@ def serve(
         Links to draw; all that have a mesh by default.
     view : SavedView, optional
         That a page begins with.
+    size : (int, int), optional
+        Width and height of the robot's picture [px]; as large as the page by default.
     counts : callable, optional
         What became of the source's samples: a `TouchLoop`'s `totals`.
     clients : int
         Pages at once.
+    waits : bool
+        The player is paused until the first page comes.
 
     Raises
     ------
     UnreachableError
         The port is taken, or the address is not this machine's.
-    UnknownNameError
-        A layer or link that does not exist.
+    UnknownNameError, InvalidArrayError
+        A layer or link that does not exist; a token that could be guessed.
     """
     layers = Layers(skins) if layers is None else layers
     layers.get(layer)
+    token = new_token() if token is None else check_token(token)
     listening = bind(host, port)
     try:
-        first = {"layer": layer, "style": style, "view": None if view is None else content_of(view)}
-        scene = make_scene(robot, skins, angles=angles, links=links)
-        hub = Hub(scene, player, layers, first, counts)
+        saved = None if view is None else content_of(view)
+        first = {"layer": layer, "style": style, "view": saved, "size": size}
+        scene = make_scene(robot, skins, angles=angles, links=links, health=layers.watch)
+        hub = Hub(scene, player, layers, first, counts, waits=waits)
     except BaseException:
         listening.close()
         raise
-    guard = Guard(host, listening.getsockname()[1], new_token() if token is None else token)
+    guard = Guard(host, listening.getsockname()[1], token)
     if not is_loopback(host):
         warnings.warn(
             f"{host} can be reached from other machines, and nothing is encrypted: whoever reads "
@@ -156,6 +176,7 @@ class WebServer:
 
     def __init__(self, listening: socket.socket, guard: Guard, hub: Hub, clients: int) -> None:
         self._socket, self.guard, self.hub, self._most = listening, guard, hub, clients
+        self._packed = gzip.compress(hub.scene.packed, LEVEL, mtime=0)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
         self._error: BaseException | None = None
@@ -249,13 +270,19 @@ class WebServer:
                 full = f"{self._most} pages are open already\n".encode()
                 return _respond(connection, HTTPStatus.SERVICE_UNAVAILABLE, full)
             return None
+        if not asked and not request.path.partition("?")[0].endswith("/"):
+            where = {"Location": f"/{self.guard.token}/"}
+            return _respond(connection, HTTPStatus.PERMANENT_REDIRECT, b"", more=where)
         if asked == SCENE:
-            kind, content = "application/octet-stream", self.hub.scene.packed
+            kind, content, packed = "application/octet-stream", self.hub.scene.packed, self._packed
         elif asked in served_files():
-            kind, content = served_files()[asked]
+            (kind, content), packed = served_files()[asked], packed_files()[asked]
         else:
             return _respond(connection, HTTPStatus.NOT_FOUND, b"nothing here\n")
-        return _respond(connection, HTTPStatus.OK, content, kind, request.headers["Host"])
+        more = page_headers(request.headers["Host"]) | {"Vary": "Accept-Encoding"}
+        if any("gzip" in value for value in request.headers.get_all("Accept-Encoding")):
+            content, more["Content-Encoding"] = packed, "gzip"
+        return _respond(connection, HTTPStatus.OK, content, kind, more)
 
     async def _handle(self, connection: ServerConnection) -> None:
         from websockets.exceptions import ConnectionClosed
@@ -274,12 +301,12 @@ def _respond(
     status: HTTPStatus,
     content: bytes,
     kind: str = "text/plain; charset=utf-8",
-    host: str = "",
+    more: Mapping[str, str] | None = None,
 ) -> Response:
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
-    headers = Headers(page_headers(host) if host else {"X-Content-Type-Options": "nosniff"})
+    headers = Headers({"X-Content-Type-Options": "nosniff"} if more is None else dict(more))
     headers["Content-Type"] = kind
     headers["Content-Length"] = str(len(content))
     headers["Connection"] = "close"

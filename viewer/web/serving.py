@@ -9,17 +9,22 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
+from skinmap.live.sources.source import Seekable
 from viewer.interaction.view_file import SavedView
-from viewer.layers import Layers
-from viewer.look import Look, check_view, drawn_links
 from viewer.playing.player import Player
-from viewer.session import Session
+from viewer.view_options import Look, Session, check_view, drawn_links, new_layers
 from viewer.web.guard import LOOPBACK
 from viewer.web.server import WebServer, serve
 
 
 def serve_web(
-    session: Session, look: Look, *, host: str, port: int, seconds: float | None
+    session: Session,
+    look: Look,
+    *,
+    host: str,
+    port: int,
+    seconds: float | None,
+    token: str | None = None,
 ) -> dict[str, Any]:
     """Serve the scene to a browser until it is interrupted, or for so many seconds.
 
@@ -37,7 +42,7 @@ def serve_web(
     def tell(line: str) -> None:
         click.echo(line, err=True)
 
-    with served(session, look, tell, host=host, port=port) as (server, player):
+    with served(session, look, tell, host=host, port=port, token=token) as (server, player):
         tell(server.url)
         with contextlib.suppress(KeyboardInterrupt):
             wait(player, math.inf if seconds is None else seconds, tell)
@@ -55,6 +60,7 @@ def served(
     *,
     host: str = LOOPBACK,
     port: int = 0,
+    token: str | None = None,
 ) -> Iterator[tuple[WebServer, Player]]:
     """The server and the player of a session's source, both ended with the context.
 
@@ -64,12 +70,13 @@ def served(
     look : Look
     tell : callable
         Told in a line what goes wrong beside.
-    host, port
+    host, port, token
         As for `viewer.web.server.serve`.
     """
     view = first_view(session, look)
     loop = session.live()
-    with Player(loop) as player:
+    recording = isinstance(loop.source, Seekable)
+    with Player(loop, paused=recording) as player:
         player.speed = session.speed
         with serve(
             session.robot,
@@ -77,7 +84,10 @@ def served(
             player,
             host=host,
             port=port,
-            layers=Layers(session.skins, covariances=session.covariances, healths=session.healths),
+            token=token,
+            waits=recording,
+            layers=new_layers(session, look),
+            size=look.size,
             layer=look.layer or "pressure",
             style=look.style or "surface",
             angles=look.angles or None,

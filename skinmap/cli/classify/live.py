@@ -50,6 +50,7 @@ def classify_live(
     from skinmap.live.loop import TouchLoop
     from skinmap.live.response.files import load_responses
     from skinmap.live.sources.open_source import open_source
+    from skinmap.live.sources.source import is_live
     from skinmap.touch.prepared_skin import PreparedSkin
 
     loaded, _ = open_robot(robot, parts)
@@ -73,6 +74,7 @@ def classify_live(
             skins=skins,
             rule=rule,
             reopen=open_it,
+            singly=not is_live(source),  # so that it ends at the very sample
         )
         _note_differences(classifier, loop)
         run = _Run(loop, spec, classifier.name, as_json=as_json)
@@ -184,10 +186,10 @@ def touch_line(touch: TouchEvent) -> LiveTouch:
 
 
 def _passed(run: _Run, started: float) -> float:
-    """Seconds of the stream, or of the clock on the wall where nothing comes."""
+    """Seconds of the stream; where it is live, or of the clock on the wall if nothing comes."""
     stream = run.last - run.first
-    wall = time.perf_counter() - started
-    return stream if run.loop.plays_ahead else max(wall, stream if stream == stream else 0.0)
+    wall = time.perf_counter() - started if run.loop.live else 0.0
+    return max(wall, stream if stream == stream else 0.0)
 
 
 def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:

@@ -13,7 +13,7 @@ from skinmap.errors import SkinMismatchError, UnreachableError
 from skinmap.live.sources.foreign_source import as_source
 from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import Block, Source, StreamInfo
+from skinmap.live.sources.source import SIMULATION, Block, Source, StreamInfo
 from skinmap.skin.robot import Robot
 
 STALE = 0.5  # seconds without a sample that are shown; a source slower than that has three periods
@@ -56,6 +56,7 @@ class Feed:
         self._heard = float("nan")  # until somebody listens
         self._arrivals: deque[tuple[float, int]] = deque(maxlen=ARRIVALS)
         self._came = 0
+        self._speed = 1.0  # that the arrivals were at
         self._dead = False
         self._next_try = 0.0
 
@@ -69,7 +70,7 @@ class Feed:
         """Samples a second that came lately; 0 where none comes, NaN where nobody knows."""
         if self.stale:
             return 0.0
-        if len(self._arrivals) < 2:
+        if len(self._arrivals) < 2 or np.isinf(self._speed):
             return float("nan")
         (first, before), (last, after) = self._arrivals[0], self._arrivals[-1]
         return (after - before) / (last - first) if last > first else float("nan")
@@ -111,6 +112,9 @@ class Feed:
             return None
         if block is not None:
             self.stale = False
+            if self.source.speed != self._speed:
+                self._speed = self.source.speed
+                self._arrivals.clear()  # a rate over two speeds is that of neither
             self._heard, self.arrived = time.perf_counter(), block.arrived
             self._came += len(block)
             self._arrivals.append((block.arrived, self._came))
@@ -150,7 +154,8 @@ class Feed:
     def _patience(self) -> float:
         """Seconds without a sample after which the source is called stale."""
         speed = self.source.speed
-        if speed == 0.0:
+        # What is made when it is asked for is never silent, only slow.
+        if speed == 0.0 or self.info.clock == SIMULATION:
             return float("inf")
         rate = self.info.rate * speed
         return max(STALE, 3.0 / rate) if rate > 0 else STALE

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from skinmap.errors import InvalidArrayError
 from skinmap.live.bounded_queue import BoundedQueue
 from skinmap.live.sources.simulated_touches import Touching, TrueTouch
-from skinmap.live.sources.source import Block, Kind, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.source import SIMULATION, Block, Kind, Source, SourceEnded, StreamInfo
 from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
 from skinmap.touch.gestures import FOUR
@@ -77,7 +77,7 @@ class SimulatedSource(Source):
             kind,
             robot.name,
             {part: fingerprint(robot.skin(part)) for part in chosen},
-            "simulation",
+            SIMULATION,
         )
         super().__init__(info)
         self._speed = float(speed)

@@ -30,7 +30,11 @@ __all__ = [
     "StreamInfo",
     "blocks",
     "check_block",
+    "is_live",
 ]
+
+
+SIMULATION = "simulation"  # the clock of samples that are made when they are asked for
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -228,6 +232,15 @@ class Relay(Source):
     def angles_at(self, time: float) -> Mapping[str, float]:
         """Of the source."""
         return self.source.angles_at(time)
+
+
+def is_live(source: Source) -> bool:
+    """Whether samples come whether or not anybody keeps up.
+
+    What is no recording and no simulation is live. Only with a live source may the clock of this
+    machine decide how much is done with a sample.
+    """
+    return not source.seekable and source.info.clock != SIMULATION
 
 
 class SourceEnded(EOFError):  # noqa: N818 - no error: a recording has an end

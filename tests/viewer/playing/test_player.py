@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.live.sources.source import Seekable, SourceEnded, StreamInfo
 from viewer.playing.player import Player
-from viewer.playing.rewind import LENGTH, History, size
+from viewer.playing.rewind import LENGTH, MEMORY, MINUTE, History, size, small
+from viewer.playing.timeline import Timeline
 
 DEADLINE = 10.0  # far beyond what any machine needs: a test that waits so long has failed
 RATE = 50.0
@@ -121,7 +123,7 @@ def test_player_shows_the_newest_moment_and_leaves_out_the_rest():
         assert number(player.take()) == 4
         assert player.take() is None, "nothing new"
         assert not player.seekable
-        assert not player.seek(1.0)
+        assert player.span == (0.0, pytest.approx(4 / RATE))
         assert 0 <= player.oldest < DEADLINE
         assert np.isnan(player.duration)
     assert loop.closed == 1
@@ -266,12 +268,14 @@ def test_history_keeps_within_its_bounds():
     history = History()
     for k in range(3 * LENGTH):
         history.add(moment(k))
-    assert len(history) == LENGTH
+    kept = history.moments()
+    assert len(history) <= LENGTH
+    assert kept[-1].time - kept[0].time == pytest.approx(MINUTE, abs=0.021)
     assert number(history.newest) == 3 * LENGTH - 1
     big = Moment(0.0, {"arm": np.zeros(1_000_000)})
     for _ in range(5):
         history.add(big)
-    assert sum(size(one) for one in history.moments()) <= 16_000_000
+    assert sum(size(one) for one in history.moments()) <= MEMORY
     history.clear()
     assert history.newest is None
 
@@ -322,11 +326,11 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
 
 def test_one_by_one_passes_no_sample_over():
     from skinmap.live.sources.playback import Playback
-    from viewer.playing.stepwise import OneByOne
+    from viewer.playing.stepwise import Stepwise
 
     values = np.arange(300, dtype=np.float32)[:, None]
     info = StreamInfo("numbers", ("arm",), (1,), RATE)
-    source = OneByOne(Playback(info, np.arange(300) / RATE, values, speed=np.inf))
+    source = Stepwise(Playback(info, np.arange(300) / RATE, values, speed=np.inf))
     seen = []
     with pytest.raises(SourceEnded):
         while True:
@@ -334,3 +338,43 @@ def test_one_by_one_passes_no_sample_over():
             assert len(block) == 1
             seen.append(float(block.values[0, 0]))
     assert seen == list(range(300))
+
+
+def test_a_live_source_is_led_back_through_what_is_remembered():
+    loop = LiveLoop()
+    with Player(loop) as player:
+        for k in range(100):
+            loop.sent.put(moment(k))
+        until(player, lambda: player.moment is not None and number(player.moment) == 99)
+        assert player.seek(20 / RATE)
+        assert player.paused
+        assert number(player.moment) == 20
+        assert player.position == pytest.approx(20 / RATE)
+        assert player.step(-1)
+        assert number(player.moment) == 19
+        loop.sent.put(moment(100))
+        until(player, lambda: player.span[1] == pytest.approx(100 / RATE))
+        assert number(player.moment) == 19, "samples go on unseen"
+        player.play()
+        until(player, lambda: number(player.moment) == 100)
+
+
+def test_what_is_remembered_is_what_was_seen(rng):
+    exact = rng.integers(0, 256, 50).astype(float)
+    part = np.array([0.5, np.nan, 254.75])
+    kept = small({"arm": exact, "leg": part})
+    assert kept["arm"].dtype == np.uint8
+    np.testing.assert_array_equal(kept["arm"], exact)
+    np.testing.assert_array_equal(kept["leg"], part)  # halves and quarters are exact in float32
+
+
+def test_touches_stand_on_the_time_line_once_however_often_they_are_played():
+    line, press = Timeline(), np.arange(3)
+    for again in range(2):
+        for k in range(60):
+            touch = NamedTouch("arm", press, np.zeros(3), "poke", 0.9, identity=again)
+            touches = (touch,) if 10 <= k < 30 or k >= 50 else ()
+            line.see(Moment(k / RATE, {}, touches))
+    found = [(span.began * RATE, span.ended * RATE) for span in line.spans()]
+    np.testing.assert_allclose(found, [(10, 29), (50, 59)], atol=1e-9)
+    assert line.spans()[0].to_json(0.1)[0] == pytest.approx(10 / RATE - 0.1, abs=1e-3)

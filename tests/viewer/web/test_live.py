@@ -15,9 +15,8 @@ from skinmap.cli.main import cli
 from skinmap.live.publishing.publish import open_publisher
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.fingerprint import fingerprint
-from viewer.look import Look
 from viewer.playing.player import Player
-from viewer.session import Session
+from viewer.view_options import Look, Session
 from viewer.web.serving import served, wait
 
 PART = "left_foot"

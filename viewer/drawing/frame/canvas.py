@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,14 @@ from viewer.drawing.body.body_view import GOOD_PX, BodyView
 from viewer.drawing.frame.camera import Margins
 from viewer.drawing.frame.framing import Framing, Mode
 from viewer.drawing.frame.idle_actors import Resting
-from viewer.drawing.frame.plotter import new_plotter
+from viewer.drawing.frame.plotter import new_plotter, place_panel
 from viewer.drawing.frame.render_cache import RenderCache
 from viewer.drawing.panel.flat_panel import FlatPanel
 from viewer.drawing.skin.merged_sheets import JoinedSheets
 from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.skin.skin_view import SkinView, signs_of
 from viewer.drawing.skin.taxel_drawing import ColourTable, TaxelDrawing
+from viewer.drawing.touches.contact_courses import ContactCourses
 from viewer.drawing.touches.contour_cache import EVERY, KeptContours
 from viewer.drawing.touches.rings import Rings
 from viewer.drawing.touches.touch_view import TouchView
@@ -39,38 +40,75 @@ from viewer.drawing.words.text_lines import Line
 from viewer.layer import Layer
 from viewer.layers import Layers
 
+ARROWS = "arrow: out of the skin at a touch, longer the harder"
 TURN_STEP = 5.0  # how far the camera turns from one frame to the next [deg]
 FOOT = 1.6  # free below the body [font heights]
 COARSE_PX = 7.0  # spacing of taxels below which a sheet with fewer triangles looks the same [px]
 LEAST_FONT, FONTS = 11, 52  # smallest letters [px]; how many stand above each other
+WIDTHS = 40  # heights of letters that a picture is wide at least: names are not cut
 
 
-@dataclass(eq=False, slots=True)
-class Content:
-    """What a scene shows.
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """How a scene is drawn.
 
     Attributes
     ----------
-    name : str
-        Of the robot.
+    links : iterable of str, "all" or "skin", optional
+        Links to draw; all that have a mesh by default, "skin" for those under the parts shown.
+    window_size : (int, int)
+        Width and height [px].
+    off_screen : bool
+        Without a window.
+    camera : {"auto", "still", "free"}
+        Whether the camera turns by itself to show touches, keeps its view, or obeys the mouse.
+    detail : float
+        Links are drawn with vertices so far apart [px], in a picture of the whole robot.
+    contour_rate : float
+        How often the contours of touches are found anew, at most [1/s]; with each sample by
+        default.
+    """
+
+    links: Links = None
+    window_size: tuple[int, int] = (1400, 900)
+    off_screen: bool = True
+    camera: Mode = "auto"
+    detail: float = GOOD_PX
+    contour_rate: float = EVERY
+
+
+class Shown(Protocol):
+    """What a canvas asks of the scene that it draws.
+
+    Attributes
+    ----------
+    robot : Robot
     data : Layers
     layer : Layer
     style : str
     moment : Moment
     touches : tuple of NamedTouch
     selection : mapping of str to (k,) int
+        Selected taxels by part; parts without any are left out.
     title : str or None
         None for robot, taxels and touches.
+    history : History
+    courses : ContactCourses
+    plot : str
+        What the panel plots: the chosen "taxels", or a course of the contacts.
     """
 
-    name: str
+    robot: Robot
     data: Layers
     layer: Layer
     style: str
     moment: Moment
-    touches: tuple[NamedTouch, ...] = ()
-    selection: Mapping[str, IntArray] = field(default_factory=dict)
-    title: str | None = None
+    touches: tuple[NamedTouch, ...]
+    selection: Mapping[str, IntArray]
+    title: str | None
+    history: History
+    courses: ContactCourses
+    plot: str
 
 
 class Canvas:
@@ -85,8 +123,7 @@ class Canvas:
         For the panel; without any there is none.
     poses : mapping of str to (4, 4) float
         T_root_link.
-    links, window_size, off_screen, camera, detail, contour_rate
-        As for `viewer.scene.Scene`.
+    how : Drawing
     """
 
     def __init__(
@@ -95,22 +132,16 @@ class Canvas:
         layers: Mapping[str, SkinLayer],
         maps: Mapping[str, FlatMap],
         poses: Mapping[str, FloatArray],
-        links: Links,
-        window_size: tuple[int, int],
-        off_screen: bool,
-        camera: Mode,
-        *,
-        detail: float = GOOD_PX,
-        contour_rate: float = EVERY,
+        how: Drawing,
     ) -> None:
         self.layers, self.poses = layers, poses
         self.changed, self._moved, self._unsure = True, False, True
-        self._foot, self.contours = FOOT, KeptContours(contour_rate)
-        self.font_px = font_for(window_size[1])
-        self.plotter = new_plotter(window_size, off_screen, panel=bool(maps))
+        self._foot, self.contours = FOOT, KeptContours(how.contour_rate)
+        self.font_px = font_for(*how.window_size)
+        self.plotter = new_plotter(how.window_size, how.off_screen, panel=bool(maps))
         self.renderer = self.plotter.renderer
         self.table = ColourTable()
-        self.body = BodyView(self.plotter, robot, links, poses, tuple(layers), detail)
+        self.body = BodyView(self.plotter, robot, how.links, poses, tuple(layers), how.detail)
         self.skins = {
             part: SkinView(
                 self.plotter,
@@ -125,6 +156,7 @@ class Canvas:
         self.touch_view = TouchView(self.plotter, layers, self.font_px, self.contours)
         self.rings = Rings(self.plotter)
         self.heading = Line(self.renderer, (0.02, 0.975), self.font_px, bold=True)
+        self.heading.back()
         self.legend, self.status = Legend(self.renderer), Status(self.renderer)
         self.panel = self._add_panel(maps) if maps else None
         self.framing = Framing(
@@ -134,7 +166,7 @@ class Canvas:
             lambda: self.body.points(layers),
             self.body.front(layers),
             self._margins(),
-            camera,
+            how.camera,
         )
         self.cache = self._new_cache()
         self._aimed: tuple[tuple[str, str, int], ...] = ()
@@ -185,11 +217,9 @@ class Canvas:
         self.framing.move()
         self.changed = self._moved = True
 
-    def draw(
-        self, content: Content, history: History, step: float, *, samples: int = 0
-    ) -> NDArray[np.uint8]:
+    def draw(self, scene: Shown, step: float, *, samples: int = 0) -> NDArray[np.uint8]:
         """One picture (h, w, 3) to keep, smoothed by so many samples per pixel."""
-        self.update(content, history, step)
+        self.update(scene, step)
         window: Any = self.plotter.render_window
         if samples:
             window.SetMultiSamples(samples)
@@ -207,14 +237,14 @@ class Canvas:
         picture = vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
         return np.ascontiguousarray(picture)
 
-    def update(self, content: Content, history: History, step: float) -> None:
+    def update(self, scene: Shown, step: float) -> None:
         """Bring everything up to date; `step` [deg] limits the camera's turn."""
         self._resize()
         self._choose_sheets()
         if self.changed:
-            self._show_skins(content)
-            self._show_touches(content)
-            self._show_selection(content, history)
+            self._show_skins(scene)
+            self._show_touches(scene)
+            self._show_selection(scene)
         self.framing.turn(step)
         self.status.write(0.02 * self.renderer.GetSize()[0], self.font_px)
         camera = self.renderer.GetActiveCamera()
@@ -223,14 +253,20 @@ class Canvas:
         self._unsure |= self.changed or moving
         # While the body moves, what hides a centre is not searched for: it would cost too much.
         look = self._unsure and not self._moved
-        self.touch_view.write_labels(self.framing, self._avoided(), look=look, moving=moving)
+        self.touch_view.write_labels(
+            self.framing, self._avoided(), look=look, moving=moving, faded=self.status.stale
+        )
+        if self.panel is not None:
+            self.panel.list.tell_age(self.status.silent if self.status.stale else None)
         self._unsure = self._unsure and not look
         self._seen, self.changed, self._moved = seen, False, False
 
     def _resize(self) -> None:
         """Follow the window's size."""
+        if self.panel is not None:
+            place_panel(self.plotter)
         height = self.renderer.GetSize()[1]
-        font = font_for(height)
+        font = font_for(*self.plotter.window_size)
         if font != self.font_px:
             self.font_px = font
             self.framing.margins = self._margins()
@@ -255,54 +291,61 @@ class Canvas:
         self.changed |= coarse != drawing.coarse
         drawing.coarse = coarse
 
-    def _show_skins(self, content: Content) -> None:
-        layer, moment = content.layer, content.moment
+    def _show_skins(self, scene: Shown) -> None:
+        layer, moment = scene.layer, scene.moment
         self.table.use(layer, faded=moment.stale and layer.live and not layer.categories)
         changed = 0
         for part, view in self.skins.items():
             values = layer.values(part, moment)
-            if view.show(layer, content.style, values):
+            if view.show(layer, scene.style, values):
                 changed += 1
-                view.signs = signs_of(content.data, part, values)
+                view.signs = signs_of(scene.data, part, values)
                 view.drawing.sign(*view.signs)
         if self.joined.choose(changed):
             # Nothing moves, though other actors show the same: no coarse picture in between.
             self.cache.forget()
         if self.panel is not None:
             view = self.skins[self.panel.part]
-            self.panel.colour(layer, content.style, view.field, view.values)
+            self.panel.colour(layer, scene.style, view.field, view.values)
             self.panel.drawing.sign(*view.signs)
         nothing = all(view.empty for view in self.skins.values())
         marked = sum(len(view.signs[0]) for view in self.skins.values())
         notes = [layer.missing] if nothing else []
+        if not nothing and layer.live:
+            notes += absent(part for part, view in self.skins.items() if view.empty)
+        if any(touch.normal is not None for touch in scene.touches):
+            notes.append(ARROWS)
         if marked and not nothing and layer.name != "health":
             why = "not calibrated, or " if layer.name == "uncertainty" else ""
             notes.append(f"{marked:,} taxels with a sign: {why}not to be trusted")
         self.legend.show(layer, self.font_px, notes, faded=moment.stale and layer.live)
 
-    def _show_touches(self, content: Content) -> None:
-        touches = content.touches
-        self.contours.begin(content.moment.time)
-        self.touch_view.show(touches, self.poses)
+    def _show_touches(self, scene: Shown) -> None:
+        touches = scene.touches
+        self.contours.begin(scene.moment.time)
+        self.touch_view.show(touches, self.poses, faded=scene.moment.stale)
         names = tuple((touch.part, touch.label, touch.identity) for touch in touches)
         if names != self._aimed:
             self._aimed = names
             self.framing.aim(self.touch_view.targets)
         if self.panel is not None:
-            self.panel.show_touches(touches, content.moment.time)
-        title = content.title
-        self.heading.write(self._summary(content) if title is None else title)
+            self.panel.show_touches(touches, scene.moment.time, faded=scene.moment.stale)
+        self.heading.write(self._summary(scene) if scene.title is None else scene.title)
 
-    def _show_selection(self, content: Content, history: History) -> None:
+    def _show_selection(self, scene: Shown) -> None:
         rings = [
             (self.layers[part].places, taxels, self.poses[self.layers[part].skin.link])
-            for part, taxels in content.selection.items()
+            for part, taxels in scene.selection.items()
         ]
         self.rings.show(rings)
         if self.panel is not None:
-            self.panel.show_selection(content.selection)
+            course = scene.plot if scene.plot != "taxels" else None
+            self.panel.show_selection(scene.selection, plotted=course is not None)
             self.panel.fit(self.font_px)
-            self.panel.show_traces(content.selection, history)
+            if course is None:
+                self.panel.show_traces(scene.selection, scene.history)
+            else:
+                self.panel.show_courses(scene.courses, course)
 
     def _avoided(self) -> list[Box]:
         """Where labels are better not."""
@@ -310,13 +353,19 @@ class Canvas:
         right = self.heading.right() + 2.0 * font
         return [self.legend.box, (0.0, height - 4.8 * font, right, height)]
 
-    def _summary(self, content: Content) -> str:
+    def _summary(self, scene: Shown) -> str:
         taxels = sum(len(layer.skin) for layer in self.layers.values())
-        count = len(content.touches)
+        count = len(scene.touches)
         touches = "1 touch" if count == 1 else f"{count} touches"
-        return f"{content.name}   {taxels:,} taxels   {touches}"
+        return f"{scene.robot.name}   {taxels:,} taxels   {touches}"
 
 
-def font_for(height: int) -> int:
-    """Height of letters in a picture so high [px]."""
-    return max(LEAST_FONT, round(height / FONTS))
+def absent(parts: Iterable[str]) -> list[str]:
+    """A note on parts of which nothing comes: they are grey."""
+    names = [part.replace("_", " ") for part in parts]
+    return [f"grey: not in this source: {', '.join(names)}"] if names else []
+
+
+def font_for(width: int, height: int) -> int:
+    """Height of letters in a picture so wide and high [px]."""
+    return max(LEAST_FONT, round(min(height / FONTS, width / WIDTHS)))

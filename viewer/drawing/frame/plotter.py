@@ -9,6 +9,8 @@ import pyvista as pv
 from viewer.colours import BACKGROUND, rgb
 
 BODY_SHARE = 0.68  # of the window's width; the rest is the panel
+BODY_RISE = 0.62  # of its height, where the panel stands below the body
+TALL = 0.95  # windows that are narrower than this, in their heights, have the panel below
 
 
 def new_plotter(window_size: tuple[int, int], off_screen: bool, *, panel: bool) -> pv.Plotter:
@@ -26,8 +28,7 @@ def new_plotter(window_size: tuple[int, int], off_screen: bool, *, panel: bool) 
     window: Any = plotter.render_window
     window.SetMultiSamples(0)
     if panel:
-        plotter.renderers[0].SetViewport(0.0, 0.0, BODY_SHARE, 1.0)
-        plotter.renderers[1].SetViewport(BODY_SHARE, 0.0, 1.0, 1.0)
+        place_panel(plotter)
         plotter.renderers[1].InteractiveOff()  # the mouse turns the body, not the flat map
     for renderer in plotter.renderers:
         renderer.camera.is_set = True  # we place them: PyVista must not when the window opens
@@ -38,3 +39,15 @@ def new_plotter(window_size: tuple[int, int], off_screen: bool, *, panel: bool) 
     fill.position = (-0.6, 1.2, 1.0)  # from above the left shoulder of who looks
     plotter.add_light(fill)
     return plotter
+
+
+def place_panel(plotter: pv.Plotter) -> None:
+    """Put the panel beside the body, or below it in a tall window."""
+    width, height = plotter.window_size
+    if width < TALL * height:
+        body, panel = (0.0, 1.0 - BODY_RISE, 1.0, 1.0), (0.0, 0.0, 1.0, 1.0 - BODY_RISE)
+    else:
+        body, panel = (0.0, 0.0, BODY_SHARE, 1.0), (BODY_SHARE, 0.0, 1.0, 1.0)
+    for renderer, place in zip(plotter.renderers, (body, panel), strict=True):
+        if renderer.GetViewport() != place:
+            renderer.SetViewport(*place)

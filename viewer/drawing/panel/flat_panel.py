@@ -12,16 +12,18 @@ from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.colours import FAINT, PANEL, RIM, TRACES, class_colour
+from viewer.colours import faded as pale
 from viewer.drawing.frame.polydata import make_lines
 from viewer.drawing.panel.touch_list import TouchList
 from viewer.drawing.skin.draw_positions import Places, flat_places, raised
 from viewer.drawing.skin.refinement import boundary_edges
 from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.skin.taxel_drawing import ColourTable, TaxelDrawing
+from viewer.drawing.touches.contact_courses import ContactCourses
 from viewer.drawing.touches.contour_cache import KeptContours
 from viewer.drawing.touches.rings import Rings
 from viewer.drawing.touches.touch_marks import Ground, TouchMarks, centre_on, trail_on
-from viewer.drawing.touches.traces import History, TracePlot
+from viewer.drawing.touches.traces import History, TracePlot, round_up
 from viewer.drawing.words.text_lines import Line, small_font
 from viewer.layer import Layer
 
@@ -197,7 +199,9 @@ class FlatPanel:
         bottom = self.list.height(font) + font
         self.plot.place((side, bottom, width - side, bottom + self._plot_height(font)), font)
 
-    def show_touches(self, touches: Sequence[NamedTouch], time: float) -> None:
+    def show_touches(
+        self, touches: Sequence[NamedTouch], time: float, *, faded: bool = False
+    ) -> None:
         """Mark the touches on the part shown, and list all of them."""
         ground = self.ground(self.part)
         layer = self.layers[self.part]
@@ -209,17 +213,28 @@ class FlatPanel:
             outline = self.contours.of(ground, layer, touch, touches, LINE_RISE)
             lines.append((outline, class_colour(touch.label)))
             solids += centre_on(ground, touch)
+        if faded:
+            lines = [(points, pale(colour)) for points, colour in lines]
+            solids = [(points, faces, pale(colour)) for points, faces, colour in solids]
         self.marks.show(lines, solids)
-        self.list.show(touches, time)
+        self.list.show(touches, time, faded=faded)
 
-    def show_selection(self, selection: Mapping[str, IntArray]) -> None:
-        """Ring the selected taxels of the part shown."""
+    def show_selection(self, selection: Mapping[str, IntArray], *, plotted: bool = False) -> None:
+        """Ring the selected taxels of the part shown; `plotted` where something else is plotted."""
         taxels = selection.get(self.part)
         shown = [] if taxels is None else [(self.places(self.part), taxels, FLAT)]
         self.rings.show(shown)
-        self._plotted = self.list.scant = bool(selection)
-        if not selection:
+        self._plotted = self.list.scant = bool(selection) or plotted
+        if not self._plotted:
             self.plot.hide()
+
+    def show_courses(self, courses: ContactCourses, course: str) -> None:
+        """Draw how the contacts went over the last seconds."""
+        times, values, names, unit = courses.show(course, len(TRACES))  # type: ignore[arg-type]
+        known = values[np.isfinite(values)]
+        top = round_up(float(known.max())) if len(known) else 1.0
+        title = "largest pressure" if unit == "counts" else course
+        self.plot.show(times, values, names, f"contacts: {title}, {unit}", top=top)
 
     def show_traces(self, selection: Mapping[str, IntArray], history: History) -> None:
         """Draw the pressures of the selected taxels over the last seconds.

@@ -9,6 +9,7 @@ from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.colours import FAINT, INK, class_colour, ink_on
+from viewer.colours import faded as pale
 from viewer.drawing.words.text_lines import Line, small_font
 
 HEAD, ROW, TIGHT = 1.9, 2.95, 1.5  # heights in font heights: title, two lines, one line
@@ -35,6 +36,7 @@ class TouchList:
         self.scant = False
         self._left, self._font_px = 0.0, 12
         self._shown: tuple[Sequence[NamedTouch], float] = ((), 0.0)
+        self._faded, self._about = False, "no touch"
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -58,13 +60,14 @@ class TouchList:
         self._head.move(left, top)
         self._more.style(small_font(font_px))
         self._more.move(left, top - (HEAD + ROW * self.fits) * font_px + 0.2 * font_px)
-        self.show(*self._shown)
+        self.show(*self._shown, faded=self._faded)
 
-    def show(self, touches: Sequence[NamedTouch], time: float) -> None:
-        """List touches as they are at a time [s]."""
-        self._shown = (tuple(touches), time)
+    def show(self, touches: Sequence[NamedTouch], time: float, *, faded: bool = False) -> None:
+        """List touches as they are at a time [s]; faded where nothing new is heard of them."""
+        self._shown, self._faded = (tuple(touches), time), faded
         count = len(touches)
-        self._head.write("no touch" if not count else f"{count} touch{'es' * (count > 1)}")
+        self._about = "no touch" if not count else f"{count} touch{'es' * (count > 1)}"
+        self._head.write(self._about)
         tight = count > self.fits
         fits = self.fits_tight if tight else self.fits
         listed = largest(touches, fits)
@@ -76,12 +79,18 @@ class TouchList:
                     line.write("")
         self._more.write(f"+{count - fits} more" if count > fits else "", INK)
 
+    def tell_age(self, age: float | None) -> None:
+        """Say how long ago it was that the touches were heard of [s]; None while they are."""
+        late = "" if age is None or not self._shown[0] else f", {age:.0f} s ago"
+        self._head.write(self._about + late)
+
     def _write(self, row: int, touch: NamedTouch, time: float, *, tight: bool) -> None:
         """One touch in its row: what is known of it below its name, or behind it."""
         name, about = self._rows[row]
         font, small = self._font_px, small_font(self._font_px)
         y = self.height(font) - (HEAD + (TIGHT if tight else ROW) * row) * font
         colour = class_colour(touch.label)
+        colour = pale(colour) if self._faded else colour
         name.style(small if tight else font, bold=True)
         name.move(self._left, y)
         name.fill(colour)

@@ -48,13 +48,13 @@ class ColourTable:
     def __init__(self) -> None:
         self.vtk = vtkLookupTable()
         self.vtk.SetNanColor([*rgb(UNKNOWN).tolist(), 1.0])
-        self._shown: tuple[str, bool] | None = None
+        self._shown: tuple[str, tuple[float, float], bool] | None = None
 
     def use(self, layer: Layer, *, faded: bool = False) -> None:
         """Turn to the colours of another layer; faded for what is no longer true."""
-        if self._shown == (layer.name, faded):
+        if self._shown == (layer.name, layer.limits, faded):
             return
-        self._shown = (layer.name, faded)
+        self._shown = (layer.name, layer.limits, faded)
         self.vtk.SetNumberOfTableValues(len(layer.table))
         self.vtk.SetTable(numpy_to_vtk(fade(layer.table) if faded else layer.table, deep=True))
         self.vtk.SetTableRange(*layer.limits)

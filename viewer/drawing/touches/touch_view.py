@@ -11,6 +11,7 @@ from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.colours import class_colour
+from viewer.colours import faded as pale
 from viewer.drawing.frame.camera import Target, project
 from viewer.drawing.frame.framing import Framing
 from viewer.drawing.panel.touch_list import caption
@@ -54,7 +55,13 @@ class TouchView:
         self._anchors = self._tips = np.zeros((0, 3))
         self._hidden: dict[str, bool] = {}
 
-    def show(self, touches: Sequence[NamedTouch], poses: Mapping[str, FloatArray]) -> None:
+    def show(
+        self,
+        touches: Sequence[NamedTouch],
+        poses: Mapping[str, FloatArray],
+        *,
+        faded: bool = False,
+    ) -> None:
         """Mark these touches, and no others, on links placed by poses (4, 4)."""
         self._touches = tuple(touches)
         self.targets, anchors = [], []
@@ -81,14 +88,24 @@ class TouchView:
             anchors.append(centre + (LIFT + LINE_LIFT) * normal)
         self._anchors = np.array(anchors).reshape(-1, 3)
         self._tips = np.array(tips).reshape(-1, 3)
+        if faded:
+            lines = [(points, pale(colour)) for points, colour in lines]
+            solids = [(points, faces, pale(colour)) for points, faces, colour in solids]
         self.marks.show(lines, solids)
 
     def write_labels(
-        self, framing: Framing, avoid: Sequence[Box], *, look: bool, moving: bool = False
+        self,
+        framing: Framing,
+        avoid: Sequence[Box],
+        *,
+        look: bool,
+        moving: bool = False,
+        faded: bool = False,
     ) -> None:
         """Place the labels in the picture; `look` finds out anew which centres are hidden.
 
         Without it they stay as they were found last, but what turned away is hidden at once.
+        Those of touches that are no longer heard of are faded.
         """
         names = [key(touch, row) for row, touch in enumerate(self._touches)]
         if look:
@@ -97,11 +114,12 @@ class TouchView:
         places = project(self.renderer, self._anchors)
         sizes = np.array([len(touch.taxels) for touch in self._touches])
         chosen = np.sort(np.argsort(-sizes, kind="stable")[:LABELS])
+        tint = pale if faded else str
         labels = [
             Label(
                 names[row],
                 caption(self._touches[row]),
-                class_colour(self._touches[row].label),
+                tint(class_colour(self._touches[row].label)),
                 (float(places[row, 0]), float(places[row, 1])),
                 self._hidden.get(names[row], False) or self._turned_away(row),
             )

@@ -114,10 +114,20 @@ class TracePlot:
             for line in (*self._ticks, *self._names):
                 line.write("")
 
-    def show(self, times: FloatArray, values: FloatArray, names: Sequence[str], title: str) -> None:
-        """Draw traces (t, k) over times (t,) [s], the newest at the right."""
+    def show(
+        self,
+        times: FloatArray,
+        values: FloatArray,
+        names: Sequence[str],
+        title: str,
+        *,
+        top: float = TOP,
+    ) -> None:
+        """Draw traces (t, k) over times (t,) [s], the newest at the right, up to a value."""
         self.actor.VisibilityOn()
-        for line, text in zip(self._ticks, ("0", "255", f"-{SECONDS:g} s", "now"), strict=True):
+        for line, text in zip(
+            self._ticks, ("0", f"{top:g}", f"-{SECONDS:g} s", "now"), strict=True
+        ):
             line.write(text)
         x0, _, _, y1 = self.box
         self._names[0].write(title, INK)
@@ -129,15 +139,15 @@ class TracePlot:
             x += line.width() + 0.8 * self._font_px
         for line in self._names[1 + len(names) :]:
             line.write("")
-        self._draw(times, values)
+        self._draw(times, values / top)
 
-    def _draw(self, times: FloatArray, values: FloatArray) -> None:
+    def _draw(self, times: FloatArray, shares: FloatArray) -> None:
         x0, y0, x1, y1 = self.box
         paths = [np.array([[x0, y1], [x0, y0], [x1, y0]])]
         tints = [rgb(FAINT)]
         if len(times):
             x = x1 + (times - times[-1]) / SECONDS * (x1 - x0)
-            y = y0 + np.clip(values, 0.0, TOP) / TOP * (y1 - y0)
+            y = y0 + np.clip(shares, 0.0, 1.0) * (y1 - y0)
             for column, colour in zip(y.T, TRACES, strict=False):
                 for run in _runs(np.isfinite(column) & (x >= x0)):
                     paths.append(np.column_stack([x[run], column[run]]))
@@ -153,6 +163,14 @@ class TracePlot:
         colours = np.rint(np.array(tints) * 255).astype(np.uint8)
         self._shapes.GetCellData().SetScalars(numpy_to_vtk(colours, deep=True))
         self._shapes.Modified()
+
+
+def round_up(value: float) -> float:
+    """A round number, at least so large: 1, 2 or 5 times a power of ten."""
+    if not value > 0.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= value * 0.999))
 
 
 def _runs(known: NDArray[np.bool_]) -> list[slice]:

@@ -102,8 +102,11 @@ class LabelLayer:
         before = [known.get(label.key) for label in labels]
         self.boxes = place_boxes(anchors, sizes, frame, avoid, before, busy)
         self._labels = tuple(labels)
+        left, bottom = self.renderer.GetOrigin()
         for text, box in zip(self._texts, self.boxes, strict=False):
-            text.SetDisplayPosition(round((box[0] + box[2]) / 2), round((box[1] + box[3]) / 2))
+            text.SetDisplayPosition(
+                round(left + (box[0] + box[2]) / 2), round(bottom + (box[1] + box[3]) / 2)
+            )
         self._draw(labels)
 
     def _write(self, number: int, label: Label) -> tuple[float, float]:

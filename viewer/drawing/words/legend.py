@@ -63,7 +63,15 @@ class Legend:
         self, layer: Layer, font_px: int, notes: Sequence[str] = (), *, faded: bool = False
     ) -> None:
         """Explain a layer, with notes (why there is no value, how many taxels are marked) below."""
-        key = (layer.name, font_px, tuple(notes), faded, self.renderer.GetSize())
+        key = (
+            layer.name,
+            layer.unit,
+            layer.limits,
+            font_px,
+            tuple(notes),
+            faded,
+            self.renderer.GetSize(),
+        )
         if key == self._shown:
             return
         self._shown, self._used, self._font_px = key, 0, font_px
@@ -129,7 +137,7 @@ class Legend:
         for share in (0.0, 0.5, 1.0):
             value = low + share * (high - low)
             more = "+" if share == 1.0 and layer.name in CLIPPED else ""
-            words = f"{value:.0f}" if high >= 20 else f"{value:g}"
+            words = f"{value:.0f}" if high - low >= 20 else f"{value:.3g}"
             y = bottom + share * length + 0.5 * font
             self._write(words + more, left + 1.5 * thick, y, font)
         return quads, bottom + length + 2.1 * font
@@ -159,6 +167,7 @@ class Legend:
     ) -> None:
         if self._used == len(self._lines):
             self._lines.append(Line(self.renderer, (0.0, 0.0), font_px))
+            self._lines[-1].back()
         line = self._lines[self._used]
         self._used += 1
         line.style(font_px, bold=bold)

@@ -34,12 +34,18 @@ class Status:
         self.stale = False
         self._line = Line(renderer, (0.0, 0.0), 12, colour=FAINT)
         self._warning = Line(renderer, (0.0, 0.0), 12, bold=True)
+        self._line.back()
         style = self._warning.actor.GetTextProperty()
         style.SetBackgroundColor(*rgb(WARNING))
         style.SetBackgroundOpacity(1.0)
         self._moment = Moment(0.0, {})
         self._worst, self._since, self._told = 0.0, clock(), float("nan")
         self._late = ""
+
+    @property
+    def silent(self) -> float:
+        """How long nothing has come [s]."""
+        return self.clock() - self._fresh
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -89,6 +95,5 @@ class Status:
             line.style(size, bold=line is self._warning)
             line.move(left, height - UP * font_px)
         self._line.write("" if self.stale or self._late else self._about)
-        silent = self.clock() - self._fresh
-        warning = f" no data for {silent:.1f} s " if self.stale else self._late
+        warning = f" no data for {self.silent:.1f} s " if self.stale else self._late
         self._warning.write(warning, "#ffffff")

@@ -7,8 +7,9 @@ from vtkmodules.vtkRenderingCore import (
     vtkTextActor,
 )
 
-from viewer.colours import INK, rgb
+from viewer.colours import BACKGROUND, INK, rgb
 
+BACKED = 0.75  # how far the ground covers what is behind a text
 SMALL, LEAST = 0.82, 10  # small letters, in heights of the others; smaller ones are not read [px]
 
 
@@ -77,6 +78,12 @@ class Line:
         text.SetBackgroundOpacity(0.0 if colour is None else 1.0)
         if colour is not None:
             text.SetBackgroundColor(*rgb(colour))
+
+    def back(self, colour: str = BACKGROUND) -> None:
+        """Let the ground shine through behind the text: it stays readable over the body."""
+        text = self.actor.GetTextProperty()
+        text.SetBackgroundColor(*rgb(colour))
+        text.SetBackgroundOpacity(BACKED)
 
     def move(self, x: float, y: float) -> None:
         """Place its left (or middle) upper end [px], y upwards."""

@@ -2,6 +2,7 @@
 
 import { KEYS, listen } from "./keys.js";
 import { $, words } from "./dom.js";
+import { Timeline } from "./timeline.js";
 import { applyView, download, upload, viewOf } from "./view.js";
 import { Words } from "./words.js";
 
@@ -12,6 +13,7 @@ export class Controls {
     this.about = {};
     this.words = new Words(page.header);
     this.kept = null; // the view that was saved last
+    this.timeline = new Timeline($("spans"));
     for (const part of page.header.parts) {
       for (const id of ["part", "map-part"]) $(id).add(new Option(words(part.name), part.name));
     }
@@ -33,6 +35,7 @@ export class Controls {
     const { page } = this;
     $("layer").onchange = () => page.askLayer($("layer").value);
     $("style").onchange = () => page.setStyle($("style").value);
+    $("plot").onchange = () => page.setPlot($("plot").value);
     $("part").onchange = () => {
       page.setPart($("part").value);
       if ($("part").value) page.showFlat($("part").value);
@@ -52,12 +55,17 @@ export class Controls {
   }
 
   player() {
-    $("play").onclick = () => this.ask({ do: this.state.paused ? "play" : "pause" });
+    $("play").onclick = () => this.ask({ do: this.halted() ? "play" : "pause" });
     $("back").onclick = () => this.ask({ do: "step", by: -1 });
     $("on").onclick = () => this.ask({ do: "step", by: 1 });
     $("time").oninput = () => this.ask({ do: "seek", to: Number($("time").value) });
     $("speed").onchange = () => this.ask({ do: "speed", to: Number($("speed").value) });
     $("loop").onchange = () => this.ask({ do: "loop", to: $("loop").checked });
+  }
+
+  // Whether nothing moves: one press of play changes that, at the end of a recording too.
+  halted() {
+    return Boolean(this.state.paused || (this.state.ended && this.state.seekable));
   }
 
   // What keys do.
@@ -67,8 +75,8 @@ export class Controls {
   }
 
   jump(seconds) {
-    if (!this.state.seekable) this.say("a live source cannot be led through time");
-    else this.ask({ do: "seek", to: Math.max(0, (this.state.position ?? 0) + seconds) });
+    const [first] = this.state.span ?? [0];
+    this.ask({ do: "seek", to: Math.max(first, (this.state.position ?? 0) + seconds) });
   }
 
   changeSpeed(factor) {
@@ -91,6 +99,17 @@ export class Controls {
 
   toggleStyle() {
     this.page.setStyle(this.page.picture.style === "discs" ? "surface" : "discs");
+  }
+
+  nextPlot() {
+    const { options, selectedIndex } = $("plot");
+    this.page.setPlot(($("plot").value = options[(selectedIndex + 1) % options.length].value));
+  }
+
+  // The camera led by keys: steps of a turn, a move in shares of the picture, or nearer.
+  lead(act) {
+    act(this.page.camera);
+    this.page.cameraMoved();
   }
 
   nextMap() {
@@ -173,12 +192,16 @@ export class Controls {
       pick: () => this.page.isPicked(message) && this.words.showTaxel(message),
       point: () => this.page.hover.tell(message),
       notice: () => this.say(message.text),
+      spans: () => this.timeline.set(message.spans),
       problem: () => this.words.tell(message.text, () => this.write()),
     };
     kinds[message.kind]?.();
   }
 
-  hello({ layers, style, view }) {
+  hello({ layers, style, view, scene, size }) {
+    if (size) Object.assign($("stage").style, { width: `${size[0]}px`, height: `${size[1]}px` });
+    if (this.scene && this.scene !== scene) location.reload(); // the server came back with another scene
+    this.scene = scene;
     if ($("layer").options.length) {
       this.page.askLayer($("layer").value); // connected again: what was chosen stays chosen
       return;
@@ -219,25 +242,39 @@ export class Controls {
 
   stateChanged(state) {
     this.state = { ...this.state, ...state };
-    const { paused, seekable, position, duration, speed, loop } = this.state;
+    const { seekable, position, speed, loop, span = [0, 0] } = this.state, paused = this.halted();
     $("player").hidden = Boolean(this.state.single);
     $("play-sign").setAttribute("d", paused ? "M4 3v10l9-5z" : "M4 3h3v10H4zM9 3h3v10H9z");
     $("play").setAttribute("aria-label", paused ? "play" : "pause");
-    for (const id of ["time", "speed", "loop"]) $(id).disabled = !seekable;
-    if (duration !== null) $("time").max = duration;
+    for (const id of ["speed", "loop"]) $(id).disabled = !seekable;
+    $("time").disabled = !(span[1] > span[0]);
+    if (span[1] !== null) Object.assign($("time"), { min: span[0], max: span[1] });
     if (document.activeElement !== $("time") || paused === false) $("time").value = position ?? 0;
-    $("clock").textContent = duration === null ? (seekable ? "" : "live") : `${(position ?? 0).toFixed(2)} / ${duration.toFixed(2)} s`;
+    $("clock").textContent = this.told();
+    this.timeline.draw(span, this.page.camera.ratio);
     if (document.activeElement !== $("speed")) $("speed").value = `${speed}`;
     $("loop").checked = loop;
     this.write();
   }
 
-  connected(open) {
-    this.words.connected(open);
+  // Where it stands: in a recording, or how long before now.
+  told() {
+    const { seekable, position, paused, span } = this.state, at = position ?? 0;
+    if (!span || span[1] === null) return "";
+    if (seekable) return `${at.toFixed(2)} / ${span[1].toFixed(2)} s`;
+    return paused ? `${(at - span[1]).toFixed(1)} s` : "live";
+  }
+
+  connected(open, why) {
+    this.words.connected(open, why);
     this.write();
   }
 
+  themed() {
+    this.words.themed();
+  }
+
   write() {
-    this.words.showState(this.state, this.about, this.page.delay);
+    this.words.showState(this.state, this.about, this.page.delay, this.page.lost);
   }
 }

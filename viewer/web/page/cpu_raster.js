@@ -49,19 +49,21 @@ export class Rest {
   }
 
   // Colour the skin: by the bytes of the taxels or the values of the sheets' vertices.
-  draw({ codes, values, table, unknown }) {
-    const { pixels, corners, shares, shades, cells, ofTaxels } = this, top = table.length / 3 - 1;
+  draw(codes, values, colours) {
+    const { pixels, corners, shares, shades, cells, ofTaxels } = this;
     for (let k = 0; k < pixels.length; k++) {
       const a = corners[3 * k], shade = shades[k];
-      let row = codes[a], known = row < 255;
-      if (!ofTaxels) {
+      let cell;
+      if (ofTaxels) cell = colours.taxel(codes[a]);
+      else {
         const b = corners[3 * k + 1], c = corners[3 * k + 2], s = shares[2 * k], t = shares[2 * k + 1], rest = 1 - s - t;
-        const sure = s * values[2 * a + 1] + t * values[2 * b + 1] + rest * values[2 * c + 1];
-        known = sure >= 0.5;
-        row = (s * values[2 * a] + t * values[2 * b] + rest * values[2 * c]) / (sure || 1) + 0.5;
+        cell = colours.sheet(
+          s * values[2 * a] + t * values[2 * b] + rest * values[2 * c],
+          s * values[2 * a + 1] + t * values[2 * b + 1] + rest * values[2 * c + 1],
+        );
       }
-      const from = known ? table : unknown, at = known ? 3 * (row > top ? top : row | 0) : 0;
-      cells[pixels[k]] = 0xff000000 | ((from[at + 2] * shade) << 16) | ((from[at + 1] * shade) << 8) | (from[at] * shade);
+      const blue = ((cell >> 16) & 255) * shade + 0.5, green = ((cell >> 8) & 255) * shade + 0.5;
+      cells[pixels[k]] = 0xff000000 | (blue << 16) | (green << 8) | ((cell & 255) * shade + 0.5);
     }
     this.paper.putImageData(this.image, 0, 0);
     this.canvas.hidden = false;

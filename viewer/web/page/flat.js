@@ -1,14 +1,17 @@
 // The flat map of one part: the same values, outlines and clicks as on the body. It is drawn without
 // the graphics card: each pixel knows its place on the sheet, as long as part and size stay.
 
-import { colour } from "./packing.js";
+import { ColourMap, css } from "./colour_map.js";
+import { colours } from "./theme.js";
 
+const packedPanel = () => {
+  const [r, g, b] = colours().panel;
+  return (0xff000000 | (b << 16) | (g << 8) | r) >>> 0;
+};
 const MARGIN = 1.06;
-const GROUND = [222, 227, 232]; // behind discs: those at rest are nearly white
+const GROUND = 0xffe8e3de; // 0xaabbggrr behind discs: those at rest are nearly white
 const COVER = 0.6;
 const RING = 0.5; // radius of a ring in spacings
-const packed = ([r, g, b]) => (0xff000000 | (b << 16) | (g << 8) | r) >>> 0;
-const bytes = (hex) => colour(hex).map((x) => Math.round(255 * x));
 
 export class Flat {
   constructor(canvas, scene) {
@@ -19,10 +22,10 @@ export class Flat {
     this.part = this.header.parts[0];
     this.categories = false;
     this.style = "surface";
-    this.table = new Uint32Array(1);
-    this.unknown = packed(bytes(this.header.colours.unknown));
+    this.colourMap = new ColourMap([[0, 0, 0]], this.header.colours.unknown);
     this.lines = []; // {colour, ends: [u, v, u, v, ...], halo} [m]
     this.rings = []; // {number, tint} of the chosen taxels
+    this.signs = [];
     this.lasso = null; // its corners [px]
     this.ready = false; // pixels are known for this part and size
     this.stale = true; // something else than values has changed
@@ -30,7 +33,7 @@ export class Flat {
   }
 
   setTable(rows) {
-    this.table = Uint32Array.from(rows, packed);
+    this.colourMap = new ColourMap(rows, this.header.colours.unknown);
     this.stale = true;
   }
 
@@ -46,6 +49,12 @@ export class Flat {
 
   setRings(rings) {
     this.rings = rings;
+    this.ringed = false;
+    this.stale = true;
+  }
+
+  setSigns(signs) {
+    this.signs = signs; // {number, strokes} of taxels that are not to be trusted
     this.ringed = false;
     this.stale = true;
   }
@@ -91,7 +100,7 @@ export class Flat {
     this.scale = width / (2 * half[0]); // pixels a metre
     this.at = (u, v) => [width / 2 + (u - middle[0]) * this.scale, height / 2 - (v - middle[1]) * this.scale];
     this.image = new ImageData(width, height);
-    this.cells = new Uint32Array(this.image.data.buffer).fill(0xffffffff);
+    this.cells = new Uint32Array(this.image.data.buffer).fill(packedPanel());
     this.places();
     this.dots = this.drawDots(ratio);
     this.border = this.drawBorder(ratio);
@@ -124,9 +133,10 @@ export class Flat {
   // Rings around the chosen taxels of the part shown, drawn when others are chosen.
   drawRings(ratio) {
     const here = this.rings.filter(({ number }) => number >= this.part.taxels[0] && number < this.part.taxels[0] + this.part.taxels[1]);
+    const signs = this.signs.filter(({ number }) => number >= this.part.taxels[0] && number < this.part.taxels[0] + this.part.taxels[1]);
     this.ringed = true;
-    this.ringsOver = here.length ? new OffscreenCanvas(this.canvas.width, this.canvas.height) : null;
-    if (!here.length) return;
+    this.ringsOver = here.length + signs.length ? new OffscreenCanvas(this.canvas.width, this.canvas.height) : null;
+    if (!this.ringsOver) return;
     const pen = this.ringsOver.getContext("2d"), uv = this.arrays["taxel.uv"], radius = RING * this.part.spacing * this.scale;
     for (const [style, width] of [["#ffffff", 4], [null, 2]]) {
       for (const { number, tint } of here) {
@@ -135,6 +145,19 @@ export class Flat {
         pen.arc(...this.at(uv[2 * number], uv[2 * number + 1]), radius, 0, 2 * Math.PI);
         pen.stroke();
       }
+    }
+    const size = 0.8 * radius;
+    for (const [style, width] of [["#ffffff", 0.7], ["#14171c", 0.3]]) {
+      Object.assign(pen, { strokeStyle: style, lineWidth: Math.max(width * size, ratio), lineCap: "round" });
+      pen.beginPath();
+      for (const { number, strokes } of signs) {
+        const [x, y] = this.at(uv[2 * number], uv[2 * number + 1]);
+        for (const [[a, b], [c, d]] of strokes) {
+          pen.moveTo(x + size * a, y - size * b);
+          pen.lineTo(x + size * c, y - size * d);
+        }
+      }
+      pen.stroke();
     }
   }
 
@@ -181,7 +204,7 @@ export class Flat {
     this.stale = false;
     const sheet = this.style === "surface" && !this.categories;
     if (sheet) this.fillSheet();
-    else for (const pixel of this.pixels) this.cells[pixel] = packed(GROUND);
+    else for (const pixel of this.pixels) this.cells[pixel] = GROUND;
     this.paper.putImageData(this.image, 0, 0);
     if (sheet) this.paper.drawImage(this.dots, 0, 0);
     else this.drawDiscs(first, codes);
@@ -192,13 +215,14 @@ export class Flat {
   }
 
   fillSheet() {
-    const { pixels, corners, shares, cells, values, table, unknown } = this, top = table.length - 1;
+    const { pixels, corners, shares, cells, values, colourMap } = this;
     for (let k = 0; k < pixels.length; k++) {
       const a = 2 * corners[3 * k], b = 2 * corners[3 * k + 1], c = 2 * corners[3 * k + 2];
       const s = shares[2 * k], t = shares[2 * k + 1], rest = 1 - s - t;
-      const known = s * values[a + 1] + t * values[b + 1] + rest * values[c + 1];
-      const row = (s * values[a] + t * values[b] + rest * values[c]) / (known || 1) + 0.5;
-      cells[pixels[k]] = known < 0.5 ? unknown : table[row > top ? top : row | 0];
+      cells[pixels[k]] = colourMap.sheet(
+        s * values[a] + t * values[b] + rest * values[c],
+        s * values[a + 1] + t * values[b + 1] + rest * values[c + 1],
+      );
     }
   }
 
@@ -207,8 +231,7 @@ export class Flat {
     codes.forEach((code, k) => byCode.get(code)?.push(first + k) ?? byCode.set(code, [first + k]));
     const radius = (this.style === "surface" ? COVER : 0.47) * this.part.spacing * this.scale;
     for (const [code, taxels] of byCode) {
-      const cell = code === 255 ? this.unknown : this.table[Math.min(code, this.table.length - 1)];
-      paper.fillStyle = `rgb(${cell & 255} ${(cell >> 8) & 255} ${(cell >> 16) & 255})`;
+      paper.fillStyle = css(this.colourMap.taxel(code));
       paper.beginPath();
       for (const k of taxels) {
         const [x, y] = this.at(uv[2 * k], uv[2 * k + 1]);

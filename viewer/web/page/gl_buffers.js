@@ -2,6 +2,7 @@
 
 import { BODY, DEPTH, DISC, LINE, PLACES, SHEET, SHELL, SHOW, UNITS, program } from "./shaders.js";
 import { cross, unit } from "./matrices.js";
+import { ColourMap } from "./colour_map.js";
 import { colour } from "./packing.js";
 
 const SIDES = 6; // of the hexagon that stands for a taxel
@@ -102,15 +103,13 @@ export class Pieces {
     }
   }
 
-  setTable(rows, smooth) {
+  setTable(rows) {
     const gl = this.gl;
     this.size = rows.length;
     this.bind("table", this.table);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, rows.length, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE,
       new Uint8Array(rows.flatMap((row) => [...row, 255])));
-    for (const key of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
-      gl.texParameteri(gl.TEXTURE_2D, key, smooth ? gl.LINEAR : gl.NEAREST);
-    }
+    this.colourMap = new ColourMap(rows, this.header.colours.unknown);
   }
 
   colours() {

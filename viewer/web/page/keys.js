@@ -25,6 +25,14 @@ export const KEYS = [
   [["["], "[ ] t", "left, right, top", (c) => c.look("left")],
   [["]"], "", "", (c) => c.look("right")],
   [["t"], "", "", (c) => c.look("top")],
+  [[], "shift arrows", "turn the robot", null],
+  [["z"], "z Z", "nearer, farther", (c) => c.lead((camera) => camera.nearer(1.15))],
+  [["Z"], "", "", (c) => c.lead((camera) => camera.nearer(1 / 1.15))],
+  [["W"], "W A S D", "move the robot", (c) => c.lead((camera) => camera.move(0, -0.04))],
+  [["S"], "", "", (c) => c.lead((camera) => camera.move(0, 0.04))],
+  [["A"], "", "", (c) => c.lead((camera) => camera.move(-0.04, 0))],
+  [["D"], "", "", (c) => c.lead((camera) => camera.move(0.04, 0))],
+  [["k"], "k", "plot taxels, force, area, speed", (c) => c.nextPlot()],
   [["g"], "g", "go to the touches", (c) => c.focus()],
   [["r"], "r", "the whole robot again", (c) => c.look("first")],
   [["a"], "a", "map follows touches", (c) => c.follow()],
@@ -33,6 +41,8 @@ export const KEYS = [
   [["h", "?"], "h", "this help", (c) => c.toggleHelp()],
   [["Escape"], "esc", "close help and box", (c) => c.close()],
 ];
+const STEP = 0.12; // that an arrow turns [rad]
+const TURNS = { ArrowLeft: [STEP, 0], ArrowRight: [-STEP, 0], ArrowUp: [0, STEP], ArrowDown: [0, -STEP] };
 const MOUSE = [
   ["drag", "turn (left), move (middle, right)"],
   ["wheel", "zoom; on a screen two fingers"],
@@ -50,6 +60,11 @@ export function listen(controls) {
 }
 
 function press(event, controls) {
+  if (event.shiftKey && TURNS[event.key] && !/^(INPUT|SELECT)$/.test(event.target.tagName)) {
+    event.preventDefault();
+    controls.lead((camera) => camera.turn(...TURNS[event.key]));
+    return;
+  }
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   // A list that has the focus keeps the keys that it is led with.
   if (/^(INPUT|SELECT)$/.test(event.target.tagName) && event.key !== "Escape") return;

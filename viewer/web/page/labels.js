@@ -1,6 +1,7 @@
 // Boxed names of touches beside the robot, each with a line to its centre.
 
 import { colour } from "./packing.js";
+import { colours } from "./theme.js";
 
 const GAP = 6; // between two boxes [px]
 const SVG = "http://www.w3.org/2000/svg";
@@ -8,7 +9,8 @@ const SVG = "http://www.w3.org/2000/svg";
 // The colour of a class for letters on white; ink where it is too light to be read.
 export function readable(hex) {
   const [r, g, b] = colour(hex);
-  return 0.21 * r + 0.72 * g + 0.07 * b > 0.62 ? "#20262e" : hex;
+  const light = 0.21 * r + 0.72 * g + 0.07 * b, { dark, ink } = colours();
+  return (dark ? light < 0.45 : light > 0.42) ? ink : hex;
 }
 
 export class Labels {
@@ -54,6 +56,11 @@ export class Labels {
     one.line.setAttribute("stroke-dasharray", hidden ? "3 3" : "none");
     one.height = one.box.offsetHeight;
     one.width = one.box.offsetWidth;
+  }
+
+  // Letters for the light or the dark, from the next picture on.
+  themed() {
+    for (const one of this.made.values()) one.said = "";
   }
 
   make(key) {

@@ -25,11 +25,22 @@ export class Link {
       this.page.stats.samples += 1;
       this.page.take(unpack(data));
     };
-    this.socket.onclose = () => {
-      this.page.controls.connected(false);
+    this.socket.onclose = async () => {
+      this.page.controls.connected(false, await this.why());
       setTimeout(() => this.connect(), AGAIN);
     };
     this.socket.onopen = () => this.page.controls.connected(true);
+  }
+
+  // Why there is no connection: a socket that is refused does not say it, a request does.
+  async why() {
+    try {
+      const answer = await fetch("icon.svg", { cache: "no-store" });
+      if (answer.status === 403) return "the server was started anew: open the address that it printed";
+      return answer.ok ? "the server takes no further page; trying again" : "not connected; trying again";
+    } catch {
+      return `not connected: no server at ${location.host}; trying again. Where it was started anew, open the address that it printed`;
+    }
   }
 
   ask(wish) {

@@ -14,7 +14,9 @@ import { dot, place, turn } from "./matrices.js";
 import { unpack } from "./packing.js";
 import { Smoother } from "./gl_buffers.js";
 import { Picture } from "./picture.js";
+import { Port } from "./port.js";
 import { Pointer } from "./pointer.js";
+import { onTheme } from "./theme.js";
 import { Traces } from "./traces.js";
 
 const REST = 300; // after so long without a change all edges are smoothed [ms]
@@ -40,6 +42,7 @@ class Page {
     this.picked = -1; // number of the taxel told about beside the map
     this.fresh = false; // a sample that is not drawn yet
     this.came = 0; // when it did [ms]
+    this.lost = false; // the graphics card
     this.delay = 0; // from a sample to its picture, smoothed [ms]
     this.received = 0;
     this.moved = 0; // when the camera or the robot last did [ms]
@@ -50,16 +53,55 @@ class Page {
     this.controls = new Controls(this);
     this.pointer = new Pointer(this);
     this.link = connect(this);
+    this.watchCard();
+    onTheme(() => {
+      this.picture.forget();
+      this.flat.ready = false;
+      for (const kind of ["labels", "controls"]) this[kind].themed?.();
+      this.redraw(true);
+    });
     new ResizeObserver(() => this.resize()).observe(this.stage);
     new ResizeObserver(() => this.resize()).observe(this.flat.canvas);
     this.resize();
+  }
+
+  // A card that is lost takes all with it: said at once, and all is made anew when it is back.
+  watchCard() {
+    const canvas = $("picture");
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      this.lost = true;
+      this.controls.write();
+    });
+    canvas.addEventListener("webglcontextrestored", () => {
+      const { style, parts, poses, categories } = this.picture;
+      this.picture.rest.hide();
+      this.picture = new Picture(canvas, { header: this.header, arrays: this.arrays });
+      Object.assign(this.picture, { style, parts, poses, categories });
+      this.picture.setTable(this.layer.table);
+      this.marks.picture = this.picture;
+      this.lost = false;
+      this.resize();
+      this.markAll();
+      if (this.sample) this.picture.setValues(this.sample.arrays.values, this.smoother.out);
+      this.controls.write();
+      this.redraw(true);
+    });
+  }
+
+  // Bring all that is marked to where it is now.
+  markAll() {
+    this.marks.showChosen(this.chosen, true);
+    if (!this.sample) return;
+    this.marks.showSigns(this.sample.arrays.values, true);
+    this.marks.showTouches(this.sample);
   }
 
   resize() {
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
     const { clientWidth: width, clientHeight: height } = this.stage;
     if (!width || !height) return;
-    this.picture.resize(Math.round(width * ratio), Math.round(height * ratio));
+    if (!this.lost) this.picture.resize(Math.round(width * ratio), Math.round(height * ratio));
     this.camera.resize(width / height, ratio);
     const flat = this.flat.canvas;
     this.flat.resize(Math.round(flat.clientWidth * ratio), Math.round(flat.clientHeight * ratio));
@@ -77,12 +119,15 @@ class Page {
       this.picture.poses.set(arrays.poses);
       this.picture.forget();
       this.marks.showChosen(this.chosen, true);
+      this.marks.signed = null;
       this.moved = performance.now(); // a robot in motion is drawn quickly
     }
     const values = this.smoother.carry(arrays.values);
     this.picture.setValues(arrays.values, values);
     this.flat.setValues(arrays.values, values);
     this.traces.history.add(header.time ?? NaN, arrays.felt ?? arrays.values);
+    this.traces.courses.add(header);
+    this.marks.showSigns(arrays.values);
     this.marks.showTouches(message);
     this.controls.sampleCame(header);
     this.writing ??= setTimeout(() => this.write(), WRITE);
@@ -93,7 +138,9 @@ class Page {
   write() {
     this.writing = null;
     this.controls.sampleChanged(this.sample.header);
-    this.controls.words.showMissing(this.sample.arrays.values.some((code) => code < UNKNOWN));
+    const { values } = this.sample.arrays, { parts } = this.header;
+    const silent = parts.filter(({ taxels: [first, count] }) => values.subarray(first, first + count).every((code) => code === UNKNOWN));
+    this.controls.words.showNotes(silent, parts, this.sample.header.touches.length > 0);
     this.traces.show(this.flat.part);
     this.hover.ask();
     if (this.picked >= 0) this.link.ask({ do: "pick", ...this.taxel(this.picked) });
@@ -142,7 +189,7 @@ class Page {
     const categories = layer.categories.length > 0;
     this.layer = layer;
     for (const one of [this.picture, this.flat]) {
-      one.setTable(layer.table, !categories);
+      one.setTable(layer.table);
       one.categories = categories;
     }
     this.picture.forget();
@@ -156,9 +203,15 @@ class Page {
     this.redraw(true);
   }
 
+  setPlot(plot) {
+    this.traces.plot = plot;
+    this.traces.show(this.flat.part);
+  }
+
   setPart(name) {
     this.picture.parts = new Set(name ? [name] : this.header.parts.map((part) => part.name));
     this.picture.forget();
+    this.markAll();
     this.redraw(true);
   }
 
@@ -200,7 +253,7 @@ class Page {
 
   draw(still) {
     this.wanted = false;
-    if (!this.picture.rooms) return;
+    if (!this.picture.rooms || this.lost) return;
     this.picture.draw(this.camera, performance.now() - this.moved < REST, still);
     this.flat.draw(this.camera.ratio);
     this.showLabels();
@@ -225,7 +278,7 @@ class Page {
       const [x, y] = this.camera.project(place(model, touch.centre));
       const hidden = dot(turn(model, touch.normal), this.camera.direction) < 0;
       const key = touch.identity >= 0 ? `${touch.identity}` : `${touch.part}/${k}`;
-      return { key, text: touch.text, colour: touch.colour, at: [x * width, y * height], hidden };
+      return { key, text: this.sample.header.stale ? `${touch.text}, last heard` : touch.text, colour: touch.colour, at: [x * width, y * height], hidden };
     });
     const inside = touches.filter(({ at: [x, y] }) => x >= 0 && y >= 0 && x <= width && y <= height);
     this.labels.show(inside, { width, height, taken: $("bar").offsetTop - 12 });
@@ -247,6 +300,7 @@ async function start() {
     const reel = await stored("reel");
     return new Page(await stored("scene"), (page) => new Film(reel, page));
   }
+  if ($("scene")) return new Page(await stored("scene"), (page) => new Port(page)); // in a notebook
   const answer = await fetch("scene.bin");
   if (!answer.ok) throw new Error(await answer.text());
   const root = new URL("live", location.href);

@@ -2,11 +2,15 @@
 
 import { cross, place, turn, unit } from "./matrices.js";
 import { colour } from "./packing.js";
+import { SIGNS } from "./signs.js";
 
 const LIFT = 0.0009; // outlines above the sheet [m]
 const RISE = 0.004; // trails above the skin [m]
 const ARROW = 0.05; // length of a normal [m]
 const RING = 0.55; // radius of a ring in spacings
+const SIGN = 0.4; // radius of a sign in spacings
+const INK = [0.08, 0.09, 0.11];
+const FADED = 0.6; // how far what is silent goes to the ground
 const MANY = 60; // rings that have all their sides
 
 export class Marks {
@@ -15,17 +19,19 @@ export class Marks {
     this.ringed = null;
   }
 
-  showTouches({ header: { touches }, arrays }) {
+  showTouches({ header: { touches, stale }, arrays }) {
+    const pale = (tint) => (stale ? tint.map((x) => x + (0.95 - x) * FADED) : tint);
     const round = [], flat = [];
     for (const touch of touches) {
       const part = this.header.parts.find((one) => one.name === touch.part);
-      const model = this.picture.model(part.link), tint = colour(touch.colour);
-      const line = this.outline(touch, arrays, model, tint, round);
-      if (part === this.flat.part) flat.push({ colour: touch.colour, ends: line, halo: true });
+      const to = this.picture.parts.has(touch.part) ? round : [];
+      const model = this.picture.model(part.link), tint = pale(colour(touch.colour));
+      const line = this.outline(touch, arrays, model, tint, to);
+      if (part === this.flat.part) flat.push({ colour: `rgb(${tint.map((x) => Math.round(255 * x)).join(" ")})`, ends: line, halo: true });
       const foot = place(model, touch.centre), up = turn(model, touch.normal);
-      round.push(foot[0], foot[1], foot[2], ...[0, 1, 2].map((i) => foot[i] + ARROW * up[i]), ...tint);
+      to.push(foot[0], foot[1], foot[2], ...[0, 1, 2].map((i) => foot[i] + ARROW * up[i]), ...tint);
       const trail = (touch.path || []).map((p) => place(model, p).map((x, i) => x + (i < 3 ? RISE * up[i] : 0)));
-      for (let k = 1; k < trail.length; k++) round.push(...trail[k - 1].slice(0, 3), ...trail[k].slice(0, 3), ...tint);
+      for (let k = 1; k < trail.length; k++) to.push(...trail[k - 1].slice(0, 3), ...trail[k].slice(0, 3), ...tint);
     }
     this.picture.touches.set(round);
     this.flat.setLines(flat);
@@ -54,7 +60,7 @@ export class Marks {
     for (const [part, numbers] of chosen.byPart()) {
       const tints = chosen.tints(numbers.length);
       numbers.forEach((number, k) => {
-        this.ring(part, number, colour(tints[k]), chosen.count > MANY ? 6 : 12, round);
+        if (this.picture.parts.has(part.name)) this.ring(part, number, colour(tints[k]), chosen.count > MANY ? 6 : 12, round);
         flat.push({ number, tint: tints[k] });
       });
     }
@@ -63,13 +69,41 @@ export class Marks {
   }
 
   ring(part, number, tint, sides, round) {
+    const at = this.around(part, number, RING);
+    const corner = (c) => at(Math.cos((2 * Math.PI * c) / sides), Math.sin((2 * Math.PI * c) / sides));
+    for (let c = 0; c < sides; c++) round.push(...corner(c), ...corner(c + 1), ...tint);
+  }
+
+  // Places around a taxel in the plane of the skin: its own up is the robot's where that lies in it.
+  around(part, number, radius) {
     const points = this.arrays["taxel.points"], model = this.picture.model(part.link);
     const up = unit([...this.arrays["taxel.normals"].subarray(4 * number, 4 * number + 3)]);
-    const right = unit(cross(up, Math.abs(up[0]) < 0.6 ? [1, 0, 0] : [0, 1, 0])), ahead = cross(up, right);
-    const corner = (c) => {
-      const x = RING * part.spacing * Math.cos((2 * Math.PI * c) / sides), y = RING * part.spacing * Math.sin((2 * Math.PI * c) / sides);
-      return place(model, [0, 1, 2].map((i) => points[3 * number + i] + x * right[i] + y * ahead[i] + LIFT * up[i])).slice(0, 3);
-    };
-    for (let c = 0; c < sides; c++) round.push(...corner(c), ...corner(c + 1), ...tint);
+    const level = cross([0, 0, 1], up), right = Math.hypot(...level) > 0.1 ? unit(level) : unit(cross(up, [0, 1, 0]));
+    const ahead = cross(up, right), size = radius * part.spacing;
+    return (x, y) => place(model, [0, 1, 2].map((i) => points[3 * number + i] + size * (x * right[i] + y * ahead[i]) + LIFT * up[i])).slice(0, 3);
+  }
+
+  // Signs on taxels whose values mean nothing: those known to the scene, and those that sent nothing
+  // where others of their part did.
+  showSigns(codes, moved = false) {
+    const said = new Map(this.header.signs);
+    for (const { taxels: [first, count] } of this.header.parts) {
+      const own = codes.subarray(first, first + count);
+      if (own.every((code) => code === 255)) continue;
+      own.forEach((code, k) => code === 255 && !said.has(first + k) && said.set(first + k, "stale"));
+    }
+    const key = [...said].join();
+    if (key === this.signed && !moved) return;
+    this.signed = key;
+    const round = [], flat = [];
+    for (const [number, name] of said) {
+      const part = this.header.parts.find(({ taxels: [first, count] }) => number >= first && number < first + count);
+      flat.push({ number, strokes: SIGNS[name] });
+      if (!this.picture.parts.has(part.name)) continue;
+      const at = this.around(part, number, SIGN);
+      for (const [from, to] of SIGNS[name]) round.push(...at(...from), ...at(...to), ...INK);
+    }
+    this.picture.signs.set(round);
+    this.flat.setSigns(flat);
   }
 }

@@ -21,6 +21,7 @@ export class Film {
     this.layers = Object.fromEntries(header.layers.map((layer) => [layer.name, layer]));
     this.layer = header.layer;
     this.now = header.now;
+    this.spans = header.spans;
     this.paused = this.moments.length > 1;
     this.speed = 1;
     this.loop = false;
@@ -39,10 +40,11 @@ export class Film {
     setTimeout(() => this.begin(header)); // when the page is all there
   }
 
-  begin({ style }) {
+  begin({ style, size }) {
     this.page.controls.connected(true);
-    this.tell({ kind: "hello", layers: Object.keys(this.layers), style });
+    this.tell({ kind: "hello", layers: Object.keys(this.layers), style, size });
     this.setLayer(this.layer);
+    this.tell({ kind: "spans", spans: this.spans });
   }
 
   tell(message) {
@@ -60,7 +62,7 @@ export class Film {
     const { moments, now, paused, speed, loop } = this, single = moments.length < 2;
     return {
       single, paused, speed, loop, seekable: !single, error: null, ended: false, unfit: 0,
-      position: this.time(now), duration: single ? null : this.time(moments.length - 1),
+      span: [0, this.time(moments.length - 1)], position: this.time(now), duration: single ? null : this.time(moments.length - 1),
     };
   }
 

@@ -5,6 +5,7 @@ import { Pieces, Ribbons } from "./gl_buffers.js";
 import { colour } from "./packing.js";
 import { multiply } from "./matrices.js";
 import { Rest } from "./cpu_raster.js";
+import { colours } from "./theme.js";
 import { closeRooms, openRooms } from "./framebuffers.js";
 
 const FULL_DISC = 0.47; // radius of a disc in spacings
@@ -20,7 +21,6 @@ export class Picture extends Pieces {
     this.style = "surface";
     this.categories = false;
     this.parts = new Set(this.header.parts.map((part) => part.name));
-    this.unknownBytes = this.unknown.map((x) => Math.round(255 * x));
     this.tints = Object.fromEntries(Object.entries(this.header.colours).map(([k, v]) => [k, colour(v)]));
     const normals = (name) => [this.buffer(a[name]), 4, gl.BYTE, true];
     const points = (name) => [this.buffer(a[name]), 3, gl.FLOAT];
@@ -31,6 +31,7 @@ export class Picture extends Pieces {
     this.hexes = this.hexagons(a["taxel.points"], a["taxel.normals"]);
     this.touches = new Ribbons(this);
     this.chosen = new Ribbons(this);
+    this.signs = new Ribbons(this);
     this.nothing = gl.createVertexArray();
     this.rest = new Rest(document.getElementById("rest"));
     this.kept = null; // version of the camera that the kept picture was drawn for
@@ -66,11 +67,6 @@ export class Picture extends Pieces {
     this.sent = true;
   }
 
-  setTable(rows, smooth) {
-    super.setTable(rows, smooth);
-    this.tableBytes = Uint8Array.from(rows.flat());
-  }
-
   model(link) {
     return this.poses.subarray(16 * link, 16 * link + 16);
   }
@@ -92,10 +88,11 @@ export class Picture extends Pieces {
     if (this.kept !== camera.version || (!this.keptSmooth && !rough)) this.keep(camera, rough);
     if (this.changed && !this.placed) this.place(camera);
     if (this.changed && this.software) {
-      this.rest.draw({ codes: this.codes, values: this.values, table: this.tableBytes, unknown: this.unknownBytes });
-      if (this.traced !== this.chosen.segments) {
-        this.traced = this.chosen.segments;
-        this.rest.setStill(this.traced, camera.matrix, ...this.ringWidths(camera).map((width) => width * camera.ratio));
+      this.rest.draw(this.codes, this.values, this.colourMap);
+      if (this.traced !== this.chosen.segments || this.marked !== this.signs.segments) {
+        [this.traced, this.marked] = [this.chosen.segments, this.signs.segments];
+        const segments = [...this.traced, ...this.marked];
+        this.rest.setStill(segments, camera.matrix, ...this.ringWidths(camera).map((width) => width * camera.ratio));
       }
       this.rest.drawStill();
       this.rest.drawLines(this.touches.segments, camera.matrix, 3 * camera.ratio, 6 * camera.ratio);
@@ -195,7 +192,7 @@ export class Picture extends Pieces {
 
   drawBody(camera) {
     const gl = this.gl;
-    gl.clearColor(...this.tints.background, 1);
+    gl.clearColor(...colours().ground, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.POLYGON_OFFSET_FILL); // what lies on the skin is never torn by the cover below it
     gl.polygonOffset(1, 8);
@@ -253,6 +250,9 @@ export class Picture extends Pieces {
     const [ring, around] = this.ringWidths(camera);
     if (around) this.chosen.draw({ ...common, width: around, nearer: 5e-5, halo: [1, 1, 1, 1] });
     this.chosen.draw({ ...common, width: ring, nearer: 1e-4, halo: [0, 0, 0, 0] });
+    const [thin, white] = around ? [1.5, 3.5] : [ring, 0];
+    if (white) this.signs.draw({ ...common, width: white, nearer: 5e-5, halo: [1, 1, 1, 1] });
+    this.signs.draw({ ...common, width: thin, nearer: 1e-4, halo: [0, 0, 0, 0] });
     this.touches.draw({ ...common, width: 6, nearer: 2e-4, halo: [1, 1, 1, 1] });
     this.touches.draw({ ...common, width: 3, nearer: 4e-4, halo: [0, 0, 0, 0] });
     gl.depthMask(true);
@@ -269,6 +269,7 @@ export class Picture extends Pieces {
 
   // Number of the taxel under a point of the canvas [px], among all taxels; -1 where there is none.
   taxelAt(x, y, camera) {
+    if (this.gl.isContextLost()) return -1;
     const gl = this.gl, row = this.canvas.height - 1 - Math.floor(y), column = Math.floor(x);
     if (!this.rooms || x < 0 || row < 0) return -1;
     if (this.kept !== camera.version) this.keep(camera, this.software);

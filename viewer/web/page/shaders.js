@@ -1,5 +1,7 @@
 // Programs of the picture. Lengths are metres; lighting is a lamp at the camera.
 
+import { COLOURS } from "./colour_map.js";
+
 // The texture unit of each sampler, the same in all programs.
 export const UNITS = { table: 0, values: 1, codes: 2, faces: 3, kept: 4, places: 5, depths: 6 };
 
@@ -7,18 +9,6 @@ export const UNITS = { table: 0, values: 1, codes: 2, faces: 3, kept: 4, places:
 const LIST = "ivec2 at(int k) { return ivec2(k & 2047, k >> 11); }";
 
 const SHADE = "float shade(float facing) { return min(1.0, 0.5 + 0.52 * max(facing, 0.0)); }";
-
-// Colours of a sheet, by value and how far it is known, and of a taxel, by its row of the table.
-const COLOURS = `
-uniform sampler2D table; uniform float size; uniform vec3 unknown;
-${SHADE}
-vec3 sheetColour(vec2 value) {
-  float row = clamp(value.x / max(value.y, 1e-3), 0.0, size - 1.0);
-  return value.y < 0.5 ? unknown : texture(table, vec2((row + 0.5) / size, 0.5)).rgb;
-}
-vec3 taxelColour(float row) {
-  return row > 254.5 ? unknown : texture(table, vec2((row + 0.5) / size, 0.5)).rgb;
-}`;
 
 export const BODY = {
   vertex: `
@@ -71,6 +61,7 @@ void main() {
 }`,
   fragment: `
 in float facing; in vec2 shown; out vec4 pixel;
+${SHADE}
 ${COLOURS}
 void main() { pixel = vec4(sheetColour(shown) * shade(facing), 1.0); }`,
 };
@@ -93,6 +84,7 @@ void main() {
   fragment: `
 in float facing; flat in int taxel; flat in float row; out vec4 pixel;
 uniform vec3 plain; uniform float mode; // 0 by value, 1 in one colour, 2 by number, for picking
+${SHADE}
 ${COLOURS}
 void main() {
   int k = taxel + 1;

@@ -1,6 +1,7 @@
 // Pressures of the last seconds: kept in a fixed room, drawn for the chosen taxels.
 
 import { made, words } from "./dom.js";
+import { colours } from "./theme.js";
 
 const SECONDS = 10; // that are kept
 const SAMPLES = 500; // of each taxel: 50 a second
@@ -40,6 +41,55 @@ export class History {
   }
 }
 
+const MAX_CONTACTS = 6; // that are plotted
+const PAST = 0.1; // a speed is taken over so long [s]: centres jump from taxel to taxel
+const UNITS = { force: "N", area: "mm²", speed: "mm/s" };
+
+// Force, area and place of the contacts of the last seconds, as the window keeps them
+// (viewer/drawing/touches/contact_courses.py).
+export class Courses {
+  constructor() {
+    this.rows = [];
+  }
+
+  add({ time, stale, touches }) {
+    if (!Number.isFinite(time) || stale) return;
+    const last = this.rows.at(-1)?.time;
+    if (time === last) return;
+    if (time < last) this.rows = []; // led back: what came later is not true yet
+    this.rows.push({ time, touches: new Map(touches.map((touch) => [`${touch.part}/${touch.identity}`, touch])) });
+    while (this.rows.length > SAMPLES || time - this.rows[0].time > SECONDS) this.rows.shift();
+  }
+
+  // Times, a line for each of the contacts felt last, their names, and the unit.
+  show(kind) {
+    const { rows } = this, keys = [...new Set([...rows].reverse().flatMap((row) => [...row.touches.keys()]))].slice(0, MAX_CONTACTS);
+    const known = rows.some((row) => [...row.touches.values()].some((touch) => touch.force !== null));
+    const field = kind === "area" ? "area_mm2" : known ? "force" : "peak";
+    const of = kind === "speed" ? (key, k) => this.speed(key, k) : (key, k) => rows[k].touches.get(key)?.[field] ?? NaN;
+    return {
+      times: rows.map((row) => row.time), lines: keys.map((key) => rows.map((_, k) => of(key, k))),
+      names: keys.map((key) => words(key.split("/")[0])), unit: kind === "force" && !known ? "largest count" : UNITS[kind],
+    };
+  }
+
+  speed(key, k) {
+    const { rows } = this, now = rows[k].touches.get(key);
+    let before = k;
+    while (before > 0 && rows[k].time - rows[before - 1].time <= PAST + 1e-9) before -= 1;
+    const then = rows[before].touches.get(key);
+    if (!now || !then || before === k) return NaN;
+    return (1e3 * Math.hypot(...now.centre.map((x, i) => x - then.centre[i]))) / (rows[k].time - rows[before].time);
+  }
+}
+
+// A round number, at least so large.
+function roundUp(value) {
+  if (!(value > 0)) return 1;
+  const power = 10 ** Math.floor(Math.log10(value));
+  return [1, 2, 5, 10].map((step) => step * power).find((step) => step >= 0.999 * value);
+}
+
 export class Traces {
   constructor(section, scene, chosen) {
     this.section = section;
@@ -47,11 +97,22 @@ export class Traces {
     this.channels = scene.arrays["taxel.channels"];
     this.history = new History(this.channels.length);
     this.chosen = chosen;
+    this.courses = new Courses();
+    this.plot = "taxels";
+  }
+
+  // What is plotted: a course of the contacts, or the pressures of chosen taxels.
+  show(part) {
+    if (this.plot === "taxels") return this.showTaxels(part);
+    this.section.hidden = false;
+    const { times, lines, names, unit } = this.courses.show(this.plot);
+    this.write(`contacts: ${this.plot}, ${unit}`, names);
+    this.draw(times, lines, roundUp(Math.max(...lines.flat().filter(Number.isFinite))));
   }
 
   // Those of the part on the flat map, or of another where none is chosen there; of many their mean
   // and their largest.
-  show(part) {
+  showTaxels(part) {
     const byPart = this.chosen.byPart();
     this.section.hidden = !byPart.size;
     if (!byPart.size) return;
@@ -94,19 +155,19 @@ export class Traces {
     }));
   }
 
-  draw(times, lines) {
+  draw(times, lines, most = 255) {
     const { canvas } = this, ratio = Math.min(window.devicePixelRatio || 1, 2), pen = canvas.getContext("2d");
     const width = canvas.clientWidth, height = canvas.clientHeight;
     if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
     if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
-    const left = 28, right = width - 4, top = 8, bottom = height - 18, now = times.at(-1);
-    Object.assign(pen, { strokeStyle: "#6b7480", fillStyle: "#6b7480", lineWidth: 1, lineJoin: "round", font: `12px ${FONT}`, textAlign: "right" });
+    const left = 34, right = width - 4, top = 8, bottom = height - 18, now = times.at(-1);
+    Object.assign(pen, { strokeStyle: colours().faint, fillStyle: colours().faint, lineWidth: 1, lineJoin: "round", font: `12px ${FONT}`, textAlign: "right" });
     pen.beginPath();
     [[left, top], [left, bottom], [right, bottom]].forEach((p) => pen.lineTo(...p));
     pen.stroke();
-    pen.fillText("255", left - 4, top + 5);
+    pen.fillText(`${most}`, left - 4, top + 5);
     pen.fillText("0", left - 4, bottom + 3);
     pen.fillText("now", right, height - 3);
     pen.textAlign = "left";
@@ -117,7 +178,7 @@ export class Traces {
       pen.beginPath();
       let open = false;
       values.forEach((value, i) => {
-        const x = right + ((times[i] - now) / SECONDS) * (right - left), y = bottom - (value / 255) * (bottom - top);
+        const x = right + ((times[i] - now) / SECONDS) * (right - left), y = bottom - (value / most) * (bottom - top);
         const known = x >= left && Number.isFinite(value);
         if (known) pen[open ? "lineTo" : "moveTo"](x, y);
         open = known;

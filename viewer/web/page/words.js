@@ -3,7 +3,10 @@
 import { readable } from "./labels.js";
 import { $, made, words } from "./dom.js";
 import { facts } from "./describe.js";
+import { SIGNS, signPicture } from "./signs.js";
 
+const ARROWS = "lines out of the skin: normals of touches; lines along it: the ways they took";
+const TELL = 800; // from a change of the touches to its being told [ms]
 const NOTICE = 4000; // that a notice stays [ms]
 const TOLD = 8000; // how long a problem stands there [ms]
 const SILENT = 500; // from one look at the clock to the next while nothing comes [ms]
@@ -12,7 +15,7 @@ const css = ([r, g, b]) => `rgb(${r} ${g} ${b})`;
 export class Words {
   constructor(header) {
     this.open = false;
-    this.problem = "";
+    this.problem = this.why = "";
     $("robot").textContent = header.robot;
     document.title = `${header.robot} · Skinmap`;
     $("count").textContent = `${header.parts.reduce((n, part) => n + part.taxels[1], 0).toLocaleString("en")} taxels`;
@@ -36,24 +39,26 @@ export class Words {
     write();
   }
 
-  connected(open) {
+  connected(open, why = "") {
     this.open = open;
     this.problem = "";
+    this.why = why;
   }
 
-  showState(state, about, delay) {
+  showState(state, about, delay, lost = false) {
     const said = [];
     let warn = true;
     clearTimeout(this.again);
     if (!about.stale) Object.assign(this, { fresh: performance.now(), fitted: state.unfit });
-    if (!this.open) said.push("not connected; trying again");
+    if (lost) said.push("the graphics card lost the picture; it is drawn anew when the card is back");
+    else if (!this.open) said.push(this.why || "not connected; trying again");
     else if (state.error) said.push(`the source failed: ${state.error}`);
     else if (this.problem || about.problem) said.push(this.problem || about.problem);
     else if (about.stale) {
       const unfit = state.unfit - this.fitted;
       said.push(`no data for ${((performance.now() - this.fresh) / 1000).toFixed(1)} s`);
       if (unfit > 0) said.push(`${unfit.toLocaleString("en")} samples do not fit this skin`);
-      this.again = setTimeout(() => this.showState(state, about, delay), SILENT);
+      this.again = setTimeout(() => this.showState(state, about, delay, lost), SILENT);
     } else {
       warn = false;
       if (about.rate != null) said.push(`${about.rate.toFixed(0)} samples/s`);
@@ -62,6 +67,8 @@ export class Words {
       if (state.ended) said.push("ended");
       if (state.paused) said.push("paused");
     }
+    document.body.classList.toggle("stale", Boolean(about.stale));
+    $("touch-list").dataset.age = about.stale ? `${((performance.now() - this.fresh) / 1000).toFixed(0)} s ago` : "";
     $("status").textContent = said.join(" · ");
     $("status").className = warn ? "warn" : "";
   }
@@ -70,6 +77,7 @@ export class Words {
     $("bar-title").textContent = layer.title;
     $("bar-unit").textContent = layer.unit;
     this.missing = layer.missing;
+    this.live = layer.live;
     $("bar-scale").hidden = layer.categories.length > 0;
     $("bar-colours").style.background = `linear-gradient(to top, ${layer.table.map(css).join(",")})`;
     const [low, high] = layer.limits;
@@ -77,28 +85,49 @@ export class Words {
     $("bar-names").replaceChildren(...layer.categories.map((name, k) => {
       const item = made("li"), swatch = made("i");
       swatch.style.background = css(layer.table[k]);
+      if (layer.name === "health" && name in SIGNS) swatch.append(signPicture(name));
       item.append(swatch, name);
       return item;
     }));
   }
 
-  // Why nothing is seen of a layer.
-  showMissing(known) {
-    $("bar-missing").textContent = known ? "" : this.missing;
+  // Why nothing is seen of a layer, or of some parts; what the lines at touches are.
+  showNotes(silent, parts, touched) {
+    const none = silent.length === parts.length, notes = [];
+    if (none) notes.push(this.missing);
+    else if (silent.length && this.live) notes.push(`grey: not in this source: ${silent.map((part) => words(part.name)).join(", ")}`);
+    if (touched) notes.push(ARROWS);
+    $("bar-missing").replaceChildren(...notes.map((note) => made("span", note)));
   }
 
   showMap(part) {
     $("map-about").textContent = `${words(part.name)}: ${part.taxels[1]} taxels, ${part.patches} ${part.patches === 1 ? "patch" : "patches"}`;
   }
 
+  // Which touches there are, for who listens: told when others came or got another name, not often.
+  announce(touches) {
+    const said = touches.map((touch) => `${touch.label.replaceAll("_", " ")} on ${words(touch.part)}`).sort().join(", ") || "no touch";
+    this.wish = said;
+    if (said === this.announced || this.telling) return;
+    this.telling = setTimeout(() => {
+      this.telling = null;
+      this.announced = this.wish;
+      $("said").textContent = this.wish;
+    }, TELL);
+  }
+
+  themed() {
+    this.showTouches(this.touches ?? []);
+  }
+
   showTouches(touches) {
+    this.touches = touches;
+    this.announce(touches);
     $("touches-head").textContent = touches.length ? (touches.length === 1 ? "1 touch" : `${touches.length} touches`) : "no touch";
     $("touch-list").replaceChildren(...touches.map((touch) => {
       const item = made("li"), name = made("b", touch.text);
-      const area = touch.area === null ? "" : `, ${(1e4 * touch.area).toFixed(1)} cm²`;
-      const force = touch.force === null ? "" : `, ${touch.force.toFixed(1)} N`;
       name.style.color = readable(touch.colour);
-      item.append(name, made("span", `${words(touch.part)}${area}${force}`));
+      item.append(name, made("span", touch.about.join("   ")));
       return item;
     }));
   }

@@ -1,0 +1,189 @@
+"""Files of what a source shows: the picture of one moment, movies, pages; no screen is needed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skinmap.geometry.rigid import transform_directions
+from skinmap.live.moment import Moment
+from viewer.drawing.frame.camera import front_view
+from viewer.export.gltf import write_gltf
+from viewer.export.html_page import write_html
+from viewer.export.movie import MOVIE_FPS, Picture, write_movie
+from viewer.export.thinned_moments import Excerpt
+from viewer.layers import AUTO, Range
+from viewer.scene import Scene
+from viewer.view_options import Look, Session, new_layers, new_scene
+
+STILL_SIZE = (1600, 1100)
+MOVIE_SIZE = (1024, 768)
+MOVIE_SECONDS = 7.0  # of the simulator, which has no end
+CALM = 1.6  # how far the camera of a movie turns between two pictures [deg]: 40 a second
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Files to write; without any a window opens.
+
+    Attributes
+    ----------
+    screenshot, movie, gltf, html : Path or None
+    at : float or None
+        Time of the picture from the source's beginning [s]; the moment that shows most by default.
+    seconds : float or None
+        How long the source is watched.
+    """
+
+    screenshot: Path | None = None
+    movie: Path | None = None
+    gltf: Path | None = None
+    html: Path | None = None
+    at: float | None = None
+    seconds: float | None = None
+
+    @property
+    def files(self) -> list[Path]:
+        """What is asked for."""
+        every = (self.screenshot, self.movie, self.gltf, self.html)
+        return [path for path in every if path is not None]
+
+
+def write_files(session: Session, look: Look, wanted: Wanted) -> dict[str, Any]:
+    """Write pictures and files of what the source shows; no screen is needed."""
+    best = Best(session, look)
+    look = replace(look, ranges=found_ranges(session, look, wanted))
+    files: list[Path] = []
+    moments = best.watch(session.moments(_length(session, wanted), start=_start(wanted)))
+    excerpt = Excerpt()
+    if wanted.html is not None and wanted.at is None:
+        moments = excerpt.watch(moments)
+    if wanted.movie is not None:
+        scene = new_scene(session, look, size=MOVIE_SIZE, off_screen=True)
+        if scene.framing.mode == "auto" and not look.follow:
+            scene.framing.mode = "still"  # touches come and go all around: it would never rest
+        files.append(write_movie(wanted.movie, movie_frames(scene, moments), MOVIE_FPS))
+        scene.close()
+    elif wanted.at is not None:
+        best.moment = next(moments, None)
+    else:
+        for _ in moments:
+            pass
+    if wanted.screenshot or wanted.gltf or wanted.html:
+        files += _stills(session, look, wanted, best.moment, excerpt)
+    touches = () if best.moment is None else best.moment.touches
+    return {
+        "robot": session.robot.name,
+        "parts": list(session.parts),
+        "source": session.source,
+        "time": math.nan if best.moment is None else best.moment.time - session.origin,
+        "touches": [
+            {"part": one.part, "label": one.label, "confidence": one.confidence} for one in touches
+        ],
+        "files": files,
+    }
+
+
+def found_ranges(session: Session, look: Look, wanted: Wanted) -> Mapping[str, Range]:
+    """The ranges asked for, those of "auto" found from all that will be shown.
+
+    Of a live source nobody knows what will come: its limits grow with what was seen.
+    """
+    if AUTO not in look.ranges.values() or not session.repeats:
+        return look.ranges
+    layers = new_layers(session, look)
+    start, seconds = _start(wanted), _length(session, wanted)
+    for moment in session.moments(
+        0.0 if wanted.at is not None else seconds, start=start, name=False
+    ):
+        layers.observe(moment)
+    return {name: layers.get(name).limits for name in look.ranges}
+
+
+def _stills(
+    session: Session, look: Look, wanted: Wanted, moment: Moment | None, excerpt: Excerpt
+) -> list[Path]:
+    scene = new_scene(session, look, size=STILL_SIZE, off_screen=True)
+    if moment is not None:
+        scene.follow(moment)
+    scene.update(step=360.0)
+    files = []
+    if wanted.screenshot is not None:
+        files.append(scene.screenshot(wanted.screenshot))
+    if wanted.gltf is not None:
+        files.append(write_gltf(scene, wanted.gltf))
+    if wanted.html is not None:
+        played, now = excerpt.around(moment)
+        files.append(write_html(scene, wanted.html, moments=played, now=now, size=look.size))
+    scene.close()
+    return files
+
+
+def _length(session: Session, wanted: Wanted) -> float | None:
+    if wanted.seconds is None and wanted.movie is not None and session.simulated:
+        return MOVIE_SECONDS
+    return wanted.seconds
+
+
+def _start(wanted: Wanted) -> float:
+    return 0.0 if wanted.at is None else wanted.at
+
+
+class Best:
+    """Keeps the moment that shows most: large, surely named touches that are seen from the front.
+
+    Parameters
+    ----------
+    session : Session
+    look : Look
+    """
+
+    def __init__(self, session: Session, look: Look) -> None:
+        robot = session.robot
+        poses = robot.body.poses({**robot.pose, **(look.angles or {})})
+        self._poses = {part: poses[robot.part(part).link] for part in session.parts}
+        normals = [
+            transform_directions(self._poses[part], skin.skin.normals)
+            for part, skin in session.skins.items()
+        ]
+        self._front = front_view(np.concatenate(normals)).direction
+        self.moment: Moment | None = None
+        self.worth = -math.inf
+
+    def watch(self, moments: Iterable[Moment]) -> Iterator[Moment]:
+        """The same moments, looked at as they pass."""
+        for moment in moments:
+            worth = self._worth(moment)
+            if worth > self.worth:
+                self.moment, self.worth = moment, worth
+            yield moment
+
+    def _worth(self, moment: Moment) -> float:
+        total = 0.0
+        for touch in moment.touches:
+            # What has no name yet has just begun: a later moment says more.
+            sure = touch.confidence if math.isfinite(touch.confidence) else -1.0
+            seen = 1.0
+            if touch.normal is not None:
+                normal = transform_directions(self._poses[touch.part], touch.normal[None])[0]
+                seen = float(np.clip(0.5 + normal @ self._front, 0.2, 1.0))
+            total += sure * seen * math.sqrt(min(len(touch.taxels), 16))
+        return total
+
+
+def movie_frames(scene: Scene, moments: Iterable[Moment]) -> Iterator[Picture]:
+    """Pictures (h, w, 3) of moments, 25 for each of their seconds; a turning camera is calm."""
+    due = -math.inf
+    for moment in moments:
+        if moment.time < due - 1e-6:
+            continue
+        due = (moment.time if math.isinf(due) else due) + 1.0 / MOVIE_FPS
+        if moment.time > due:
+            due = moment.time + 1.0 / MOVIE_FPS
+        scene.follow(moment)
+        yield scene.frame(CALM)

@@ -1,0 +1,353 @@
+"""What `skinmap view` shows and how: the robot, its source and names; the scene that looks so."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skinmap.arrays import FloatArray
+from skinmap.classify.classifier import TouchClassifier
+from skinmap.classify.model_file import load_classifier
+from skinmap.errors import (
+    InvalidArrayError,
+    SkinError,
+    SkinMismatchError,
+    UnknownNameError,
+    UnreachableError,
+)
+from skinmap.live.loop import TouchLoop
+from skinmap.live.moment import Moment
+from skinmap.live.sources.open_source import open_source
+from skinmap.live.sources.source import Seekable, Source, SourceEnded, is_live
+from skinmap.skin.robot import Robot
+from skinmap.touch.prepared_skin import PreparedSkin
+from viewer.drawing.body.bare_body import check_links
+from viewer.drawing.body.body_view import GOOD_PX
+from viewer.drawing.skin.lazy_maps import LazyMaps
+from viewer.drawing.touches.contour_cache import EVERY
+from viewer.inputs import default_classifier
+from viewer.interaction.saving import apply_view
+from viewer.interaction.selection import Selection
+from viewer.interaction.view_file import SavedView
+from viewer.layers import Layers, Range
+from viewer.playing.stepwise import stepwise
+from viewer.scene import Scene
+
+LIVE = 5.0  # how long a live source is watched for a picture or a movie [s]
+MADE = 12.0  # how long recordings and the simulator are, for a picture [s]
+LEAD = 1.0  # of a recording before the time asked for: touches are named from their past [s]
+STEP = 0.2  # longest wait for a sample before the clock is looked at [s]
+SAME = 1e-6  # times that differ by less are the same [s]
+SILENCE = 5.0  # a live source that sends nothing for so long gives no picture [s]
+
+
+@dataclass(eq=False)
+class Session:
+    """A robot, some of its parts, and what is to be shown on them.
+
+    Attributes
+    ----------
+    robot : Robot
+    parts : tuple of str
+        Parts asked for.
+    source : str
+        As for `skinmap.live.open_source`.
+    model : Path or None
+        Names the touches; without one a small classifier is trained.
+    seed : int
+    speed, loop
+        Of recordings.
+    responses : mapping of str to ResponseCalibration
+    covariances : mapping of str to (n, 3, 3) array
+    origin : float
+        Time of the source's beginning in its moments' clock [s], once some came.
+    """
+
+    robot: Robot
+    parts: tuple[str, ...]
+    source: str = "sim"
+    model: Path | None = None
+    seed: int = 0
+    speed: float = 1.0
+    loop: bool = False
+    responses: Mapping[str, Any] = field(default_factory=dict)
+    covariances: Mapping[str, FloatArray] = field(default_factory=dict)
+    skins: dict[str, PreparedSkin] = field(default_factory=dict)
+    origin: float = math.nan
+
+    def prepare(self) -> None:
+        """Prepare the skins that are shown."""
+        self.skins = {part: PreparedSkin(self.robot.skin(part)) for part in self.parts}
+
+    @property
+    def healths(self) -> dict[str, Any]:
+        """Health states by part, from the response calibrations."""
+        return {part: response.health for part, response in self.responses.items()}
+
+    def open(self, *, hurry: bool = False) -> Source:
+        """Open the source; `hurry` for as fast as it is asked."""
+        speed = math.inf if hurry else self.speed
+        return open_source(
+            self.source,
+            robot=self.robot,
+            parts=self.parts if self.simulated else None,
+            seed=self.seed,
+            speed=speed,
+            loop=self.loop and not hurry,
+        )
+
+    def touch_loop(
+        self, source: Source, classifier: TouchClassifier | None, *, singly: bool = False
+    ) -> TouchLoop:
+        """The loop on a source, for the parts shown that it has.
+
+        Raises
+        ------
+        UnknownNameError
+            A source without any of the parts.
+        """
+        shared = [part for part in source.info.parts if part in self.skins]
+        if not shared:
+            source.close()
+            raise UnknownNameError(
+                f"part in {source.info.name!r}", ", ".join(self.parts), source.info.parts
+            )
+        return TouchLoop(
+            self.robot,
+            source,
+            classifier=classifier,
+            responses={p: r for p, r in self.responses.items() if p in shared},
+            parts=shared,
+            skins=self.skins,
+            reopen=lambda: stepwise(self.open()),
+            singly=singly,
+        )
+
+    def classifier(self) -> TouchClassifier:
+        """The model asked for, or a small one, trained here and now."""
+        if self.model is not None:
+            return load_classifier(self.model)
+        return default_classifier(self.skins, np.random.default_rng(self.seed))
+
+    def live(self) -> TouchLoop:
+        """A loop for a player; without a model its touches have no names until `train` is over."""
+        ready = None if self.model is None else load_classifier(self.model)
+        return self.touch_loop(stepwise(self.open()), ready)
+
+    def train(self, loop: TouchLoop, failed: Callable[[str], None]) -> threading.Thread:
+        """Train a small classifier beside a running loop, which names touches from then on.
+
+        Parameters
+        ----------
+        loop : TouchLoop
+        failed : callable
+            Told in a line why there will be no names.
+        """
+
+        def work() -> None:
+            try:
+                loop.name_with(default_classifier(self.skins, np.random.default_rng(self.seed)))
+            except SkinError as error:
+                failed(f"touches stay without names: {error}")
+
+        thread = threading.Thread(target=work, name="training", daemon=True)
+        thread.start()
+        return thread
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the same comes whenever it is opened: of recordings and of the simulator."""
+        return self.simulated or Path(self.source).exists()
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the simulator is the source."""
+        return self.source.partition(":")[0] == "sim"
+
+    def moments(
+        self, seconds: float | None, *, start: float = 0.0, name: bool = True
+    ) -> Iterator[Moment]:
+        """Moments for a picture or a movie, without a player.
+
+        Those of recordings and of the simulator come sample by sample, as fast as they are
+        worked on; those of a live source as they come.
+
+        Parameters
+        ----------
+        seconds : float or None
+            How long; None for all of a recording, and a while of anything else.
+        start : float
+            Seconds of a recording, or of the simulator, that are left out.
+        name : bool
+            Whether touches get names, which takes most of the time.
+
+        Raises
+        ------
+        UnreachableError
+            A live source that sends nothing.
+        InvalidArrayError
+            A recording that is shorter.
+        """
+        source = self.open(hurry=True)
+        live, recording = is_live(source), isinstance(source, Seekable)
+        length = LIVE if live else math.inf if recording else MADE
+        end = start + (length if seconds is None else seconds)
+        loop = self.touch_loop(source, self.classifier() if name else None, singly=True)
+        try:
+            before = _led(source, start)
+            for moment in _heard(loop, end):
+                if math.isnan(self.origin):
+                    self.origin = moment.time - before
+                passed = moment.time - self.origin
+                if passed > end + SAME:
+                    return
+                if passed >= start - SAME:
+                    # How quick samples were worked through says nothing of the source.
+                    rate = moment.rate if live else math.nan
+                    yield replace(moment, rate=rate, latency=math.nan)
+        finally:
+            loop.close()
+
+
+def _led(source: Source, start: float) -> float:
+    """Lead a recording to a little before a time; seconds from its beginning that come next.
+
+    Raises
+    ------
+    InvalidArrayError
+        A time behind its end.
+    """
+    if not isinstance(source, Seekable):
+        return 0.0
+    if start >= source.duration > 0.0:
+        raise InvalidArrayError(
+            f"--at {start:g}: {source.info.name!r} lasts {source.duration:.2f} seconds"
+        )
+    source.seek(max(start - LEAD, 0.0))
+    return source.position
+
+
+def _heard(loop: TouchLoop, seconds: float) -> Iterator[Moment]:
+    """Moments of a loop to its end; of a live source for so many seconds of this machine."""
+    deadline = time.monotonic() + SILENCE
+    silent = True
+    while True:
+        try:
+            moment = loop.step(STEP)
+        except SourceEnded:
+            return
+        if loop.live and time.monotonic() > deadline:
+            if silent:
+                raise UnreachableError(f"source {loop.info.name!r} sends nothing")
+            return
+        if moment is None or moment.stale:
+            continue
+        if silent:
+            silent, deadline = False, time.monotonic() + seconds
+        yield moment
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How the scene is shown.
+
+    Attributes
+    ----------
+    layer, style : str or None
+        None for what the view says, or the scene's own.
+    angles : mapping of str to float
+        Joint angles [rad].
+    links : {"all", "skin", "none"}
+        What is drawn of the body.
+    size : (int, int) or None
+        Width and height of the picture [px]; each kind of picture has its own without.
+    ranges, units
+        As `viewer.layers.Layers` takes them.
+    view : SavedView or None
+    follow : bool
+        Whether a movie's camera turns to the touches; otherwise it keeps its view.
+    detail, contour_rate : float
+        As `viewer.scene.Scene` takes them.
+    """
+
+    layer: str | None = None
+    style: str | None = None
+    angles: dict[str, float] | None = None
+    links: str = "all"
+    size: tuple[int, int] | None = None
+    ranges: Mapping[str, Range] = field(default_factory=dict)
+    units: tuple[str, ...] = ()
+    view: SavedView | None = None
+    follow: bool = False
+    detail: float = GOOD_PX
+    contour_rate: float = EVERY
+
+
+def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen: bool) -> Scene:
+    """The scene that a user asked for.
+
+    Raises
+    ------
+    UnknownNameError, SkinMismatchError
+        A layer that does not exist, or a view of another robot.
+    """
+    if look.view is not None:
+        check_view(look.view, session.robot)
+    scene = Scene(
+        session.robot,
+        {part: skin.mesh for part, skin in session.skins.items()},
+        LazyMaps(session.skins),
+        data=new_layers(session, look),
+        angles=look.angles or None,
+        links=drawn_links(session, look),
+        window_size=look.size or size,
+        off_screen=off_screen,
+        detail=look.detail,
+        contour_rate=look.contour_rate,
+    )
+    if look.view is not None:
+        selection = Selection()
+        apply_view(scene, look.view, selection)
+        for part, taxels in selection.items():
+            scene.select(part, taxels)
+    if look.layer is not None:
+        scene.set_layer(look.layer)
+    if look.style is not None:
+        scene.set_style(look.style)
+    return scene
+
+
+def new_layers(session: Session, look: Look) -> Layers:
+    """What the skin can show, with limits and units as asked for."""
+    layers = Layers(
+        session.skins,
+        covariances=session.covariances,
+        healths=session.healths,
+        ranges=look.ranges,
+        units=look.units,
+    )
+    for name in look.ranges:
+        layers.get(name)
+    return layers
+
+
+def check_view(view: SavedView, robot: Robot) -> None:
+    """Raise SkinMismatchError for a view of another robot."""
+    if view.robot != robot.name:
+        raise SkinMismatchError(
+            f"the view was saved of {view.robot!r}, this robot is {robot.name!r}"
+        )
+
+
+def drawn_links(session: Session, look: Look) -> tuple[str, ...] | None:
+    """Links to draw; None for all."""
+    if look.links == "all":
+        return None
+    return check_links(session.robot, "skin", session.parts) if look.links == "skin" else ()
