@@ -40,6 +40,10 @@ class Recording(Summary):
     owners : (n_events, n_taxels) int, optional
         Which of the touches that an event's label joins each taxel belongs to, 0 first; -1 for
         none. Only where touches overlap in time.
+    forces : (t,) float, optional
+        True contact force [N] of each sample, where a physics engine knows it.
+    places : (t, 3) float, optional
+        Where that force acts, in the frame of the link [m]; NaN where nothing touches.
 
     Examples
     --------
@@ -56,6 +60,8 @@ class Recording(Summary):
     labels: tuple[str, ...]
     subjects: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     owners: IntArray | None = None
+    forces: FloatArray | None = None
+    places: FloatArray | None = None
 
     def __post_init__(self) -> None:
         times = check_finite(self.times, "times", (None,))
@@ -85,6 +91,15 @@ class Recording(Summary):
         if self.owners is not None:
             wanted = (len(self.labels), pressures.shape[1])
             freeze(self, owners=check_whole(self.owners, "owners", wanted))
+        if self.forces is not None:
+            freeze(self, forces=check_finite(self.forces, "forces", (len(times),)))
+        if self.places is not None:
+            places = np.asarray(self.places, np.float64)
+            if places.shape != (len(times), 3):
+                raise InvalidArrayError(
+                    f"places must have shape ({len(times)}, 3), got {places.shape}"
+                )
+            freeze(self, places=places)
 
     @property
     def rate(self) -> float:
@@ -124,6 +139,10 @@ def save_recordings(recordings: list[Recording], path: Path) -> None:
         arrays[f"subjects_{number}"] = recording.subjects
         if recording.owners is not None:
             arrays[f"owners_{number}"] = recording.owners.astype(np.int8)
+        if recording.forces is not None:
+            arrays[f"forces_{number}"] = recording.forces
+        if recording.places is not None:
+            arrays[f"places_{number}"] = recording.places
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     path.write_bytes(buffer.getvalue())
@@ -155,6 +174,9 @@ def load_recordings(path: Path) -> list[Recording]:
                     # Files of the first release have neither.
                     arrays.get(f"subjects_{number}", none),
                     arrays.get(f"owners_{number}", None),
+                    # Known to a physics engine alone.
+                    arrays.get(f"forces_{number}", None),
+                    arrays.get(f"places_{number}", None),
                 )
                 for number, entry in enumerate(head["recordings"])
             ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from skinmap.cli.simulate.result import SimulatedPart, SimulateResult, StreamRes
 from skinmap.commands.options import open_robot, part_option, prints, robot_argument, seed_option
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
+from skinmap.errors import SkinWarning
 from skinmap.report.present import present
 
 SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bits", "rate")
@@ -53,6 +55,14 @@ SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bi
     show_default=True,
     help="Where people touch.",
 )
+@click.option(
+    "--physics",
+    type=click.Choice(["ours", "mujoco"]),
+    default="ours",
+    show_default=True,
+    help="Who presses: our simulator, or MuJoCo on a bed of springs (extra 'mujoco').",
+)
+@click.option("--variant", help="Of --physics mujoco: foam (the default), flesh, finger, ...")
 @click.option("--noise", type=float, default=1.2, show_default=True, help="Of a sample [counts].")
 @click.option(
     "--drift", type=float, default=0.5, show_default=True, help="Of baselines, in counts."
@@ -92,6 +102,8 @@ def command(
     per_gesture: int,
     gestures: tuple[str, ...],
     pairs: int | None,
+    physics: str,
+    variant: str | None,
     output: Path,
     publish: str | None,
     seconds: float | None,
@@ -106,10 +118,13 @@ def command(
     Example:  skinmap simulate icub --part torso --per-gesture 30 -o torso.npz
               skinmap simulate icub --gesture eight --subjects 20 --dead 0.02 -o touches.npz
               skinmap simulate icub --part torso --pairs 50 -o pairs.npz
+              skinmap simulate icub --physics mujoco --variant flesh -o flesh.npz
               skinmap simulate icub --rate 50 --publish lsl:demo
     """
+    if variant is not None and physics != "mujoco":
+        raise click.UsageError("--variant is for --physics mujoco")
     if publish is not None:
-        _refuse_given("per_gesture", "pairs", "output", "subjects", "places")
+        _refuse_given("per_gesture", "pairs", "output", "subjects", "places", "physics")
         from skinmap.cli.simulate.live import publish_touches
 
         sensing = {name: value for name, value in how.items() if name in SENSING}
@@ -121,11 +136,13 @@ def command(
         return
     if seconds is not None or raw:
         raise click.UsageError("--seconds and --raw are for streams: add --publish")
+    if physics == "mujoco":
+        _refuse_given("pairs", "places", "foam_mm", why="--physics mujoco has its own; leave out")
     if pairs is not None and how["places"] != "anywhere":
         raise click.UsageError("--pairs are made anywhere on the skin; leave out --places")
     result = work(
         robot, parts, output, per_gesture=per_gesture, gestures=gestures, pairs=pairs, seed=seed,
-        **how,
+        physics=physics, variant=variant, **how,
     )  # fmt: skip
     present(result, _lines, as_json=as_json)
 
@@ -141,6 +158,8 @@ def work(
     subjects: int,
     places: Any,
     foam_mm: float,
+    physics: str = "ours",
+    variant: str | None = None,
     seed: int,
     **sensing: Any,
 ) -> SimulateResult:
@@ -149,6 +168,8 @@ def work(
 
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import check_suffix, save_recordings
+    from skinmap.physics.simulation import simulate as press
+    from skinmap.physics.variants import DEFAULT
     from skinmap.touch.gestures import gesture_set
     from skinmap.touch.pairs import simulate_pairs
     from skinmap.touch.sensing import Sensing
@@ -172,9 +193,19 @@ def work(
             if pairs is not None:
                 recordings.append(simulate_pairs(skin, count=pairs, rng=rng, **shared))
                 continue
+            if physics == "mujoco":
+                chosen = {"variant": variant or DEFAULT, "per_gesture": per_gesture}
+                recordings.append(press(skin, rng=rng, **chosen, **shared))
+                continue
             more = {"per_gesture": per_gesture, "places": places}
             recordings.append(simulate(skin, rng=rng, **more, **shared))
         save_recordings(recordings, stage, robot=loaded)
+    if physics == "mujoco" and output.suffix.lower() != ".npz":
+        warnings.warn(
+            f"only .npz keeps the true force and place of each sample, {output.name} does not",
+            SkinWarning,
+            stacklevel=2,
+        )
     rows = [
         SimulatedPart(
             part=recording.part,
@@ -198,14 +229,16 @@ def _stream_lines(result: StreamResult) -> Iterator[str]:
     yield f"{result.samples} samples in {result.seconds:.1f} s, {touches} touches"
 
 
-def _refuse_given(*names: str) -> None:
-    """Refuse options that make no sense for a stream, where the user gave them."""
+def _refuse_given(
+    *names: str, why: str = "--publish streams touches without end; leave out"
+) -> None:
+    """Refuse options that make no sense here, where the user gave them."""
     context = click.get_current_context()
     default = (ParameterSource.DEFAULT, ParameterSource.DEFAULT_MAP)
     for name in names:
         if context.get_parameter_source(name) not in default:
             option = "--" + name.replace("_", "-")
-            raise click.UsageError(f"--publish streams touches without end; leave out {option}")
+            raise click.UsageError(f"{why} {option}")
 
 
 def _counts(labels: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str, int]:

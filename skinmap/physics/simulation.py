@@ -1,0 +1,292 @@
+"""Touches on a skin as MuJoCo presses them: the same recordings as `skinmap.touch.simulator`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import UnknownNameError
+from skinmap.geometry.log_map import log_map
+from skinmap.geometry.triangles import unit
+from skinmap.physics.bodies import PRESSERS, Presser
+from skinmap.physics.engine import load_mujoco
+from skinmap.physics.pressing import STEP, Pressed, mount_frame, press
+from skinmap.physics.spring_bed import SpringBed, spring_bed
+from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
+from skinmap.skin.skin import Skin
+from skinmap.touch.recording import Recording
+from skinmap.touch.sensing import FULL_SCALE, Sensing, Sensors
+
+FOUR = tuple(PRESSERS)[:4]
+SUBJECTS = 10
+HAND = (0.75, 1.0)  # sizes of hands from child to adult, 1 = adult
+GAP = 0.25  # pause between touches [s]
+TRIES = 60  # places tried for one touch
+MISSES = 3  # touches that found no place before the part counts as too small for the gesture
+# The least share of a footprint that must lie over taxels; long things stick out beyond the skin.
+ON_SKIN = 0.7
+LONG_ON_SKIN = {"forearm": 0.45, "edge": 0.45, "cylinder": 0.45}
+AROUND = 5  # taxels whose normals an arm comes in along
+LIFT = 0.06  # time in which a presser leaves the skin [s]
+TREMOR = 0.04  # of the force, standard deviation of its share
+FULL_PRESSURE = 160.0 / FULL_SCALE  # load that a variant's `full_scale` stands for
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """Who touches: a hand of a size, 1 = adult, its flesh [Pa/m], and how slowly it moves."""
+
+    number: int
+    hand: float
+    flesh: float
+    pace: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Ground:
+    """A skin ready to be pressed in a variant.
+
+    Attributes
+    ----------
+    bed : SpringBed
+    variant : Variant
+    foam : float
+        Stiffness of its foam per area [Pa/m].
+    feel : (n, c) sparse
+        Load of each taxel, 1 = a firm finger, for a newton on each spring.
+    """
+
+    bed: SpringBed
+    variant: Variant
+    foam: float
+    feel: csr_array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Place:
+    """Where and with what a touch is made: a presser and the frames (m, 4, 4) of its mounts."""
+
+    presser: Presser
+    frames: FloatArray
+
+
+def simulate(
+    skin: Skin,
+    *,
+    rng: np.random.Generator,
+    variant: str = DEFAULT,
+    per_gesture: int = 20,
+    gestures: Sequence[str] = FOUR,
+    subjects: int = SUBJECTS,
+    sensing: Sensing | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Recording:
+    """Touches on a skin, each gesture equally often, in random order, pressed by MuJoCo.
+
+    Parameters
+    ----------
+    skin : Skin
+        n taxels.
+    rng : numpy.random.Generator
+    variant : str
+        Name from `skinmap.physics.variants.VARIANTS`.
+    per_gesture : int
+        Touches of each gesture. A gesture that does not fit the skin is left out.
+    gestures : sequence of str
+        Names from `skinmap.physics.bodies.PRESSERS`; the four of the first paper by default.
+    subjects : int
+        How many people touch.
+    sensing : Sensing, optional
+        How taxels answer; its foam is not used, as the variant has its own.
+    progress : callable, optional
+        Called once a touch with the name of the part.
+
+    Returns
+    -------
+    Recording
+        With the true force and place of each sample.
+
+    Raises
+    ------
+    MissingLibraryError
+        MuJoCo is not installed.
+    UnknownNameError
+        A gesture or variant that does not exist.
+    InvalidMeshError
+        Taxels that make no surface.
+    """
+    load_mujoco()
+    for name in gestures:
+        if name not in PRESSERS:
+            raise UnknownNameError("gesture that MuJoCo presses", name, PRESSERS)
+    ground = make_ground(skin, find_variant(variant), rng=rng)
+    people = draw_people(subjects, ground.variant, rng=rng)
+    player = _Player(ground, Sensors(len(skin), sensing or Sensing(), rng=rng), rng)
+    missed = dict.fromkeys(gestures, 0)
+    for row in rng.permutation(np.repeat(np.arange(len(gestures)), per_gesture)).tolist():
+        name = gestures[row]
+        if progress is not None:
+            progress(skin.part)
+        person = people[int(rng.integers(len(people)))]
+        place = find_place(ground, name, person, rng=rng) if missed[name] < MISSES else None
+        if place is None:
+            missed[name] += 1
+            continue
+        player.touch(name, place, person)
+    return player.recording()
+
+
+def make_ground(skin: Skin, variant: Variant, *, rng: np.random.Generator) -> Ground:
+    """Draw the foam of a skin, and find how its taxels feel the springs."""
+    bed = spring_bed(skin)
+    spread, full = float(rng.uniform(*variant.spread)), _log_uniform(rng, variant.full_scale)
+    return Ground(bed, variant, _log_uniform(rng, variant.foam), bed.spread(spread) / full)
+
+
+def draw_people(count: int, variant: Variant, *, rng: np.random.Generator) -> tuple[Person, ...]:
+    """People with hands from child to adult."""
+    return tuple(
+        Person(
+            number,
+            float(rng.uniform(*HAND)),
+            _log_uniform(rng, variant.flesh),
+            float(np.exp(rng.normal(0.0, 0.2))),
+        )
+        for number in range(count)
+    )
+
+
+def find_place(
+    ground: Ground, name: str, person: Person, *, rng: np.random.Generator
+) -> Place | None:
+    """A touch at a place where enough of its footprint lies on the skin; None if there is none."""
+    for _ in range(TRIES):
+        presser = PRESSERS[name](rng, person.hand, ground.variant)
+        taxel = int(rng.integers(len(ground.bed.skin)))
+        angle = float(rng.uniform(0.0, 2.0 * np.pi))
+        place = place_at(ground.bed, presser, taxel, angle)
+        if place is not None and place[1] >= LONG_ON_SKIN.get(name, ON_SKIN):
+            return place[0]
+    return None
+
+
+def place_at(
+    bed: SpringBed, presser: Presser, taxel: int, angle: float
+) -> tuple[Place, float] | None:
+    """A presser over a taxel, its x at an angle [rad], and the share of its footprint on skin."""
+    skin = bed.skin
+    reach = float(np.linalg.norm(presser.footprint, axis=1).max()) + 3.0 * bed.spacing
+    start = mount_frame(skin.positions[taxel], skin.normals[taxel], _any_tangent(skin, taxel))
+    axes = start[:3, :2].T
+    c, s = np.cos(angle), np.sin(angle)
+    axes = np.array([[c, s], [-s, c]]) @ axes
+    uv, _ = log_map(skin.positions, skin.normals, bed.graph, taxel, reach, frame=axes)
+    reached = np.flatnonzero(np.isfinite(uv[:, 0]))
+    if len(reached) < AROUND:
+        return None
+    tree = cKDTree(uv[reached])
+    distance, _ = tree.query(presser.footprint, distance_upper_bound=bed.spacing)
+    frames = []
+    for mount in presser.mounts:
+        _, near = tree.query(mount.spot, k=AROUND)
+        around = reached[near]
+        normal = unit(skin.normals[around].mean(axis=0))
+        frame = mount_frame(skin.positions[around[0]], normal, axes[0])
+        frame[:3, 3] += frame[:3, :2] @ (np.array(mount.spot) - uv[around[0]])
+        frames.append(frame)
+    return Place(presser, np.array(frames)), float(np.isfinite(distance).mean())
+
+
+def press_place(
+    ground: Ground, place: Place, person: Person, *, rate: float, rng: np.random.Generator
+) -> Pressed:
+    """Press, hold with a tremor, and let go."""
+    steps = max(1, round(1.0 / (rate * STEP)))
+    step = 1.0 / (rate * steps)
+    return press(
+        ground.bed,
+        place.presser,
+        place.frames,
+        foam=ground.foam,
+        flesh=person.flesh,
+        course=_course(person.pace, len(place.frames), step, steps, rng),
+        step=step,
+        samples=steps,
+        friction=ground.variant.friction,
+    )
+
+
+def taxel_loads(ground: Ground, pressed: Pressed) -> FloatArray:
+    """(t, n) load of each taxel, 1 = a firm finger."""
+    return np.asarray((ground.feel[:, pressed.springs] @ pressed.loads.T).T) * FULL_PRESSURE
+
+
+def _course(
+    pace: float, mounts: int, step: float, samples: int, rng: np.random.Generator
+) -> FloatArray:
+    """Share (s, m) of the full force of each mount, at each step of whole samples."""
+    press, hold, release = pace * rng.uniform((0.08, 0.4, 0.08), (0.25, 0.9, 0.2))
+    length = press + hold + release + LIFT
+    count = samples * int(np.ceil(length / (step * samples)))
+    time = step * np.arange(count)
+    ends = [0.0, press, press + hold, press + hold + release, length]
+    course = np.interp(time, ends, [0.0, 1.0, 1.0, 0.0, -0.5])
+    knots = np.arange(0.0, length + 0.1, 0.05)  # people tremble at about 10 Hz
+    tremor = 1.0 + TREMOR * np.interp(time, knots, rng.standard_normal(len(knots)))
+    lag = rng.uniform(0.0, 0.06, mounts)  # fingers do not land together
+    each = np.stack([np.interp(time - late, time, course, left=0.0) for late in lag], axis=1)
+    return np.where(each > 0, each * tremor[:, None], each)
+
+
+def _any_tangent(skin: Skin, taxel: int) -> FloatArray:
+    return np.eye(3)[int(np.argmin(np.abs(skin.normals[taxel])))]
+
+
+def _log_uniform(rng: np.random.Generator, between: Range) -> float:
+    return float(np.exp(rng.uniform(*np.log(between))))
+
+
+class _Player:
+    """Plays touches one after another into a recording, with a pause after each."""
+
+    def __init__(self, ground: Ground, sensors: Sensors, rng: np.random.Generator) -> None:
+        self._ground, self._sensors, self._rng = ground, sensors, rng
+        self._blocks: list[NDArray[np.uint8]] = []
+        self._events: list[IntArray] = []
+        self._labels: list[str] = []
+        self._subjects: list[int] = []
+        self._forces: list[FloatArray] = []
+        self._places: list[FloatArray] = []
+
+    def touch(self, name: str, place: Place, person: Person) -> None:
+        rate = self._sensors.sensing.rate
+        pressed = press_place(self._ground, place, person, rate=rate, rng=self._rng)
+        loads = taxel_loads(self._ground, pressed)
+        rest = np.zeros((round(GAP * rate), loads.shape[1]))
+        for block, event in ((loads, len(self._labels)), (rest, -1)):
+            self._blocks.append(self._sensors.read(block, rng=self._rng))
+            self._events.append(np.full(len(block), event))
+        self._forces += [pressed.forces, np.zeros(len(rest))]
+        self._places += [pressed.centres, np.full((len(rest), 3), np.nan)]
+        self._labels.append(name)
+        self._subjects.append(person.number)
+
+    def recording(self) -> Recording:
+        skin = self._ground.bed.skin
+        pressures = np.concatenate([np.zeros((0, len(skin)), np.uint8), *self._blocks])
+        return Recording(
+            skin.part,
+            np.arange(len(pressures)) / self._sensors.sensing.rate,
+            pressures,
+            np.concatenate([np.zeros(0, np.int64), *self._events]),
+            tuple(self._labels),
+            np.array(self._subjects, np.int64),
+            forces=np.concatenate([np.zeros(0), *self._forces]),
+            places=np.concatenate([np.zeros((0, 3)), *self._places]),
+        )
