@@ -194,7 +194,7 @@ def work(
                 recordings.append(simulate_pairs(skin, count=pairs, rng=rng, **shared))
                 continue
             if physics == "mujoco":
-                chosen = {"variant": variant or DEFAULT, "per_gesture": per_gesture}
+                chosen: dict[str, Any] = {"variant": variant or DEFAULT, "per_gesture": per_gesture}
                 recordings.append(press(skin, rng=rng, **chosen, **shared))
                 continue
             more = {"per_gesture": per_gesture, "places": places}
