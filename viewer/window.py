@@ -19,6 +19,9 @@ from viewer.scene import Scene
 from viewer.view_options import Look, Session, new_scene
 
 SIZE = (1024, 768)
+SHARE = 0.18  # of a core that drawing samples may take: a quick one draws each of them
+LONGEST_REST = 0.08  # between two pictures of a live source [s]: none is older than a tenth
+REST = 0.04  # longest wait for keys and mouse while nothing moves [s]
 IDLE = 0.02  # longest wait for a sample before keys and mouse are looked at again [s]
 TURN = 60.0  # of the camera by itself [deg/s]
 LONGEST = 0.1  # between two pictures: after a rest the camera does not leap [s]
@@ -61,6 +64,7 @@ class Window:
         self._calm = Pace(REFRESH, time.perf_counter)
         self._updated = time.perf_counter()
         self._number = -1
+        self._rested = 0.0  # when the next sample may be drawn
         self._failed = False
 
     def open(self) -> None:
@@ -90,8 +94,10 @@ class Window:
             self._failed = True
             controls.say(" ".join(str(self.player.error).split()))
             controls.notice.stay()
-        wanted = controls.tick() or moment is not None or self._turning or self._calm.due()
         self._news |= moment is not None
+        halted = self.player.paused and not scene.moment.stale
+        wanted = controls.tick() or self._turning or (not halted and self._calm.due())
+        wanted |= self._news and time.perf_counter() >= self._rested
         if wanted or scene.canvas.cache.held or self.punctual.marked:
             self._draw()
         if controls.files.recording is not None and self._movie.due():
@@ -101,6 +107,7 @@ class Window:
     def _draw(self) -> None:
         """Draw, and show the picture unless its sample became too old meanwhile."""
         scene, player, cache = self.scene, self.player, self.scene.canvas.cache
+        began, spent = time.perf_counter(), time.process_time()
         status = scene.canvas.status
         late = self.punctual.marked and not math.isnan(player.age)  # what is halted is not late
         status.mark(self.punctual.age if late else None)
@@ -113,6 +120,9 @@ class Window:
             self.drawn += 1
             status.shown(player.age)
             self._news = False
+        # Samples may take their share of a core; hands at mouse and keys are followed at once.
+        rest = (time.process_time() - spent) / SHARE
+        self._rested = began + min(rest, LONGEST_REST)
 
     @property
     def _turning(self) -> bool:
@@ -133,7 +143,7 @@ class Window:
 
     def wait(self) -> None:
         """Sleep until something new is to be shown, not for long."""
-        self.player.wait(self._number, IDLE)
+        self.player.wait(self._number, REST if self.player.paused else IDLE)
         self._number = self.player.number
 
     def close(self) -> None:

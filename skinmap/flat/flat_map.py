@@ -16,7 +16,8 @@ from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.methods import check_effort, flatteners
 from skinmap.flat.orientation import limb_frame, turn_upright
 from skinmap.flat.seams import open_surface
-from skinmap.geometry.topology import check_surface
+from skinmap.geometry.topology import check_surface, edges
+from skinmap.skin.svg_picture import svg_picture
 from skinmap.summary import Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
 
@@ -113,6 +114,20 @@ class FlatMap(Summary):
             "methods": listed(dict.fromkeys(chart.method for chart in self.charts)),
             "flips": self.flips,
         }
+
+    def _repr_html_(self) -> str:
+        """A picture for notebooks: edges and taxels of all charts."""
+        lines = [chart.uv[edges(chart.faces)] for chart in self.charts]
+        rms = max((chart.distortion.edge_rms for chart in self.charts), default=0.0)
+        count = len(self.charts)
+        words = (
+            f"{self.mesh.skin.part}: {len(self.uv):,} taxels, {count} "
+            f"{'patch' if count == 1 else 'patches'}, {self.flips} flipped triangles, "
+            f"edge rms at most {100 * rms:.2f} %"
+        )
+        return Summary._repr_html_(self) + svg_picture(
+            self.uv, np.concatenate(lines or [np.zeros((0, 2, 2))]), words
+        )
 
 
 def flatten(

@@ -11,6 +11,7 @@ from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, fre
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.skin.normals import repair_normals
+from skinmap.skin.svg_picture import svg_picture
 from skinmap.skin.taxels import TaxelTable
 from skinmap.summary import Summary
 
@@ -71,6 +72,14 @@ class Skin(Summary):
             "modules": len(np.unique(self.modules)),
             "link": self.link or "none",
         }
+
+    def _repr_html_(self) -> str:
+        """A picture for notebooks: the taxels, seen from where they spread most."""
+        middle = self.positions - self.positions.mean(axis=0)
+        axes = np.linalg.svd(middle, full_matrices=False)[2][:2]
+        modules = len(np.unique(self.modules))
+        words = f"{self.part}: {len(self):,} taxels on {modules} modules"
+        return Summary._repr_html_(self) + svg_picture(middle @ axes.T, np.zeros((0, 2, 2)), words)
 
 
 def skin_from_points(

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, Protocol, runtime_checkable
 
 from skinmap.live.moment import Moment
-from skinmap.live.sources.source import Seekable, Source, SourceEnded
+from skinmap.live.sources.source import Seekable, Source, SourceEnded, is_live
 from viewer.playing.stepwise import Stepwise
 
 HURRY = 25.0  # speed through samples that are only listened to, where none can be had singly
@@ -92,8 +92,8 @@ class LoopFeed:
 
     @property
     def halts(self) -> bool:
-        """Recordings wait."""
-        return self._recording is not None
+        """Recordings and the simulator wait."""
+        return not is_live(self.touches.source)
 
     @property
     def duration(self) -> float:

@@ -114,7 +114,7 @@ class Hub:
         self._moment: Moment | None = None
         self._number = 0
         self._state: dict[str, Any] = {}
-        self._waits = waits
+        self._waits = self._halts = waits
         self._told_spans, self._next_spans = -1, 0.0
         self._structures: asyncio.Task[Layer] | None = None  # that finds them
         self._written: dict[str, bytes] = {}  # samples of now, by layer
@@ -185,6 +185,9 @@ class Hub:
                 task.result()
         finally:
             self.clients.discard(client)
+            if self._halts and not self.clients and not self.player.paused:
+                self._waits = True  # nobody looks: what can wait does
+                self.player.pause()
             if client.making is not None:
                 tasks.append(client.making)
             for task in tasks:

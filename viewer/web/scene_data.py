@@ -28,6 +28,7 @@ from viewer.health import STATES, HealthWatch
 from viewer.web.packing import pack
 
 CELL = 6e-3  # of the body's meshes [m]: four pixels of a whole robot in a picture of 768
+LEANING = 0.2  # length of a mean normal that says where a skin faces
 SEAM_STRETCH = 3.0  # longer against the skin than any flat triangle becomes
 
 
@@ -160,10 +161,14 @@ def _whereabouts(
     points = np.concatenate([p for p in placed if len(p)] or [np.zeros((1, 3))])
     low, high = points.min(axis=0), points.max(axis=0)
     front = front_view(np.concatenate(normals))
+    mean = np.concatenate(normals).mean(axis=0)
+    rise = front.elevation
+    if not meshes and np.linalg.norm(mean) > LEANING:  # skin alone is looked at from above it
+        rise = float(np.clip(np.degrees(np.arcsin(mean[2] / np.linalg.norm(mean))), -70.0, 70.0))
     return {
         "middle": ((low + high) / 2).tolist(),
         "size": (high - low).tolist(),
-        "front": [front.azimuth, front.elevation],
+        "front": [front.azimuth, rise],
     }
 
 

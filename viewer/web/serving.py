@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
-from skinmap.live.sources.source import Seekable
 from viewer.interaction.view_file import SavedView
 from viewer.playing.player import Player
 from viewer.view_options import Look, Session, check_view, drawn_links, new_layers
@@ -75,8 +74,8 @@ def served(
     """
     view = first_view(session, look)
     loop = session.live()
-    recording = isinstance(loop.source, Seekable)
-    with Player(loop, paused=recording) as player:
+    waits = not loop.live  # for the first page
+    with Player(loop, paused=waits) as player:
         player.speed = session.speed
         with serve(
             session.robot,
@@ -85,7 +84,7 @@ def served(
             host=host,
             port=port,
             token=token,
-            waits=recording,
+            waits=waits,
             layers=new_layers(session, look),
             size=look.size,
             layer=look.layer or "pressure",

@@ -20,6 +20,7 @@ from skinmap.touch.sensing import Sensing
 
 REST = 240  # what an iCub's taxel sends untouched; less is harder [counts]
 CHUNK = 0.25  # samples are made so far in one go [s]
+HALTED = 1.0  # without a call of `read` for so long, the simulation stands still [s]
 AHEAD = 4  # chunks made before they are wanted
 
 
@@ -47,7 +48,8 @@ class SimulatedSource(Source):
 
     Notes
     -----
-    Nothing is left out: who reads late gets all samples that are due.
+    Nothing is left out: a reader that comes late gets all samples that are due. Where nobody reads
+    for a second its time stands still.
     """
 
     def __init__(
@@ -88,7 +90,7 @@ class SimulatedSource(Source):
         self._worker = threading.Thread(target=self._work, name="simulator", daemon=True)
         self._open = np.zeros((0, self._info.channels), np.uint8)
         self._given = 0
-        self._since = float("nan")
+        self._since = self._asked = float("nan")  # the first sample, and the last call of `read`
         self._worker.start()
 
     @property
@@ -111,14 +113,17 @@ class SimulatedSource(Source):
         """
         if self._closed.is_set() or self._given >= self._last:
             raise SourceEnded
-        deadline = time.perf_counter() + timeout
+        asked, self._asked = self._asked, time.perf_counter()
+        deadline = self._asked + timeout
         if len(self._open) == 0 and not self._take(timeout):
             return None
         if np.isnan(self._since):
             # The clock starts when somebody listens and there is something to hear.
             self._since = time.perf_counter()
-        due = self._when(self._given)
-        now = time.perf_counter()
+        due, now = self._when(self._given), time.perf_counter()
+        if now - asked > HALTED and now > due:
+            self._since += now - due  # nobody listened meanwhile: its time stood still
+            due = now
         if due > now:
             if self._closed.wait(min(due, deadline) - now if deadline > now else 0.0):
                 raise SourceEnded

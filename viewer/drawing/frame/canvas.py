@@ -67,6 +67,8 @@ class Drawing:
     contour_rate : float
         How often the contours of touches are found anew, at most [1/s]; with each sample by
         default.
+    cached : bool, optional
+        Whether what rests is kept from picture to picture; where software draws by default.
     """
 
     links: Links = None
@@ -75,6 +77,7 @@ class Drawing:
     camera: Mode = "auto"
     detail: float = GOOD_PX
     contour_rate: float = EVERY
+    cached: bool | None = None
 
 
 class Shown(Protocol):
@@ -168,11 +171,11 @@ class Canvas:
             self._margins(),
             how.camera,
         )
-        self.cache = self._new_cache()
+        self.cache = self._new_cache(how.cached)
         self._aimed: tuple[tuple[str, str, int], ...] = ()
         self._seen: tuple[object, ...] = ()
 
-    def _new_cache(self) -> RenderCache:
+    def _new_cache(self, cached: bool | None) -> RenderCache:
         """What rests between two pictures: the body, and the skins' edges and dots."""
         props = list(self.body.actors.values())
         for view in self.skins.values():
@@ -182,7 +185,7 @@ class Canvas:
         panel = []
         if self.panel is not None:
             panel.append(Resting(self.panel.renderer, self.panel.actors))
-        return RenderCache(self.plotter.render_window, body, *panel)
+        return RenderCache(self.plotter.render_window, body, *panel, cached=cached)
 
     def _detail(self, quick: bool) -> None:
         """Draw the body quickly, while it moves, or well."""

@@ -17,6 +17,7 @@ from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLFramebufferObject
 from viewer.drawing.frame.idle_actors import Resting
 
 COLOUR_AND_DEPTH = 0x4000 | 0x0100  # GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT
+SOFTWARE = ("llvmpipe", "softpipe", "swr", "swiftshader", "software")  # in renderers' names
 NEAREST = 0x2600  # GL_NEAREST
 SCISSOR_TEST = 0x0C11  # GL_SCISSOR_TEST
 
@@ -30,10 +31,13 @@ class RenderCache:
         Without multisampling while drawn through here.
     renderers : Resting
         All renderers of the window that show something.
+    cached : bool, optional
+        Whether to keep what rests; where software draws by default. A graphics card draws all of a
+        robot in less time than what is kept takes to copy.
     """
 
-    def __init__(self, window: Any, *renderers: Resting) -> None:
-        self.window = window
+    def __init__(self, window: Any, *renderers: Resting, cached: bool | None = None) -> None:
+        self.window, self.cached = window, cached
         self.renderers = renderers
         self._buffer: Any = None
         self._blank: Any = None  # what is there before anything is drawn
@@ -66,6 +70,11 @@ class RenderCache:
             self.window.Frame()
 
     def _draw(self, good: bool, hold: bool) -> bool:
+        if self.cached is None:
+            self.window.Render()  # before there is a context, nobody knows what draws
+            self.cached = is_software(self.window)
+        if not self.cached:
+            return self._draw_plainly(hold)
         self._fit_buffer()
         moved = [one for one in self.renderers if self._prepare(one, good)]
         changed = [one for one in self.renderers if one.changed and one not in moved]
@@ -81,6 +90,20 @@ class RenderCache:
         self._absorb([one for one in changed if one.idle])
         self._draw_live([*kept, *changed], [one for one in moved if one.whole], unseen=hold)
         for one in (*moved, *changed):
+            one.settle()
+        return True
+
+    def _draw_plainly(self, hold: bool) -> bool:
+        """Draw everything where anything changed."""
+        for one in self.renderers:
+            one.compare()
+        if not any(one.moved or one.changed for one in self.renderers):
+            return False
+        for one in self.renderers:
+            self._detail(one, quick=False)
+        self._render(list(self.renderers), [], unseen=hold)
+        for one in self.renderers:
+            one.survey()
             one.settle()
         return True
 
@@ -272,3 +295,10 @@ class RenderCache:
             if buffer is not None:
                 buffer.ReleaseGraphicsResources(self.window)
         self._buffer = self._blank = None
+
+
+def is_software(window: Any) -> bool:
+    """Whether a window is drawn by the processor, as Mesa's llvmpipe does."""
+    told = str(window.ReportCapabilities()).lower()
+    found = next((line for line in told.splitlines() if "opengl renderer string" in line), "")
+    return any(name in found for name in SOFTWARE)
