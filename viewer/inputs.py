@@ -74,9 +74,7 @@ def read_size(text: str | None) -> tuple[int, int] | None:
     try:
         size = int(width), int(height)
     except ValueError:
-        raise InvalidArrayError(
-            f"--size: expected WIDTHxHEIGHT, as 1200x800, got {text!r}"
-        ) from None
+        raise InvalidArrayError(f"--size: expected WxH, as 1200x800, got {text!r}") from None
     if not all(SIZES[0] <= side <= SIZES[1] for side in size):
         raise InvalidArrayError(f"--size: sides from {SIZES[0]} to {SIZES[1]} pixels, got {text!r}")
     return size

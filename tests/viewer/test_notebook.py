@@ -147,8 +147,9 @@ def test_what_cannot_be_shown_is_said(icub, monkeypatch):
         skinmap.show(3)
     source = SimulatedSource(icub, parts=[PART])
     with ThreadPoolExecutor(1) as plain:  # where no event loop runs
-        with pytest.raises(InvalidArrayError, match="skinmap view --web"):
-            plain.submit(skinmap.show, source).result()
+        asked = plain.submit(skinmap.show, source)
+    with pytest.raises(InvalidArrayError, match="skinmap view --web"):
+        asked.result()
     source.close()
     from viewer import notebook
 

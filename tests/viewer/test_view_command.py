@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import socket
 import subprocess
 import sys
@@ -365,3 +366,57 @@ def test_calibrated_table_gives_the_uncertainty_of_each_taxel(tmp_path, icub, pr
     path.write_text("\n".join(lines) + "\n")
     with pytest.raises(DataFormatError, match="a covariance that is none"):
         read_covariances([str(path)], icub, ["left_foot"])
+
+
+def test_size_range_and_unit_are_the_pictures(model, tmp_path, opengl):
+    import imageio.v3 as iio
+
+    words = [*FOOT, "--model", str(model), "--at", "2", "--screenshot"]
+    pictures = {}
+    for name, more in {
+        "plain": (),
+        "tall": ("--size", "300x500"),
+        "hot": ("--range", "0:40"),
+        "auto": ("--range", "auto", "--unit", "%"),
+    }.items():
+        view(*words, str(tmp_path / f"{name}.png"), *more)
+        pictures[name] = iio.imread(tmp_path / f"{name}.png")
+    assert pictures["tall"].shape[:2] == (500, 300)
+    for name in ("hot", "auto"):
+        assert (pictures[name] != pictures["plain"]).any(axis=2).mean() > 0.005
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--size", "big"), "expected WxH"),
+        (("--size", "20x20"), "sides from 160"),
+        (("--range", "9"), "LOW:HIGH or auto"),
+        (("--range", "9:3"), "LOW must be below HIGH"),
+        (("--range", "smell=1:2"), "no layer 'smell'"),
+    ],
+)
+def test_wrong_sizes_and_ranges_are_said(tmp_path, words, said):
+    with pytest.raises(SkinError, match=re.escape(said)):
+        view(*FOOT, *words, "--screenshot", str(tmp_path / "a.png"))
+
+
+def test_all_pictures_of_an_auto_range_have_the_same(model, icub, prepared):
+    from viewer.layers import Layers
+    from viewer.view_files import Wanted, found_ranges
+    from viewer.view_options import Look, Session
+
+    session = Session(icub, ("left_foot",), model=model)
+    session.prepare()
+    look = Look(ranges={"pressure": "auto"})
+    found = found_ranges(session, look, Wanted(seconds=4.0))
+    most = max(float(m.pressures["left_foot"].max()) for m in session.moments(4.0, name=False))
+    assert found == {"pressure": (0.0, most)}
+    grown = Layers(session.skins, ranges={"pressure": "auto"})
+    limits = []
+    for moment in session.moments(4.0, name=False):
+        grown.get("pressure")
+        grown.observe(moment)
+        limits.append(grown.get("pressure").limits[1])
+    assert limits == sorted(limits)
+    assert limits[-1] == most
