@@ -77,9 +77,9 @@ def show(
     Returns
     -------
     Path, widget or None
-        The file; in a notebook without `moments` a widget, which also takes a skin, a flat map, a
-        recording's file or a source in place of a robot (`viewer.notebook.show`, with more
-        options); None after a window was closed.
+        The file; in a notebook, of a robot or of a loop's moments, a widget, which also takes a
+        skin, a flat map, a recording's file or a source in place of a robot
+        (`viewer.notebook.show`, with more options); None after a window was closed.
 
     Raises
     ------
@@ -97,10 +97,11 @@ def show(
     >>> skinmap.show(robot, parts=["torso"], path="torso.png").name
     'torso.png'
     """
-    if path is None and moments is None and in_notebook():
+    alone = not isinstance(robot, Robot | str | Path)  # a skin, a flat map, a source
+    if path is None and (alone or (_fits_cell(moments) and in_notebook())):
         from viewer.notebook import show as show_in_cell
 
-        return show_in_cell(robot, parts=parts)
+        return show_in_cell(robot if moments is None else moments, parts=parts)
     kind = None if path is None else _kind(Path(path))
     loaded = robot if isinstance(robot, Robot) else load_robot(robot)
     felt, known = _felt(moments)
@@ -116,8 +117,16 @@ def show(
     return Path(path)
 
 
+def _fits_cell(moments: object) -> bool:
+    """Whether what is felt can be followed in a cell: nothing, or what a live loop finds."""
+    return moments is None or isinstance(moments, TouchLoop)
+
+
 def in_notebook() -> bool:
-    """Whether this runs in a notebook's kernel, and not in a terminal."""
+    """Whether this runs in a notebook of Jupyter, VS Code or marimo, and not in a terminal."""
+    marimo = sys.modules.get("marimo")
+    if marimo is not None and marimo.running_in_notebook():
+        return True
     shell = sys.modules.get("IPython")
     found = None if shell is None else shell.get_ipython()
     return found is not None and getattr(found, "kernel", None) is not None

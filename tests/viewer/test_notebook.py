@@ -18,6 +18,8 @@ from skinmap.errors import InvalidArrayError, MissingLibraryError, UnknownNameEr
 from skinmap.live.sources.simulator import SimulatedSource
 
 pytest.importorskip("anywidget", reason="anywidget is not here: pip install 'skinmap[notebook]'")
+from viewer.notebook import show
+
 PART = "left_foot"
 # A notebook's side of anywidget: a model, a place, and messages both ways.
 HOST = """async ([esm, state]) => {
@@ -91,7 +93,7 @@ def test_a_recording_plays_in_a_cell(icub, tmp_path, opengl, cell):
     path = tmp_path / "t.npz"
     words = ["simulate", "icub", "--part", PART, "--per-gesture", "1", "-o", str(path)]
     assert CliRunner().invoke(cli, words).exit_code == 0
-    _, frame = cell(skinmap.show(path))
+    _, frame = cell(show(path))
     drawn(frame)
     before = frame.locator("#clock").inner_text()
     frame.locator("#play").click()
@@ -110,7 +112,7 @@ def test_a_live_source_goes_on_in_a_cell(icub, opengl, cell):
     outbox: list[tuple[dict, str | None]] = []
 
     async def make():
-        widget = skinmap.show(SimulatedSource(icub, parts=[PART], seed=2))
+        widget = show(SimulatedSource(icub, parts=[PART], seed=2))
         widget.send = lambda content, buffers=None: outbox.append(
             (content, base64.b64encode(buffers[0]).decode() if buffers else None)
         )
@@ -144,10 +146,10 @@ def test_a_live_source_goes_on_in_a_cell(icub, opengl, cell):
 
 def test_what_cannot_be_shown_is_said(icub, monkeypatch):
     with pytest.raises(UnknownNameError, match="thing to show of type 'int'"):
-        skinmap.show(3)
+        show(3)
     source = SimulatedSource(icub, parts=[PART])
     with ThreadPoolExecutor(1) as plain:  # where no event loop runs
-        asked = plain.submit(skinmap.show, source)
+        asked = plain.submit(show, source)
     with pytest.raises(InvalidArrayError, match="skinmap view --web"):
         asked.result()
     source.close()
