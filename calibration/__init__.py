@@ -1,4 +1,4 @@
-"""Calibration of skins: where every taxel is, how sure, and whether it works.
+"""Calibration of skins: position of each taxel, with its confidence, and response.
 
 The names below are loaded on first use, so that `import calibration` costs next to nothing.
 """

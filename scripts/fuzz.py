@@ -48,7 +48,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     strange = [name for name in given.targets if name not in TARGETS]
     if strange:
-        print(f"no target {strange[0]!r}; there is: {', '.join(TARGETS)}", file=sys.stderr)
+        print(f"no target {strange[0]!r}; the targets are: {', '.join(TARGETS)}", file=sys.stderr)
         return 2
     names = given.targets or list(TARGETS)
     found = [name for name in names if not _clean(name, given.corpus, given.seconds)]

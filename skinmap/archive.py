@@ -66,7 +66,7 @@ class _Arrays(NpzFile):
             number = np.dtype(np.uint32).newbyteorder(array.dtype.byteorder)
             codes = np.ascontiguousarray(array).reshape(-1).view(number)
             if ((codes > MAX_LETTER) | ((codes >= 0xD800) & (codes < 0xE000))).any():
-                raise ValueError(f"{name!r} holds code points that are no letters")
+                raise ValueError(f"{name!r} holds invalid Unicode")
         return array
 
 

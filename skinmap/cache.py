@@ -128,7 +128,7 @@ class Cache:
         return gone
 
     def trusted(self) -> bool:
-        """Whether nobody else could have written what is read: the folder is ours alone."""
+        """Whether only this user can write the folder that is read."""
         try:
             facts = self.folder.stat()
         except OSError:

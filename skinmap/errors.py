@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+import re
 import tokenize
 import zipfile
 import zlib
@@ -83,23 +85,45 @@ class MissingFileError(SkinError, FileNotFoundError):
         return type(self), (self.path, self.expected)
 
 
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
+    """What to say of a name that does not exist: the nearest one, and all that there are."""
+    names = [str(one) for one in known]
+    head = re.split(r" (?:(?:of|in|with|for|to|among|shown|here)\b|\()", kind, maxsplit=1)[0]
+    if not names:
+        return f"no {kind} {name!r}; there are no {_plural(head)}"
+    exist = f"the {_plural(head)} are: {', '.join(names)}"
+    if len(names) == 1:
+        exist = f"the only {head} is {names[0]}"
+    lower = {one.lower(): one for one in names}
+    near = difflib.get_close_matches(name.lower(), lower, n=1)
+    meant = f"did you mean {lower[near[0]]!r}? {exist[0].upper()}{exist[1:]}" if near else exist
+    return f"no {kind} {name!r}; {meant}"
+
+
+def _plural(noun: str) -> str:
+    if " or " in noun:
+        return " and ".join(map(_plural, noun.split(" or ")))
+    if noun.endswith("s") and not noun.endswith("ss"):
+        return noun
+    return noun + ("es" if noun.endswith(("s", "ch", "x")) else "s")
+
+
 class UnknownNameError(SkinError, LookupError):
-    """A name that nothing has, with the names that exist.
+    """A name that nothing has, with the nearest one and all that exist.
 
     Parameters
     ----------
     kind : str
         What was looked for, in the singular ("part", "flattening method").
     name : str
-        What came.
+        The name asked for.
     known : iterable of str
-        What exists.
+        The names that exist.
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
-        exists = ", ".join(self.known) if self.known else "none"
-        super().__init__(f"no {kind} {name!r}; there is: {exists}")
+        super().__init__(unknown_name(kind, name, self.known))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.kind, self.name, self.known)
@@ -111,7 +135,7 @@ class DataFormatError(SkinError, ValueError):
     Parameters
     ----------
     message : str
-        What came and what was expected.
+        What the file holds, and what was expected.
     path : path-like
         The file.
     line : int, optional

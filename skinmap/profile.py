@@ -186,8 +186,10 @@ def _settings(task: str, table: dict[str, Any], path: Path) -> dict[str, Value]:
         if not known[knob].allows(value):
             words = known[knob].words()
             if isinstance(value, str):
-                raise UnknownNameError(f"value of [{task}] {knob} ({path})", value, [words])
-            raise DataFormatError(f"[{task}] {knob} = {_kind(value)}; there is: {words}", path)
+                raise UnknownNameError(
+                    f"value of [{task}] {knob} ({path})", value, words.split(", ")
+                )
+            raise DataFormatError(f"[{task}] {knob} = {_kind(value)}; expected {words}", path)
     return table
 
 

@@ -23,9 +23,9 @@ class Registry(Generic[T]):
     group : str
         Entry-point group that other distributions add to.
     built_in : mapping of str to str, optional
-        Ours that are imported when first looked up: name and "module:attribute".
+        Built-in things, imported when first looked up: name and "module:attribute".
     adapt : callable or str, optional
-        `adapt(name, thing)` makes one of ours of what a plug-in's entry point gave; as
+        `adapt(name, thing)` adapts what a plug-in's entry point gave; as
         "module:attribute" it is imported with the first plug-in.
     """
 
@@ -44,7 +44,7 @@ class Registry(Generic[T]):
         self._plugins: dict[str, T] | None = None
 
     def register(self, name: str) -> Callable[[T], T]:
-        """Decorator that adds one of ours under a name."""
+        """Decorator that registers a built-in thing under a name."""
 
         def add(thing: T) -> T:
             self._own[name] = thing

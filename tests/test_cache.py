@@ -285,7 +285,7 @@ def test_command_tells_what_is_kept_and_drops_it(folder):
     )
     refused = run("clear", "--kind", "three").exception
     assert isinstance(refused, UnknownNameError)
-    assert str(refused) == "no kind of entry in the cache 'three'; there is: one, two"
+    assert str(refused) == "no kind of entry in the cache 'three'; the kinds are: one, two"
     assert json.loads(run("clear", "--kind", "one", "--json").stdout)["dropped"] == 1
     assert "1 entry dropped" in run("clear").stdout
     assert json.loads(run("info", "--json").stdout)["entries"] == 0

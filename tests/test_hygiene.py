@@ -98,4 +98,7 @@ def test_misspelt_command_is_answered_with_those_that_exist():
 
     result = CliRunner().invoke(cli, ["inspct", "icub"])
     assert result.exit_code == 2
-    assert "no command 'inspct'; there is: demo, inspect," in result.output
+    assert (
+        "no command 'inspct'; did you mean 'inspect'? The commands are: demo, inspect,"
+        in result.output
+    )

@@ -44,5 +44,7 @@ def test_registered_and_plugged_in_things_stand_beside_built_in_ones(monkeypatch
     assert "plug-in broken of g does not load" in caplog.text
     assert things.get("half") == "half=nan"
     assert things.get("own") == "mine"
-    with pytest.raises(UnknownNameError, match="no thing 'x'; there is: colours, gone, own, half"):
+    with pytest.raises(
+        UnknownNameError, match="no thing 'x'; the things are: colours, gone, own, half"
+    ):
         things.get("x")

@@ -66,7 +66,7 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
     if len(names) < 2:
         raise click.UsageError("the demo trains on one part and tests on another: give two --part")
     if view == "window" and not has_display():
-        raise click.UsageError("--view window needs a display, and there is none here")
+        raise click.UsageError("--view window needs a display")
     with progress(STEPS + 4 * len(names), "demo") as advance:
         result, stage = run_demo(robot, names, out, seed=seed, advance=advance)
     if as_json:

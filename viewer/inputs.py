@@ -198,7 +198,7 @@ def _covariances(path: Path) -> tuple[np.ndarray, FloatArray]:
     known = np.isfinite(matrices).all(axis=(1, 2))
     unknown = np.isnan(matrices).all(axis=(1, 2))
     if not (known | unknown).all() or (np.linalg.eigvalsh(matrices[known])[:, 0] < -1e-12).any():
-        raise DataFormatError("a covariance that is none: not finite, or negative", path)
+        raise DataFormatError("not a valid covariance: not finite, or negative", path)
     return numbers[:, 0].astype(np.int64), matrices
 
 

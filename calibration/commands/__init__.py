@@ -52,10 +52,12 @@ class LazyCommands(NamedGroup):
 
 
 @click.group(
-    cls=LazyCommands, name="calibrate", short_help="Where taxels are, how sure, and do they work."
+    cls=LazyCommands,
+    name="calibrate",
+    short_help="Positions of taxels, with their confidence, and their response.",
 )
 def calibrate() -> None:
-    """Calibrate a skin: where every taxel is, how sure that is, and whether it works.
+    """Calibrate a skin: where each taxel is, with what confidence, and whether it works.
 
     \b
     Example:  skinmap calibrate wrap --layout board.csv --mesh link.stl --anchors anchors.csv -o out

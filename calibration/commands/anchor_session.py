@@ -47,7 +47,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """What came of some anchors: a patch, or why there is none."""
+    """Result of some anchors: a patch, or the reason for none."""
 
     anchors: tuple[Anchor, ...]
     found: PatchCalibration | None

@@ -1,4 +1,4 @@
-"""Many patches, each a row of a table: read, wrapped by whoever is free, written as they come."""
+"""Many patches, each a row of a table: read, wrapped by free workers, written as they end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from calibration.commands.patch_job import PatchTask
 from calibration.files.anchor_table import load_wrap
 from calibration.patch.solver_budget import FULL, Effort
-from skinmap.errors import DataFormatError, SkinError
+from skinmap.errors import DataFormatError, SkinError, unknown_name
 from skinmap.io.text import parse_floats, read_text
 from skinmap.io.units import UNITS
 from skinmap.parallel.run import each_result
@@ -118,7 +118,7 @@ def _row(words: Mapping[str, str], path: Path, line: int, units: str, sigma_mm: 
     if not name or name.startswith(".") or {*name} & set("/\\\0"):
         raise DataFormatError(f"{name!r} is no name for a folder", path, line)
     if unit not in UNITS:
-        raise DataFormatError(f"no unit {unit!r}; there is: {', '.join(UNITS)}", path, line)
+        raise DataFormatError(unknown_name("unit", unit, UNITS), path, line)
     word = words.get("sigma_mm")
     sigma = parse_floats([word], path, line)[0] if word else sigma_mm
     if not 0.0 < sigma < np.inf:

@@ -158,7 +158,7 @@ class PatchTask:
         return found, time.process_time() - start
 
     def result(self, found: PatchCalibration, seconds: float) -> PatchResult:
-        """What came of it, in words and millimetres."""
+        """Result in words and millimetres."""
         rows = self._rows(found)
         left = MM * found.left_out.distance[: len(rows)]
         predicted = spread(MM * found.predicted_sd)

@@ -134,7 +134,7 @@ def _need(arrays: dict[str, NDArray[Any]], names: tuple[str, ...], path: Path) -
     lacks = [name for name in names if name not in arrays]
     if lacks:
         raise DataFormatError(
-            f"lacks {', '.join(lacks)}; there is: {', '.join(arrays) or 'nothing'}", path
+            f"lacks {', '.join(lacks)}; the arrays are: {', '.join(arrays) or 'none'}", path
         )
 
 

@@ -107,7 +107,7 @@ def _from_arrays(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvidenc
     for name in ("joints", "angles"):
         if name not in arrays:
             raise DataFormatError(
-                f"lacks {name!r}; there is: {', '.join(arrays) or 'nothing'}", path
+                f"lacks {name!r}; the arrays are: {', '.join(arrays) or 'none'}", path
             )
     joints = _names(arrays["joints"], robot)
     angles = check_finite(arrays["angles"], "angles", (None, len(joints)))
@@ -117,7 +117,8 @@ def _from_arrays(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvidenc
     found = [name.split("_", 1)[1] for name in arrays if name.startswith(("active_", "ids_"))]
     if not found:
         raise DataFormatError(
-            f"lacks active_PART or ids_PART with ptr_PART; there is: {', '.join(arrays)}", path
+            f"lacks active_PART or ids_PART with ptr_PART; the arrays are: {', '.join(arrays)}",
+            path,
         )
     for part in (*found, *parts):
         robot.part(part)

@@ -59,7 +59,7 @@ def check_layout(layout: ArrayLike) -> FloatArray:
 
 
 def check_modules(modules: ArrayLike | None, count: int) -> IntArray | None:
-    """Modules (n,) of so many taxels; None where nobody knows them."""
+    """Modules (n,) of so many taxels; None where unknown."""
     if modules is None:
         return None
     names = check_whole(modules, "modules")

@@ -1,4 +1,4 @@
-"""What calibrating a patch gives: where each taxel is, how sure, and whether to trust it."""
+"""Result of a patch calibration: taxel positions, their covariance, and whether to trust them."""
 
 from __future__ import annotations
 

@@ -406,7 +406,7 @@ def tangents(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def patch_of(chain: Chain, modules: Sequence[int] | IntArray | None = None) -> Patch:
-    """A patch with all its taxels; one module where nobody knows better."""
+    """A patch with all its taxels; one module where none are given."""
     n = len(chain.taxels)
     given = np.zeros(n, np.int64) if modules is None else np.asarray(modules)
     _, module = np.unique(given, return_inverse=True)

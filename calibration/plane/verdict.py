@@ -75,8 +75,7 @@ def judge(
         advice = (
             "leave them out (--drop-inconsistent) or press again"
             if len(left) <= MANY_ODD * contacts
-            else "so many that nobody can tell which are right: poses and taxels may not belong "
-            "together"
+            else "too many to tell which are right: poses and taxels may not belong together"
         )
         judged.append(
             (

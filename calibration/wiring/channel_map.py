@@ -59,7 +59,7 @@ def _nearest(places: np.ndarray, table: TaxelTable, there: np.ndarray) -> IntArr
 
 
 def _found_again(boards: Boards, wiring: Wiring, faults: list[Fault]) -> list[tuple[int, int, int]]:
-    """Channel, module and row of places that nobody in the table reads after chains changed."""
+    """Channel, module and row of places that no row of the table reads after chains changed."""
     lost = np.flatnonzero(wiring.owner < 0)
     swapped = [fault.chains for fault in faults if fault.kind == "swapped_chains"]
     found: list[tuple[int, int, int]] = []

@@ -70,7 +70,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Examination:
-    """What came of all parts.
+    """Result of all parts.
 
     Attributes
     ----------
@@ -223,7 +223,7 @@ def examine_recording(
     chain: int = CHAIN,
     told: Callable[[str], None] = lambda _: None,
 ) -> Examination:
-    """Examine a recording of somebody who touched the skin.
+    """Examine a recording of touches by a person.
 
     Raises
     ------
@@ -334,7 +334,7 @@ def examine_live(
     told: Callable[[str], None] = lambda _: None,
     marker: Marker | None = None,
 ) -> Examination:
-    """Ask somebody at the robot to touch, one place after the other.
+    """Ask a person at the robot to touch, one place after the other.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The places that somebody was asked to touch: a CSV with a row for each point."""
+"""Places of requested touches: a CSV with a row for each point."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ def _check_probabilities(share: FloatArray, labels: Any, classes: Any) -> None:
     wanted = (len(labels), len(classes))
     _require(share.shape == wanted, f"predict_proba gives {share.shape}, expected {wanted}")
     fine = np.isfinite(share).all() and (share >= 0).all()
-    _require(bool(fine), "predict_proba gives numbers that are no probabilities")
+    _require(bool(fine), "predict_proba does not give probabilities")
     # 1e-6: probabilities may have been computed in float32.
     _require(bool((np.abs(share.sum(axis=1) - 1.0) < 1e-6).all()), "probabilities must sum to 1")
     own = share[np.arange(len(labels)), np.searchsorted(classes, labels)]

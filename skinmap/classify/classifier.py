@@ -37,7 +37,7 @@ ROWS = 1200  # training rows at most: the cost of a Gram matrix grows with the s
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """A label and how sure the classifier is of it, 0 to 1."""
+    """Label of a touch, with a confidence of 0 to 1."""
 
     label: str
     confidence: float

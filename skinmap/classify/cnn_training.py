@@ -12,7 +12,7 @@ import numpy as np
 
 from skinmap.arrays import IntArray
 from skinmap.classify.convolution import Float32, Network
-from skinmap.errors import InvalidArrayError, MissingLibraryError
+from skinmap.errors import InvalidArrayError, MissingLibraryError, unknown_name
 
 WARM_UP = 5  # epochs of the schedule "cosine" in which the rate grows: full steps kill a fresh net
 ATTEMPTS = 3  # trainings with another start where one stays at chance
@@ -51,7 +51,7 @@ class Recipe:
             "cosine": 0.5 * (1.0 + np.cos(np.pi * done)) * min(1.0, (epoch + 1) / WARM_UP),
         }
         if self.schedule not in share:
-            raise InvalidArrayError(f"no schedule {self.schedule!r}; there is: {', '.join(share)}")
+            raise InvalidArrayError(unknown_name("schedule", str(self.schedule), share))
         return self.learning_rate * float(share[self.schedule])
 
 

@@ -135,7 +135,7 @@ def load_network(path: Path) -> Network:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or not a network of ours.
+        No such file, or not a Skinmap network.
     """
     if not path.is_file():
         raise MissingFileError(path, "a network (.npz)")
@@ -157,4 +157,4 @@ def load_network(path: Path) -> Network:
     except DAMAGED_ARCHIVE as error:
         if isinstance(error, DataFormatError):
             raise
-        raise DataFormatError(f"not a network of ours: {error}", path) from error
+        raise DataFormatError(f"not a Skinmap network: {error}", path) from error

@@ -84,7 +84,7 @@ def load_classifier(path: str | Path) -> TouchClassifier:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or not a model of ours, or one that holds types that a model has no use for.
+        No such file, or not a Skinmap model, or one that holds types that a model has no use for.
     UnknownNameError
         A classifier whose plug-in is not installed.
     """
@@ -111,7 +111,7 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
         raise
     # A damaged file fails in zip, JSON, numpy or skops, each in its own way.
     except Exception as error:
-        raise DataFormatError(f"not a model of ours: {error}", path) from error
+        raise DataFormatError(f"not a Skinmap model: {error}", path) from error
     _warn_of_versions(head["versions"], path)
     return classifier
 

@@ -77,7 +77,8 @@ def touch_classifier(name: str, made: Any) -> TouchClassifier:
     kind = getattr(made, "input_kind", None)
     if kind is None:
         raise InvalidArrayError(
-            f"the plug-in {name!r} names no input_kind; there is: {', '.join(INPUT_KINDS)}"
+            f"the plug-in {name!r} names no input_kind; the input kinds are: "
+            f"{', '.join(INPUT_KINDS)}"
         )
     return TouchClassifier(name, descriptor_of(kind), with_probabilities(made))
 

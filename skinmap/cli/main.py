@@ -48,7 +48,7 @@ GROUP = "skinmap.commands"
 
 
 class LazyGroup(NamedGroup):
-    """Commands of ours by module, those of other packages by entry point."""
+    """Built-in commands by module, those of other packages by entry point."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """All names, the demo first: it is where people start."""
@@ -66,7 +66,7 @@ class LazyGroup(NamedGroup):
         return None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands without importing those of ours."""
+        """List the commands without importing the built-in ones."""
         rows = []
         for name in self.list_commands(ctx):
             if name in COMMANDS:
@@ -90,7 +90,7 @@ def cli(ctx: click.Context, debug: bool) -> None:
 
 
 def main() -> None:
-    """Run a command: exit 0 done, 2 bad input with one line, 1 a fault of ours."""
+    """Run a command: exit 0 done, 2 bad input with one line, 1 internal error."""
     debug = "--debug" in sys.argv[1:]
     warnings.showwarning = _warn
     end_on_interrupt()
@@ -98,9 +98,11 @@ def main() -> None:
         cli.main(standalone_mode=False)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
-    except click.ClickException as error:
+    except click.exceptions.NoArgsIsHelpError as error:
         error.show()
         sys.exit(2)
+    except click.ClickException as error:
+        _fail(_one_line(error), 2, debug)
     except SkinError as error:
         _fail(str(error), 2, debug)
     except (KeyboardInterrupt, click.Abort):
@@ -108,8 +110,15 @@ def main() -> None:
     except BrokenPipeError:  # the reader of our output went away: nothing is wrong
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
-    except Exception as error:  # noqa: BLE001 - the last resort: a fault of ours, said plainly
-        _fail(f"a fault of ours: {type(error).__name__}: {error} (see --debug)", 1, debug)
+    except Exception as error:  # noqa: BLE001 - the last resort: an internal error, said plainly
+        _fail(f"internal error: {type(error).__name__}: {error} (see --debug)", 1, debug)
+
+
+def _one_line(error: click.ClickException) -> str:
+    """The message of a wrong option or argument, and where to read more."""
+    ctx = error.ctx if isinstance(error, click.UsageError) else None
+    more = f" (see {ctx.command_path} --help)" if ctx is not None else ""
+    return error.format_message().rstrip(".") + more
 
 
 def _warn(message: Warning | str, *_: object, **__: object) -> None:

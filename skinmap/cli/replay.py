@@ -23,7 +23,7 @@ class ReplayResult:
     samples, seconds
         Sent, and how long that took.
     published
-        Where to; null where nobody could follow.
+        Where to; null where nothing was published.
     """
 
     samples: int

@@ -233,14 +233,18 @@ def _lines(result: StructuresResult) -> Iterator[str | Table]:
 
 def read_radius(text: str) -> float | None:
     """The radius asked for [m], None for auto."""
+    from skinmap.classify.classifier_options import WIDEST_MM
+
     if text == "auto":
         return None
     try:
         radius = float(text)
     except ValueError:
         radius = math.nan
-    if not 0 < radius < math.inf:
-        raise click.UsageError(f"--radius-mm must be above 0, or auto, got {text!r}")
+    if not 0 < radius <= WIDEST_MM:
+        raise click.UsageError(
+            f"--radius-mm must be above 0 and at most {WIDEST_MM:g}, or auto, got {text!r}"
+        )
     return radius * 1e-3
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from skinmap.errors import unknown_name
+
 
 class NamedGroup(click.Group):
     """A group whose answer to an unknown command is one line with all there are."""
@@ -15,5 +17,5 @@ class NamedGroup(click.Group):
         name = args[0]
         known = self.list_commands(ctx)
         if not name.startswith("-") and name not in known:
-            raise click.UsageError(f"no command {name!r}; there is: {', '.join(known)}", ctx)
+            raise click.UsageError(unknown_name("command", name, known), ctx)
         return super().resolve_command(ctx, args)

@@ -78,7 +78,13 @@ def results_of(command: click.Command) -> dict[str, Kinds]:
     return found
 
 
-seed_option = click.option("--seed", default=0, show_default=True, help="Seed of all randomness.")
+seed_option = click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Seed of all randomness.",
+)
 
 
 def try_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path | None:

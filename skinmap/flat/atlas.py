@@ -154,7 +154,7 @@ def _carried(chart: Laid, vertex: int, way: FloatArray) -> FloatArray:
 def _nearest_free(
     shape: Outline, wish: FloatArray, parent: int, others: list[tuple[Outline, FloatArray, float]]
 ) -> FloatArray:
-    """The shift nearest to a wish at which an outline has its gap to all that are placed.
+    """The shift nearest to a requested one at which an outline has its gap to all that are placed.
 
     The chart comes from outside towards its neighbour, from the side where the wish has it, until
     it would come too close to any; other sides are tried where a third chart stops it early.

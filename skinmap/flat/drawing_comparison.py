@@ -14,7 +14,7 @@ from skinmap.geometry.triangles import signed_areas
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DrawnChart:
-    """The part of a patch that somebody drew, laid over the computed chart.
+    """The hand-drawn part of a patch, laid over the computed chart.
 
     Attributes
     ----------

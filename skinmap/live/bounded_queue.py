@@ -1,4 +1,4 @@
-"""The queue between two threads: bounded by size, and whoever waits is told of the end."""
+"""The queue between two threads: bounded by size; waiting threads are told of the end."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class BoundedQueue(Generic[Item]):
             return taken
 
     def end(self, why: Exception, *, at_once: bool = False) -> None:
-        """Nothing more will come, or (`at_once`) nobody takes any more and what waits is dropped.
+        """End the queue; with `at_once` what waits is dropped.
 
         `why` is raised to whoever puts from now on, and to whoever takes when it is empty.
         """

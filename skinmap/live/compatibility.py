@@ -39,7 +39,7 @@ def check_classifier(classifier: TouchClassifier, skins: Any) -> None:
 
 
 def chosen_parts(info: StreamInfo, parts: Sequence[str] | None) -> tuple[str, ...]:
-    """Parts of a stream that were asked for, in its order; all where nobody asked.
+    """Parts of a stream that were asked for, in its order; all where none was.
 
     Raises
     ------

@@ -65,7 +65,7 @@ class Namer:
         self._rests = -np.inf  # until when naming has had its share, by `perf_counter`
 
     def _warm_up(self, skin: PreparedSkin) -> None:
-        """Name one touch: distances along a skin are found once, not while somebody waits."""
+        """Name one touch: distances along a skin are found once, ahead of time."""
         sample = np.zeros((1, len(skin)), np.uint8)
         sample[0, skin.mesh.faces[0]] = 100
         name_touches(self.classifier, skin, sample, rule=self.rule)

@@ -158,7 +158,7 @@ class ResumeFile:
         os.replace(name, self.path)
 
     def _check_head(self, line: bytes) -> str | None:
-        """Which other version the file is of, or None; refuses what is no resume file of ours."""
+        """Which other version the file is of, or None; refuses other files."""
         try:
             head = json.loads(line)
             form, sweep, versions = head[MARK], str(head["sweep"]), dict(head["versions"])

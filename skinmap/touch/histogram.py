@@ -68,7 +68,7 @@ class StructureHistogram(TransformerMixin, BaseEstimator):
     def fit(self, X: Sequence[PatchSamples], y: ArrayLike | None = None) -> StructureHistogram:
         """Learn the codebook from samples of all patches."""
         if self.mode not in ("rest-dropped", "paper"):
-            raise InvalidArrayError(f"mode {self.mode!r}; there is: rest-dropped, paper")
+            raise InvalidArrayError(f"no mode {self.mode!r}; the modes are: rest-dropped, paper")
         rng = np.random.default_rng(check_random_state(self.random_state).randint(2**31 - 1))
         pools = []
         for structures, rows in _by_patch(X):

@@ -154,7 +154,7 @@ def load_recordings(path: Path) -> list[Recording]:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or not a recording of ours.
+        No such file, or not a Skinmap recording.
     """
     if not path.is_file():
         raise MissingFileError(path, "a recording made by `skinmap simulate`")
@@ -183,4 +183,4 @@ def load_recordings(path: Path) -> list[Recording]:
     except DAMAGED_ARCHIVE as error:
         if isinstance(error, DataFormatError):
             raise
-        raise DataFormatError(f"not a recording of ours: {error}", path) from error
+        raise DataFormatError(f"not a Skinmap recording: {error}", path) from error

@@ -16,7 +16,7 @@ Places = Literal["anywhere", "habitual"]
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Somebody who touches.
+    """A simulated person who touches.
 
     Attributes
     ----------

@@ -42,7 +42,7 @@ class Sample:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Measured:
-    """What came of one task."""
+    """Result of one task."""
 
     points: list[Point] = field(default_factory=list)
     failures: list[Failure] = field(default_factory=list)

@@ -336,7 +336,7 @@ def test_wrong_arrays_are_named(case, chain):
     silent[[2, 5]] = False
     with pytest.raises(InvalidArrayError, match="active in 2 of 40 contacts: 2, 5"):
         fit_plane(replace(contacts, active={PART: silent}), [chain])
-    with pytest.raises(UnknownNameError, match="there is: right_forearm"):
+    with pytest.raises(UnknownNameError, match="the only patch is right_forearm"):
         fit_plane(PlaneContacts(contacts.angles, {"leg": silent}), [chain])
     with pytest.raises(InvalidArrayError, match="which has 240"):
         fit_plane(PlaneContacts(contacts.angles, {PART: silent[:, :200]}), [chain])
@@ -435,9 +435,9 @@ def test_damaged_files_are_named(case, robot, tmp_path):
 
     with pytest.raises(MissingFileError, match=r"gone\.npz"):
         read_plane_evidence([tmp_path / "gone.npz"], robot)
-    with pytest.raises(DataFormatError, match="lacks 'angles'; there is: joints"):
+    with pytest.raises(DataFormatError, match="lacks 'angles'; the arrays are: joints"):
         read(angles=None)
-    with pytest.raises(UnknownNameError, match=r"no joint 'knee'; there is: .*r_elbow"):
+    with pytest.raises(UnknownNameError, match=r"no joint 'knee'; the joints are: .*r_elbow"):
         read(joints=np.array(["knee", *JOINTS[1:]]))
     with pytest.raises(DataFormatError, match=r"look like degrees .*multiply them by pi / 180"):
         read(angles=np.rad2deg(plain["angles"]))

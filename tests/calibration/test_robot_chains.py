@@ -148,11 +148,11 @@ def test_wrong_names_are_told_with_those_that_exist(icub, odd):
     joints = list(odd.body.joints)
     with pytest.raises(UnknownNameError, match=r"no link 'r_forarm'.*r_forearm"):
         robot_chain(icub, "r_forarm", [])
-    with pytest.raises(UnknownNameError, match="no link 'bottom'; there is: base, slide"):
+    with pytest.raises(UnknownNameError, match="no link 'bottom'; the links are: base, slide"):
         robot_chain(odd, "finger", joints, base="bottom")
-    with pytest.raises(UnknownNameError, match="no joint 'bend'; there is: lift, turn"):
+    with pytest.raises(UnknownNameError, match="no joint 'bend'; the joints are: lift, turn"):
         robot_chain(odd, "finger", ["lift", "bend"])
-    with pytest.raises(UnknownNameError, match="no joint 'curl'; there is: lift, turn"):
+    with pytest.raises(UnknownNameError, match="no joint 'curl'; the joints are: lift, turn"):
         robot_chain(odd, "finger", joints, held={"curl": 0.1})
     with pytest.raises(InvalidArrayError, match="'lift' is named twice, as column 0 and 2"):
         robot_chain(odd, "finger", ["lift", "turn", "lift"])

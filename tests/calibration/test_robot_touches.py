@@ -211,8 +211,8 @@ def test_a_link_that_one_part_is_on_names_the_part(icub, tmp_path):
 
 
 WRONG = {
-    "joint": ({"joint_names": "l_ellbow"}, r"no joint \(.*\) 'l_ellbow'; there is: .*l_elbow"),
-    "part": ({"chain1": np.array("tail")}, r"no part or probe \(.*\) 'tail'; there is: torso, "),
+    "joint": ({"joint_names": "l_ellbow"}, r"no joint \(.*\) 'l_ellbow'; did you mean 'l_elbow'"),
+    "part": ({"chain1": np.array("tail")}, r"no part or probe \(.*\) 'tail'; .* are: torso, "),
     "degrees": ({"q": "degrees"}, "radians are expected, not degrees"),
     "nan": ({"q": "nan"}, "q holds NaN or infinity, first in row 3"),
     "robot": ({"robot": np.array("nao")}, "a recording of 'nao', not 'iCub'"),
@@ -246,10 +246,14 @@ def test_wrong_places_and_names_get_one_line(tmp_path, icub):
     assert "expected recordings of self-touch" in refused(tmp_path, "--robot", "icub")
     assert "no file" in refused(tmp_path / "gone.npz", "--robot", "icub")
     assert "no robot" in refused(BOARD, "--robot", "robby")
-    assert "no chain 'tail'; there is: " in refused(BOARD, "--robot", "icub", "--calibrate", "tail")
+    assert "no chain 'tail'; the chains are: " in refused(
+        BOARD, "--robot", "icub", "--calibrate", "tail"
+    )
     tipped = tmp_path / TIPPED
     tipped.write_bytes((BOARD / TIPPED).read_bytes())
-    assert re.search("'right_finger'; there is: torso", refused(tipped, "--robot", "icub"))
+    assert re.search(
+        "'right_finger'; .*The parts and probes are: torso", refused(tipped, "--robot", "icub")
+    )
     assert "name the --robot" in refused(tipped)
     lone = changed(tmp_path, joint_names=None, q=np.load(BOARD / PAIR)["q"][:, :3])
     assert "joint_names" in refused(lone, "--robot", "icub")

@@ -61,7 +61,7 @@ def test_contact_images_are_scaled_to_their_own_maximum(rng):
 
 
 def test_input_kinds_are_known_by_name():
-    with pytest.raises(UnknownNameError, match="there is: raw, histogram, image, contact-geometry"):
+    with pytest.raises(UnknownNameError, match="the input kinds are: raw, histogram, image"):
         descriptor_of("smell")
 
 

@@ -147,7 +147,9 @@ def test_evaluate_baxter_refuses_what_it_cannot_do(skin):
         evaluate_baxter(skin, seed=1, repeats=0)
     with pytest.raises(InvalidArrayError, match="20 images are too few"):
         evaluate_baxter(skin, seed=1, images=20)
-    with pytest.raises(UnknownNameError, match="no method 'oracle'; there is: bovw, cnn, raw_rbf"):
+    with pytest.raises(
+        UnknownNameError, match="no method 'oracle'; the methods are: bovw, cnn, raw_rbf"
+    ):
         evaluate_baxter(skin, seed=1, methods=("oracle",))
 
 

@@ -122,7 +122,9 @@ def test_fit_refuses_one_label_and_too_few_touches(split):
 def test_split_names_unknown_parts(prepared):
     nothing = Recording("left_hand", np.zeros(0), np.zeros((0, 48), np.uint8), np.zeros(0, int), ())
     skins = {"left_hand": prepared("left_hand")}
-    with pytest.raises(UnknownNameError, match="no recorded part 'tail'; there is: left_hand"):
+    with pytest.raises(
+        UnknownNameError, match="no recorded part 'tail'; the only recorded part is left_hand"
+    ):
         split_touches(skins, [nothing], ["tail"], rng=np.random.default_rng(0))
 
 

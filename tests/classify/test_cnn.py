@@ -34,7 +34,7 @@ def test_learning_rate_schedules():
     assert cosine[15] == pytest.approx(0.05)
     assert cosine.argmax() == 4
     assert (np.diff(cosine[4:]) < 0).all()
-    with pytest.raises(InvalidArrayError, match="no schedule 'slow'; there is: constant"):
+    with pytest.raises(InvalidArrayError, match="no schedule 'slow'; the schedules are: constant"):
         recipe(schedule="slow").rate(0)
 
 
@@ -117,7 +117,7 @@ def test_training_that_runs_away_is_an_error(bars):
 
 def test_what_cannot_be_trained_or_used_is_refused(bars):
     images, labels = bars
-    with pytest.raises(UnknownNameError, match="no network 'huge'; there is: paper, small"):
+    with pytest.raises(UnknownNameError, match="no network 'huge'; the networks are: paper, small"):
         ContactImageCNN("huge").fit(images, labels)
     with pytest.raises(InvalidArrayError, match="two labels, got 1 class"):
         ContactImageCNN().fit(images[::2], labels[::2])

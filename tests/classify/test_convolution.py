@@ -106,13 +106,13 @@ def test_load_network_refuses_what_is_none(network, tmp_path):
     arrays = dict(np.load(io.BytesIO(whole)))
     for damaged in (b"hello", whole[:-200], pickle.dumps({"weight": 1})):
         path.write_bytes(damaged)
-        with pytest.raises(DataFormatError, match="not a network of ours"):
+        with pytest.raises(DataFormatError, match="not a Skinmap network"):
             load_network(path)
     hostile = np.empty(1, object)
     hostile[0] = Path("/")
     for change in ({"weight": hostile}, {"weight": arrays["weight"][:, :-1]}):
         np.savez(path, allow_pickle=True, **{**arrays, **change})
-        with pytest.raises(DataFormatError, match="not a network of ours"):
+        with pytest.raises(DataFormatError, match="not a Skinmap network"):
             load_network(path)
     other = np.frombuffer(json.dumps({"format": "skinmap-network-99"}).encode(), np.uint8)
     np.savez(path, **{**arrays, "head": other})

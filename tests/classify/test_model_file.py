@@ -99,7 +99,7 @@ def test_a_missing_file_is_named(tmp_path):
 def test_truncated_files_are_refused(saved, share):
     whole = saved.read_bytes()
     saved.write_bytes(whole[: int(len(whole) * share)])
-    with pytest.raises(DataFormatError, match="not a model of ours"):
+    with pytest.raises(DataFormatError, match="not a Skinmap model"):
         load_classifier(saved)
 
 
@@ -142,7 +142,9 @@ def test_other_versions_are_told(saved):
 
 def test_an_unknown_classifier_is_named(saved):
     rewrite(saved, model__json=json.dumps({**head(saved), "classifier": "oracle"}))
-    with pytest.raises(UnknownNameError, match="no classifier 'oracle'; there is: contact"):
+    with pytest.raises(
+        UnknownNameError, match="no classifier 'oracle'; the classifiers are: contact"
+    ):
         load_classifier(saved)
 
 

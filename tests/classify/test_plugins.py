@@ -197,8 +197,8 @@ class Guesses(DummyClassifier):
 
 ONE = Nearest()
 BROKEN = {
-    "names no input_kind; there is: raw, histogram": NoKind,
-    "no input kind 'smell'; there is: raw, histogram, image, contact-geometry": UnknownKind,
+    "names no input_kind; the input kinds are: raw, histogram": NoKind,
+    "no input kind 'smell'; the input kinds are: raw, histogram, image, ": UnknownKind,
     "has no method 'predict'": NoPredict,
     "cannot be made without arguments": NeedsArguments,
     "must be a class or a function, got KNeighbors": KNeighborsClassifier(),
@@ -210,7 +210,7 @@ BROKEN = {
     "predicts other labels when it is asked again": Moody,
     "other labels row by row": BatchWise,
     "probabilities must sum to 1": NotProbabilities,
-    "numbers that are no probabilities": NanProbabilities,
+    "does not give probabilities": NanProbabilities,
     "not largest where the label is": WrongOrder,
     "fit sets no classes_": NoClasses,
     "predicts before it is trained": NeverTrained,

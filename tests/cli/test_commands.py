@@ -108,7 +108,9 @@ def test_pairs_are_named_one_by_one(tmp_path):
     joined = run("classify", str(model), str(pairs), "--together-ms", "9000")
     assert [row["touch"] for row in joined["touches"]] == [0, 0, 0]
     assert joined["accuracy"] == 0.0
-    with pytest.raises(SkinError, match="no recorded part 'torso'; there is: left_foot"):
+    with pytest.raises(
+        SkinError, match="no recorded part 'torso'; the only recorded part is left_foot"
+    ):
         run("classify", str(model), str(pairs), "--part", "torso")
 
 
@@ -127,8 +129,8 @@ def test_same_seed_writes_the_same_recording(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("inspect", "icu"), "no robot .*'icu'; there is: .*icub"),
-        (("inspect", "icub", "--part", "tail"), "no part 'tail'; there is: torso"),
+        (("inspect", "icu"), "no robot .*'icu'; did you mean 'icub'. The robots are: .*icub"),
+        (("inspect", "icub", "--part", "tail"), "no part 'tail'; the parts are: torso"),
         (("flatten", "icub", "--method", "best"), "no flattening method 'best'"),
         (("flatten", "gone.toml"), r"no file 'gone\.toml'"),
         (("structures", "--radius-mm", "-1"), "must be above 0"),
@@ -138,8 +140,11 @@ def test_same_seed_writes_the_same_recording(tmp_path):
         (("simulate", "--part", "left_hand", "-o", "/proc/x/y.npz"), "cannot write"),
         (("train", "gone.npz"), r"no file 'gone\.npz'"),
         (("classify", "gone.skinmodel", "gone.npz"), r"no file 'gone\.skinmodel'"),
-        (("dance",), "no command 'dance'; there is: demo, inspect"),
-        (("calibrate", "wrp"), "no command 'wrp'; there is: wrap, batch"),
+        (("dance",), "no command 'dance'; the commands are: demo, inspect"),
+        (
+            ("calibrate", "wrp"),
+            "no command 'wrp'; did you mean 'wrap'\\? The commands are: wrap, batch",
+        ),
         (("inspect", "--size", "3"), "No such option"),
     ],
 )
@@ -190,7 +195,7 @@ def test_inspect_leaves_repairs_out_when_asked():
     assert part["normal_angle_deg"]["median"] > 45
     result = run_process("inspect", "--part", "left_foot", "--skip", "polish")
     assert result.returncode == 2
-    assert "no repair step 'polish'; there is: units, thermal" in result.stderr
+    assert "no repair step 'polish'; the repair steps are: units, thermal" in result.stderr
 
 
 def test_flatten_takes_any_mesh_file(tmp_path):

@@ -101,13 +101,22 @@ def test_tables_are_printed_for_people(recording):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--protocol", "paper1"], "no protocol or recording 'paper1'; there is: kaspar, baxter"),
+        (
+            ["--protocol", "paper1"],
+            "no protocol or recording 'paper1'; the protocols and recordings are: kaspar, baxter",
+        ),
         ([], "name --protocol (kaspar, baxter, cross-patch) or recordings"),
         (["gone.npz"], "no file 'gone.npz'"),
         (["--protocol", "kaspar", "x.npz"], "simulates its touches: no recordings"),
         (["--protocol", "kaspar", "--robot", "icub"], "which part of icub? --part torso | "),
-        (["--protocol", "kaspar", "--robot", "icu"], "there is: baxter-forearm, icub, kaspar"),
-        (["--protocol", "kaspar", "--part", "tail"], "no part 'tail'; there is: torso, right_arm"),
+        (
+            ["--protocol", "kaspar", "--robot", "icu"],
+            "did you mean 'icub'?",
+        ),
+        (
+            ["--protocol", "kaspar", "--part", "tail"],
+            "no part 'tail'; the parts are: torso, right_arm",
+        ),
         (["--protocol", "kaspar", "--classifier", "cnn"], "has its own classifiers"),
         (["--protocol", "cross-patch", "--classifier", "oracle"], "no classifier 'oracle'"),
         (["--protocol", "cross-patch", "--classifier", "raw-rbf"], "learns the taxels of one part"),

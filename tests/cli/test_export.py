@@ -67,7 +67,7 @@ def test_export_reads_a_bare_table_in_a_format_that_is_named(tmp_path):
     ("words", "message"),
     [
         (("icub",), "a file holds one part, --part chooses it: torso, left_arm"),
-        (("icub", "--part", "tail"), "no part 'tail'; there is: torso"),
+        (("icub", "--part", "tail"), "no part 'tail'; the parts are: torso"),
         (("gone.csv",), r"no file 'gone\.csv'; expected a taxel table"),
         (("gone.csv", "--part", "torso"), "--part is for a robot"),
         (("gone.csv", "--read-as", "excel"), "no file"),

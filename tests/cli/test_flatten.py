@@ -252,9 +252,9 @@ def test_every_meshing_flattens_a_hand(meshing):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--method", "best"], "no flattening method 'best'; there is: .*bff"),
-        (["--meshing", "best"], "no meshing method 'best'; there is: consensus"),
-        (["--metric", "beauty"], "no metric 'beauty'; there is: edge_strain"),
+        (["--method", "best"], "no flattening method 'best'; the flattening methods are: .*bff"),
+        (["--meshing", "best"], "no meshing method 'best'; the meshing methods are: consensus"),
+        (["--metric", "beauty"], "no metric 'beauty'; the metrics are: edge_strain"),
         (["--compare", "bff,best"], "no flattening method 'best'"),
         (["--compare", "drawing"], "expected `drawing = ...`"),
         (["--drawing", "gone.ini"], "no file 'gone.ini'"),
@@ -316,7 +316,7 @@ def test_missing_files_folders_and_parts_of_meshes_are_refused(tmp_path, sheet):
     for words, message in (
         (["gone.obj"], "no file 'gone.obj'"),
         ([str(tmp_path / "folder.obj")], "no file .*folder.obj"),
-        ([str(sheet), "--part", "left_arm"], "no part 'left_arm'; there is: none"),
+        ([str(sheet), "--part", "left_arm"], "no part 'left_arm'; there are no parts"),
     ):
         with pytest.raises(SkinError, match=message):
             CliRunner().invoke(cli, ["flatten", *words], catch_exceptions=False)

@@ -209,9 +209,9 @@ def test_simulate_train_and_classify_read_and_write_mcap(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("record", "sim", "-o", "t.npz"), "files ending in '.npz'; there is: .mcap"),
+        (("record", "sim", "-o", "t.npz"), "files ending in '.npz'; the only format is .mcap"),
         (("record", "sim", "-o", "gone/t.mcap"), "cannot write 'gone/t.mcap'"),
-        (("record", "nothing", "-o", "t.mcap"), "no source 'nothing'; there is"),
+        (("record", "nothing", "-o", "t.mcap"), "no source 'nothing'; the sources are"),
         (("record", "gone.mcap", "-o", "t.mcap"), "no file 'gone.mcap'"),
         (("record", "sim", "-o", "t.mcap", "--label", "a", "--model", "m"), "give one"),
         (("record", "sim", "-o", "t.mcap", "--model", "gone"), "no file 'gone'"),
@@ -222,9 +222,15 @@ def test_simulate_train_and_classify_read_and_write_mcap(tmp_path):
         (("info", "text.wav"), "no reader of recordings for 'text.wav'"),
         (("replay", "text.mcap"), "text.mcap: not an MCAP file"),
         (("replay", "good.mcap", "--publish", "post:x"), "no way to publish 'post'"),
-        (("export", "good.mcap", "-o", "t.wav"), "files ending in '.wav'; there is: .h5, .hdf5"),
+        (
+            ("export", "good.mcap", "-o", "t.wav"),
+            "files ending in '.wav'; the formats are: .h5, .hdf5",
+        ),
         (("export", "good.mcap", "-o", "t.h5", "--part", "a"), "a recording is written whole"),
-        (("simulate", "icub", "-o", "t.wav"), "files ending in '.wav'; there is: .npz, .mcap"),
+        (
+            ("simulate", "icub", "-o", "t.wav"),
+            "files ending in '.wav'; the recording formats are: .npz, .mcap",
+        ),
         (("train", "text.mcap"), "text.mcap: not an MCAP file"),
         (("info", "good.mcap", "--robot", "kaspar"), "48 channels for 'left_hand'; its 144"),
     ],

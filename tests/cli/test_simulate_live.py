@@ -124,7 +124,7 @@ def test_options_that_contradict_each_other_are_refused(arguments, said):
         ("zmq:9.9.9.9.9:5", "cannot publish at tcp://9.9.9.9.9:5"),
     ],
 )
-@pytest.mark.filterwarnings("ignore:everybody who reaches")
+@pytest.mark.filterwarnings("ignore:every machine on the network")
 def test_where_nothing_can_be_published_is_one_line(spec, said):
     error = run("--publish", spec).exception
     assert said in str(error)

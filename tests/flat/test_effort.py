@@ -61,7 +61,7 @@ def test_single_precision_is_as_near_as_its_digits(saddle, method):
     [
         ({"iterations": 3}, InvalidArrayError, "iterations need one of the methods arap"),
         ({"iterations": 0, "method": "arap"}, InvalidArrayError, "1 or more, got 0"),
-        ({"precision": "float16"}, UnknownNameError, "there is: float64, float32"),
+        ({"precision": "float16"}, UnknownNameError, "did you mean 'float64'"),
         ({"precision": "float32", "method": "slim"}, InvalidArrayError, "got 'slim'"),
     ],
 )

@@ -143,7 +143,8 @@ def test_flatten_disc_refuses_reversed_faces(square_grid):
 
 def test_flatten_names_the_methods(prepared):
     with pytest.raises(
-        UnknownNameError, match="no flattening method 'best'; there is: tutte, harmonic"
+        UnknownNameError,
+        match="no flattening method 'best'; the flattening methods are: tutte, harmonic",
     ):
         flatten(prepared("left_hand").mesh, method="best")
 

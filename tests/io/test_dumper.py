@@ -56,7 +56,9 @@ def test_folders_are_parts_of_the_robot(tmp_path, icub, values):
     track = read_dump(tmp_path, robot=icub)
     assert set(track.parts) == {"left_arm", "left_forearm"}
     store(tmp_path / "tail", log(values))
-    with pytest.raises(UnknownNameError, match="no part of iCub for the folder 'tail'; there is"):
+    with pytest.raises(
+        UnknownNameError, match="no part of iCub for the folder 'tail'; the parts are"
+    ):
         read_dump(tmp_path, robot=icub)
 
 

@@ -248,7 +248,9 @@ def test_files_that_are_none_are_refused(tmp_path):
         (tmp_path / "t.mcap").write_bytes(content)
         with pytest.raises(DataFormatError, match=message):
             read_track(tmp_path / "t.mcap")
-    with pytest.raises(UnknownNameError, match=r"files ending in '\.wav'; there is: \.npz, \.mcap"):
+    with pytest.raises(
+        UnknownNameError, match=r"files ending in '\.wav'; the recording formats are: \.npz, \.mcap"
+    ):
         (tmp_path / "t.wav").write_bytes(b"")
         load_recordings(tmp_path / "t.wav")
     with pytest.raises(OutputError, match="cannot write"):
@@ -261,7 +263,7 @@ def test_mcap_of_others_is_refused(tmp_path):
         channel = writer.add_channel("/camera", "json", 0)
         writer.add_message(channel, 0, b"{}", 0)
         writer.finish()
-    with pytest.raises(DataFormatError, match="no recording of ours: it names no skin"):
+    with pytest.raises(DataFormatError, match="not a Skinmap recording: it names no skin"):
         read_track(tmp_path / "t.mcap")
 
 

@@ -66,9 +66,9 @@ def test_a_single_mesh_meshes_and_flattens(ball):
 def test_mesh_body_has_no_joints_and_one_link(ball):
     body = load_robot(ball()).body
     assert body.links == body.visible_links == ("body",)
-    with pytest.raises(UnknownNameError, match="no joint 'elbow'; there is: none"):
+    with pytest.raises(UnknownNameError, match="no joint 'elbow'; there are no joints"):
         body.poses({"elbow": 1.0})
-    with pytest.raises(UnknownNameError, match="no link 'arm'; there is: body"):
+    with pytest.raises(UnknownNameError, match="no link 'arm'; the only link is body"):
         body.mesh("arm")
 
 

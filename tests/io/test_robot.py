@@ -121,7 +121,7 @@ def test_units_of_a_manifest_scale_positions(manifest):
             'link = "r_hand"',
             'link = "r_hnd"',
             UnknownNameError,
-            "no link .*'r_hnd'; there is: .*r_hand",
+            "no link .*'r_hnd'; did you mean 'r_hand'. The links are: ",
         ),
         ('link = "r_hand"', "", DataFormatError, "lacks 'link'"),
         ('link = "r_hand"', 'link = "r_hand"\ncolour = "red"', DataFormatError, "unknown keys"),
@@ -147,14 +147,16 @@ def test_two_parts_of_one_name_are_refused(manifest):
 
 
 def test_load_robot_names_what_is_built_in():
-    with pytest.raises(UnknownNameError, match=r"no robot .*'icu'; there is: .*icub"):
+    with pytest.raises(
+        UnknownNameError, match=r"no robot .*'icu'; did you mean 'icub'. The robots are: .*icub"
+    ):
         load_robot("icu")
     with pytest.raises(MissingFileError, match="manifest"):
         load_robot("gone.toml")
 
 
 def test_robot_names_its_parts(icub):
-    with pytest.raises(UnknownNameError, match="no part 'tail'; there is: torso, left_arm"):
+    with pytest.raises(UnknownNameError, match="no part 'tail'; the parts are: torso, left_arm"):
         icub.skin("tail")
     with pytest.raises(UnknownNameError, match="no link 'tail'"):
         icub.mesh("tail")

@@ -40,7 +40,7 @@ def test_read_skinware_reads_one_link_and_type_at_a_time(database):
     with pytest.raises(DataFormatError, match="several links, read them one by one: 2, 5"):
         read_skinware(path)
     assert read_skinware(path, link=5).link == "5"
-    with pytest.raises(UnknownNameError, match=r"no link .* '9'; there is: 2, 5"):
+    with pytest.raises(UnknownNameError, match=r"no link .* '9'; the links are: 2, 5"):
         read_skinware(path, link=9)
     path = database(f"2\n{ROW}\n{other_type}\n")
     with pytest.raises(DataFormatError, match="several types"):

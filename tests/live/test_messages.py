@@ -44,7 +44,7 @@ def test_header_has_the_documented_bytes():
     [
         (0, "X", r"begins with b'XKIN', expected b'SKIN'"),
         (4, 9, "of version 9, this Skinmap reads 1"),
-        (5, 3, "values of type 3; there is: 1"),
+        (5, 3, "values of type 3; expected 1"),
         (24, float("nan"), "a sample of time nan"),
         (32, float("inf"), "sent at inf"),
     ],
@@ -89,7 +89,7 @@ def test_info_comes_back_as_it_went():
     ("change", "said"),
     [
         ({"skinmap": 2}, "a description of version 2, this Skinmap reads 1"),
-        ({"kind": "smell"}, "a description of kind 'smell'; there is: raw, pressure"),
+        ({"kind": "smell"}, "a description of kind 'smell'; the kinds are: raw, pressure"),
         ({"rate_hz": -1}, "rate -1"),
         ({"rate_hz": "fast"}, "makes no sense"),
         ({"parts": []}, "no channels"),

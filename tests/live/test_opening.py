@@ -50,7 +50,7 @@ def test_recording_of_chosen_parts(saved):
     path = saved(recording("a", 5, 2), recording("bb", 9, 3))
     source = open_source(path, parts=["bb"], speed=np.inf)
     assert source.info.parts == ("bb",)
-    with pytest.raises(UnknownNameError, match=r"no part in .* 'c'; there is: a, bb"):
+    with pytest.raises(UnknownNameError, match=r"no part in .* 'c'; the parts are: a, bb"):
         open_source(path, parts=["c"])
 
 
@@ -74,7 +74,10 @@ def test_empty_recording_is_refused(saved):
 
 
 def test_open_source_says_what_there_is(tmp_path):
-    with pytest.raises(UnknownNameError, match="no source 'simm'; there is: sim, lsl, zmq"):
+    with pytest.raises(
+        UnknownNameError,
+        match=r"no source 'simm'; did you mean 'sim'. The sources are: sim, lsl, zmq",
+    ):
         open_source("simm")
     with pytest.raises(MissingFileError, match=r"no file 'touches\.npz'"):
         open_source("touches.npz")

@@ -124,7 +124,9 @@ def test_publisher_refuses_another_skin():
 
 
 def test_open_publisher_says_what_there_is():
-    with pytest.raises(UnknownNameError, match="no way to publish 'tcp'; there is: lsl:NAME, zmq"):
+    with pytest.raises(
+        UnknownNameError, match="no way to publish 'tcp'; the ways are: lsl:NAME, zmq"
+    ):
         open_publisher("tcp:5", INFO)
-    with pytest.raises(UnknownNameError, match="no topic 'smell'; there is: raw, pressure"):
+    with pytest.raises(UnknownNameError, match="no topic 'smell'; the topics are: raw, pressure"):
         open_publisher("zmq:5", INFO, topics=["smell"])

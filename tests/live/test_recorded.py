@@ -75,7 +75,9 @@ def test_parts_are_chosen_in_the_order_asked_for(files, touches):
     assert set(source.info.fingerprints) == {"left_foot"}
     count = len(touches[1].times)
     np.testing.assert_array_equal(all_values(source)[:count], touches[1].pressures)
-    with pytest.raises(UnknownNameError, match=r"no part in stream .t\.mcap. 'tail'; there is"):
+    with pytest.raises(
+        UnknownNameError, match=r"no part in stream .t\.mcap. 'tail'; the parts are"
+    ):
         open_recording(files / "t.mcap", parts=["tail"])
 
 
@@ -138,8 +140,10 @@ def test_what_is_no_recording_is_refused(tmp_path):
     with pytest.raises(MissingFileError, match="expected a recording"):
         open_recording(tmp_path / "gone.mcap")
     (tmp_path / "t.wav").write_bytes(b"RIFF")
-    with pytest.raises(UnknownNameError, match=r"no reader of recordings for 't\.wav'; there is"):
+    with pytest.raises(
+        UnknownNameError, match=r"no reader of recordings for 't\.wav'; the readers are"
+    ):
         open_recording(tmp_path / "t.wav")
     (tmp_path / "t.npz").write_bytes(b"PK")
-    with pytest.raises(DataFormatError, match="not a recording of ours"):
+    with pytest.raises(DataFormatError, match="not a Skinmap recording"):
         load_recordings(tmp_path / "t.npz")

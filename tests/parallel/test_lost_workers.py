@@ -90,5 +90,5 @@ def test_a_task_that_kills_whoever_takes_it_ends_in_a_line(monkeypatch):
 def test_an_error_in_a_worker_is_the_error_of_the_task():
     from skinmap.errors import UnknownNameError
 
-    with pytest.raises(UnknownNameError, match="no number 'four'; there is: three, five"):
+    with pytest.raises(UnknownNameError, match="no number 'four'; the numbers are: three, five"):
         run_tasks(sweep_work.fail_at_four, range(9), workers=Workers(jobs=2))

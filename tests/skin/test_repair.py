@@ -314,7 +314,9 @@ def test_user_layouts_that_are_none_are_refused(tmp_path, text):
 def test_layouts_and_steps_are_named(boards):
     with pytest.raises(UnknownNameError, match="triangle_10pad, triangle_12pad, triangle_11pad"):
         module_layout("octagon")
-    with pytest.raises(UnknownNameError, match="no repair step 'polish'; there is: units"):
+    with pytest.raises(
+        UnknownNameError, match="no repair step 'polish'; the repair steps are: units"
+    ):
         repair_table(boards, LAYOUT, steps=["polish"])
     with pytest.raises(InvalidArrayError, match="fewer than three"):
         ModuleLayout("x", np.zeros((2, 2)), np.zeros(2, bool), 0)

@@ -86,7 +86,7 @@ def test_it_works_in_a_pipeline_and_clones(touches):
 
 def test_unknown_modes_and_foreign_structures_are_refused(touches, tiling_12):
     rows, _ = touches
-    with pytest.raises(InvalidArrayError, match="mode 'loud'; there is: rest-dropped, paper"):
+    with pytest.raises(InvalidArrayError, match="mode 'loud'; the modes are: rest-dropped, paper"):
         StructureHistogram(mode="loud").fit(rows)
     model = StructureHistogram(random_state=0).fit(rows)
     foreign = find_structures(hoods_of(tiling_12[:60]), rotations=1)

@@ -35,5 +35,5 @@ def test_a_damaged_recording_is_refused_or_read_never_a_traceback(stored):
 def test_a_cut_recording_is_refused(stored, share):
     whole = stored.read_bytes()
     stored.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(DataFormatError, match="not a recording of ours"):
+    with pytest.raises(DataFormatError, match="not a Skinmap recording"):
         load_recordings(stored)

@@ -84,7 +84,9 @@ def test_larger_gestures_touch_more_skin(icub, rng):
 
 
 def test_simulate_names_the_gestures(plate, rng):
-    with pytest.raises(UnknownNameError, match="no gesture 'slap'; there is: poke, full_finger"):
+    with pytest.raises(
+        UnknownNameError, match="no gesture 'slap'; the gestures are: poke, full_finger"
+    ):
         simulate(plate, rng=rng, gestures=["slap"])
 
 
@@ -109,15 +111,15 @@ def test_load_recordings_refuses_what_is_none(tmp_path, plate, rng):
     with pytest.raises(MissingFileError, match="a recording"):
         load_recordings(tmp_path / "gone.npz")
     (tmp_path / "text.npz").write_text("hello")
-    with pytest.raises(DataFormatError, match="not a recording of ours"):
+    with pytest.raises(DataFormatError, match="not a Skinmap recording"):
         load_recordings(tmp_path / "text.npz")
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    with pytest.raises(DataFormatError, match="not a recording of ours"):
+    with pytest.raises(DataFormatError, match="not a Skinmap recording"):
         load_recordings(tmp_path / "other.npz")
     save_recordings([simulate(plate, rng=rng, per_gesture=1)], tmp_path / "r.npz")
     whole = (tmp_path / "r.npz").read_bytes()
     (tmp_path / "cut.npz").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(DataFormatError, match="not a recording of ours"):
+    with pytest.raises(DataFormatError, match="not a Skinmap recording"):
         load_recordings(tmp_path / "cut.npz")
 
 

@@ -143,7 +143,10 @@ def test_a_task_that_cannot_be_measured_is_reported(toys, task, reason):
 @pytest.mark.usefixtures("unwatched")
 def test_an_unknown_knob_is_named(toys):
     found = measure(toys["planted"](), None, ("part",), seeds=SEEDS, settings=[{"depth": 3}])
-    assert "no knob of task 'planted' 'depth'; there is: level, rounds" in found.failures[0].reason
+    assert (
+        "no knob of task 'planted' 'depth'; the knobs are: level, rounds"
+        in found.failures[0].reason
+    )
 
 
 def test_an_interruption_is_no_failure_of_a_setting(toys):

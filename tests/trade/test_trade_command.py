@@ -155,7 +155,10 @@ def test_a_check_of_one_task_leaves_the_others(plugged, tmp_path):
         ("", "predicts nothing that could be checked"),
         ("[planted.predicted]\nseconds = 1.0\n", "[planted.predicted] has no error to check"),
         ("[planted.predicted]\nerror = 1.0\n", "[planted.predicted] has no seconds to check"),
-        ("[flatten.predicted]\nseconds = 1.0\n", "no trade task 'flatten'; there is: planted"),
+        (
+            "[flatten.predicted]\nseconds = 1.0\n",
+            "no trade task 'flatten'; the trade tasks are: planted",
+        ),
     ],
 )
 def test_a_profile_that_predicts_too_little_is_refused(plugged, tmp_path, predicted, message):
@@ -247,9 +250,9 @@ def test_help_shows_an_example():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--task", "juggle"), "no trade task 'juggle'; there is: planted"),
+        (("--task", "juggle"), "no trade task 'juggle'; the trade tasks are: planted"),
         (("--part", "tail"), "no part 'tail'"),
-        (("--budget-ms", "juggle=3"), "no task (of --budget-ms) 'juggle'; there is: planted"),
+        (("--budget-ms", "juggle=3"), "no task (of --budget-ms) 'juggle'; the tasks are: planted"),
         (("--check", "nowhere.toml"), "no file 'nowhere.toml'"),
     ],
 )

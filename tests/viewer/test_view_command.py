@@ -130,7 +130,7 @@ def test_pose_and_saved_view_are_taken(opengl, tmp_path, recording, model):
 @pytest.mark.parametrize(
     ("words", "kind", "match"),
     [
-        (["--layer", "heat"], UnknownNameError, "no layer 'heat'; there is: pressure, raw"),
+        (["--layer", "heat"], UnknownNameError, "no layer 'heat'; the layers are: pressure, raw"),
         (["--style", "balls"], UnknownNameError, "'balls'"),
         (["--part", "wing"], UnknownNameError, "no part 'wing'"),
         (["--source", "radio"], UnknownNameError, "no source 'radio'"),

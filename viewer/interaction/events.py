@@ -57,7 +57,7 @@ class Events:
         *,
         passive: bool = False,
     ) -> None:
-        """Do something at an event; where that returns true, nobody else hears of the event."""
+        """Do something at an event; where that returns true, other observers do not hear of it."""
         source = self.interactor if source is None else source
         tag: list[int] = []
 

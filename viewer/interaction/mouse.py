@@ -103,7 +103,7 @@ class Mouse:
 
 
 class Pace:
-    """Lets something happen at most every so often, with the last of what came in between.
+    """Rate limit that keeps the last of what it held back.
 
     Parameters
     ----------

@@ -167,7 +167,7 @@ def _choice(content: dict[str, Any], name: str, known: tuple[str, ...], path: Pa
     value = content.get(name)
     if value not in known:
         raise DataFormatError(
-            f'damaged view: "{name}" is {value!r}; there is: {", ".join(known)}', path
+            f'damaged view: "{name}" is {value!r}; expected one of: {", ".join(known)}', path
         )
     return str(value)
 

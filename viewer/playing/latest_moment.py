@@ -1,4 +1,4 @@
-"""Where a player's thread puts the newest moment, and whoever draws takes it."""
+"""Hand-over of the newest moment from the player's thread to the drawing one."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Outlet:
             return self.news.wait_for(lambda: self.number != number or self._closed, timeout)
 
     def close(self) -> None:
-        """Let nobody wait any longer."""
+        """Release all waiting threads."""
         with self.news:
             self._closed = True
             self.news.notify_all()

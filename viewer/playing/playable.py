@@ -42,7 +42,7 @@ class Feed(Protocol):
 
     @property
     def halts(self) -> bool:
-        """Whether it waits while nobody asks; live sources do not."""
+        """Whether it waits between requests; live sources do not."""
 
     @property
     def duration(self) -> float:

@@ -1,4 +1,4 @@
-"""The player: the newest moment of a source for whoever draws, with pause, steps, seek and speed.
+"""The player: the newest moment of a source, ready to draw, with pause, steps, seek and speed.
 
 with Player(loop) as player:
     moment = player.take()      # None until something new is to be shown
@@ -165,7 +165,7 @@ class Player:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more will come unless somebody seeks."""
+        """Whether nothing more will come without a seek."""
         return self._ended
 
     @property
@@ -287,7 +287,7 @@ class Player:
             self._outlet.tell()
 
     def _turn(self) -> None:
-        """One look at what is wished for and at what comes."""
+        """One turn: requests first, then samples."""
         self._wake.clear()
         with self._news:
             self._obey()

@@ -29,7 +29,7 @@ class History:
 
     @property
     def newest(self) -> Moment | None:
-        """What came last."""
+        """The latest moments."""
         return self._moments[-1] if self._moments else None
 
     @property

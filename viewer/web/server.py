@@ -131,8 +131,8 @@ def serve(
     guard = Guard(host, listening.getsockname()[1], token)
     if not is_loopback(host):
         warnings.warn(
-            f"{host} can be reached from other machines, and nothing is encrypted: whoever reads "
-            "the address on its way can watch and play",
+            f"{host} can be reached from other machines, and nothing is encrypted: anyone who "
+            "reads the address on the network can watch and play",
             SkinWarning,
             stacklevel=2,
         )

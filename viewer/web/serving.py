@@ -110,7 +110,7 @@ def first_view(session: Session, look: Look) -> SavedView | None:
 
 
 def wait(player: Player, seconds: float, tell: Callable[[str], None]) -> None:
-    """For so long, or until somebody interrupts; what failed or ended is still looked at."""
+    """Wait so long, or until an interrupt; a source that failed or ended stays in view."""
     end = time.monotonic() + seconds
     told = False
     while (left := end - time.monotonic()) > 0:

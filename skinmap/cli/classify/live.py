@@ -40,7 +40,7 @@ def classify_live(
     responses: Sequence[str],
     as_json: bool,
 ) -> None:
-    """Name touches until the source ends, the seconds are over or somebody interrupts.
+    """Name touches until the source ends, the seconds are over or the user interrupts.
 
     Raises
     ------

@@ -117,6 +117,8 @@ def command(
 
 def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, tuple[Path, ...]]:
     """The protocol and its recordings; a file may stand in either place."""
+    from skinmap.errors import unknown_name
+
     if protocol in PROTOCOLS:
         if recordings:
             raise click.UsageError(f"--protocol {protocol} simulates its touches: no recordings")
@@ -125,7 +127,5 @@ def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, 
     if not files:
         raise click.UsageError(f"name --protocol ({', '.join(PROTOCOLS)}) or recordings")
     if protocol and not Path(protocol).exists() and not Path(protocol).suffix:
-        raise click.UsageError(
-            f"no protocol or recording {protocol!r}; there is: {', '.join(PROTOCOLS)}"
-        )
+        raise click.UsageError(unknown_name("protocol or recording", protocol, PROTOCOLS))
     return "recordings", files

@@ -70,7 +70,7 @@ CHANNELS = {
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Drawing:
-    """Taxels of a part as somebody drew them in the plane, ordered by channel.
+    """Taxels of a part as drawn by hand in the plane, ordered by channel.
 
     Attributes
     ----------

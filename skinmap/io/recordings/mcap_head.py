@@ -1,4 +1,4 @@
-"""What an MCAP recording of ours says of itself: skin, widths, rate."""
+"""Description of a Skinmap recording in MCAP: skin, widths, rate."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def read_head(found: Scan) -> dict[str, str]:
     copies = [table for table in tables if table.get("format") == FORMAT]
     if not copies:
         why = f" ({found.damage[0]})" if found.damage else ""
-        raise DataFormatError(f"no recording of ours: it names no skin{why}", found.path)
+        raise DataFormatError(f"not a Skinmap recording: it names no skin{why}", found.path)
     return _agreed(copies, found)
 
 

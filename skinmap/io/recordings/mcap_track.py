@@ -37,7 +37,7 @@ MAX_JOINTS = 10_000
 
 
 def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
-    """Open a recording of ours; a cut or damaged one with all that can be had of it.
+    """Open a Skinmap recording; a cut or damaged one with all that can be had of it.
 
     Parameters
     ----------

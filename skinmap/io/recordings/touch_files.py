@@ -88,12 +88,12 @@ def _load_npz(path: Path) -> list[Recording]:
     except DAMAGED_ARCHIVE as error:
         if isinstance(error, DataFormatError):
             raise
-        raise DataFormatError(f"not a recording of ours: {error}", path) from error
+        raise DataFormatError(f"not a Skinmap recording: {error}", path) from error
     return archive.load_recordings(path)
 
 
 def check_suffix(path: Path) -> None:
-    """Refuse a file name that says no format of ours.
+    """Refuse a file name whose suffix is no format of recordings.
 
     Raises
     ------

@@ -153,7 +153,7 @@ def _keep(body: bytes, sound: _Sound) -> bool:
         raise ValueError(f"samples of stream {stream}, which was not described")
     if tag == CLOCK:
         if len(content) != 16 or not np.isfinite(struct.unpack("<dd", content)).all():
-            raise ValueError("a clock offset that is none")
+            raise ValueError("not a valid clock offset")
         return True
     _check_samples(content, sound.sample_bytes[stream])
     return True
@@ -189,7 +189,7 @@ def _check_samples(content: bytes, sample_bytes: int) -> None:
     count, offset = found
     for _ in range(min(count, len(content))):
         if offset >= len(content) or content[offset] not in (0, 8):
-            raise ValueError("a sample that is none")
+            raise ValueError("not a valid sample")
         offset += 1 + content[offset] + sample_bytes
     if offset != len(content):
         raise ValueError(f"{count} samples do not fill their chunk")
@@ -264,7 +264,7 @@ def _held(stream: Any, times: FloatArray, part: str, path: Path) -> NDArray[Any]
     """Values (t, channels) at other times: what was sent last, the first sample before that."""
     stamps = np.asarray(stream["time_stamps"], np.float64)
     if not np.isfinite(stamps).all():
-        raise DataFormatError(f"stream of {part!r} has times that are none", path)
+        raise DataFormatError(f"stream of {part!r} has invalid times", path)
     order = np.argsort(stamps, kind="stable")
     rows = np.searchsorted(stamps[order], times, side="right") - 1
     return np.asarray(stream["time_series"])[order][rows.clip(0)]

@@ -100,7 +100,9 @@ def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
         raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
     unknown = set(document) - {"robot", "part"}
     if unknown:
-        raise DataFormatError(f"unknown tables {sorted(unknown)}; there is: robot, part", path)
+        raise DataFormatError(
+            f"unknown tables {', '.join(sorted(unknown))}; the tables are: robot, part", path
+        )
     head = _table(document.get("robot"), ROBOT_KEYS, {"name"}, "[robot]", path)
     entries = document.get("part", [])
     if not isinstance(entries, list) or not entries:
@@ -210,7 +212,9 @@ def _table(entry: Any, keys: set[str], needed: set[str], what: str, path: Path) 
         raise DataFormatError(f"a manifest needs {what}", path)
     if set(entry) - keys:
         raise DataFormatError(
-            f"{what} has unknown keys {sorted(set(entry) - keys)}; there is: {sorted(keys)}", path
+            f"{what} has unknown keys {', '.join(sorted(set(entry) - keys))}; the keys are: "
+            f"{', '.join(sorted(keys))}",
+            path,
         )
     for key in keys - {"pose_deg"}:
         if key in needed and key not in entry:

@@ -197,7 +197,7 @@ def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray
     check_file(path, "a mesh", MAX_MESH_BYTES)
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
-        raise DataFormatError(f"not a mesh; there is: {', '.join(MESH_SUFFIXES)}", path)
+        raise DataFormatError(f"not a mesh; the formats are: {', '.join(MESH_SUFFIXES)}", path)
 
     def parse() -> dict[str, np.ndarray]:
         vertices, faces = _parsed(path, merge)

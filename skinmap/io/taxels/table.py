@@ -21,7 +21,7 @@ COVARIANCE = ("cxx", "cyy", "czz", "cxy", "cxz", "cyz")
 
 
 def read_csv(path: Path) -> TaxelTable:
-    """Read a table of ours.
+    """Read a taxel table.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def read_csv(path: Path) -> TaxelTable:
 
 
 def parse_csv(text: str, path: Path) -> TaxelTable:
-    """A table of ours from its text; errors name the path.
+    """Taxel table from its text; errors name the path.
 
     Raises
     ------

@@ -17,7 +17,13 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, UnknownNameError
+from skinmap.errors import (
+    DataFormatError,
+    InvalidArrayError,
+    SkinWarning,
+    UnknownNameError,
+    unknown_name,
+)
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import MAX_CHANNEL, parse_floats, parse_whole
 from skinmap.skin.taxels import TaxelTable
@@ -146,7 +152,7 @@ def _array(element: Any, path: Path, most: int) -> tuple[IntArray, FloatArray]:
         raise DataFormatError(f"{rows} x {cols}: more than {MAX_TAXELS} taxels", path, line)
     order = element.get("order", "row-major")
     if order not in ORDERS:
-        raise DataFormatError(f"no order {order!r}; there is: {', '.join(ORDERS)}", path, line)
+        raise DataFormatError(unknown_name("order", order, ORDERS), path, line)
     has_spacing = element.get("spacing") is not None
     spacing = _numbers(element, "spacing" if has_spacing else "size", 2, path)
     offset = _numbers(element, "offset", 2, path, "0 0")

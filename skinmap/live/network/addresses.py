@@ -27,7 +27,7 @@ class Address:
 
     @property
     def is_here(self) -> bool:
-        """Whether nobody but this machine can be there."""
+        """Whether the address is of this machine alone."""
         if self.host == "localhost":
             return True
         try:

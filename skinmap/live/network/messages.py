@@ -83,7 +83,7 @@ def unpack_header(frame: bytes) -> Header:
     if version != VERSION:
         raise MessageError(f"a message of version {version}, this Skinmap reads {VERSION}")
     if dtype not in DTYPES:
-        raise MessageError(f"values of type {dtype}; there is: 1 (uint8), 2 (float32)")
+        raise MessageError(f"values of type {dtype}; expected 1 (uint8) or 2 (float32)")
     if not np.isfinite(time) or not np.isfinite(sent):
         raise MessageError(f"a sample of time {time}, sent at {sent}")
     return Header(dtype, channels, session, sequence, time, sent)
@@ -147,7 +147,7 @@ def unpack_info(frame: bytes) -> StreamInfo:
     try:
         kind, parts = found["kind"], found["parts"]
         if kind not in KINDS or not isinstance(parts, list) or len(parts) > MAX_PARTS:
-            raise MessageError(f"a description of kind {kind!r}; there is: {', '.join(KINDS)}")
+            raise MessageError(f"a description of kind {kind!r}; the kinds are: {', '.join(KINDS)}")
         widths = tuple(_count(one["channels"]) for one in parts)
         if sum(widths) > MAX_CHANNELS:
             raise MessageError(f"{sum(widths)} channels, at most {MAX_CHANNELS} are read")

@@ -57,7 +57,7 @@ class LslPublisher(Publisher):
         return self.name if topic == self.info.kind else f"{self.name}-{topic}"
 
     def wait_for_followers(self, timeout: float) -> bool:
-        """Whether somebody follows the samples within a time [s]."""
+        """Whether a listener connects within a time [s]."""
         return bool(self._outlets[self.info.kind].wait_for_consumers(timeout))
 
     def _open(self, topic: Topic) -> Any:

@@ -23,7 +23,7 @@ TOPICS: tuple[Topic, ...] = ("raw", "pressure", "contacts", "labels")
 
 
 class Publisher(ABC):
-    """Sends what it is given; nobody has to listen.
+    """Sends what it is given, with or without listeners.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ class ZmqPublisher(Publisher):
 
         super().__init__(info, topics)
         self._address = parse_address(address)
-        warn_if_open(self._address, "everybody who reaches this machine can follow the stream at")
+        warn_if_open(self._address, "every machine on the network can read the stream at")
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.PUB)
         # Bounded by bytes: so many float32 samples of this skin.

@@ -159,7 +159,7 @@ class Recorder:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        """Keep what is on the disk readable, and tell who gives the next sample."""
+        """Keep the file readable, and raise the error at the next sample."""
         with contextlib.suppress(SkinError):
             self._file.close()
         self._error = error

@@ -1,4 +1,4 @@
-"""Files of response calibrations, read by whoever provides them: a group of entry points."""
+"""Files of response calibrations, read through a group of entry points."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class Feed:
 
     @property
     def rate(self) -> float:
-        """Samples a second that came lately; 0 where none comes, NaN where nobody knows."""
+        """Samples a second that came lately; 0 where none comes, NaN where unknown."""
         if self.stale:
             return 0.0
         if len(self._arrivals) < 2 or np.isinf(self._speed):
@@ -77,7 +77,7 @@ class Feed:
 
     @property
     def dropped(self) -> int:
-        """Samples that nobody took in time, where the source counts them."""
+        """Samples not used in time, where the source counts them."""
         return self.source.counts.dropped
 
     def angles(self, now: float) -> Mapping[str, float]:

@@ -36,7 +36,7 @@ def as_source(found: Any) -> Source:
 
 
 class _ForeignSource(Source):
-    """What somebody else wrote; where it lacks a member, the default of `Source` answers."""
+    """Adapter of a foreign source; where it lacks a member, the default of `Source` answers."""
 
     def __init__(self, found: Any) -> None:
         super().__init__(found.info)
@@ -79,7 +79,7 @@ class _ForeignSource(Source):
 
 
 class _ForeignRecording(_ForeignSource, Seekable):
-    """A recording that somebody else plays."""
+    """Adapter of a foreign recording."""
 
     @property
     def speed(self) -> float:

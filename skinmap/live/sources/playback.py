@@ -146,7 +146,7 @@ class Playback(Seekable):
                 self._changed.wait(max(left, 0.0))
 
     def close(self) -> None:
-        """End it; whoever waits in `read` is told."""
+        """End it; a waiting `read` is told."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()

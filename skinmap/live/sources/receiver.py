@@ -59,7 +59,7 @@ class Receiver(Relay):
 
     @property
     def dropped(self) -> int:
-        """Samples left out because nobody took them in time, or lost on the way."""
+        """Samples left out because they were not used in time, or lost on the way."""
         counts = self.counts
         return counts.dropped + counts.lost
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 
 @dataclass(slots=True)
 class Counts:
-    """What has happened to a stream's samples so far; everybody counts what only they can know.
+    """What has happened to a stream's samples so far; each station counts its own.
 
     Attributes
     ----------
@@ -20,7 +20,7 @@ class Counts:
     lost : int
         That are missing by the transport's numbers, or by the times.
     dropped : int
-        Left out because nobody took them in time.
+        Left out because they were not used in time.
     refused : int
         Messages that do not follow their layout.
     delayed : int

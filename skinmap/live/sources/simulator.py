@@ -133,7 +133,7 @@ class SimulatedSource(Source):
         return self._give(now)
 
     def close(self) -> None:
-        """End it; whoever waits in `read` is told."""
+        """End it; a waiting `read` is told."""
         self._closed.set()
         self._made.end(SourceEnded(), at_once=True)
         self._worker.join()

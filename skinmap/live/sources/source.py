@@ -110,7 +110,7 @@ class Source(ABC):
 
     @property
     def last_seen(self) -> float:
-        """`time.perf_counter()` of the last sign of life; NaN where nobody notes it."""
+        """`time.perf_counter()` of the last sign of life; NaN where it is not noted."""
         return self._last_seen
 
     @property

@@ -188,7 +188,7 @@ class ZmqSource(Source):
             self._connect(socket)
             if socket.poll(int(1e3 * wait)) == 0:
                 raise UnreachableError(
-                    f"nobody publishes at {self.address.endpoint} (waited {wait:g} s)"
+                    f"nothing is published at {self.address.endpoint} (waited {wait:g} s)"
                 )
             frames = socket.recv_multipart()
             if len(frames) != 2 or frames[0] != b"info":

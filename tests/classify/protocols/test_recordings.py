@@ -69,7 +69,9 @@ def test_labels_that_do_not_match_are_refused(prepared, recording):
     odd = relabelled(recording, "Full Finger")
     with pytest.raises(InvalidArrayError, match="'full_finger' differ in spelling only"):
         labelled_touches(skins, [odd])
-    with pytest.raises(UnknownNameError, match="no recorded gesture 'slap'; there is: full_finger"):
+    with pytest.raises(
+        UnknownNameError, match="no recorded gesture 'slap'; the recorded gestures are: full_finger"
+    ):
         labelled_touches(skins, [recording], gestures=["slap"])
     both = relabelled(recording, "poke+whole_hand")
     assert len(labelled_touches(skins, [both])) == len(recording.labels) - 1

@@ -29,7 +29,7 @@ def test_view_comes_back_as_it_was_saved(tmp_path):
         ({"format": "other"}, "no saved view"),
         ({"camera": None}, '"camera" expected'),
         ({"camera": {"position": [1, 2]}}, 'camera "position"'),
-        ({"style": "balls"}, "'balls'; there is: discs, surface"),
+        ({"style": "balls"}, "'balls'; expected one of: discs, surface"),
         ({"layer": 3}, 'a text expected as "layer"'),
         ({"selection": {"torso": [-1]}}, "rows of taxels expected for 'torso'"),
         ({"selection": [1]}, 'expected as "selection"'),

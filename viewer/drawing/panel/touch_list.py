@@ -117,7 +117,7 @@ def largest(touches: Sequence[NamedTouch], most: int) -> list[NamedTouch]:
 
 
 def caption(touch: NamedTouch) -> str:
-    """A touch in words: its class, and how sure it is, where anybody says."""
+    """A touch in words: its class and, where known, its confidence."""
     name = touch.label.replace("_", " ")
     return f"{name} {touch.confidence:.0%}".replace("%", " %") if known(touch.confidence) else name
 

@@ -1,4 +1,4 @@
-"""Flat maps that are made only when somebody looks at them."""
+"""Flat maps, made when they are first shown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contours of touches for body and flat map: found once for both, and not more often than wished.
+"""Contours of touches for body and flat map: found once for both, as often as requested.
 
 A contour takes a sparse product over its part and a search for the triangles it crosses. Between
 two searches a touch keeps its contour; its centre, arrow, trail and label follow each sample.
