@@ -378,7 +378,7 @@ def test_selftouch_writes_mounts_and_taxels(touched, tmp_path):
     assert result["rms_mm"]["before"] > 5 * result["rms_mm"]["after"]
     assert result["split_shift_mm"] < 1.0
     assert result["dropped"] == []
-    assert result["files"] == ["mounts.json", "report.html", "taxels_arm.csv"]
+    assert result["files"] == ["mounts.json", "taxels_arm.csv", "report.html"]
     table = read_taxels(tmp_path / "out" / "taxels_arm.csv")
     places = transform_points(true["arm"].mount, true["arm"].taxels)
     # As in the fit itself: the middle of a contact lies 0.7 mm below the bent sheet.
