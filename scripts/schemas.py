@@ -20,7 +20,7 @@ SCHEMAS, PAGE = ROOT / "docs" / "schemas", ROOT / "docs" / "json.md"
 PROFILE = f"#/$defs/{ProfileUsed.__name__}"
 MARK = "<!-- From here on made by `make schemas` out of the types of result. -->\n"
 # Commands that do not say yet what type of result they print: their schema is kept by hand.
-LEFTOVERS = frozenset({"demo", "view", "wiring"})
+LEFTOVERS = frozenset({"demo", "view"})
 
 
 def commands(

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
+import msgspec
 
-from skinmap.commands.options import json_option, open_robot, part_option, robot_option, seed_option
+from skinmap.commands.options import open_robot, part_option, prints, robot_option, seed_option
 from skinmap.commands.profiles import profile_option
-from skinmap.report.present import emit
+from skinmap.io.units import UNITS
+from skinmap.report.present import present
+from skinmap.report.verdict import OK, Verdict
 
 if TYPE_CHECKING:
-    from calibration.wiring.job import Examination, Marker
+    from calibration.wiring.examination import Examination, Marker, Plan
     from skinmap.skin.robot import Robot
 
 MARKERS = "skinmap.wiring_markers"  # entry points of what shows the next place on the body
 MOST = 30
+MAX_NAMED = 12  # channels in a line
 WORDS = {
     "healthy": "the wiring is as the map has it",
     "faulty": "the wiring is not as the map has it",
@@ -26,7 +32,173 @@ WORDS = {
     "inconsistent": "the answers do not come from where the touches were asked for: the places "
     "belong to another part, order or unit, or more is wrong than one thing at a time",
 }
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
+State = Literal["healthy", "faulty", "undecided", "inconsistent"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FaultRow:
+    """What may be wrong.
+
+    Attributes
+    ----------
+    part
+        Where; not of alternatives.
+    kind
+        Of modules, chains or channels.
+    modules, chains, channels
+        That it is of; channels are those that are mute or not where the map has them.
+    words
+        For people.
+    confidence
+        Probability.
+    alternatives
+        What else it may be, the most probable first; alternatives have none.
+    """
+
+    part: str | msgspec.UnsetType = msgspec.UNSET
+    kind: str
+    modules: list[int]
+    chains: list[int]
+    channels: list[int]
+    words: str
+    confidence: float
+    alternatives: list[FaultRow] | msgspec.UnsetType = msgspec.UNSET
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PartRow:
+    """A part that was examined.
+
+    Attributes
+    ----------
+    part
+        Its name.
+    status
+        Of its wiring.
+    healthy
+        Probability that nothing else is wrong.
+    touches
+        How many.
+    misfits
+        Touches not felt where they were asked for.
+    places_known
+        Whether it is known where touches were asked for.
+    mute_taxels
+        Channels that stayed silent in every touch that their neighbours all felt.
+    """
+
+    part: str
+    status: State
+    healthy: float
+    touches: int
+    misfits: int
+    places_known: bool
+    mute_taxels: list[int]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NextTouch:
+    """Where to touch next.
+
+    Attributes
+    ----------
+    part
+        Its name.
+    words
+        For people.
+    path_mm
+        In the link's frame: one point, or those of a stroke.
+    gain_nats
+        What it would tell.
+    """
+
+    part: str
+    words: str
+    path_mm: list[list[float]]
+    gain_nats: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RestRow:
+    """What a part told untouched.
+
+    Attributes
+    ----------
+    samples
+        How many.
+    tells
+        Whether there was noise enough to judge.
+    stuck
+        Channels that never changed, though others did.
+    mute_modules
+        Modules of which no channel changed.
+    given_twice
+        Pairs of channels that say the same.
+    too_calm
+        Channels that changed too seldom to be compared.
+    """
+
+    samples: int
+    tells: bool
+    stuck: list[int]
+    mute_modules: list[int]
+    given_twice: list[list[int]]
+    too_calm: list[int]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WiringResult:
+    """Which cable is in the wrong socket.
+
+    Attributes
+    ----------
+    robot
+        Its name.
+    source
+        What was examined.
+    touch
+        How the skin was touched.
+    status
+        The worst of the parts.
+    parts
+        One by one.
+    faults
+        That were named.
+    suspects
+        That were not.
+    touches
+        How many.
+    next
+        Where to touch next; null where nothing is left to ask.
+    rest
+        By part; null where none was recorded.
+    planted
+        Of the simulated skin.
+    notes
+        What cannot be told.
+    seed
+        Of all randomness.
+    seconds
+        CPU time.
+    files
+        Corrected maps.
+    """
+
+    robot: str
+    source: str
+    touch: Literal["poke", "stroke", "hand"]
+    status: State
+    parts: list[PartRow]
+    faults: list[FaultRow]
+    suspects: list[FaultRow]
+    touches: int
+    next: NextTouch | None
+    rest: dict[str, RestRow | None]
+    planted: list[FaultRow]
+    notes: list[str]
+    seed: int
+    seconds: float
+    files: list[str]
 
 
 @click.command("wiring", short_help="Touch where it says: swapped, turned and mute modules.")
@@ -55,7 +227,7 @@ UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 @click.option("--web", is_flag=True, help="Show the next place on the body, in a browser.")
 @seed_option
 @profile_option()
-@json_option
+@prints(WiringResult)
 def wiring(
     source: str,
     robot: str,
@@ -81,12 +253,12 @@ def wiring(
     \b
     Example:  skinmap wiring sim --part right_forearm --plant swap:3,7 -o corrected.csv
     """
-    from calibration.wiring.job import check_out, summary, write_maps
+    from calibration.wiring.channel_map import check_out
+    from calibration.wiring.examination import Plan
+    from calibration.wiring.findings import findings
 
     loaded, names = open_robot(robot, parts)
-    simulated = source == "sim"
-    recording = not simulated and _is_file(source)
-    _check(simulated, recording, planted, places)
+    _check(source, planted, places)
     if out is not None:
         check_out(names, out)
 
@@ -95,27 +267,44 @@ def wiring(
 
     started = time.process_time()
     marker = _marker(loaded, names, told) if web else None
+    plan = Plan(how=how, most=max_touches, patience=patience, chain=chain, seed=seed, told=told,
+                marker=marker)  # fmt: skip
     try:
-        examined = _examine(
-            source, loaded, parts, names, marker, told,
-            how=how, most=max_touches, places=places, unit=UNITS[units], planted=planted,
-            chain=chain, patience=patience, seed=seed,
-        )  # fmt: skip
+        if source == "sim":
+            from calibration.wiring.examination import examine_simulated
+
+            examined = examine_simulated(loaded, names, planted, plan)
+        elif _is_file(source):
+            from calibration.wiring.examination import examine_recording
+
+            examined = examine_recording(
+                Path(source), loaded, parts, plan, places=places, unit=UNITS[units]
+            )
+        else:
+            examined = _live(source, loaded, parts, plan)
     finally:
         if marker is not None:
             marker.close()
-    files = [] if out is None else write_maps(examined, out)
-    result = summary(examined, seed, time.process_time() - started, files)
-    if as_json:
-        emit(result)
-    else:
-        for line in lines(result):
-            click.echo(line)
-    if result["status"] == "inconsistent":
-        raise SystemExit(3)
+    result = findings(examined, seed, out)
+    result = replace(result, seconds=time.process_time() - started)
+    bad = result.status == "inconsistent"
+    present(result, lines, as_json=as_json, verdict=Verdict(result.status if bad else OK))
 
 
-def _check(simulated: bool, recording: bool, planted: tuple[str, ...], places: Path | None) -> None:
+def _live(source: str, robot: Robot, parts: tuple[str, ...], plan: Plan) -> Examination:
+    from calibration.wiring.live_examination import examine_live
+    from skinmap.live.sources.open_source import open_source
+
+    opened = open_source(source, robot=robot, parts=parts or None, seed=plan.seed)
+    try:
+        return examine_live(opened, robot, parts, plan)
+    finally:
+        opened.close()
+
+
+def _check(source: str, planted: tuple[str, ...], places: Path | None) -> None:
+    simulated = source == "sim"
+    recording = not simulated and _is_file(source)
     if planted and not simulated:
         raise click.UsageError("--plant puts faults into the simulated skin: SOURCE must be sim")
     if places is not None and not recording:
@@ -134,7 +323,7 @@ def _is_file(source: str) -> bool:
     return path.exists()
 
 
-def _marker(robot: Robot, parts: tuple[str, ...], told: Any) -> Marker:
+def _marker(robot: Robot, parts: tuple[str, ...], told: Callable[[str], None]) -> Marker:
     found = list(entry_points(group=MARKERS, name="web"))
     if not found:
         raise click.UsageError("--web needs the viewer, which is not installed")
@@ -142,83 +331,43 @@ def _marker(robot: Robot, parts: tuple[str, ...], told: Any) -> Marker:
     return marker
 
 
-def _examine(
-    source: str,
-    robot: Robot,
-    parts: tuple[str, ...],
-    names: tuple[str, ...],
-    marker: Marker | None,
-    told: Any,
-    *,
-    how: str,
-    most: int,
-    places: Path | None,
-    unit: float,
-    planted: tuple[str, ...],
-    chain: int,
-    patience: float,
-    seed: int,
-) -> Examination:
-    from calibration.wiring import job
-
-    if source == "sim":
-        return job.examine_simulated(
-            robot, names, planted, how=how, most=most, seed=seed, chain=chain, told=told,
-            marker=marker,
-        )  # fmt: skip
-    if _is_file(source):
-        return job.examine_recording(
-            Path(source), robot, parts, how=how, places=places, unit=unit, chain=chain, told=told
-        )
-    from skinmap.live.sources.open_source import open_source
-
-    opened = open_source(source, robot=robot, parts=parts or None, seed=seed)
-    try:
-        return job.examine_live(
-            opened, robot, parts, how=how, most=most, patience=patience, chain=chain, told=told,
-            marker=marker,
-        )  # fmt: skip
-    finally:
-        opened.close()
-
-
-def lines(result: dict[str, Any]) -> list[str]:
+def lines(result: WiringResult) -> Iterator[str]:
     """What people read at the end."""
-    rows = [f"{result['status']}: {WORDS[result['status']]}"]
-    for fault in result["faults"]:
-        rows.append(f"  {fault['part']}: {fault['words']} ({100 * fault['confidence']:.1f} %)")
-        rows += [f"    or {other['words']} ({100 * other['confidence']:.1f} %)"
-                 for other in fault["alternatives"]]  # fmt: skip
-    if result["status"] != "healthy":
-        rows += [f"  perhaps {one['part']}: {one['words']} ({100 * one['confidence']:.1f} %)"
-                 for one in result["suspects"]]  # fmt: skip
-    for part, rest in result["rest"].items():
-        rows += _rest_lines(part, rest)
-    for part in result["parts"]:
-        chance = f"nothing (else) wrong: {100 * part['healthy']:.1f} %"
-        rows.append(f"  {part['part']}: {part['touches']} touches, {chance}")
-        if part["mute_taxels"]:
-            rows.append(f"    channels that never answered: {_some(part['mute_taxels'])}")
-    rows += [f"  note: {note}" for note in result["notes"]]
-    if result["next"] is not None and result["status"] in ("undecided", "faulty"):
-        rows.append(f"  next: {result['next']['words']}")
-    return [*rows, *result["files"]]
+    yield f"{result.status}: {WORDS[result.status]}"
+    for fault in result.faults:
+        yield f"  {fault.part}: {_likely(fault)}"
+        for other in fault.alternatives or ():
+            yield f"    or {_likely(other)}"
+    if result.status != "healthy":
+        yield from (f"  perhaps {one.part}: {_likely(one)}" for one in result.suspects)
+    for part, rest in result.rest.items():
+        yield from (f"  {part}: {line}" for line in _rest_lines(rest))
+    for row in result.parts:
+        chance = f"nothing (else) wrong: {100 * row.healthy:.1f} %"
+        yield f"  {row.part}: {row.touches} touches, {chance}"
+        if row.mute_taxels:
+            yield f"    channels that never answered: {_some(row.mute_taxels)}"
+    yield from (f"  note: {note}" for note in result.notes)
+    if result.next is not None and result.status in ("undecided", "faulty"):
+        yield f"  next: {result.next.words}"
 
 
-def _rest_lines(part: str, rest: dict[str, Any] | None) -> list[str]:
+def _likely(fault: FaultRow) -> str:
+    return f"{fault.words} ({100 * fault.confidence:.1f} %)"
+
+
+def _rest_lines(rest: RestRow | None) -> Iterator[str]:
     if rest is None:
-        return [f"  {part}: no rest was recorded, so it says nothing"]
-    if not rest["tells"]:
-        return [f"  {part}: at rest too few channels change to tell anything"]
-    rows = []
-    if rest["stuck"]:
-        rows.append(f"  {part}: stuck channels: {_some(rest['stuck'])}")
-    if rest["given_twice"]:
-        pairs = [f"{a} = {b}" for a, b in rest["given_twice"]]
-        rows.append(f"  {part}: given twice: {_some(pairs)}")
-    return rows
+        yield "no rest was recorded, so it says nothing"
+    elif not rest.tells:
+        yield "at rest too few channels change to tell anything"
+    else:
+        if rest.stuck:
+            yield f"stuck channels: {_some(rest.stuck)}"
+        if rest.given_twice:
+            yield f"given twice: {_some([f'{a} = {b}' for a, b in rest.given_twice])}"
 
 
-def _some(values: list[Any]) -> str:
-    words = ", ".join(map(str, values[:12]))
-    return words + (f" and {len(values) - 12} more" if len(values) > 12 else "")
+def _some(values: Sequence[Any]) -> str:
+    words = ", ".join(map(str, values[:MAX_NAMED]))
+    return words + (f" and {len(values) - MAX_NAMED} more" if len(values) > MAX_NAMED else "")
