@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from calibration.commands.results import MM, PatchResult
+from calibration.files.tables import BoardTable
 from calibration.patch.patch_calibration import PatchCalibration
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.triangles import face_normals, unit
@@ -16,9 +17,6 @@ from skinmap.report.image import image
 from skinmap.report.page import facts, heading, note, page, paragraph, verdict_lines
 from skinmap.report.projection import View, draw_surface
 from skinmap.report.table import Table
-
-if TYPE_CHECKING:
-    from calibration.commands.patch_task import SolvedPatch
 
 WORDS = {
     "ok": "The patch may be used as it is.",
@@ -34,22 +32,39 @@ MAX_NAMED = 24  # taxels with evidence that are named
 MAX_DOTS = 4000  # pairs whose strain is drawn
 
 
-def patch_page(solved: SolvedPatch) -> str:
-    """The whole page."""
-    task, found, result = solved.task, solved.found, solved.result
-    board, kind = solved.board, task.kind
+def patch_page(
+    title: str,
+    result: PatchResult,
+    found: PatchCalibration,
+    board: BoardTable,
+    link: tuple[FloatArray, IntArray],
+    kind: str,
+) -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    title : str
+        What was laid on what.
+    result : PatchResult
+        What the command prints as JSON.
+    found : PatchCalibration
+    board : BoardTable
+        Seen from outside.
+    link : (v, 3) array of float [m], (f, 3) array of int
+    kind : str
+        "anchors" or "touches": what the patch was calibrated by.
+    """
     rows = {int(channel): row for row, channel in enumerate(board.channels)}
     taxels = np.array([rows[one.channel] for one in result.evidence], np.int64)
     drawn = board_picture(found, board.layout, board.channels, {kind: taxels})
     return page(
-        task.title,
+        title,
         [
             verdict_lines(result.verdict(accept=False), WORDS[result.status]),
             facts(_numbers(result)),
             heading("On the link"),
-            image(
-                patch_picture(found, task.link), "patch on its link, coloured by predicted error"
-            ),
+            image(patch_picture(found, link), "patch on its link, coloured by predicted error"),
             heading("On the board"),
             image(drawn, "board, by predicted error"),
             paragraph(

@@ -210,7 +210,8 @@ class SolvedPatch:
         """The report."""
         from calibration.commands.patch_page import patch_page
 
-        return patch_page(self)
+        task = self.task
+        return patch_page(task.title, self.result, self.found, self.board, task.link, task.kind)
 
     def save(self, folder: Path, options: PatchOptions) -> PatchResult:
         """Write tables and report, of a refused patch only the report of why not."""

@@ -9,7 +9,7 @@ import numpy as np
 from calibration.commands.results import MM, Probe
 from calibration.files.self_touch_files import SelfTouchData
 from calibration.mount.chains import Chain
-from calibration.mount.self_touch import SelfTouchFit, pitch_of, taxel_covariance
+from calibration.mount.skin_contacts import SelfTouchFit, pitch_of, taxel_covariance
 from calibration.patch.patch_calibration import Status
 from calibration.patch.status import COVERAGE, NEXT, weak_direction
 from skinmap.arrays import BoolArray, FloatArray, IntArray

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from calibration.commands.pages import Picture
     from calibration.files.self_touch_files import SelfTouchData
     from calibration.mount.rigid_mount import Loss
-    from calibration.mount.self_touch import SelfTouchFit
+    from calibration.mount.skin_contacts import SelfTouchFit
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -228,7 +228,7 @@ def work(data: SelfTouchData, options: SelfTouchOptions) -> tuple[SelfTouchResul
     import numpy as np
 
     from calibration.commands.self_touch_words import judge
-    from calibration.mount.self_touch import self_touch
+    from calibration.mount.skin_contacts import self_touch
 
     skins = tuple(name for name, one in data.chains.items() if not one.is_probe)
     asked = tuple(_chain(data, name) for name in options.names)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING
 
 import click
-import msgspec
 
+from calibration.wiring.findings import WiringResult, findings, lines
 from skinmap.commands.options import open_robot, part_option, prints, robot_option, seed_option
 from skinmap.commands.profiles import profile_option
 from skinmap.io.units import UNITS
@@ -24,181 +24,6 @@ if TYPE_CHECKING:
 
 MARKERS = "skinmap.wiring_markers"  # entry points of what shows the next place on the body
 MOST = 30
-MAX_NAMED = 12  # channels in a line
-WORDS = {
-    "healthy": "the wiring is as the map has it",
-    "faulty": "the wiring is not as the map has it",
-    "undecided": "not certain yet: touch more",
-    "inconsistent": "the answers do not come from where the touches were asked for: the places "
-    "belong to another part, order or unit, or more is wrong than one thing at a time",
-}
-State = Literal["healthy", "faulty", "undecided", "inconsistent"]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class FaultRow:
-    """What may be wrong.
-
-    Attributes
-    ----------
-    part
-        Where; not of alternatives.
-    kind
-        Of modules, chains or channels.
-    modules, chains, channels
-        That it is of; channels are those that are mute or not where the map has them.
-    words
-        For people.
-    confidence
-        Probability.
-    alternatives
-        What else it may be, the most probable first; alternatives have none.
-    """
-
-    part: str | msgspec.UnsetType = msgspec.UNSET
-    kind: str
-    modules: list[int]
-    chains: list[int]
-    channels: list[int]
-    words: str
-    confidence: float
-    alternatives: list[FaultRow] | msgspec.UnsetType = msgspec.UNSET
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PartRow:
-    """A part that was examined.
-
-    Attributes
-    ----------
-    part
-        Its name.
-    status
-        Of its wiring.
-    healthy
-        Probability that nothing else is wrong.
-    touches
-        How many.
-    misfits
-        Touches not felt where they were asked for.
-    places_known
-        Whether it is known where touches were asked for.
-    mute_taxels
-        Channels that stayed silent in every touch that their neighbours all felt.
-    """
-
-    part: str
-    status: State
-    healthy: float
-    touches: int
-    misfits: int
-    places_known: bool
-    mute_taxels: list[int]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class NextTouch:
-    """Where to touch next.
-
-    Attributes
-    ----------
-    part
-        Its name.
-    words
-        For people.
-    path_mm
-        In the link's frame: one point, or those of a stroke.
-    gain_nats
-        What it would tell.
-    """
-
-    part: str
-    words: str
-    path_mm: list[list[float]]
-    gain_nats: float
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RestRow:
-    """What a part told untouched.
-
-    Attributes
-    ----------
-    samples
-        How many.
-    tells
-        Whether there was noise enough to judge.
-    stuck
-        Channels that never changed, though others did.
-    mute_modules
-        Modules of which no channel changed.
-    given_twice
-        Pairs of channels that say the same.
-    too_calm
-        Channels that changed too seldom to be compared.
-    """
-
-    samples: int
-    tells: bool
-    stuck: list[int]
-    mute_modules: list[int]
-    given_twice: list[list[int]]
-    too_calm: list[int]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class WiringResult:
-    """Which cable is in the wrong socket.
-
-    Attributes
-    ----------
-    robot
-        Its name.
-    source
-        What was examined.
-    touch
-        How the skin was touched.
-    status
-        The worst of the parts.
-    parts
-        One by one.
-    faults
-        That were named.
-    suspects
-        That were not.
-    touches
-        How many.
-    next
-        Where to touch next; null where nothing is left to ask.
-    rest
-        By part; null where none was recorded.
-    planted
-        Of the simulated skin.
-    notes
-        What cannot be told.
-    seed
-        Of all randomness.
-    seconds
-        CPU time.
-    files
-        Corrected maps.
-    """
-
-    robot: str
-    source: str
-    touch: Literal["poke", "stroke", "hand"]
-    status: State
-    parts: list[PartRow]
-    faults: list[FaultRow]
-    suspects: list[FaultRow]
-    touches: int
-    next: NextTouch | None
-    rest: dict[str, RestRow | None]
-    planted: list[FaultRow]
-    notes: list[str]
-    seed: int
-    seconds: float
-    files: list[str]
 
 
 @click.command("wiring", short_help="Touch where it says: swapped, turned and mute modules.")
@@ -255,7 +80,6 @@ def wiring(
     """
     from calibration.wiring.channel_map import check_out
     from calibration.wiring.examination import Plan
-    from calibration.wiring.findings import findings
 
     loaded, names = open_robot(robot, parts)
     _check(source, planted, places)
@@ -329,45 +153,3 @@ def _marker(robot: Robot, parts: tuple[str, ...], told: Callable[[str], None]) -
         raise click.UsageError("--web needs the viewer, which is not installed")
     marker: Marker = found[0].load()(robot, parts, told)
     return marker
-
-
-def lines(result: WiringResult) -> Iterator[str]:
-    """What people read at the end."""
-    yield f"{result.status}: {WORDS[result.status]}"
-    for fault in result.faults:
-        yield f"  {fault.part}: {_likely(fault)}"
-        for other in fault.alternatives or ():
-            yield f"    or {_likely(other)}"
-    if result.status != "healthy":
-        yield from (f"  perhaps {one.part}: {_likely(one)}" for one in result.suspects)
-    for part, rest in result.rest.items():
-        yield from (f"  {part}: {line}" for line in _rest_lines(rest))
-    for row in result.parts:
-        chance = f"nothing (else) wrong: {100 * row.healthy:.1f} %"
-        yield f"  {row.part}: {row.touches} touches, {chance}"
-        if row.mute_taxels:
-            yield f"    channels that never answered: {_some(row.mute_taxels)}"
-    yield from (f"  note: {note}" for note in result.notes)
-    if result.next is not None and result.status in ("undecided", "faulty"):
-        yield f"  next: {result.next.words}"
-
-
-def _likely(fault: FaultRow) -> str:
-    return f"{fault.words} ({100 * fault.confidence:.1f} %)"
-
-
-def _rest_lines(rest: RestRow | None) -> Iterator[str]:
-    if rest is None:
-        yield "no rest was recorded, so it says nothing"
-    elif not rest.tells:
-        yield "at rest too few channels change to tell anything"
-    else:
-        if rest.stuck:
-            yield f"stuck channels: {_some(rest.stuck)}"
-        if rest.given_twice:
-            yield f"given twice: {_some([f'{a} = {b}' for a, b in rest.given_twice])}"
-
-
-def _some(values: Sequence[Any]) -> str:
-    words = ", ".join(map(str, values[:MAX_NAMED]))
-    return words + (f" and {len(values) - MAX_NAMED} more" if len(values) > MAX_NAMED else "")

@@ -2,37 +2,205 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
-import numpy as np
+import msgspec
 
-from calibration.wiring.answer_model import THRESHOLD
-from calibration.wiring.channel_map import corrected, map_files, write_map
-from calibration.wiring.command import (
-    FaultRow,
-    NextTouch,
-    PartRow,
-    RestRow,
-    State,
-    WiringResult,
-)
-from calibration.wiring.examination import MM, Case, Examination, next_touch, place_words
-from calibration.wiring.faults import Fault
-from calibration.wiring.touches import How
-from skinmap.arrays import FloatArray
+if TYPE_CHECKING:
+    from calibration.wiring.examination import Case, Examination
+    from calibration.wiring.faults import Fault
+    from calibration.wiring.touches import How
+    from skinmap.arrays import FloatArray
 
 TRIED = 3  # touches in which a taxel should have answered before it counts as mute
 SURELY = 60.0  # counts that its neighbours answered with
 LEAST = 0.01  # suspects less probable are not told
 SUSPECTS = 3  # of each part
 ORDER = ("inconsistent", "faulty", "undecided", "healthy")  # worst first
+MAX_NAMED = 12  # channels in a line
+WORDS = {
+    "healthy": "the wiring is as the map has it",
+    "faulty": "the wiring is not as the map has it",
+    "undecided": "not certain yet: touch more",
+    "inconsistent": "the answers do not come from where the touches were asked for: the places "
+    "belong to another part, order or unit, or more is wrong than one thing at a time",
+}
+State = Literal["healthy", "faulty", "undecided", "inconsistent"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FaultRow:
+    """What may be wrong.
+
+    Attributes
+    ----------
+    part
+        Where; not of alternatives.
+    kind
+        Of modules, chains or channels.
+    modules, chains, channels
+        That it is of; channels are those that are mute or not where the map has them.
+    words
+        For people.
+    confidence
+        Probability.
+    alternatives
+        What else it may be, the most probable first; alternatives have none.
+    """
+
+    part: str | msgspec.UnsetType = msgspec.UNSET
+    kind: str
+    modules: list[int]
+    chains: list[int]
+    channels: list[int]
+    words: str
+    confidence: float
+    alternatives: list[FaultRow] | msgspec.UnsetType = msgspec.UNSET
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PartRow:
+    """A part that was examined.
+
+    Attributes
+    ----------
+    part
+        Its name.
+    status
+        Of its wiring.
+    healthy
+        Probability that nothing else is wrong.
+    touches
+        How many.
+    misfits
+        Touches not felt where they were asked for.
+    places_known
+        Whether it is known where touches were asked for.
+    mute_taxels
+        Channels that stayed silent in every touch that their neighbours all felt.
+    """
+
+    part: str
+    status: State
+    healthy: float
+    touches: int
+    misfits: int
+    places_known: bool
+    mute_taxels: list[int]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NextTouch:
+    """Where to touch next.
+
+    Attributes
+    ----------
+    part
+        Its name.
+    words
+        For people.
+    path_mm
+        In the link's frame: one point, or those of a stroke.
+    gain_nats
+        What it would tell.
+    """
+
+    part: str
+    words: str
+    path_mm: list[list[float]]
+    gain_nats: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RestRow:
+    """What a part told untouched.
+
+    Attributes
+    ----------
+    samples
+        How many.
+    tells
+        Whether there was noise enough to judge.
+    stuck
+        Channels that never changed, though others did.
+    mute_modules
+        Modules of which no channel changed.
+    given_twice
+        Pairs of channels that say the same.
+    too_calm
+        Channels that changed too seldom to be compared.
+    """
+
+    samples: int
+    tells: bool
+    stuck: list[int]
+    mute_modules: list[int]
+    given_twice: list[list[int]]
+    too_calm: list[int]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WiringResult:
+    """Which cable is in the wrong socket.
+
+    Attributes
+    ----------
+    robot
+        Its name.
+    source
+        What was examined.
+    touch
+        How the skin was touched.
+    status
+        The worst of the parts.
+    parts
+        One by one.
+    faults
+        That were named.
+    suspects
+        That were not.
+    touches
+        How many.
+    next
+        Where to touch next; null where nothing is left to ask.
+    rest
+        By part; null where none was recorded.
+    planted
+        Of the simulated skin.
+    notes
+        What cannot be told.
+    seed
+        Of all randomness.
+    seconds
+        CPU time.
+    files
+        Corrected maps.
+    """
+
+    robot: str
+    source: str
+    touch: Literal["poke", "stroke", "hand"]
+    status: State
+    parts: list[PartRow]
+    faults: list[FaultRow]
+    suspects: list[FaultRow]
+    touches: int
+    next: NextTouch | None
+    rest: dict[str, RestRow | None]
+    planted: list[FaultRow]
+    notes: list[str]
+    seed: int
+    seconds: float
+    files: list[str]
 
 
 def findings(examined: Examination, seed: int, out: Path | None) -> WiringResult:
     """All of it, with corrected maps where they were asked for; `seconds` are not known here."""
+    from calibration.wiring.examination import next_touch
+
     cases = examined.cases
     parts = [_part_row(case) for case in cases]
     following = next_touch({case.part: case for case in cases if case.places_known}, examined.how)
@@ -101,6 +269,10 @@ def _fault_row(
 
 def _mute_taxels(case: Case) -> list[int]:
     """Channels that stayed silent in every touch that their neighbours all felt."""
+    import numpy as np
+
+    from calibration.wiring.answer_model import THRESHOLD
+
     places = case.doctor.wiring.places(case.boards)
     tried = np.zeros(len(places), np.int64)
     answered = np.zeros(len(places), bool)
@@ -130,6 +302,8 @@ def _rest_row(case: Case) -> RestRow | None:
 
 
 def _next(cases: Sequence[Case], part: str, path: FloatArray, gain: float, how: str) -> NextTouch:
+    from calibration.wiring.examination import MM, place_words
+
     boards = next(case.boards for case in cases if case.part == part)
     words = place_words(boards, path, how)
     return NextTouch(part=part, words=words, path_mm=(MM * path).tolist(), gain_nats=gain)
@@ -137,6 +311,8 @@ def _next(cases: Sequence[Case], part: str, path: FloatArray, gain: float, how: 
 
 def _write(cases: Sequence[Case], out: Path) -> list[str]:
     """Write the corrected map of each part whose channels moved; the files' names."""
+    from calibration.wiring.channel_map import corrected, map_files, write_map
+
     files = map_files([case.part for case in cases], out)
     written = []
     for case in cases:
@@ -149,3 +325,45 @@ def _write(cases: Sequence[Case], out: Path) -> list[str]:
             write_map(table, files[case.part])
             written.append(str(files[case.part]))
     return written
+
+
+def lines(result: WiringResult) -> Iterator[str]:
+    """What people read at the end."""
+    yield f"{result.status}: {WORDS[result.status]}"
+    for fault in result.faults:
+        yield f"  {fault.part}: {_likely(fault)}"
+        for other in fault.alternatives or ():
+            yield f"    or {_likely(other)}"
+    if result.status != "healthy":
+        yield from (f"  perhaps {one.part}: {_likely(one)}" for one in result.suspects)
+    for part, rest in result.rest.items():
+        yield from (f"  {part}: {line}" for line in _rest_lines(rest))
+    for row in result.parts:
+        chance = f"nothing (else) wrong: {100 * row.healthy:.1f} %"
+        yield f"  {row.part}: {row.touches} touches, {chance}"
+        if row.mute_taxels:
+            yield f"    channels that never answered: {_some(row.mute_taxels)}"
+    yield from (f"  note: {note}" for note in result.notes)
+    if result.next is not None and result.status in ("undecided", "faulty"):
+        yield f"  next: {result.next.words}"
+
+
+def _likely(fault: FaultRow) -> str:
+    return f"{fault.words} ({100 * fault.confidence:.1f} %)"
+
+
+def _rest_lines(rest: RestRow | None) -> Iterator[str]:
+    if rest is None:
+        yield "no rest was recorded, so it says nothing"
+    elif not rest.tells:
+        yield "at rest too few channels change to tell anything"
+    else:
+        if rest.stuck:
+            yield f"stuck channels: {_some(rest.stuck)}"
+        if rest.given_twice:
+            yield f"given twice: {_some([f'{a} = {b}' for a, b in rest.given_twice])}"
+
+
+def _some(values: Sequence[Any]) -> str:
+    words = ", ".join(map(str, values[:MAX_NAMED]))
+    return words + (f" and {len(values) - MAX_NAMED} more" if len(values) > MAX_NAMED else "")

@@ -15,7 +15,7 @@ from calibration.commands import calibrate
 from calibration.files.part_files import load_part_touches
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.pairing import side_of
-from calibration.mount.self_touch import taxel_covariance
+from calibration.mount.skin_contacts import taxel_covariance
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.taxels.readers import read_taxels
