@@ -17,7 +17,7 @@ _PUBLIC = {
     "PlaneFit": "calibration.plane.fit",
     "ResponseCalibration": "calibration.response.response",
     "ScanRegistration": "calibration.scan.registration",
-    "SelfTouchFit": "calibration.mount.self_touch",
+    "SelfTouchFit": "calibration.mount.skin_contacts",
     "Status": "calibration.patch.patch_calibration",
     "Touch": "calibration.patch.touch",
     "TouchRecording": "calibration.mount.chains",
@@ -28,7 +28,7 @@ _PUBLIC = {
     "locate_by_touch": "calibration.patch.touch",
     "register_scan": "calibration.scan.registration",
     "robot_chain": "calibration.mount.robot_chains",
-    "self_touch": "calibration.mount.self_touch",
+    "self_touch": "calibration.mount.skin_contacts",
     "wrap_layout": "calibration.patch.wrap",
 }
 __all__ = list(_PUBLIC)

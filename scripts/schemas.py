@@ -20,11 +20,7 @@ SCHEMAS, PAGE = ROOT / "docs" / "schemas", ROOT / "docs" / "json.md"
 PROFILE = f"#/$defs/{ProfileUsed.__name__}"
 MARK = "<!-- From here on made by `make schemas` out of the types of result. -->\n"
 # Commands that do not say yet what type of result they print: their schema is kept by hand.
-LEFTOVERS = frozenset({
-    "anchors", "calibrate-batch", "calibrate-plane", "calibrate-response", "calibrate-scan",
-    "calibrate-selftouch", "calibrate-touch", "calibrate-wrap", "calibrate-wrench", "demo", "view",
-    "wiring",
-})  # fmt: skip
+LEFTOVERS = frozenset({"demo", "view"})
 
 
 def commands(

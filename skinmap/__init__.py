@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from calibration.mount.rigid_mount import MountFit as MountFit
     from calibration.mount.rigid_mount import fit_mount
-    from calibration.mount.self_touch import SelfTouchFit as SelfTouchFit
-    from calibration.mount.self_touch import self_touch
+    from calibration.mount.skin_contacts import SelfTouchFit as SelfTouchFit
+    from calibration.mount.skin_contacts import self_touch
     from calibration.mount.wrench import fit_wrench
     from calibration.patch.patch_calibration import PatchCalibration as PatchCalibration
     from calibration.patch.touch import Touch as Touch
@@ -130,7 +130,7 @@ _NAMES = {
     "record": "skinmap.live.recording.recording_tap",
     "register_scan": "calibration.scan.registration",
     "save_recordings": "skinmap.io.recordings.touch_files",
-    "self_touch": "calibration.mount.self_touch",
+    "self_touch": "calibration.mount.skin_contacts",
     "show": "viewer.picture",
     "simulate": "skinmap.touch.simulator",
     "train": "skinmap.classify.training",
@@ -151,7 +151,7 @@ _RETURNED = {
     "Recorded": "skinmap.live.recording.recording_tap",
     "Recording": "skinmap.touch.recording",
     "ScanRegistration": "calibration.scan.registration",
-    "SelfTouchFit": "calibration.mount.self_touch",
+    "SelfTouchFit": "calibration.mount.skin_contacts",
     "Source": "skinmap.live.sources.source",
     "StreamInfo": "skinmap.live.sources.source",
     "Structures": "skinmap.neighbours.structures",

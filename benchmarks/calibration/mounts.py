@@ -22,7 +22,7 @@ from benchmarks.calibration.self_touch_rows import simulated_rows
 from calibration.files.self_touch_files import SelfTouchData
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.rigid_mount import MountFit, fit_mount
-from calibration.mount.self_touch import SelfTouchFit, self_touch
+from calibration.mount.skin_contacts import SelfTouchFit, self_touch
 from calibration.mount.wrench import fit_wrench
 from calibration.response.response import ResponseCalibration
 from skinmap.arrays import FloatArray

@@ -27,7 +27,7 @@ from benchmarks.calibration.self_touches import (
 from calibration.commands.self_touch_words import judge
 from calibration.files.self_touch_files import SelfTouchData
 from calibration.mount.chains import Chain, TouchRecording
-from calibration.mount.self_touch import SelfTouchFit, known_taxels, self_touch, taxel_covariance
+from calibration.mount.skin_contacts import SelfTouchFit, known_taxels, self_touch, taxel_covariance
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_points
 from skinmap.skin.robot import Robot

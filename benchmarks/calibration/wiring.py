@@ -22,7 +22,7 @@ from calibration.wiring.doctor import Doctor
 from calibration.wiring.faults import Fault
 from calibration.wiring.person import Patient, Person
 from calibration.wiring.rest import judge_rest
-from calibration.wiring.samples import Baseline, make_touch
+from calibration.wiring.touches import Baseline, make_touch
 
 PARTS = (("left_forearm", 12), ("torso", 20), ("left_leg_upper", 28))  # and pokes asked for
 STROKES, HANDS = 18, 18

@@ -11,18 +11,14 @@ from skinmap.commands.groups import NamedGroup
 
 # name: (module beside this one, its command there, one line for the list)
 COMMANDS = {
-    "wrap": ("wrap", "command", "A flat board on its link, by a few anchors."),
-    "batch": (
-        "batch",
-        "command",
-        "Many boards, on several cores or machines.",
-    ),
-    "touch": ("touch", "command", "By touches with a known probe."),
-    "selftouch": ("mounts", "selftouch", "By skin that touches skin."),
-    "plane": ("plane", "command", "By presses on a table."),
-    "scan": ("scan", "command", "A 3D scan of the link to its mesh."),
-    "wrench": ("mounts", "wrench", "By the lines of forces that were felt."),
-    "response": ("mounts", "response", "Baselines, gains, health of taxels."),
+    "wrap": ("wrap", "wrap", "A flat board on its link, by a few anchors."),
+    "batch": ("batch", "batch", "Many boards, on several cores or machines."),
+    "touch": ("wrap", "touch", "By touches with a known probe."),
+    "selftouch": ("selftouch", "selftouch", "By skin that touches skin."),
+    "plane": ("plane", "plane", "By presses on a table."),
+    "scan": ("scan", "scan", "A 3D scan of the link to its mesh."),
+    "wrench": ("wrench", "wrench", "By the lines of forces that were felt."),
+    "response": ("response", "response", "Baselines, gains, health of taxels."),
 }
 
 

@@ -8,19 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.commands.patch_job import MM, PatchTask
-from calibration.files.anchor_table import (
-    Anchor,
-    load_link,
-    make_task,
-    read_anchor_table,
-    write_anchor_table,
-)
+from calibration.commands.options import PatchFiles, PatchOptions
+from calibration.commands.patch_task import PatchTask, SolvedPatch, load_link
+from calibration.commands.results import MM
+from calibration.files.anchor_table import Anchor, read_anchor_table, write_anchor_table
 from calibration.files.tables import BoardTable, read_board
 from calibration.patch.evidence import FEWEST
 from calibration.patch.patch_calibration import PatchCalibration
@@ -50,9 +46,21 @@ class Solution:
     """Result of some anchors: a patch, or the reason for none."""
 
     anchors: tuple[Anchor, ...]
-    found: PatchCalibration | None
+    solved: SolvedPatch | None
     problem: str = ""
-    seconds: float = 0.0
+
+    @property
+    def found(self) -> PatchCalibration | None:
+        """The patch."""
+        return None if self.solved is None else self.solved.found
+
+
+@dataclass(frozen=True, slots=True)
+class SavedAnchors:
+    """What was written: whether taxels are among it, and the names of the files."""
+
+    good: bool
+    files: tuple[str, ...]
 
 
 class AnchorSession:
@@ -108,18 +116,7 @@ class AnchorSession:
         self.message = self.advice()
 
     @classmethod
-    def load(
-        cls,
-        layout_file: Path,
-        mesh_file: Path,
-        anchors_file: Path | None = None,
-        *,
-        units: str = "m",
-        sigma_mm: float = 1.0,
-        seed: int = 0,
-        mirror: bool = False,
-        effort: Effort = FULL,
-    ) -> AnchorSession:
+    def load(cls, files: PatchFiles, *, effort: Effort = FULL, seed: int = 0) -> AnchorSession:
         """A session from files, as `skinmap calibrate wrap` reads them.
 
         Raises
@@ -127,18 +124,17 @@ class AnchorSession:
         MissingFileError, DataFormatError
             A file that is missing or not what it should be (says which line).
         """
-        unit = UNITS[units]
-        board = read_board(layout_file, unit)
-        anchors = [] if anchors_file is None else read_anchor_table(anchors_file, board)
+        unit = UNITS[files.units]
+        board = read_board(files.layout, unit)
         return cls(
             board,
-            load_link(mesh_file, unit),
-            anchors,
+            load_link(files.mesh, unit),
+            [] if files.anchors is None else read_anchor_table(files.anchors, board),
             unit=unit,
-            sigma=1e-3 * sigma_mm,
+            sigma=1e-3 * files.sigma_mm,
             seed=seed,
-            title=f"{layout_file.stem} on {mesh_file.stem}",
-            mirror=mirror,
+            title=files.title,
+            mirror=files.mirror,
             effort=effort,
         )
 
@@ -179,7 +175,7 @@ class AnchorSession:
 
     def task(self) -> PatchTask:
         """The anchors as `skinmap calibrate wrap` would read them."""
-        return make_task(
+        return PatchTask.of(
             self.title, self.board, self.link, self.anchors,
             unit=self.unit, sigma=self.sigma, mirror=self.mirror, effort=self.effort,
         )  # fmt: skip
@@ -282,43 +278,32 @@ class AnchorSession:
         else:
             self.message = solution.problem
 
-    def save(
-        self, out: Path, *, formats: Sequence[str] = (), accept: bool = False
-    ) -> dict[str, Any]:
+    def save(self, options: PatchOptions) -> SavedAnchors:
         """Write what `skinmap calibrate wrap` writes, and the anchors to go on from.
 
         Where the status is not ok and not accepted, or there is no solution, earlier results
         stay as they are: only `refused.html` and `refused_anchors.csv` are written.
-
-        Returns
-        -------
-        dict
-            What the command prints as JSON.
 
         Raises
         ------
         OutputError
             The folder cannot be written to.
         """
+        out = cast("Path", options.out)
         solution = self.solution
         if solution is None or self.stale:
             solution = self.solve()
         with staged_folder(out) as stage:
-            if solution.found is None:
-                why = [solution.problem]
-                result: dict[str, Any] = {"status": None, "reasons": why, "files": []}
-            else:
-                task = self.task()
-                found = solution.found
-                result = task.write(stage, found, solution.seconds, formats=formats, accept=accept)
-            good = "taxels.csv" in result["files"]
+            solved = solution.solved
+            files = [] if solved is None else solved.save(stage, options).files
+            good = "taxels.csv" in files
             if self.anchors:
-                name = ANCHORS if good else REFUSED_ANCHORS
-                write_anchor_table(self.anchors, self.board, stage / name)
-                result["files"] = [*result["files"], name]
-        first = result["reasons"][0] if result["reasons"] else ""
+                files = [*files, ANCHORS if good else REFUSED_ANCHORS]
+                write_anchor_table(self.anchors, self.board, stage / files[-1])
+        reasons = [solution.problem] if solved is None else solved.result.reasons
+        first = reasons[0] if reasons else ""
         self.message = f"saved in {out}" if good else f"not accepted, anchors kept: {first}"
-        return {**result, "anchors": len(self.anchors)}
+        return SavedAnchors(good, tuple(files))
 
 
 def solve(task: PatchTask, anchors: tuple[Anchor, ...], seed: int) -> Solution:
@@ -326,9 +311,8 @@ def solve(task: PatchTask, anchors: tuple[Anchor, ...], seed: int) -> Solution:
     if len(anchors) < FEWEST:
         return Solution(anchors, None, f"{len(anchors)} anchors, at least {FEWEST} are needed")
     try:
-        found, seconds = task.solve(seed)
+        return Solution(anchors, task.solve(seed))
     except SkinError as error:
         return Solution(anchors, None, str(error))
     except (np.linalg.LinAlgError, ArithmeticError) as error:
         return Solution(anchors, None, f"these anchors cannot be solved: {error}")
-    return Solution(anchors, found, "", seconds)

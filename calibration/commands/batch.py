@@ -1,57 +1,98 @@
-"""`skinmap calibrate batch`: many flat boards on their links, each by a few anchors."""
+"""`skinmap calibrate batch`: many flat boards on their links, each as `calibrate wrap` does it."""
 
 from __future__ import annotations
 
+import tempfile
 from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import click
+import msgspec
 
-from calibration.commands.options import (
-    FILE,
-    accept_option,
-    effort_options,
-    format_option,
-    out_option,
-    sigma_option,
-    units_option,
-)
-from skinmap.commands.options import json_option, seed_option
-from skinmap.commands.profiles import profile_option
+from calibration.commands.options import FILE, PatchFiles, PatchOptions, patch_options
+from calibration.commands.results import Grade, PatchResult
+from skinmap.commands.options import prints
 from skinmap.commands.progress import progress
 from skinmap.commands.workers import worker_options, workers_options
-from skinmap.report.present import emit
-from skinmap.report.table import table
+from skinmap.errors import DataFormatError, SkinError, unknown_name
+from skinmap.io.units import UNITS
+from skinmap.report.present import present
+from skinmap.report.result import MERGED
+from skinmap.report.table import Table
+from skinmap.report.verdict import OK, Verdict
 
-NOT_OK = 3
+if TYPE_CHECKING:
+    from calibration.commands.patch_task import PatchTask
+    from skinmap.parallel.workers import Workers
+
+FAILED: Literal["failed"] = "failed"
+NEEDED, KNOWN = ("name", "layout", "mesh", "anchors"), ("units", "sigma_mm", "mirror")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BatchPatch:
+    """A patch of the table: what `calibrate wrap` prints of it, or why it cannot be calibrated.
+
+    Attributes
+    ----------
+    patch
+        Its name.
+    status
+        As of `calibrate wrap`, or `failed`.
+    reasons
+        Why, the most telling first.
+    files
+        Inside `--out`.
+    found
+        What else `calibrate wrap` prints, where it did not fail.
+    """
+
+    patch: str
+    status: Literal[Grade, "failed"]
+    reasons: list[str]
+    files: list[str] = field(default_factory=list)
+    found: PatchResult | msgspec.UnsetType = field(default=msgspec.UNSET, metadata=MERGED)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BatchResult:
+    """Many boards laid on their links.
+
+    Attributes
+    ----------
+    statuses
+        Number of patches by status.
+    patches
+        One a row of the table.
+    seed
+        Of all randomness.
+    """
+
+    statuses: dict[str, int]
+    patches: list[BatchPatch]
+    seed: int
 
 
 @click.command("batch")
 @click.argument("table_file", metavar="TABLE", type=FILE)
-@units_option("files, where the table does not say")
-@sigma_option("an anchor")
-@out_option("a folder with taxels.csv and report.html for each patch")
-@format_option()
-@accept_option("Write taxels and exit 0 whatever the status.")
-@effort_options
+@patch_options(
+    "a folder with taxels.csv and report.html for each patch",
+    of="files, where the table does not say",
+    board=False,
+)
 @workers_options
-@seed_option
-@profile_option("calibrate")
-@json_option
-def command(
+@prints(BatchResult)
+def batch(
     table_file: Path,
     units: str,
     sigma_mm: float,
-    out: Path,
-    formats: tuple[str, ...],
-    accept: bool,
-    starts: int,
-    steps: int,
-    wrap_detail_mm: float,
-    seed: int,
+    options: PatchOptions,
     as_json: bool,
-    **options: Any,
+    **spread: Any,
 ) -> None:
     """Lay many boards on their links, each as `calibrate wrap` does.
 
@@ -63,40 +104,143 @@ def command(
     \b
     Example:  skinmap calibrate batch patches.csv --jobs 4 --resume patches.resume -o patches
     """
-    from calibration.commands.batch_job import batch_tasks, calibrate_batch, read_batch
-    from calibration.patch.solver_budget import Effort
     from skinmap.io.output import staged_folder
 
-    spread = worker_options(options)
+    chosen = worker_options(spread)
     rows = read_batch(table_file, units, sigma_mm)
-    effort = Effort(starts, steps, 1e-3 * wrap_detail_mm)
-    tasks = batch_tasks(rows, seed=seed, formats=formats, accept=accept, effort=effort)
     with (
-        staged_folder(out) as stage,
-        spread.open("calibrate batch") as workers,
+        staged_folder(cast("Path", options.out)) as stage,
+        chosen.open("calibrate batch") as workers,
         progress(len(rows), "calibrate") as advance,
     ):
-        patches = calibrate_batch(tasks, stage, workers=workers, progress=advance)
-    counts = Counter(patch["status"] for patch in patches)
-    if as_json:
-        emit({"statuses": counts, "patches": patches, "seed": seed})
-    else:
-        _tell(patches)
-    if set(counts) - {"ok"} and not (accept and "failed" not in counts):
-        raise SystemExit(NOT_OK)
-
-
-def _tell(patches: list[dict[str, Any]]) -> None:
-    table(
-        ["patch", "status", "taxels", "predicted error mm", "why"],
-        [
-            [
-                patch["patch"],
-                patch["status"],
-                patch.get("taxels", 0),
-                patch["predicted_sd_mm"]["median"] if "predicted_sd_mm" in patch else "-",
-                "; ".join(patch["reasons"])[:100],
-            ]
-            for patch in patches
-        ],
+        patches = calibrate_batch(rows, options, stage, workers=workers, progress=advance)
+    result = BatchResult(
+        statuses=Counter(patch.status for patch in patches), patches=patches, seed=options.seed
     )
+    bad = set(result.statuses) - {OK}
+    verdict = Verdict("failed" if bad else OK, accepted=options.accept and FAILED not in bad)
+    present(result, batch_lines, as_json=as_json, verdict=verdict)
+
+
+def batch_lines(result: BatchResult) -> Iterator[Table]:
+    """What people read of a batch."""
+    rows = []
+    for one in result.patches:
+        taxels, sd = 0, None
+        if not isinstance(one.found, msgspec.UnsetType):
+            taxels, sd = one.found.taxels, one.found.predicted_sd_mm.median
+        rows.append((one.patch, one.status, taxels, sd, "; ".join(one.reasons)[:100]))
+    yield Table(("patch", "status", "taxels", "predicted error mm", "why"), rows)
+
+
+def read_batch(path: Path, units: str, sigma_mm: float) -> dict[str, PatchFiles]:
+    """The patches of a table `name,layout,mesh,anchors[,units,sigma_mm,mirror]`, by name.
+
+    Files are looked for from the table's folder.
+
+    Raises
+    ------
+    DataFormatError
+        A missing or unknown column, a name twice or that is no name of a folder, a word that is
+        no number (says which line).
+    """
+    from calibration.files.tables import read_cells
+
+    names, lines, rows = read_cells(path, NEEDED, KNOWN)
+    found: dict[str, PatchFiles] = {}
+    for line, cells in zip(lines, rows, strict=True):
+        words = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
+        name = words["name"]
+        if not name or name.startswith(".") or {*name} & set("/\\\0"):
+            raise DataFormatError(f"{name!r} is no name for a folder", path, line)
+        if name in found:
+            raise DataFormatError(f"the patch {name!r} comes more than once", path, line)
+        found[name] = _patch_files(words, path, line, units, sigma_mm)
+    return found
+
+
+def _patch_files(
+    words: Mapping[str, str], path: Path, line: int, units: str, sigma_mm: float
+) -> PatchFiles:
+    """A row of the table; what it leaves empty is as the options say."""
+    from skinmap.io.text import parse_floats
+
+    unit, mirror = words.get("units") or units, words.get("mirror") or "no"
+    if unit not in UNITS:
+        raise DataFormatError(unknown_name("unit", unit, UNITS), path, line)
+    if mirror not in ("yes", "no"):
+        raise DataFormatError(f"mirror is yes or no, got {mirror!r}", path, line)
+    sigma = sigma_mm
+    if words.get("sigma_mm"):
+        (sigma,) = parse_floats([words["sigma_mm"]], path, line)
+    if sigma <= 0.0:
+        raise DataFormatError(f"sigma_mm must be above 0, got {sigma:g}", path, line)
+    layout, mesh, anchors = (path.parent / words[kind] for kind in ("layout", "mesh", "anchors"))
+    return PatchFiles(
+        layout=layout, mesh=mesh, anchors=anchors, units=unit, sigma_mm=sigma,
+        mirror=mirror == "yes",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BatchTask:
+    """What a worker needs of a patch; why it cannot be read stands in place of its evidence."""
+
+    name: str
+    evidence: PatchTask | str
+    options: PatchOptions
+
+
+def calibrate_batch(
+    rows: Mapping[str, PatchFiles],
+    options: PatchOptions,
+    folder: Path,
+    *,
+    workers: Workers,
+    progress: Callable[[str], None] | None = None,
+) -> list[BatchPatch]:
+    """Calibrate patches and write the files of each into a folder of its name, as they come."""
+    from skinmap.parallel.run import each_result
+
+    found: dict[int, BatchPatch] = {}
+    tasks = _tasks(rows, replace(options, out=None))
+    with closing(each_result(_calibrated, tasks, workers=workers, progress=progress)) as results:
+        for place, (printed, files) in results:
+            patch = msgspec.convert(printed, BatchPatch)
+            for name, data in files.items():
+                target = folder / patch.patch / name
+                target.parent.mkdir(exist_ok=True)
+                target.write_bytes(data)
+            found[place] = patch
+    return [found[place] for place in sorted(found)]
+
+
+def _tasks(rows: Mapping[str, PatchFiles], options: PatchOptions) -> Iterator[BatchTask]:
+    """Tasks of the rows, each read when a worker is free for it."""
+    from calibration.commands.patch_task import PatchTask
+
+    for name, files in rows.items():
+        try:
+            evidence: PatchTask | str = PatchTask.load(files, options.effort)
+        except SkinError as error:
+            evidence = str(error)
+        yield BatchTask(name, evidence, options)
+
+
+def _calibrated(task: BatchTask) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """A `BatchPatch` as plain data, which can be kept, and its files."""
+    try:
+        if isinstance(task.evidence, str):
+            raise SkinError(task.evidence)
+        with tempfile.TemporaryDirectory(prefix="skinmap-") as name:
+            solved = task.evidence.solve(task.options.seed)
+            found = solved.save(Path(name), task.options)
+            data = {file: (Path(name) / file).read_bytes() for file in found.files}
+    except SkinError as error:
+        failed = BatchPatch(patch=task.name, status=FAILED, reasons=[str(error)])
+        return msgspec.to_builtins(failed), {}
+    found = replace(found, files=[f"{task.name}/{file}" for file in found.files])
+    patch = BatchPatch(
+        patch=task.name, status=found.status, reasons=found.reasons, files=found.files, found=found
+    )
+    return msgspec.to_builtins(patch), data

@@ -1,16 +1,166 @@
-"""`skinmap calibrate plane`: presses on a table, in many poses."""
+"""`skinmap calibrate plane`: mounts of patches, by presses on a table in many poses."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.mount_jobs import finish
-from calibration.commands.options import FILE, accept_option, format_option, out_option
-from skinmap.commands.options import json_option, part_option, robot_option, seed_option
+from calibration.commands.options import FILE, TABLES, accept_option, format_option
+from calibration.commands.results import MM, Calibrated, Matrix, Spread, grade, judged
+from skinmap.commands.options import (
+    open_robot,
+    out_folder,
+    part_option,
+    prints,
+    robot_option,
+    seed_option,
+)
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
+from skinmap.errors import InvalidArrayError
+from skinmap.report.present import present
+
+if TYPE_CHECKING:
+    from calibration.commands.pages import Picture
+    from calibration.files.plane_files import PlaneEvidence
+    from calibration.plane.contacts import Plane
+    from calibration.plane.fit import PlaneFit
+    from skinmap.skin.robot import Robot
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Surface:
+    """A flat surface, in the root link.
+
+    Attributes
+    ----------
+    point_mm
+        Any point of it.
+    normal
+        Unit, towards the robot.
+    """
+
+    point_mm: list[float]
+    normal: list[float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NextPress:
+    """A pose to press in.
+
+    Attributes
+    ----------
+    surface
+        From 0.
+    joints_deg
+        Of joints that turn.
+    slides_mm
+        Of joints that slide.
+    expected_sd_mm
+        Error of the taxels once it and those before it are done, root mean square.
+    """
+
+    surface: int
+    joints_deg: dict[str, float]
+    slides_mm: dict[str, float]
+    expected_sd_mm: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PlaneResult(Calibrated):
+    """Mounts of patches, by presses on a table.
+
+    Attributes
+    ----------
+    robot
+        Its name.
+    calibrated
+        Parts.
+    contacts
+        Presses.
+    predicted_sd_mm
+        Predicted error of the taxels.
+    touched
+        Share of the taxels that felt a press, by part.
+    mounts
+        T_link_patch [m], by part.
+    planes
+        The surfaces.
+    plane_given
+        Whether they were known.
+    joint_offsets_deg
+        Zero positions, by joint.
+    joint_sd_deg
+        Their errors, by joint.
+    depth_spread_mm
+        Of the presses (sd).
+    module_spread_mm
+        Shift of a module along each axis (sd).
+    widening
+        Of the covariances.
+    inconsistent
+        Contacts that contradict the others, from 0.
+    dropped
+        Contacts that were left out.
+    dead, stuck
+        Channels left out, by part.
+    assumed
+        What a prior had to decide, in words.
+    weakest
+        How a part could still move most easily.
+    next
+        Poses to press in, the best first.
+    seed
+        Of all randomness.
+    seconds
+        CPU time of the solution.
+    files
+        Inside `--out`.
+    """
+
+    robot: str
+    calibrated: list[str]
+    contacts: int
+    predicted_sd_mm: Spread
+    touched: dict[str, float]
+    mounts: dict[str, Matrix]
+    planes: list[Surface]
+    plane_given: bool
+    joint_offsets_deg: dict[str, float]
+    joint_sd_deg: dict[str, float]
+    depth_spread_mm: float
+    module_spread_mm: float
+    widening: float
+    inconsistent: list[int]
+    dropped: list[int]
+    dead: dict[str, list[int]]
+    stuck: dict[str, list[int]]
+    assumed: list[str]
+    weakest: dict[str, str]
+    next: list[NextPress]
+    seed: int
+    seconds: float
+    files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class PlaneOptions:
+    """What was asked for."""
+
+    evidence: Sequence[Path]
+    robot: Robot
+    parts: Sequence[str]
+    planes: Sequence[Plane] | None
+    joint_sigma_deg: float
+    threshold: float
+    drop_inconsistent: bool
+    proposed: int
+    seed: int
 
 
 @click.command("plane")
@@ -35,26 +185,21 @@ from skinmap.commands.progress import progress
     "--next", "proposed", type=click.IntRange(0, 100), default=3, show_default=True,
     help="Poses to propose for the next presses.",
 )  # fmt: skip
-@out_option("mounts, taxels and the report", required=False)
-@format_option("Also write tables as the iCub's positions (.txt).")
+@out_folder("mounts, taxels and the report")
+@format_option(TABLES)
 @accept_option()
 @seed_option
 @profile_option()
-@json_option
-def command(
-    evidence: tuple[Path, ...],
+@prints(PlaneResult)
+def plane(
     robot: str,
     parts: tuple[str, ...],
     planes: tuple[str, ...],
-    joint_sigma_deg: float,
-    threshold: float,
-    drop_inconsistent: bool,
-    proposed: int,
     out: Path | None,
     formats: tuple[str, ...],
     accept: bool,
-    seed: int,
     as_json: bool,
+    **given: Any,
 ) -> None:
     """Mounts of skin patches that a robot pressed on a flat surface in many poses.
 
@@ -72,22 +217,245 @@ def command(
     \b
     Example:  skinmap calibrate plane presses.npz --robot icub --part right_forearm -o out
     """
-    from calibration.commands.plane_job import PlaneOptions, plane_job, plane_lines, read_planes
-    from skinmap.commands.options import open_robot
-
-    options = PlaneOptions(
-        evidence,
-        open_robot(robot, parts)[0],
-        parts,
-        read_planes(planes),
-        joint_sigma_deg,
-        threshold,
-        drop_inconsistent,
-        proposed,
-        seed,
-        formats,
-    )
+    loaded, _ = open_robot(robot, parts)
+    options = PlaneOptions(robot=loaded, parts=parts, planes=read_planes(planes), **given)
     with progress(1, "calibrate") as advance:
         advance("presses")
-        job = plane_job(options)
-    finish(job, out, accept, as_json, plane_lines)
+        result, evidence, fit = work(options)
+    present(
+        result,
+        _lines,
+        as_json=as_json,
+        out=out,
+        write=lambda folder: _write(loaded, evidence, fit, formats, folder),
+        page=lambda _: _page(evidence, fit, result),
+        verdict=result.verdict(accept=accept),
+    )
+
+
+def read_planes(words: Sequence[str]) -> list[Plane] | None:
+    """Planes from `x,y,z,nx,ny,nz`; None where there are no words.
+
+    Raises
+    ------
+    InvalidArrayError
+        Not six finite numbers, or a normal without length.
+    """
+    import numpy as np
+
+    from calibration.plane.contacts import Plane
+
+    planes = []
+    for text in words:
+        try:
+            numbers = np.array([float(word) for word in text.split(",")])
+        except ValueError:
+            numbers = np.zeros(0)
+        if len(numbers) != 6 or not np.isfinite(numbers).all():
+            raise InvalidArrayError(
+                f"--plane {text!r} must be six numbers x,y,z,nx,ny,nz: a point [m] and the normal"
+            )
+        planes.append(Plane(numbers[:3], numbers[3:]))
+    return planes or None
+
+
+def work(options: PlaneOptions) -> tuple[PlaneResult, PlaneEvidence, PlaneFit]:
+    """Fit mounts to presses, and propose the next ones."""
+    import numpy as np
+
+    from calibration.files.plane_files import read_plane_evidence
+    from calibration.plane.fit import fit_plane
+    from calibration.plane.robot import part_chains
+
+    robot = options.robot
+    evidence = read_plane_evidence(
+        options.evidence, robot, options.parts, threshold=options.threshold
+    )
+    parts = tuple(evidence.contacts.active)
+    start = time.process_time()
+    fit = fit_plane(
+        evidence.contacts,
+        list(part_chains(robot, parts, evidence.joints).values()),
+        modules={part: robot.skin(part).modules for part in parts},
+        planes=options.planes,
+        joint_sigma=float(np.deg2rad(options.joint_sigma_deg)),
+        joint_names=evidence.joints,
+        drop_inconsistent=options.drop_inconsistent,
+    )
+    seconds = time.process_time() - start
+    return _result(options, evidence, fit, seconds), evidence, fit
+
+
+def _result(
+    options: PlaneOptions, evidence: PlaneEvidence, fit: PlaneFit, seconds: float
+) -> PlaneResult:
+    import numpy as np
+
+    parts, joints = tuple(evidence.contacts.active), evidence.joints
+    sliding = options.robot.body.sliding_joints
+    turning = [k for k in fit.joint_offsets if joints[k] not in sliding]
+    channels = {part: options.robot.skin(part).channels for part in parts}
+    return PlaneResult(
+        status=grade(fit.status),
+        reasons=list(fit.reasons),
+        robot=options.robot.name,
+        calibrated=list(parts),
+        contacts=len(evidence.contacts),
+        predicted_sd_mm=Spread.of(MM * np.concatenate([fit.predicted_sd(part) for part in parts])),
+        touched={part: float((fit.touched[part] > 0).mean()) for part in parts},
+        mounts={part: mount.tolist() for part, mount in fit.mounts.items()},
+        planes=[
+            Surface(point_mm=(MM * one.point).tolist(), normal=one.normal.tolist())
+            for one in fit.planes
+        ],
+        plane_given=options.planes is not None,
+        joint_offsets_deg={joints[k]: float(np.rad2deg(fit.joint_offsets[k])) for k in turning},
+        joint_sd_deg={joints[k]: float(np.rad2deg(fit.joint_sds[k])) for k in turning},
+        depth_spread_mm=MM * fit.depth_spread,
+        module_spread_mm=MM * fit.shift_spread,
+        widening=fit.widening,
+        inconsistent=list(fit.inconsistent),
+        dropped=list(fit.dropped),
+        dead={part: channels[part][list(fit.dead[part])].tolist() for part in parts},
+        stuck={part: channels[part][list(fit.stuck[part])].tolist() for part in parts},
+        assumed=[*fit.assumed, *_still(options.robot, evidence)],
+        weakest=dict(fit.weakest),
+        next=_proposed(options, evidence, fit),
+        seed=options.seed,
+        seconds=seconds,
+    )
+
+
+def _still(robot: Robot, evidence: PlaneEvidence) -> list[str]:
+    """Words on joints without angles."""
+    from calibration.plane.robot import stood_still
+
+    still = {
+        joint: None
+        for part in evidence.contacts.active
+        for joint in stood_still(robot, part, evidence.joints)
+    }
+    if not still:
+        return []
+    return [
+        f"{', '.join(still)} have no angles: they are taken to have stood still, and planes are "
+        "given as if at zero"
+    ]
+
+
+def _proposed(options: PlaneOptions, evidence: PlaneEvidence, fit: PlaneFit) -> list[NextPress]:
+    import numpy as np
+
+    from calibration.plane.robot import candidates, pressing
+
+    if options.proposed == 0:
+        return []
+    parts = tuple(evidence.contacts.active)
+    setup = pressing(options.robot, parts, evidence.joints, evidence.contacts)
+    rng = np.random.default_rng(options.seed)
+    some = candidates(setup, evidence.contacts, fit.mounts, fit.planes, rng)
+    if len(some) == 0:
+        return []
+    chosen = fit.next_contacts(some, options.proposed)
+    sliding = options.robot.body.sliding_joints
+    found = []
+    for row, sd in zip(chosen.rows.tolist(), chosen.sd.tolist(), strict=True):
+        pose = dict(zip(evidence.joints, some.angles[row].tolist(), strict=True))
+        turns = {joint: float(np.rad2deg(v)) for joint, v in pose.items() if joint not in sliding}
+        slides = {joint: MM * v for joint, v in pose.items() if joint in sliding}
+        surface = int(some.surface[row])
+        found.append(
+            NextPress(surface=surface, joints_deg=turns, slides_mm=slides, expected_sd_mm=MM * sd)
+        )
+    return found
+
+
+def _write(
+    robot: Robot, evidence: PlaneEvidence, fit: PlaneFit, formats: Sequence[str], folder: Path
+) -> list[str]:
+    from calibration.files.mount_files import write_mounts, write_tables
+
+    mounts = {
+        "mounts": fit.mounts,
+        "covariances": fit.covariances,
+        "joint_offsets": {evidence.joints[k]: value for k, value in fit.joint_offsets.items()},
+        "planes": [
+            {"point": one.point.tolist(), "normal": one.normal.tolist()} for one in fit.planes
+        ],
+    }
+    files = [write_mounts(mounts, folder / "mounts.json")]
+    for part in evidence.contacts.active:
+        files += write_tables(
+            robot.skin(part).channels, fit.places[part], fit.place_covariances[part],
+            folder / f"taxels_{part}.csv", formats=formats,
+        )  # fmt: skip
+    return files
+
+
+def _page(evidence: PlaneEvidence, fit: PlaneFit, result: PlaneResult) -> str:
+    from calibration.commands.pages import (
+        PLACED,
+        contact_picture,
+        coverage_picture,
+        judged_page,
+        taxel_picture,
+    )
+
+    pictures: list[Picture] = []
+    for part in evidence.contacts.active:
+        places = fit.places[part]
+        placed = taxel_picture(places, fit.predicted_sd(part))
+        pictures.append((f"{part} on its link", placed, PLACED))
+        covered = "How often each taxel felt a press, from two sides; grey: never."
+        pictures.append((f"{part}: coverage", coverage_picture(places, fit.touched[part]), covered))
+    missed = (
+        "How much deeper or shallower each contact was pressed than all, and how well its readings "
+        "fit (lower is better). Contacts in orange contradict the others."
+    )
+    pictures.append(("Contacts", contact_picture(fit, len(evidence.contacts)), missed))
+    title = f"Presses on a flat surface: {', '.join(result.calibrated)}"
+    return judged_page(title, result.verdict(accept=False), _rows(result), pictures)
+
+
+def _rows(result: PlaneResult) -> Iterator[tuple[str, str]]:
+    """Numbers in words."""
+    sd = result.predicted_sd_mm
+    yield "contacts", str(result.contacts)
+    yield "predicted error of a taxel, median", f"{sd.median:.2f} mm"
+    yield "95 % of the taxels below", f"{sd.p95:.2f} mm"
+    yield "press depth from contact to contact (sd)", f"{result.depth_spread_mm:.2f} mm"
+    yield "shift of a module along each axis (sd)", f"{result.module_spread_mm:.2f} mm"
+    yield "covariances were widened by", f"{result.widening:.2f}"
+    yield "contradicting contacts", ", ".join(map(str, result.inconsistent)) or "none"
+    yield "left out", ", ".join(map(str, result.dropped)) or "none"
+    for part, share in result.touched.items():
+        yield f"{part}: taxels that felt a press", f"{100 * share:.0f} %"
+        yield f"{part}: weakest direction", result.weakest[part]
+        for kind, channels in (("dead", result.dead[part]), ("stuck", result.stuck[part])):
+            if channels:
+                yield f"{part}: {kind} channels, left out", ", ".join(map(str, channels))
+    for joint, value in result.joint_offsets_deg.items():
+        yield f"zero of {joint}", f"{value:+.2f} +- {result.joint_sd_deg[joint]:.2f} degrees"
+    for words in result.assumed:
+        yield "assumed", words
+    for number, one in enumerate(result.next, start=1):
+        pose = ", ".join(f"{joint} {value:.1f}" for joint, value in one.joints_deg.items())
+        words = f"{pose} [deg], expected error then {one.expected_sd_mm:.2f} mm (rms)"
+        yield f"press next, {number}", words
+
+
+def _lines(result: PlaneResult) -> Iterator[str]:
+    sd = result.predicted_sd_mm
+    yield from judged(result)
+    yield f"{', '.join(result.calibrated)}: {result.contacts} contacts"
+    yield (
+        f"predicted error: median {sd.median:.2f} mm, 95 % below {sd.p95:.2f} mm, "
+        f"worst {sd.max:.2f} mm"
+    )
+    yield from (f"{part}: {words}" for part, words in result.weakest.items())
+    yield f"contacts left out: {', '.join(map(str, result.dropped)) or 'none'}"
+    yield from (f"assumed: {words}" for words in result.assumed)
+    for number, one in enumerate(result.next, start=1):
+        pose = [f"{joint} {value:.1f} deg" for joint, value in one.joints_deg.items()]
+        pose += [f"{joint} {value:.1f} mm" for joint, value in one.slides_mm.items()]
+        yield f"next {number}: {', '.join(pose)} -> {one.expected_sd_mm:.2f} mm expected (rms)"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,18 +16,81 @@ from calibration.commands.options import (
     accept_option,
     format_option,
     mesh_option,
-    out_option,
     units_option,
 )
-from skinmap.commands.options import json_option, seed_option
+from calibration.commands.results import MM, Calibrated, Matrix, grade
+from skinmap.commands.options import out_folder, prints, seed_option
 from skinmap.commands.profiles import profile_option
-from skinmap.report.present import emit
+from skinmap.commands.progress import progress
+from skinmap.report.present import present
 from skinmap.report.result import plain
 
 if TYPE_CHECKING:
     from calibration.scan.registration import ScanRegistration
+    from skinmap.arrays import FloatArray, IntArray
 
-REFUSED = "refused.html"
+PAIRS = ("x", "y", "z", "mesh_x", "mesh_y", "mesh_z")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ScanResult(Calibrated):
+    """Where a scan is on a mesh.
+
+    Attributes
+    ----------
+    rms_mm
+        Distance of the scan from the mesh, of what lies on it, root mean square.
+    share_on_mesh
+        Of the scan's points.
+    free_directions
+        Motions that the shape leaves free, in words.
+    T_mesh_scan
+        Takes points of the scan to the frame of the mesh [m].
+    covariance
+        Of a rotation vector [rad] about the scan's middle, then of a shift [m].
+    runner_up
+        The best other pose; null where none was found.
+    runner_up_cost
+        Its cost over that of the pose taken; null where there is none.
+    seconds
+        CPU time of the solution.
+    files
+        Inside `--out`.
+    """
+
+    rms_mm: float
+    share_on_mesh: float
+    free_directions: list[str]
+    T_mesh_scan: Matrix
+    covariance: Matrix
+    runner_up: Matrix | None
+    runner_up_cost: float | None
+    seconds: float
+    files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ScanFiles:
+    """A scan and its mesh, in metres.
+
+    Attributes
+    ----------
+    title : str
+        What is on what.
+    points : (n, 3) float
+        Of the scan.
+    link : (v, 3) array of float, (f, 3) array of int
+    start : dict
+        `initial` and `anchors`, as `register_scan` takes them.
+    taxels : (n,) int, (n, 3) float, (n,) float or None
+        Channels, places in the scan, and sigmas.
+    """
+
+    title: str
+    points: FloatArray
+    link: tuple[FloatArray, IntArray]
+    start: dict[str, Any]
+    taxels: tuple[IntArray, FloatArray, FloatArray] | None
 
 
 @click.command("scan")
@@ -46,24 +112,14 @@ REFUSED = "refused.html"
     "--taxels", "taxels_file", type=FILE,
     help="Taxels seen in the scan, in its frame: CSV `channel,x,y,z[,sigma]`.",
 )  # fmt: skip
-@out_option("pose.json and report.html")
+@out_folder("pose.json and report.html", required=True)
 @format_option("With --taxels: also write the iCub's positions, as taxels.txt.")
 @accept_option("Write the pose and exit 0 whatever the status.")
 @seed_option
 @profile_option("calibrate")
-@json_option
-def command(
-    scan_file: Path,
-    mesh_file: Path,
-    anchors_file: Path | None,
-    initial_file: Path | None,
-    units: str,
-    taxels_file: Path | None,
-    out: Path,
-    formats: tuple[str, ...],
-    accept: bool,
-    seed: int,
-    as_json: bool,
+@prints(ScanResult)
+def scan(
+    out: Path, formats: tuple[str, ...], accept: bool, seed: int, as_json: bool, **given: Any
 ) -> None:
     """Register a scan of a link to its mesh, from a pose within 30 degrees and 30 mm.
 
@@ -74,69 +130,104 @@ def command(
     \b
     Example:  skinmap calibrate scan --scan scan.csv --mesh link.stl --anchors pairs.csv -o out
     """
-    import json
+    with progress(1, "calibrate") as advance:
+        files = _load(**given)
+        advance("scan")
+        result, found = work(files, seed)
+    present(
+        result,
+        _lines,
+        as_json=as_json,
+        out=out,
+        write=lambda folder: _write(files, found, result, formats, folder),
+        page=lambda _: _page(files, found, result),
+        verdict=result.verdict(accept=accept),
+    )
 
-    import numpy as np
 
-    from calibration.commands.scan_report import write_scan_report
-    from calibration.files.mount_files import write_tables
+def _load(
+    scan_file: Path,
+    mesh_file: Path,
+    anchors_file: Path | None,
+    initial_file: Path | None,
+    units: str,
+    taxels_file: Path | None,
+) -> ScanFiles:
     from calibration.files.tables import read_numbers, read_placed, read_points
-    from calibration.patch.patch_calibration import Status
-    from calibration.scan.registration import carried, register_scan
-    from skinmap.io.output import staged_folder
     from skinmap.io.robots.urdf import read_mesh
     from skinmap.io.units import UNITS
 
-    with staged_folder(out) as stage:
-        unit = UNITS[units]
-        points = read_points(scan_file) * unit
-        vertices, faces = read_mesh(mesh_file)
-        vertices = vertices * unit
-        names = ("x", "y", "z", "mesh_x", "mesh_y", "mesh_z")
-        pairs = None if anchors_file is None else read_numbers(anchors_file, names) * unit
-        taxels = None if taxels_file is None else read_placed(taxels_file, unit)
-        initial = None if initial_file is None else read_numbers(initial_file, None)
-        start = time.process_time()
-        found = register_scan(
-            points, vertices, faces, initial=initial,
-            anchors=None if pairs is None else (pairs[:, :3], pairs[:, 3:]),
-            rng=np.random.default_rng(seed),
-        )  # fmt: skip
-        result = _summary(found, time.process_time() - start)
-        good = accept or found.status is Status.OK
-        report = "report.html" if good else REFUSED
-        result["files"] = ["pose.json", report] if good else [report]
-        title = f"{scan_file.stem} on {mesh_file.stem}"
-        write_scan_report(title, result, found, points, (vertices, faces), stage / report)
-        if good:
-            kept = {key: result[key] for key in ("status", "T_mesh_scan", "covariance")}
-            (stage / "pose.json").write_text(json.dumps(plain(kept), indent=2) + "\n")
-            if taxels is not None:
-                channels, places, sigma = taxels
-                moved, covariance = carried(found, points, places, sigma)
-                write_tables(channels, moved, covariance, stage / "taxels.csv", formats=formats)
-                tables = sorted(path.name for path in stage.glob("taxels.*"))
-                result["files"] = [*result["files"], *tables]
-    if as_json:
-        emit(result)
-    else:
-        click.echo(f"{result['status']}: {result['rms_mm']:.2f} mm from the mesh (rms)")
-        for line in (*result["reasons"], *(str(out / file) for file in result["files"])):
-            click.echo(line)
-    if not good:
-        raise SystemExit(3)
-
-
-def _summary(found: ScanRegistration, seconds: float) -> dict[str, Any]:
-    return {
-        "status": str(found.status),
-        "reasons": list(found.reasons),
-        "rms_mm": 1e3 * found.rms,
-        "share_on_mesh": found.share,
-        "free_directions": list(found.free_directions),
-        "T_mesh_scan": found.T_mesh_scan,
-        "covariance": found.covariance,
-        "runner_up": found.runner_up,
-        "runner_up_cost": found.runner_up_cost,
-        "seconds": seconds,
+    unit = UNITS[units]
+    points = read_points(scan_file) * unit
+    vertices, faces = read_mesh(mesh_file)
+    pairs = None if anchors_file is None else read_numbers(anchors_file, PAIRS) * unit
+    taxels = None if taxels_file is None else read_placed(taxels_file, unit)
+    start = {
+        "anchors": None if pairs is None else (pairs[:, :3], pairs[:, 3:]),
+        "initial": None if initial_file is None else read_numbers(initial_file, None),
     }
+    title = f"{scan_file.stem} on {mesh_file.stem}"
+    return ScanFiles(title, points, (vertices * unit, faces), start, taxels)
+
+
+def work(files: ScanFiles, seed: int) -> tuple[ScanResult, ScanRegistration]:
+    """Register the scan."""
+    import numpy as np
+
+    from calibration.scan.registration import register_scan
+
+    start, rng = time.process_time(), np.random.default_rng(seed)
+    found = register_scan(files.points, *files.link, **files.start, rng=rng)
+    result = ScanResult(
+        status=grade(found.status),
+        reasons=list(found.reasons),
+        rms_mm=MM * found.rms,
+        share_on_mesh=found.share,
+        free_directions=list(found.free_directions),
+        T_mesh_scan=found.T_mesh_scan.tolist(),
+        covariance=found.covariance.tolist(),
+        runner_up=None if found.runner_up is None else found.runner_up.tolist(),
+        runner_up_cost=found.runner_up_cost if np.isfinite(found.runner_up_cost) else None,
+        seconds=time.process_time() - start,
+    )
+    return result, found
+
+
+def _write(
+    files: ScanFiles,
+    found: ScanRegistration,
+    result: ScanResult,
+    formats: Sequence[str],
+    folder: Path,
+) -> list[str]:
+    from calibration.files.mount_files import write_tables
+    from calibration.scan.registration import carried
+
+    kept = {key: getattr(result, key) for key in ("status", "T_mesh_scan", "covariance")}
+    (folder / "pose.json").write_text(json.dumps(plain(kept), indent=2) + "\n", encoding="utf-8")
+    if files.taxels is None:
+        return ["pose.json"]
+    channels, places, sigma = files.taxels
+    moved, covariance = carried(found, files.points, places, sigma)
+    table = folder / "taxels.csv"
+    return ["pose.json", *write_tables(channels, moved, covariance, table, formats=formats)]
+
+
+def _page(files: ScanFiles, found: ScanRegistration, result: ScanResult) -> str:
+    from calibration.commands.pages import judged_page, scan_picture
+
+    other = result.runner_up_cost
+    rows = [
+        ("distance from the mesh (rms of what lies on it)", f"{result.rms_mm:.2f} mm"),
+        ("share of the scan on the mesh", f"{100 * result.share_on_mesh:.0f} %"),
+        ("the best other pose costs", "none" if other is None else f"{other:.2f} times as much"),
+        ("free motions", ", ".join(result.free_directions) or "none"),
+    ]
+    words = "Points of the scan on the mesh, coloured by their distance."
+    pictures = [("On the mesh", scan_picture(found, files.points, files.link), words)]
+    return judged_page(files.title, result.verdict(accept=False), rows, pictures)
+
+
+def _lines(result: ScanResult) -> Iterator[str]:
+    yield f"{result.status}: {result.rms_mm:.2f} mm from the mesh (rms)"
+    yield from (f"  {reason}" for reason in result.reasons)

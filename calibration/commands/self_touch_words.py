@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from calibration.commands.results import MM, Probe
 from calibration.files.self_touch_files import SelfTouchData
 from calibration.mount.chains import Chain
-from calibration.mount.self_touch import SelfTouchFit, pitch_of, taxel_covariance
+from calibration.mount.skin_contacts import SelfTouchFit, pitch_of, taxel_covariance
 from calibration.patch.patch_calibration import Status
 from calibration.patch.status import COVERAGE, NEXT, weak_direction
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.rigid import transform_points
 
-MM = 1e3
 OVERFIT = 1.5  # times the misses of the fit that unseen touches may miss by
 SLIPPED = 10e-3  # how far a tip may lie from where it was thought to be without a word [m]
 Judged = list[tuple[str, str]]
@@ -212,16 +212,16 @@ def next_taxels(data: SelfTouchData, fit: SelfTouchFit) -> dict[str, list[int]]:
     return found
 
 
-def probe_words(data: SelfTouchData, fit: SelfTouchFit) -> dict[str, Mapping[str, object]]:
+def probe_words(data: SelfTouchData, fit: SelfTouchFit) -> dict[str, Probe]:
     """What is known of each probe, for JSON."""
-    found: dict[str, Mapping[str, object]] = {}
+    found = {}
     for name, tip in fit.tips.items():
         chain = data.chains[name]
         assumed = chain.mount[:3, 3]
-        found[name] = {
-            "on": data.links.get(name, ""),
-            "tip_mm": MM * tip,
-            "assumed_tip_mm": MM * assumed if assumed.any() else None,
-            "radius_mm": MM * chain.radius if chain.radius else None,
-        }
+        found[name] = Probe(
+            on=data.links.get(name, ""),
+            tip_mm=(MM * tip).tolist(),
+            assumed_tip_mm=(MM * assumed).tolist() if assumed.any() else None,
+            radius_mm=MM * chain.radius if chain.radius else None,
+        )
     return found

@@ -6,14 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from calibration.commands.patch_job import PatchTask
-from calibration.files.tables import BoardTable, read_anchors, read_board
-from calibration.patch.solver_budget import FULL, Effort
-from skinmap.arrays import FloatArray, IntArray
-from skinmap.io.robots.urdf import read_mesh
-from skinmap.io.units import UNITS
+from calibration.files.tables import BoardTable, read_anchors
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,54 +46,3 @@ def write_anchor_table(anchors: Sequence[Anchor], board: BoardTable, path: Path)
         numbers = (*anchor.point, anchor.sigma) if stated else anchor.point
         lines.append(f"{board.channels[anchor.taxel]},{','.join(map(repr, numbers))}")
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def make_task(
-    title: str,
-    board: BoardTable,
-    link: tuple[FloatArray, IntArray],
-    anchors: Sequence[Anchor],
-    *,
-    unit: float,
-    sigma: float,
-    mirror: bool = False,
-    effort: Effort = FULL,
-) -> PatchTask:
-    """Anchors in `unit` metres as a task in metres; `sigma` [m] where they do not say."""
-    stated = [anchor.sigma for anchor in anchors if anchor.sigma is not None]
-    whole = len(stated) == len(anchors)
-    spread = np.array(stated) * unit if whole else np.full(len(anchors), sigma)
-    points = np.array([anchor.point for anchor in anchors]).reshape(-1, 3) * unit
-    taxels = np.array([anchor.taxel for anchor in anchors], np.int64)
-    return PatchTask(title, board, link, taxels, points, spread, mirror=mirror, effort=effort)
-
-
-def load_link(path: Path, unit: float) -> tuple[FloatArray, IntArray]:
-    """Vertices (v, 3) [m] and faces (f, 3) of a mesh file whose lengths are in `unit` metres."""
-    vertices, faces = read_mesh(path)
-    return vertices * unit, faces
-
-
-def load_wrap(
-    layout_file: Path,
-    mesh_file: Path,
-    anchors_file: Path,
-    *,
-    units: str,
-    sigma_mm: float,
-    mirror: bool = False,
-    effort: Effort = FULL,
-) -> PatchTask:
-    """The three files of a wrap."""
-    unit = UNITS[units]
-    board = read_board(layout_file, unit)
-    return make_task(
-        f"{layout_file.stem} on {mesh_file.stem}",
-        board,
-        load_link(mesh_file, unit),
-        read_anchor_table(anchors_file, board),
-        unit=unit,
-        sigma=1e-3 * sigma_mm,
-        mirror=mirror,
-        effort=effort,
-    )

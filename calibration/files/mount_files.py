@@ -158,19 +158,22 @@ def write_tables(
     path: Path,
     *,
     formats: Sequence[str] = (),
-) -> None:
-    """Write `path` as our table, and beside it as the iCub's `.txt` where `formats` has "icub"."""
+) -> list[str]:
+    """Write our table, and beside it the iCub's `.txt` where `formats` has "icub"; the names."""
     write_taxels(channels, positions, covariance, path)
-    if "icub" in formats:
-        modules = channels // CHANNELS_PER_MODULE
-        table = TaxelTable(channels, modules, positions, np.zeros_like(positions))
-        write_icub(table, path.with_suffix(".txt"), name=path.stem)
+    if "icub" not in formats:
+        return [path.name]
+    modules = channels // CHANNELS_PER_MODULE
+    table = TaxelTable(channels, modules, positions, np.zeros_like(positions))
+    write_icub(table, path.with_suffix(".txt"), name=path.stem)
+    return [path.name, path.with_suffix(".txt").name]
 
 
-def write_mounts(mounts: dict[str, Any], path: Path) -> None:
-    """Write mounts T_link_patch [m] and what belongs to them as JSON with full digits."""
+def write_mounts(mounts: dict[str, Any], path: Path) -> str:
+    """Write mounts T_link_patch [m] and what belongs to them, with full digits; the file's name."""
     text = {"format": "skinmap-mounts-1", **_lists(mounts)}
     path.write_text(json.dumps(text, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    return path.name
 
 
 def _lists(value: Any) -> Any:

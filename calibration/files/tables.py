@@ -148,15 +148,42 @@ def read_table(
     DataFormatError
         A missing or unknown column, a row of another length, a word that is no number.
     """
+    names, lines, rows = read_cells(path, needed, known, first)
+    values = [parse_floats(row, path, line) for row, line in zip(rows, lines, strict=True)]
+    return names, np.array(values), lines
+
+
+def read_cells(
+    path: Path, needed: Sequence[str], known: Sequence[str], first: Sequence[str] = ()
+) -> tuple[list[str], list[int], list[list[str]]]:
+    """Names of the columns of a CSV table, the line of each row, and its words.
+
+    Parameters
+    ----------
+    path : Path
+    needed, known : sequence of str
+        Columns that there must and may be.
+    first : sequence of str
+        How the first column may be called, where it must come first.
+
+    Raises
+    ------
+    DataFormatError
+        A missing or unknown column, a row of another length, no row.
+    """
     reader = csv.reader(read_text(path).splitlines(keepends=True))
     rows, lines = [], []
     try:
         names = [cell.strip().lower() for cell in next(reader, [])]
-        wrong = [name for name in names[1:] if name not in (*needed, *known)]
-        lacks = [name for name in needed if name not in names]
-        if not names or names[0] not in first or wrong or lacks or len(set(names)) < len(names):
+        others = names[1:] if first and names and names[0] in first else names
+        if (
+            set(needed) - set(others)
+            or set(others) - {*needed, *known}
+            or len(set(names)) < len(names)
+            or (first and others is names)
+        ):
             raise DataFormatError(
-                f"expected the columns {first[0]},{','.join(needed)} and perhaps "
+                f"expected the columns {','.join((*first[:1], *needed))} and perhaps "
                 f"{','.join(known)}, got {','.join(names)[:200]!r}",
                 path,
                 1,
@@ -168,13 +195,13 @@ def read_table(
                 raise DataFormatError(
                     f"expected {len(names)} columns, got {len(row)}", path, reader.line_num
                 )
-            rows.append(parse_floats(row, path, reader.line_num))
+            rows.append(row)
             lines.append(reader.line_num)
     except csv.Error as error:
         raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
     if not rows:
         raise DataFormatError("the table has no row", path, 1)
-    return names, np.array(rows), lines
+    return names, lines, rows
 
 
 def check_channels(

@@ -26,6 +26,7 @@ POINT_SIGMA = 3e-3  # where in its active taxels a patch was pressed [m]
 MOMENT_SIGMA = 5e-3  # of a six-axis sensor of a robot's arm [N m]
 FIRST, PROMISING = 12, 4  # steps from every start, and how many go on
 STEPS = 60
+FOLDS = 5  # each touch is held out once
 SETTLED = 1e-10  # a step that moves nothing further is the last [m, rad]
 LENGTH = 1.1774  # median length of a normal vector in a plane, in standard deviations
 QUARTERS = (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)
@@ -99,6 +100,51 @@ def fit_wrench(
     weight = _weights(missed / sigma) if loss == "cauchy" else np.ones(len(p))
     covariance = _covariance(mount, p, along, foot, sigma, weight)
     return MountFit(mount, {}, float(np.sqrt(np.mean(missed**2))), covariance, missed)
+
+
+def held_out_error(
+    points: FloatArray,
+    frames: FloatArray,
+    forces: FloatArray,
+    moments: FloatArray,
+    rng: np.random.Generator,
+    *,
+    loss: Loss = "cauchy",
+    point_sigma: float = POINT_SIGMA,
+    moment_sigma: float = MOMENT_SIGMA,
+) -> float | None:
+    """Root mean square distance [m] of touches from their lines under fits that never saw them.
+
+    Parameters are those of `fit_wrench`, and who is left out when; None for too few touches.
+    """
+    fold = rng.permutation(len(points)) % FOLDS
+    if len(fold) < 2 * FOLDS:
+        return None
+    squares = []
+    for k in range(FOLDS):
+        seen, unseen = (
+            (points[rows], frames[rows], forces[rows], moments[rows])
+            for rows in (fold != k, fold == k)
+        )
+        fit = fit_wrench(*seen, loss=loss, point_sigma=point_sigma, moment_sigma=moment_sigma)
+        squares.append(_line_distances(fit.mount, *unseen) ** 2)
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def _line_distances(
+    mount: FloatArray,
+    points: FloatArray,
+    frames: FloatArray,
+    forces: FloatArray,
+    moments: FloatArray,
+) -> FloatArray:
+    """(m,) distances [m]: a point r misses the line of a wrench by |r x f - m| across f, over f."""
+    T = frames @ mount
+    r = np.einsum("mij,mj->mi", T[:, :3, :3], points) + T[:, :3, 3]
+    along = forces / np.linalg.norm(forces, axis=1)[:, None]
+    missed = np.cross(r, forces) - moments
+    missed -= along * np.einsum("mi,mi->m", along, missed)[:, None]
+    return np.asarray(np.linalg.norm(missed, axis=1) / np.linalg.norm(forces, axis=1))
 
 
 def _lines(

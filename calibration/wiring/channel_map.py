@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from calibration.wiring.boards import Boards, Wiring
 from calibration.wiring.faults import Fault
 from skinmap.arrays import IntArray
-from skinmap.errors import OutputError
+from skinmap.errors import InvalidArrayError, OutputError
 from skinmap.io.taxels.table import write_csv
 from skinmap.skin.taxels import TaxelTable
 
@@ -87,6 +88,30 @@ def _room(boards: Boards) -> int:
         return len(boards)
     first = int(np.argmax(beyond))
     return int((boards.numbers[first] - boards.spots[first]) // boards.chains[first])
+
+
+def map_files(parts: Sequence[str], out: Path) -> dict[str, Path]:
+    """The file of each part's map: `out` itself for one part, else a file in that folder.
+
+    Raises
+    ------
+    InvalidArrayError
+        Several parts for one file.
+    """
+    if out.suffix.lower() != ".csv":
+        return {part: out / f"{part}.csv" for part in parts}
+    if len(parts) > 1:
+        raise InvalidArrayError(f"{len(parts)} parts do not go into one table: give a folder")
+    return {parts[0]: out}
+
+
+def check_out(parts: Sequence[str], out: Path) -> None:
+    """Refuse before any work what could not be written after it."""
+    if out.suffix.lower() == ".csv":
+        check_free(out)
+    else:
+        for file in map_files(parts, out).values():
+            check_free(file)
 
 
 def check_free(path: Path) -> None:

@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import json_option, open_robot, part_option, robot_option, seed_option
+from calibration.wiring.findings import WiringResult, findings, lines
+from skinmap.commands.options import open_robot, part_option, prints, robot_option, seed_option
 from skinmap.commands.profiles import profile_option
-from skinmap.report.present import emit
+from skinmap.io.units import UNITS
+from skinmap.report.present import present
+from skinmap.report.verdict import OK, Verdict
 
 if TYPE_CHECKING:
-    from calibration.wiring.job import Examination, Marker
+    from calibration.wiring.examination import Examination, Marker, Plan
     from skinmap.skin.robot import Robot
 
 MARKERS = "skinmap.wiring_markers"  # entry points of what shows the next place on the body
 MOST = 30
-WORDS = {
-    "healthy": "the wiring is as the map has it",
-    "faulty": "the wiring is not as the map has it",
-    "undecided": "not certain yet: touch more",
-    "inconsistent": "the answers do not come from where the touches were asked for: the places "
-    "belong to another part, order or unit, or more is wrong than one thing at a time",
-}
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 
 
 @click.command("wiring", short_help="Touch where it says: swapped, turned and mute modules.")
@@ -55,7 +52,7 @@ UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "inch": 0.0254}
 @click.option("--web", is_flag=True, help="Show the next place on the body, in a browser.")
 @seed_option
 @profile_option()
-@json_option
+@prints(WiringResult)
 def wiring(
     source: str,
     robot: str,
@@ -81,12 +78,11 @@ def wiring(
     \b
     Example:  skinmap wiring sim --part right_forearm --plant swap:3,7 -o corrected.csv
     """
-    from calibration.wiring.job import check_out, summary, write_maps
+    from calibration.wiring.channel_map import check_out
+    from calibration.wiring.examination import Plan
 
     loaded, names = open_robot(robot, parts)
-    simulated = source == "sim"
-    recording = not simulated and _is_file(source)
-    _check(simulated, recording, planted, places)
+    _check(source, planted, places)
     if out is not None:
         check_out(names, out)
 
@@ -95,27 +91,44 @@ def wiring(
 
     started = time.process_time()
     marker = _marker(loaded, names, told) if web else None
+    plan = Plan(how=how, most=max_touches, patience=patience, chain=chain, seed=seed, told=told,
+                marker=marker)  # fmt: skip
     try:
-        examined = _examine(
-            source, loaded, parts, names, marker, told,
-            how=how, most=max_touches, places=places, unit=UNITS[units], planted=planted,
-            chain=chain, patience=patience, seed=seed,
-        )  # fmt: skip
+        if source == "sim":
+            from calibration.wiring.examination import examine_simulated
+
+            examined = examine_simulated(loaded, names, planted, plan)
+        elif _is_file(source):
+            from calibration.wiring.examination import examine_recording
+
+            examined = examine_recording(
+                Path(source), loaded, parts, plan, places=places, unit=UNITS[units]
+            )
+        else:
+            examined = _live(source, loaded, parts, plan)
     finally:
         if marker is not None:
             marker.close()
-    files = [] if out is None else write_maps(examined, out)
-    result = summary(examined, seed, time.process_time() - started, files)
-    if as_json:
-        emit(result)
-    else:
-        for line in lines(result):
-            click.echo(line)
-    if result["status"] == "inconsistent":
-        raise SystemExit(3)
+    result = findings(examined, seed, out)
+    result = replace(result, seconds=time.process_time() - started)
+    bad = result.status == "inconsistent"
+    present(result, lines, as_json=as_json, verdict=Verdict(result.status if bad else OK))
 
 
-def _check(simulated: bool, recording: bool, planted: tuple[str, ...], places: Path | None) -> None:
+def _live(source: str, robot: Robot, parts: tuple[str, ...], plan: Plan) -> Examination:
+    from calibration.wiring.live_examination import examine_live
+    from skinmap.live.sources.open_source import open_source
+
+    opened = open_source(source, robot=robot, parts=parts or None, seed=plan.seed)
+    try:
+        return examine_live(opened, robot, parts, plan)
+    finally:
+        opened.close()
+
+
+def _check(source: str, planted: tuple[str, ...], places: Path | None) -> None:
+    simulated = source == "sim"
+    recording = not simulated and _is_file(source)
     if planted and not simulated:
         raise click.UsageError("--plant puts faults into the simulated skin: SOURCE must be sim")
     if places is not None and not recording:
@@ -134,91 +147,9 @@ def _is_file(source: str) -> bool:
     return path.exists()
 
 
-def _marker(robot: Robot, parts: tuple[str, ...], told: Any) -> Marker:
+def _marker(robot: Robot, parts: tuple[str, ...], told: Callable[[str], None]) -> Marker:
     found = list(entry_points(group=MARKERS, name="web"))
     if not found:
         raise click.UsageError("--web needs the viewer, which is not installed")
     marker: Marker = found[0].load()(robot, parts, told)
     return marker
-
-
-def _examine(
-    source: str,
-    robot: Robot,
-    parts: tuple[str, ...],
-    names: tuple[str, ...],
-    marker: Marker | None,
-    told: Any,
-    *,
-    how: str,
-    most: int,
-    places: Path | None,
-    unit: float,
-    planted: tuple[str, ...],
-    chain: int,
-    patience: float,
-    seed: int,
-) -> Examination:
-    from calibration.wiring import job
-
-    if source == "sim":
-        return job.examine_simulated(
-            robot, names, planted, how=how, most=most, seed=seed, chain=chain, told=told,
-            marker=marker,
-        )  # fmt: skip
-    if _is_file(source):
-        return job.examine_recording(
-            Path(source), robot, parts, how=how, places=places, unit=unit, chain=chain, told=told
-        )
-    from skinmap.live.sources.open_source import open_source
-
-    opened = open_source(source, robot=robot, parts=parts or None, seed=seed)
-    try:
-        return job.examine_live(
-            opened, robot, parts, how=how, most=most, patience=patience, chain=chain, told=told,
-            marker=marker,
-        )  # fmt: skip
-    finally:
-        opened.close()
-
-
-def lines(result: dict[str, Any]) -> list[str]:
-    """What people read at the end."""
-    rows = [f"{result['status']}: {WORDS[result['status']]}"]
-    for fault in result["faults"]:
-        rows.append(f"  {fault['part']}: {fault['words']} ({100 * fault['confidence']:.1f} %)")
-        rows += [f"    or {other['words']} ({100 * other['confidence']:.1f} %)"
-                 for other in fault["alternatives"]]  # fmt: skip
-    if result["status"] != "healthy":
-        rows += [f"  perhaps {one['part']}: {one['words']} ({100 * one['confidence']:.1f} %)"
-                 for one in result["suspects"]]  # fmt: skip
-    for part, rest in result["rest"].items():
-        rows += _rest_lines(part, rest)
-    for part in result["parts"]:
-        chance = f"nothing (else) wrong: {100 * part['healthy']:.1f} %"
-        rows.append(f"  {part['part']}: {part['touches']} touches, {chance}")
-        if part["mute_taxels"]:
-            rows.append(f"    channels that never answered: {_some(part['mute_taxels'])}")
-    rows += [f"  note: {note}" for note in result["notes"]]
-    if result["next"] is not None and result["status"] in ("undecided", "faulty"):
-        rows.append(f"  next: {result['next']['words']}")
-    return [*rows, *result["files"]]
-
-
-def _rest_lines(part: str, rest: dict[str, Any] | None) -> list[str]:
-    if rest is None:
-        return [f"  {part}: no rest was recorded, so it says nothing"]
-    if not rest["tells"]:
-        return [f"  {part}: at rest too few channels change to tell anything"]
-    rows = []
-    if rest["stuck"]:
-        rows.append(f"  {part}: stuck channels: {_some(rest['stuck'])}")
-    if rest["given_twice"]:
-        pairs = [f"{a} = {b}" for a, b in rest["given_twice"]]
-        rows.append(f"  {part}: given twice: {_some(pairs)}")
-    return rows
-
-
-def _some(values: list[Any]) -> str:
-    words = ", ".join(map(str, values[:12]))
-    return words + (f" and {len(values) - 12} more" if len(values) > 12 else "")

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import logsumexp
 
+from calibration.wiring.answer_model import THRESHOLD
 from calibration.wiring.boards import Boards, Wiring
-from calibration.wiring.evidence import THRESHOLD, Witness
+from calibration.wiring.evidence import Witness
 from calibration.wiring.faults import Fault, Hypotheses, all_faults
 from calibration.wiring.places import AGAIN, Candidates, Chooser, candidates
 from calibration.wiring.rest import RestFindings
-from calibration.wiring.touch import Touch
+from calibration.wiring.touches import Touch
 from skinmap.arrays import BoolArray, FloatArray
 from skinmap.errors import InvalidArrayError
 

@@ -12,65 +12,33 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
+from calibration.wiring.answer_model import (
+    HAND_FEW,
+    HAND_MANY,
+    HAND_MANY_FROM,
+    HAND_RINGS,
+    NEAR,
+    PLACE,
+    SHAPES,
+    TABLE,
+    TIMING,
+    level_of,
+    offsets,
+    step_of,
+    tangents,
+)
 from calibration.wiring.boards import Boards, Wiring, compose
 from calibration.wiring.faults import Hypotheses
-from calibration.wiring.touch import Touch
+from calibration.wiring.touches import Touch
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.triangles import unit
 
-PLACE = 4e-3  # error of a person's place, standard deviation an axis [m]
-THRESHOLD = 12.0  # counts above rest that are an answer, as `skinmap.touch.contacts.ACTIVE`
-SPIKE, DEAD = 0.004, 0.03  # chances that an untouched channel answers and a touched one does not
-SPREAD = 0.6  # of the logarithm of an answer: gains of 15 to 40 %, and the model's own error
 MISS, AIR = 0.03, 0.01  # chances that a touch is somewhere else, and that it touches nothing
 SILENCE = 5.0  # most that a silent module's silence says for its being mute, a touch [nats]
 ODD = 1e-4  # chance of an answer that no model foresaw: what one touch can say is bounded by it
-TIMING = 0.12  # error of when a stroke comes by, in its duration
-SHAPES = ((4.5e-3, 80.0), (6e-3, 50.0), (6e-3, 150.0), (8.5e-3, 200.0))  # width [m], force [counts]
 STROKE_SHAPES = ((5e-3, 80.0), (7e-3, 170.0))
-NEAR = 32e-3  # sites further from a touch do not answer [m]
 PEAKS = 6  # of the strongest answers: where a touch may have been that missed its place
-LEVELS = 9  # of an answer: none, and eight from the threshold to 255 counts
-STEPS = 48  # of an expected answer, logarithmic
-LOWEST = 1.0  # expected answers below are none [counts]
-# A hand, by the distance of a module's middle from the palm's [m]: chances of few and many taxels.
-HAND_RINGS = np.array([20e-3, 40e-3, 60e-3, 80e-3, 110e-3])
-HAND_FEW = np.array([0.22, 0.28, 0.30, 0.25, 0.12, 0.02])
-HAND_MANY = np.array([0.66, 0.52, 0.30, 0.15, 0.05, 0.003])
-HAND_MANY_FROM = 3  # taxels of a module
-
-
-def _table() -> FloatArray:
-    """(LEVELS, STEPS + 1) log chance of each level for each expected answer, none first."""
-    edges = np.geomspace(THRESHOLD, 255.0, LEVELS)
-    log_edges = np.log(edges)
-    expected = np.concatenate([[1e-6], np.geomspace(LOWEST, 400.0, STEPS)])
-    z = (log_edges[:, None] - np.log(expected)[None]) / SPREAD
-    below = ndtr(z)
-    inside = np.diff(below, axis=0)
-    inside[-1] += 1.0 - below[-1]  # saturated
-    felt = (1.0 - DEAD) * inside + SPIKE / (LEVELS - 1)
-    none = 1.0 - felt.sum(axis=0)
-    return np.log(np.maximum(np.vstack([none[None], felt]), 1e-12)).astype(np.float32)
-
-
-TABLE = _table()
-STEP = np.log(400.0 / LOWEST) / (STEPS - 1)
-
-
-def level_of(response: FloatArray) -> IntArray:
-    """(n,) level of each answer; 0 for none."""
-    size = np.log(np.maximum(response, THRESHOLD) / THRESHOLD) / np.log(255.0 / THRESHOLD)
-    level = 1 + np.floor(size * (LEVELS - 1)).astype(np.int64)
-    return np.asarray(np.where(response < THRESHOLD, 0, np.minimum(level, LEVELS - 1)))
-
-
-def step_of(log_expected: FloatArray) -> IntArray:
-    """Column of `TABLE` for logarithms of expected answers [counts]; NaN is none."""
-    step = (log_expected - np.float32(np.log(LOWEST))) * np.float32(1.0 / STEP) + 1.5
-    return np.asarray(np.fmin(np.fmax(step, 0.0), STEPS), np.int16)  # fmax: NaN is none
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -207,9 +175,9 @@ class Witness:
             free = self._anywhere(level, 1.0)
             if free is None:
                 return None
-            shift, _ = _offsets(0.5)  # between taxels, too
+            shift, _ = offsets(0.5)  # between taxels, too
             places, chance = free
-            axes = np.stack([self._axes(place) for place in places[:, 0]])
+            axes = np.stack([tangents(self.boards, place) for place in places[:, 0]])
             points = (places + np.einsum("sa,oai->osi", shift, axes)).reshape(-1, 1, 3)
             weight = np.repeat(chance, len(shift)) - np.log(len(shift))
             return points, weight, np.zeros(len(points), bool)
@@ -217,8 +185,9 @@ class Witness:
             points, weight = self._strokes(touch.path)
             return points, weight, np.ones(len(points), bool)
         place = touch.path[0]
-        shift, weight = _offsets()
-        points = place + shift @ self._axes(place)
+        shift, weight = offsets()
+        axes = tangents(self.boards, place)
+        points = place + shift @ axes
         elsewhere = self._anywhere(level, MISS)
         if elsewhere is None:
             return points[:, None], weight, np.ones(len(points), bool)
@@ -243,7 +212,7 @@ class Witness:
     def _strokes(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Strokes beside the one asked for: both ends off to a side."""
         along = unit((path[-1] - path[0])[None])[0]
-        normal = self._axes(path[len(path) // 2], normal=True)[2]
+        normal = np.cross(*tangents(self.boards, path[len(path) // 2]))
         side = unit(np.cross(normal, along)[None])[0]
         share = np.linspace(0.0, 1.0, len(path))
         off = np.array([-8e-3, -4e-3, 0.0, 4e-3, 8e-3])
@@ -252,15 +221,6 @@ class Witness:
         points = path + lateral[..., None] * side
         weight = -0.5 * (first**2 + last**2) / PLACE**2
         return points, weight - np.log(np.exp(weight).sum())
-
-    def _axes(self, place: FloatArray, *, normal: bool = False) -> FloatArray:
-        """(2, 3) directions along the skin at a place; with `normal` a third one, outward."""
-        nearest = int(np.argmin(np.linalg.norm(self.boards.table.positions - place, axis=1)))
-        out = self.boards.normals[nearest]
-        helper = np.eye(3)[np.argmin(np.abs(out))]
-        first = unit(np.cross(out, helper)[None])[0]
-        axes = np.stack([first, np.cross(out, first)])
-        return np.vstack([axes, out]) if normal else axes
 
     def _near(self, points: FloatArray) -> IntArray:
         flat = points.reshape(-1, 3)
@@ -341,13 +301,14 @@ class Witness:
         level = self._levels(touch)
         count = (level > 0).sum(axis=1)
         kind = np.where(count == 0, 0, np.where(count < HAND_MANY_FROM, 1, 2))
-        shift, weight = _offsets(3.0)
+        shift, weight = offsets(3.0)
         place = touch.path[0]
-        points = place + shift @ self._axes(place)
+        axes = tangents(self.boards, place)
+        points = place + shift @ axes
         away = np.linalg.norm(self.centres[None] - points[:, None], axis=2)
         near = np.flatnonzero((away.min(axis=0) < HAND_RINGS[-1]) & (self.owner >= 0))
         ring = np.searchsorted(HAND_RINGS, away[:, near])
-        facing = self.boards.outward[near] @ self._axes(place, normal=True)[2] > -0.3
+        facing = self.boards.outward[near] @ np.cross(*axes) > -0.3
         ring = np.where(facing, ring, len(HAND_RINGS))
         none = 1.0 - HAND_FEW - HAND_MANY
         chances = np.log(np.stack([none, HAND_FEW, HAND_MANY]))
@@ -434,15 +395,6 @@ def _compose(after: int, before: int) -> int:
 
 def _relevant(moves: dict[int, int]) -> tuple[IntArray, IntArray]:
     return np.array(list(moves), np.int64), np.array(list(moves.values()), np.int64)
-
-
-def _offsets(scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
-    """(o, 2) errors of a place on a grid and their log chances."""
-    steps = scale * 5e-3 * np.arange(-3, 4)
-    grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    grid = grid[np.linalg.norm(grid, axis=1) < scale * 14.5e-3]
-    weight = -0.5 * (grid**2).sum(axis=1) / (scale * PLACE) ** 2
-    return grid, weight - np.log(np.exp(weight).sum())
 
 
 def _to_paths(points: FloatArray, slots: FloatArray) -> tuple[FloatArray, FloatArray]:

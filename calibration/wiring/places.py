@@ -5,6 +5,10 @@ only: the chance that the next answer shows one, times what that would be worth.
 have become probable are told from each other by a bound on the mutual information that needs
 pairwise overlaps only (Kolchinsky and Tracey, "Estimating mixture entropy with pairwise distances",
 Entropy 19, 2017, with Bhattacharyya's overlap).
+
+A module alone cannot say whether its board is turned or the finger was off to a side. Its
+neighbours can, as they answer the same finger; so the error of the place is summed over jointly for
+all modules that a poke lights, and places where several modules meet tell most.
 """
 
 from __future__ import annotations
@@ -14,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from calibration.wiring.boards import Boards, Wiring, conjugate
-from calibration.wiring.evidence import (
+from calibration.wiring.answer_model import (
     HAND_FEW,
     HAND_MANY,
     HAND_RINGS,
@@ -24,11 +27,12 @@ from calibration.wiring.evidence import (
     SPIKE,
     TABLE,
     TIMING,
-    _offsets,
+    offsets,
     step_of,
+    tangents,
 )
+from calibration.wiring.boards import Boards, Wiring, conjugate
 from calibration.wiring.faults import Fault, Hypotheses
-from calibration.wiring.telling import tangents, telling
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.distances import bridged_graph
 from skinmap.geometry.log_map import log_map
@@ -44,6 +48,8 @@ WORTH = 9.0  # most that showing a fault is worth [nats]
 ENOUGH = 6.0  # evidence for a board laid otherwise beyond which a poke is worth no more [nats]
 MISSED = 0.03  # chance that a module does not answer, however well it was aimed at
 AGAIN = 8e-3  # touches so near each other are one place [m]
+POKES = ((6e-3, 50.0), (6e-3, 150.0))  # width [m] and force [counts] of the pokes reckoned with
+OVERLAP_DIMENSIONS = 4  # that the overlaps of answers are laid out in
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -94,7 +100,7 @@ def candidates(boards: Boards, how: str) -> Candidates:
         answers, silent, arrivals = _finger_answers(boards, paths)
     laid = np.zeros((0, 5, len(boards)))
     if how == "poke" and boards.turnable:
-        laid = telling(boards, middles, ENOUGH)
+        laid = _telling(boards, middles)
     return Candidates(how, tuple(paths), middles, answers, silent, arrivals, laid)
 
 
@@ -159,7 +165,7 @@ def _finger_answers(
     spread = np.linspace(-2.0, 2.0, 5)
     weight = np.exp(-0.5 * spread**2)
     weight /= weight.sum()
-    grid, log_weight = _offsets()
+    grid, log_weight = offsets()
     for row, path in enumerate(paths):
         away = np.linalg.norm(boards.centres[:, None] - path[None], axis=2).min(axis=1)
         near = np.flatnonzero(away < NEAR)
@@ -198,6 +204,57 @@ def _hand_answers(boards: Boards, middles: FloatArray) -> FloatArray:
     first = (boards.columns >= 0).argmax(axis=1)
     answers[:, np.arange(len(boards)), first] = (HAND_FEW + HAND_MANY)[ring]
     return answers
+
+
+def _layout() -> FloatArray:
+    """(STEPS + 1, d) points whose squared distances are -log of the overlaps of two answers.
+
+    Torgerson's classical scaling; then the overlap of many answers is one matrix product.
+    """
+    chance = np.exp(TABLE.astype(np.float64))
+    square = -np.log(np.minimum(np.sqrt(chance).T @ np.sqrt(chance), 1.0))
+    centred = square - square.mean(axis=0) - square.mean(axis=1)[:, None] + square.mean()
+    values, vectors = np.linalg.eigh(-0.5 * centred)
+    top = np.argsort(-values)[:OVERLAP_DIMENSIONS]
+    return np.asarray(vectors[:, top] * np.sqrt(np.maximum(values[top], 0.0)), np.float32)
+
+
+POINTS = _layout()
+
+
+def _telling(boards: Boards, places: FloatArray) -> FloatArray:
+    """(c, 5, m) evidence that pokes at places (c, 3) bring where a site's board is laid otherwise.
+
+    The elements are those of `boards.ELEMENTS` but the first. In nats, at most `ENOUGH`, in the
+    mean over where the finger really was.
+    """
+    found = np.zeros((len(places), 5, len(boards)))
+    grid, log_weight = offsets()
+    shapes = np.array(POKES)
+    weight = np.tile(np.exp(log_weight), len(shapes)) / len(shapes)
+    for row, place in enumerate(places):
+        near = np.flatnonzero(np.linalg.norm(boards.centres - place, axis=1) < NEAR)
+        if len(near) == 0:
+            continue
+        points = place + grid @ tangents(boards, place)
+        gap = boards.places[near][None] - points[:, None, None, None]  # (o, b, 6, k, 3)
+        square = (gap**2).sum(axis=-1)
+        size = np.log(shapes[:, 1])[:, None, None, None, None] - 0.5 * (
+            square[None] / (shapes[:, 0] ** 2)[:, None, None, None, None]
+        )
+        laid = POINTS[step_of(size)]  # (s, o, b, 6, k, d)
+        laid = laid * (boards.columns[near] >= 0)[:, None, :, None]
+        q = len(weight)
+        laid = laid.reshape(q, len(near), 6, -1).transpose(1, 2, 0, 3)  # (b, 6, q, k d)
+        norm = (laid**2).sum(axis=-1)
+        cross = laid @ laid[:, :1].transpose(0, 1, 3, 2)
+        apart = norm[..., None] + norm[:, :1, None, :] - 2.0 * cross  # (b, 6, q, q)
+        whole = apart[:, 0].sum(axis=0)
+        rest = whole - apart[:, 0]
+        own = -np.log(np.exp(-whole) @ weight)
+        other = -np.log(np.exp(-(rest[:, None] + apart[:, 1:])) @ weight + 1e-30)  # (b, 5, q)
+        found[row][:, near] = (np.clip(2.0 * (other - own), 0.0, ENOUGH) @ weight).T
+    return found
 
 
 class Chooser:

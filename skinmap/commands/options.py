@@ -96,11 +96,13 @@ def try_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path 
     return out
 
 
-def out_folder(of: str) -> Callable[[F], F]:
+def out_folder(of: str, *, required: bool = False) -> Callable[[F], F]:
     """`--out`, with what the folder is for; tried before any work is done."""
     return click.option(
+        "-o",
         "--out",
         type=click.Path(path_type=Path, file_okay=False),
+        required=required,
         callback=try_folder,
         help=f"Folder for {of}.",
     )

@@ -24,6 +24,8 @@ else:
 
 PAGE, REFUSED_PAGE = "report.html", "refused.html"
 Number = Callable[[float], float]
+Write = Callable[[Path], Iterable[str]]
+Page = Callable[[Path], str]
 
 
 def present(
@@ -32,8 +34,8 @@ def present(
     *,
     as_json: bool,
     out: Path | None = None,
-    write: Callable[[Path], Iterable[str]] | None = None,
-    page: Callable[[Path], str] | None = None,
+    write: Write | None = None,
+    page: Page | None = None,
     verdict: Verdict | None = None,
     number: Number = decimals,
 ) -> None:
@@ -68,10 +70,7 @@ def present(
         from skinmap.io.output import staged_folder
 
         with staged_folder(out) as stage:
-            files = [] if refused or write is None else list(write(stage))
-            if page is not None:
-                files.append(REFUSED_PAGE if refused else PAGE)
-                (stage / files[-1]).write_text(page(stage), encoding="utf-8")
+            files = write_files(stage, refused, write, page)
         result = dataclasses.replace(result, files=files)
     if as_json:
         emit(result, number)
@@ -81,6 +80,15 @@ def present(
             click.echo(str(file if out is None else out / file))
     if refused:
         raise SystemExit(REFUSED_CODE)
+
+
+def write_files(stage: Path, refused: bool, write: Write | None, page: Page | None) -> list[str]:
+    """Write into a folder what belongs to a result, of a refused one its page alone; the names."""
+    files = [] if refused or write is None else list(write(stage))
+    if page is not None:
+        files.append(REFUSED_PAGE if refused else PAGE)
+        (stage / files[-1]).write_text(page(stage), encoding="utf-8")
+    return files
 
 
 def show(lines: Iterable[str | Table]) -> None:

@@ -18,7 +18,8 @@ from msgspec import UNSET, UnsetType
 
 T = TypeVar("T")
 
-# Metadata of a field that holds a mapping of further keys of the object itself.
+# Metadata of a field that holds further keys of the object itself: a mapping, or a result whose
+# keys all are there or none.
 MERGED = {"merged": True}
 
 
@@ -71,8 +72,10 @@ def _fields(value: Any, number: Callable[[float], float]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for field in dataclasses.fields(value):
         item = getattr(value, field.name)
+        if item is UNSET:
+            continue
         if field.metadata == MERGED:
             found |= plain(item, number)
-        elif item is not UNSET:
+        else:
             found[key_of(field)] = plain(item, number)
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 from collections.abc import Iterator, Sequence
 from inspect import cleandoc
@@ -37,7 +38,7 @@ def result_schema(title: str, types: Sequence[type], extra: type | None = None) 
     _, made = msgspec.json.schema_components(
         everything, schema_hook=_hook, ref_template="#/$defs/{name}"
     )
-    objects = {name: _closed(schema, classes[name]) for name, schema in made.items()}
+    objects = {name: _closed(name, made, classes) for name in made}
     tops = [objects.pop(one.__name__) for one in types]
     if extra is not None:
         more = objects.pop(extra.__name__)["properties"]
@@ -49,6 +50,8 @@ def result_schema(title: str, types: Sequence[type], extra: type | None = None) 
         head |= {"anyOf": [{"title": kind.__name__, **top} for kind, top in named]}
     else:
         head |= tops[0]
+    printed = json.dumps([head, objects])  # what was merged into others is not referred to
+    objects = {name: one for name, one in objects.items() if f'"#/$defs/{name}"' in printed}
     return head | ({"$defs": objects} if objects else {})
 
 
@@ -67,8 +70,9 @@ def field_texts(kind: type) -> dict[str, str]:
     return texts
 
 
-def _closed(schema: dict[str, Any], kind: type) -> dict[str, Any]:
+def _closed(name: str, made: dict[str, Any], classes: dict[str, type]) -> dict[str, Any]:
     """The schema of one dataclass with its words, and without room for other keys."""
+    schema, kind = made[name], classes[name]
     texts = field_texts(kind)
     properties: dict[str, Any] = {}
     rest: Any = False
@@ -77,7 +81,10 @@ def _closed(schema: dict[str, Any], kind: type) -> dict[str, Any]:
             raise TypeError(f"{kind.__name__}.{field.name} is not described in its docstring")
         found = schema["properties"][field.name]
         found.pop("default", None)
-        if field.metadata == MERGED:
+        if field.metadata == MERGED and "$ref" in found:
+            inner = _closed(found["$ref"].rpartition("/")[2], made, classes)
+            properties = inner["properties"] | properties
+        elif field.metadata == MERGED:
             rest = {**found["additionalProperties"], "description": texts[field.name]}
         else:
             properties[key_of(field)] = {**found, "description": texts[field.name]}

@@ -12,7 +12,7 @@ import pytest
 import skinmap
 from benchmarks.calibration.self_touch_rows import world
 from calibration.commands.self_touch_words import judge, notes_of
-from calibration.mount.self_touch import self_touch
+from calibration.mount.skin_contacts import self_touch
 
 NAO = Path(__file__).parents[3] / "shared" / "data" / "nao"
 FINGER, LEFT, RIGHT, HAND = "right_finger", "left_forearm", "right_forearm", "right_hand"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calibration.commands.anchor_session import AnchorSession
+from calibration.commands.options import PatchOptions
 from calibration.files.anchor_table import Anchor, read_anchor_table, write_anchor_table
 from calibration.files.tables import BoardTable
 from skinmap.errors import InvalidArrayError
@@ -102,22 +105,24 @@ def test_a_solution_of_earlier_anchors_is_called_stale(session, bent):
 
 def test_saving_a_doubtful_patch_keeps_what_was_there(session, bent, tmp_path):
     pick(session, bent, bent.corners)
-    good = session.save(tmp_path)
-    assert good["files"] == ["taxels.csv", "report.html", "anchors.csv"]
+    options = PatchOptions(out=tmp_path)
+    good = session.save(options)
+    assert good.files == ("taxels.csv", "report.html", "anchors.csv")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     for taxel in bent.corners[1:]:
         session.remove(int(taxel))
     pick(session, bent, [1, 8, 9])
-    doubtful = session.save(tmp_path)
-    assert doubtful["status"] != "ok"
-    assert doubtful["files"] == ["refused.html", "refused_anchors.csv"]
+    doubtful = session.save(options)
+    assert session.found is not None
+    assert session.found.status != "ok"
+    assert doubtful.files == ("refused.html", "refused_anchors.csv")
     assert {name: (tmp_path / name).read_bytes() for name in before} == before
     assert "not accepted" in session.message
-    assert "taxels.csv" in session.save(tmp_path, accept=True)["files"]
+    assert "taxels.csv" in session.save(replace(options, accept=True)).files
 
 
 def test_saving_nothing_writes_nothing(session, tmp_path):
-    assert session.save(tmp_path / "out")["files"] == []
+    assert session.save(PatchOptions(out=tmp_path / "out")).files == ()
 
 
 @pytest.mark.parametrize("stated", [True, False])

@@ -11,7 +11,7 @@ from scipy.special import expit
 
 from calibration import Chain, Plane, PlaneContacts, fit_plane, robot_chain
 from calibration.commands import calibrate
-from calibration.commands.plane_job import read_planes
+from calibration.commands.plane import read_planes
 from calibration.files.plane_files import read_plane_evidence
 from calibration.plane.model import PlaneProblem, patch_of
 from calibration.plane.poses import pressing_poses

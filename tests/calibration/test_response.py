@@ -240,7 +240,7 @@ def test_response_remembers_the_skin(tmp_path, icub):
     assert result["status"] == "ok"  # one unfit channel is named, not a fault of the skin
     assert result["unfit"] == [3]
     assert result["health"]["ok"] == len(skin) - 1
-    assert result["files"] == ["report.html", "response.npz"]
+    assert result["files"] == ["response.npz", "report.html"]
     response = load_response(tmp_path / "out" / "response.npz", fingerprint=result["fingerprint"])
     np.testing.assert_array_equal(response.modules, skin.modules)
     np.testing.assert_allclose(response.apply(np.full((1, len(skin)), 65.0))[0, 5], 5.0, atol=0.2)

@@ -154,7 +154,8 @@ def test_scan_command_writes_a_pose_and_a_report(tmp_path, bracket, rng):
     (tmp_path / "taxels.csv").write_text("channel,x,y,z,sigma\n" + "\n".join(rows) + "\n")
     seen_too = [*words, "--units", "mm", "--taxels", str(tmp_path / "taxels.csv")]
     done = CliRunner().invoke(cli, [*seen_too, "--format", "icub"])
-    assert json.loads(done.stdout)["files"][2:] == ["taxels.csv", "taxels.txt"]
+    files = ["pose.json", "taxels.csv", "taxels.txt", "report.html"]
+    assert json.loads(done.stdout)["files"] == files
     table, icub = (read_taxels(tmp_path / "out" / f"taxels.{kind}") for kind in ("csv", "txt"))
     T = np.array(kept["T_mesh_scan"])
     # The command prints six digits.

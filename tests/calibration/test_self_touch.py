@@ -15,7 +15,7 @@ from calibration.commands import calibrate
 from calibration.files.part_files import load_part_touches
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.pairing import side_of
-from calibration.mount.self_touch import taxel_covariance
+from calibration.mount.skin_contacts import taxel_covariance
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.taxels.readers import read_taxels
@@ -378,7 +378,7 @@ def test_selftouch_writes_mounts_and_taxels(touched, tmp_path):
     assert result["rms_mm"]["before"] > 5 * result["rms_mm"]["after"]
     assert result["split_shift_mm"] < 1.0
     assert result["dropped"] == []
-    assert result["files"] == ["mounts.json", "report.html", "taxels_arm.csv"]
+    assert result["files"] == ["mounts.json", "taxels_arm.csv", "report.html"]
     table = read_taxels(tmp_path / "out" / "taxels_arm.csv")
     places = transform_points(true["arm"].mount, true["arm"].taxels)
     # As in the fit itself: the middle of a contact lies 0.7 mm below the bent sheet.

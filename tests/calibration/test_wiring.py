@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from calibration.files.asked_places import write_places
 from calibration.wiring.boards import GROUP, Wiring, boards_of, compose
 from calibration.wiring.channel_map import corrected, write_map
 from calibration.wiring.doctor import Doctor
+from calibration.wiring.examination import Plan
 from calibration.wiring.faults import KINDS, Fault, parse_fault
-from calibration.wiring.job import examine_live
+from calibration.wiring.live_examination import examine_live
 from calibration.wiring.person import Patient, Person
-from calibration.wiring.places_file import write_places
 from calibration.wiring.rest import judge_rest
-from calibration.wiring.samples import Baseline, find_touches, make_touch
+from calibration.wiring.touches import Baseline, find_touches, make_touch
 from skinmap.cli.main import cli
 from skinmap.errors import (
     DataFormatError,
@@ -416,13 +417,13 @@ def test_live_touches_are_heard_until_ctrl_c(boards, base, patient, icub):
         doctor.hear(make_touch(level.answers(blocks[-1]), "poke", path))
         blocks.append(person.rest(48))  # to a whole number of blocks of ten
     told = []
-    how = {"how": "poke", "most": 30, "patience": 30.0, "told": told.append}
-    found = examine_live(Robot(np.concatenate(blocks), KeyboardInterrupt()), icub, [PART], **how)
+    plan = Plan(told=told.append)
+    found = examine_live(Robot(np.concatenate(blocks), KeyboardInterrupt()), icub, [PART], plan)
     assert len(found.cases[0].doctor.touches) == 4
     assert "interrupted" in told
     assert found.notes[-1].startswith("interrupted")
     with pytest.raises(InvalidArrayError, match="ended before"):
-        examine_live(Robot(np.concatenate(blocks), SourceEnded()), icub, [PART], **how)
+        examine_live(Robot(np.concatenate(blocks), SourceEnded()), icub, [PART], plan)
 
 
 def test_a_map_is_never_written_over_another(tmp_path, boards):

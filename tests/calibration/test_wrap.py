@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration import Status, wrap_layout
-from calibration.patch.next_places import best_next
+from calibration.patch.status import best_next
 from skinmap.errors import InvalidArrayError, InvalidMeshError, SkinError
 
 TIGHT = 0.1e-3  # anchors as good as a measuring arm's [m]

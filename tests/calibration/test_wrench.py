@@ -185,7 +185,7 @@ def test_wrench_reads_csv_as_it_reads_npz_and_writes_icub_tables(rng, tmp_path):
         result = CliRunner().invoke(calibrate, ["wrench", *map(str, words), "--json"])
         assert result.exit_code == 0, result.output
         found = json.loads(result.stdout)
-        assert found["files"] == ["mounts.json", "report.html", "taxels.csv", "taxels.txt"]
+        assert found["files"] == ["mounts.json", "taxels.csv", "taxels.txt", "report.html"]
         assert "long axis" in found["weakest"] or "lifts" in found["weakest"]
         assert (out / "report.html").read_text().count("data:image/png;base64,") == 2
         tables.append((out / "taxels.csv").read_bytes())

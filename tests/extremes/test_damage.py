@@ -34,7 +34,7 @@ NO_READERS = {
     "skinmap.cli.flatten.options.read_channels": "words of a command line, tested with the command",
     "skinmap.classify.classifier_options.read_size": "a word of a profile, tested with the knobs",
     "skinmap.cli.structures.read_radius": "words of a command line, tested with it",
-    "calibration.commands.plane_job.read_planes": "words of a command line, tested with it",
+    "calibration.commands.plane.read_planes": "words of a command line, tested with it",
     "skinmap.io.text.read_text": "under every reader of text",
     "skinmap.io.robots.manifest.load_fields": "under read_manifest",
     "viewer.inputs.read_responses": "load_response, by name",

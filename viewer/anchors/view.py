@@ -1,20 +1,21 @@
 """The calibration view: a flat board beside its link, clicks that become anchors, the patch.
 
-All of it works without a screen; `calibration_window.py` adds mouse, keys and the loop.
+All of it works without a screen; `window.py` adds mouse, keys and the loop.
 """
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.commands.anchor_session import AnchorSession
-from calibration.commands.patch_job import MM
+from calibration.commands.anchor_session import AnchorSession, SavedAnchors
+from calibration.commands.options import PatchOptions
+from calibration.commands.results import MM
 from skinmap.errors import SkinError
 from viewer.anchors.board import BoardPanel
 from viewer.anchors.link import LinkPicture
@@ -44,10 +45,8 @@ class CalibrationView:
     window_size : (int, int)
         [px].
     off_screen : bool
-    out : Path, optional
-        Folder that `w` saves to.
-    formats : tuple of str
-        More formats to save in.
+    options : PatchOptions
+        What `w` saves, and where.
     """
 
     def __init__(
@@ -56,12 +55,11 @@ class CalibrationView:
         *,
         window_size: tuple[int, int] = SIZE,
         off_screen: bool = True,
-        out: Path | None = None,
-        formats: tuple[str, ...] = (),
+        options: PatchOptions = PatchOptions(),  # noqa: B008  (frozen)
     ) -> None:
-        self.session, self.out, self.formats = session, out, formats
+        self.session, self.options = session, options
         self.closed = False
-        self.saved: dict[str, Any] | None = None
+        self.saved: SavedAnchors | None = None
         self.solve: Callable[[], None] = self.solve_now  # a window does it beside itself,
         self.finish: Callable[[], object] = lambda: None  # and waits for that before it saves
         self.mouse: object = None  # what turns events into clicks and keys, kept alive here
@@ -172,12 +170,13 @@ class CalibrationView:
 
     def save(self, *, accept: bool = False) -> None:
         """Write the results; what goes wrong is said in the picture."""
-        if self.out is None:
+        if self.options.out is None:
             self.session.message = "nowhere to save to: start with -o FOLDER"
             return
         self.finish()
+        options = replace(self.options, accept=accept or self.options.accept)
         try:
-            self.saved = self.session.save(self.out, formats=self.formats, accept=accept)
+            self.saved = self.session.save(options)
         except SkinError as error:
             self.session.message = str(error)
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-from calibration.commands.batch_job import read_batch
+from calibration.commands.batch import read_batch
 from calibration.files.anchor_table import load_link, load_wrap, read_anchor_table
 from calibration.files.tables import (
     read_anchors,
@@ -220,7 +220,7 @@ TARGETS = [
            (f"{CAL}.read_touches",), ON_BOARD),
     Target("points", "p.csv", lambda: [POINTS.encode()], read_points, (f"{CAL}.read_points",)),
     Target("batch", "b.csv", lambda: [BATCH], lambda p: read_batch(p, "mm", 1.0),
-           ("calibration.commands.batch_job.read_batch",)),
+           ("calibration.commands.batch.read_batch",)),
     Target("numbers", "n.csv", lambda: [b"1,2,3\n4,5,6\n"], lambda p: read_numbers(p, None),
            (f"{CAL}.read_numbers",)),
 ]  # fmt: skip

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.files.asked_places import read_places
 from calibration.files.mount_files import read_arrays, read_samples, read_wrenches
 from calibration.files.part_files import load_part_touches
 from calibration.files.plane_files import read_plane_evidence
@@ -17,7 +18,6 @@ from calibration.files.probe_file import read_probes
 from calibration.files.robot_touches import load_robot_touches
 from calibration.response.response import ResponseCalibration
 from calibration.response.response_file import load_response, save_response
-from calibration.wiring.places_file import read_places
 from skinmap import load_robot
 from skinmap.cache import Cache
 from skinmap.classify.check import planted_touches
@@ -247,7 +247,7 @@ TARGETS = [
     *both("presses", "p.npz", lambda: [presses()], lambda p: read_plane_evidence([p], arm()),
           ("calibration.files.plane_files.read_plane_evidence",)),
     Target("places", "places.csv", lambda: [PLACES], lambda p: read_places(p, "forearm"),
-           ("calibration.wiring.places_file.read_places",)),
+           ("calibration.files.asked_places.read_places",)),
     *both("self-touch-part", "part_A.npz", lambda: [part(0)],
           lambda p: load_part_touches([p.with_name("A_B.npz")]), (),
           {"A_B.npz": self_touch, "part_B.npz": lambda: part(1)}),

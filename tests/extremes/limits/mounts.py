@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.rigid_mount import fit_mount
-from calibration.mount.self_touch import SelfTouchFit, self_touch
+from calibration.mount.skin_contacts import SelfTouchFit, self_touch
 from calibration.mount.wrench import fit_wrench
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import transform_points

@@ -10,6 +10,7 @@ import trimesh
 from click.testing import CliRunner
 
 from calibration.commands.anchor_session import AnchorSession
+from calibration.commands.options import PatchOptions
 from calibration.files.tables import BoardTable
 from skinmap.cli.main import cli
 
@@ -46,7 +47,9 @@ def session(board, link):
 def view(opengl, session, tmp_path):
     from viewer.anchors.view import CalibrationView
 
-    made = CalibrationView(session, window_size=(900, 600), out=tmp_path / "out")
+    made = CalibrationView(
+        session, window_size=(900, 600), options=PatchOptions(out=tmp_path / "out")
+    )
     made.frame()
     yield made
     made.shut()

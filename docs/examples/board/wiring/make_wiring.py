@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 
 import skinmap
+from calibration.files.asked_places import write_places
 from calibration.wiring.boards import Wiring, boards_of
 from calibration.wiring.doctor import Doctor
 from calibration.wiring.faults import parse_fault
 from calibration.wiring.person import Patient, Person
-from calibration.wiring.places_file import write_places
-from calibration.wiring.samples import Baseline, make_touch
+from calibration.wiring.touches import Baseline, make_touch
 from skinmap.io.recordings.touch_files import save_recordings
 from skinmap.touch.recording import Recording
 

@@ -1,28 +1,120 @@
-"""Pictures of a calibrated patch: on its link, on its board, and what was measured against it."""
+"""The report of a calibrated patch: pictures, numbers and what to do next."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from calibration.commands.results import MM, PatchResult
+from calibration.files.tables import BoardTable
 from calibration.patch.patch_calibration import PatchCalibration
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.triangles import face_normals, unit
 from skinmap.report.figure import picture_bytes, plain_figure
+from skinmap.report.image import image
+from skinmap.report.page import facts, heading, note, page, paragraph, verdict_lines
 from skinmap.report.projection import View, draw_surface
+from skinmap.report.table import Table
 
-if TYPE_CHECKING:
-    from calibration.commands.patch_job import PatchResult
-
-MM = 1e3
+WORDS = {
+    "ok": "The patch may be used as it is.",
+    "low_coverage": "The evidence covers too little of the patch.",
+    "ambiguous": "What was measured does not settle where the patch is.",
+    "unobservable": "The patch can still move freely in some way.",
+}
 TURN = np.radians(50.0)  # of each of the two side views
 MARGIN = 12e-3  # round the patch: what of the link lies further is cut off [m]
 MAX_FACES = 30_000  # of the link: more cannot be seen at this size
 COLOURS = "viridis"
 MAX_NAMED = 24  # taxels with evidence that are named
 MAX_DOTS = 4000  # pairs whose strain is drawn
+
+
+def patch_page(
+    title: str,
+    result: PatchResult,
+    found: PatchCalibration,
+    board: BoardTable,
+    link: tuple[FloatArray, IntArray],
+    kind: str,
+) -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    title : str
+        What was laid on what.
+    result : PatchResult
+        What the command prints as JSON.
+    found : PatchCalibration
+    board : BoardTable
+        Seen from outside.
+    link : (v, 3) array of float [m], (f, 3) array of int
+    kind : str
+        "anchors" or "touches": what the patch was calibrated by.
+    """
+    rows = {int(channel): row for row, channel in enumerate(board.channels)}
+    taxels = np.array([rows[one.channel] for one in result.evidence], np.int64)
+    drawn = board_picture(found, board.layout, board.channels, {kind: taxels})
+    return page(
+        title,
+        [
+            verdict_lines(result.verdict(accept=False), WORDS[result.status]),
+            facts(_numbers(result)),
+            heading("On the link"),
+            image(patch_picture(found, link), "patch on its link, coloured by predicted error"),
+            heading("On the board"),
+            image(drawn, "board, by predicted error"),
+            paragraph(
+                f"Weakest direction: {result.weakest}. Measure next: channels "
+                f"{', '.join(map(str, result.next))}, in this order."
+            ),
+            heading("Predicted against measured"),
+            note(
+                f"Each of the {kind} where all others predict it, beside the error that is "
+                "expected there (bars, and black lines); and the strain of the sheet beside the "
+                "strain that a flat map of this place has (on the line where they agree)."
+            ),
+            image(judged_picture(result, found), "leave-one-out errors and strain"),
+            heading(kind.capitalize()),
+            _evidence(result).html(),
+        ],
+    )
+
+
+def _numbers(result: PatchResult) -> list[tuple[str, str]]:
+    sd, left, expected = (
+        result.predicted_mm, result.leave_one_out_mm, result.leave_one_out_expected_mm
+    )  # fmt: skip
+    return [
+        ("taxels", str(result.taxels)),
+        ("predicted error, median", f"{sd.median:.2f} mm"),
+        ("predicted error, 95 % of the taxels below", f"{sd.p95:.2f} mm"),
+        ("predicted error, worst taxel", f"{sd.max:.2f} mm"),
+        ("leave-one-out error, median (expected)",
+         f"{left.median:.2f} mm ({expected.median:.2f} mm)"),
+        ("leave-one-out error, worst (expected)", f"{left.max:.2f} mm ({expected.max:.2f} mm)"),
+        ("strain, rms (expected of a flat map of this place)",
+         f"{result.strain_percent:.2f} % ({result.expected_strain_percent:.2f} %)"),
+        ("strain that was not expected, rms", f"{result.unexpected_strain_percent:.2f} %"),
+        ("coverage: share of the patch inside the hull of the evidence",
+         f"{100 * result.coverage:.0f} %"),
+        ("scale of the body against the layout", f"{result.scale:.4f}"),
+        ("layout drawn from the other side", "yes" if result.mirrored else "no"),
+        ("mean height above the link", f"{result.height_mm:.2f} mm"),
+    ]  # fmt: skip
+
+
+def _evidence(result: PatchResult) -> Table:
+    columns = ("channel", "missed by [mm]", "left out, missed by [mm]", "expected [mm]", "misfit")
+    rows = [
+        (one.channel, round(one.missed_mm, 2), round(one.leave_one_out_mm, 2),
+         round(one.expected_mm, 2), round(one.misfit, 1))
+        for one in result.evidence
+    ]  # fmt: skip
+    return Table(columns, rows)
 
 
 def patch_picture(found: PatchCalibration, link: tuple[FloatArray, IntArray]) -> bytes:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from calibration.files.tables import read_cells
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, MissingFileError
 from skinmap.geometry.proximity import median_spacing
-from skinmap.io.text import is_file, parse_floats, read_text
+from skinmap.io.text import is_file, parse_floats
 
 COLUMNS = ("touch", "x", "y", "z")
 TIMES = ("start_s", "end_s")
@@ -47,38 +47,27 @@ def read_places(path: Path, part: str, unit: float = 1.0) -> list[AskedPlace]:
     """
     if not is_file(path):
         raise MissingFileError(path, f"places: CSV {','.join(COLUMNS)}[,part][,start_s,end_s]")
-    reader = csv.reader(read_text(path).splitlines())
-    names = [cell.strip() for cell in next(reader, [])]
-    extra = set(names) - set(COLUMNS) - set(TIMES) - {"part"}
+    names, lines, table = read_cells(path, COLUMNS, (*TIMES, "part"))
     timed = [name in names for name in TIMES]
-    if not set(COLUMNS) <= set(names) or extra or any(timed) != all(timed):
-        raise DataFormatError(
-            f"expected the header {','.join(COLUMNS)} and perhaps part or start_s,end_s, "
-            f"got {','.join(names)[:100]!r}", path, 1,
-        )  # fmt: skip
+    if any(timed) != all(timed):
+        raise DataFormatError(f"expected both of {','.join(TIMES)}, or neither", path, 1)
+    wanted = [*COLUMNS, *(TIMES if all(timed) else ())]
     found: dict[int, list[list[float]]] = {}
-    for row in reader:
-        if not row:
-            continue
-        if len(row) != len(names):
-            raise DataFormatError(f"expected {len(names)} columns, got {len(row)}", path,
-                                  reader.line_num)  # fmt: skip
+    for line, row in zip(lines, table, strict=True):
         cells = dict(zip(names, row, strict=True))
         if cells.pop("part", part).strip() != part:
             continue
-        wanted = [*COLUMNS, *(TIMES if all(timed) else ())]
-        numbers = parse_floats([cells[name] for name in wanted], path, reader.line_num)
+        numbers = parse_floats([cells[name] for name in wanted], path, line)
         if numbers[0] != int(numbers[0]):
-            raise DataFormatError(f"touch {cells['touch']!r} is no whole number", path,
-                                  reader.line_num)  # fmt: skip
+            raise DataFormatError(f"touch {cells['touch']!r} is no whole number", path, line)
         found.setdefault(int(numbers[0]), []).append(numbers[1:])
     if not found:
         raise DataFormatError(f"no place on {part!r}", path)
     places = []
     for number, rows in sorted(found.items()):
-        table = np.array(rows)
-        span = (float(table[0, 3]), float(table[0, 4])) if table.shape[1] > 3 else None
-        places.append(AskedPlace(number, table[:, :3] * unit, span))
+        points = np.array(rows)
+        span = (rows[0][3], rows[0][4]) if len(rows[0]) > 3 else None
+        places.append(AskedPlace(number, points[:, :3] * unit, span))
     return places
 
 

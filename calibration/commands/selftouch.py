@@ -1,0 +1,374 @@
+"""`skinmap calibrate selftouch`: mounts of patches, by a robot that touches itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import click
+
+from calibration.commands.options import (
+    FILE,
+    TABLES,
+    accept_option,
+    format_option,
+    loss_option,
+)
+from calibration.commands.results import MM, Calibrated, Matrix, Probe, grade, judged
+from skinmap.commands.options import open_robot, out_folder, outside_option, prints, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
+from skinmap.report.present import present
+
+if TYPE_CHECKING:
+    from calibration.commands.pages import Picture
+    from calibration.files.self_touch_files import SelfTouchData
+    from calibration.mount.rigid_mount import Loss
+    from calibration.mount.skin_contacts import SelfTouchFit
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TouchDistances:
+    """Root mean square distances between the middles of the active taxels of both sides.
+
+    Attributes
+    ----------
+    before
+        As it came.
+    after
+        Calibrated.
+    held_out
+        Of touches that the fit never saw.
+    """
+
+    before: float
+    after: float
+    held_out: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SelfTouchResult(Calibrated):
+    """Mounts of patches, by a robot that touches itself.
+
+    Attributes
+    ----------
+    robot, base
+        The robot and its root link; null without a robot.
+    calibrated
+        Chains whose mount was found.
+    events
+        Touches.
+    rms_mm
+        How far apart what touched is.
+    split_shift_mm
+        Of taxels between fits to two halves.
+    predicted_sd_mm
+        Median predicted error of the taxels, by chain.
+    dropped
+        Recordings that were left out.
+    inconsistent
+        Recordings that contradict the others.
+    medians_mm
+        Median distance of what touched, by recording.
+    standoffs_mm
+        How far skins stand apart, by recording.
+    mounts
+        T_link_patch [m], by chain.
+    probes
+        By name.
+    tips_mm
+        Of the probes, by name.
+    joint_offsets_deg
+        By joint; by column without a robot.
+    notes
+        What was left out, and what the touches cannot tell.
+    next
+        Channels to touch next, by chain.
+    seed
+        Of all randomness.
+    seconds
+        CPU time of the solution.
+    files
+        Inside `--out`.
+    """
+
+    robot: str | None
+    base: str | None
+    calibrated: list[str]
+    events: int
+    rms_mm: TouchDistances
+    split_shift_mm: float
+    predicted_sd_mm: dict[str, float]
+    dropped: list[str]
+    inconsistent: list[str]
+    medians_mm: dict[str, float]
+    standoffs_mm: dict[str, float]
+    mounts: dict[str, Matrix]
+    probes: dict[str, Probe]
+    tips_mm: dict[str, list[float]]
+    joint_offsets_deg: dict[str, float]
+    notes: list[str]
+    next: dict[str, list[int]]
+    seed: int
+    seconds: float
+    files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class SelfTouchOptions:
+    """What the command was asked for.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Chains whose mount is unknown; all with taxels where none is named.
+    joint_offsets : bool or None
+        Whether zeros of joints are unknown; with a robot they are where nobody says.
+    keep_all : bool
+    loss : {"linear", "cauchy"}
+    seed : int
+    """
+
+    names: tuple[str, ...] = ()
+    joint_offsets: bool | None = None
+    keep_all: bool = False
+    loss: Loss = "cauchy"
+    seed: int = 0
+
+
+@click.command("selftouch")
+@click.argument(
+    "recordings", nargs=-1, required=True, type=click.Path(path_type=Path),
+    metavar="RECORDING...",
+)  # fmt: skip
+@click.option(
+    "--robot",
+    help="Robot that touched itself; without it, its parts are read from beside the recordings.",
+)
+@outside_option
+@click.option(
+    "--probes", "probe_file", type=FILE,
+    help="Fingertips without taxels (TOML); probes.toml beside the recordings by default.",
+)  # fmt: skip
+@click.option(
+    "--calibrate", "names", multiple=True,
+    help="Part whose mount is unknown; may be repeated. All that were touched by default.",
+)  # fmt: skip
+@click.option(
+    "--joint-offsets/--no-joint-offsets", default=None,
+    help="Find zero positions of the joints as well; done by default with --robot.",
+)  # fmt: skip
+@click.option("--keep-all", is_flag=True, help="Keep recordings that contradict the rest.")
+@click.option("--drop-inconsistent", is_flag=True, hidden=True)
+@loss_option
+@out_folder("mounts, taxels and the report")
+@format_option(TABLES)
+@accept_option()
+@seed_option
+@profile_option()
+@prints(SelfTouchResult)
+def selftouch(
+    recordings: tuple[Path, ...],
+    robot: str | None,
+    probe_file: Path | None,
+    names: tuple[str, ...],
+    joint_offsets: bool | None,
+    keep_all: bool,
+    drop_inconsistent: bool,
+    loss: str,
+    out: Path | None,
+    formats: tuple[str, ...],
+    accept: bool,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Mounts of skin patches from a robot that touches itself: RECORDING files, or a folder.
+
+    Writes mounts.json, a table of taxels (in the frame of their link, with covariances) for each
+    part, and report.html. Where the status is not ok, only refused.html is written and the exit
+    code is 3, unless --accept. A recording that contradicts the others is left out.
+
+    \b
+    Example:  skinmap calibrate selftouch touches.mcap --robot icub -o out
+    """
+    if keep_all and drop_inconsistent:
+        raise click.UsageError("--keep-all and --drop-inconsistent exclude each other")
+    options = SelfTouchOptions(names, joint_offsets, keep_all, cast("Loss", loss), seed)
+    with progress(1, "calibrate") as advance:
+        advance("self-touch")
+        data = _load(recordings, robot, probe_file)
+        result, fit = work(data, options)
+    present(
+        result,
+        _lines,
+        as_json=as_json,
+        out=out,
+        write=lambda folder: _write(data, fit, formats, folder),
+        page=lambda _: _page(data, fit, result),
+        verdict=result.verdict(accept=accept),
+    )
+
+
+def _load(recordings: Sequence[Path], robot: str | None, probes: Path | None) -> SelfTouchData:
+    if robot is None:
+        from calibration.files.part_files import load_part_touches
+
+        return load_part_touches(recordings, probes)
+    from calibration.files.robot_touches import load_robot_touches
+
+    loaded, _ = open_robot(robot, ())
+    return load_robot_touches(recordings, loaded, probes)
+
+
+def work(data: SelfTouchData, options: SelfTouchOptions) -> tuple[SelfTouchResult, SelfTouchFit]:
+    """Fit mounts to recordings of self-touch, and judge them."""
+    import numpy as np
+
+    from calibration.commands.self_touch_words import judge
+    from calibration.mount.skin_contacts import self_touch
+
+    skins = tuple(name for name, one in data.chains.items() if not one.is_probe)
+    asked = tuple(_chain(data, name) for name in options.names)
+    joints = options.joint_offsets
+    start = time.process_time()
+    fit = self_touch(
+        data.recordings,
+        data.chains,
+        calibrate=asked or skins,
+        joint_offsets=bool(data.robot) if joints is None else joints,
+        loss=options.loss,
+        keep_all=options.keep_all,
+        rng=np.random.default_rng(options.seed),
+    )
+    seconds = time.process_time() - start
+    return _result(data, fit, judge(data, fit, asked), asked, options.seed, seconds), fit
+
+
+def _chain(data: SelfTouchData, name: str) -> str:
+    """A chain by its name, or by that of the link that only it is on."""
+    on_link = [chain for chain, link in data.links.items() if link == name]
+    return on_link[0] if name not in data.chains and len(on_link) == 1 else name
+
+
+def _result(
+    data: SelfTouchData,
+    fit: SelfTouchFit,
+    found: Sequence[tuple[str, str]],
+    asked: Sequence[str],
+    seed: int,
+    seconds: float,
+) -> SelfTouchResult:
+    import numpy as np
+
+    from calibration.commands.self_touch_words import next_taxels, notes_of, predicted, probe_words
+
+    sd = {name: float(np.median(predicted(data.chains[name], fit))) for name in fit.mounts}
+    return SelfTouchResult(
+        status=grade(found[0][0]) if found else "ok",
+        reasons=[reason for _, reason in found],
+        robot=data.robot or None,
+        base=data.base or None,
+        calibrated=list(fit.mounts),
+        events=sum(map(len, data.recordings)),
+        rms_mm=TouchDistances(
+            before=MM * fit.rms_before, after=MM * fit.rms_after, held_out=MM * fit.held_out
+        ),
+        split_shift_mm=MM * fit.split_shift,
+        predicted_sd_mm={name: MM * value for name, value in sd.items()},
+        dropped=list(fit.dropped),
+        inconsistent=list(fit.inconsistent),
+        medians_mm={name: MM * value for name, value in fit.medians.items()},
+        standoffs_mm={name: MM * value for name, value in fit.standoffs.items()},
+        mounts={name: mount.tolist() for name, mount in fit.mounts.items()},
+        probes=probe_words(data, fit),
+        tips_mm={name: (MM * tip).tolist() for name, tip in fit.tips.items()},
+        joint_offsets_deg={
+            name: float(np.rad2deg(value)) for name, value in _offsets(data, fit).items()
+        },
+        notes=notes_of(data, fit, asked),
+        next=next_taxels(data, fit),
+        seed=seed,
+        seconds=seconds,
+    )
+
+
+def _offsets(data: SelfTouchData, fit: SelfTouchFit) -> dict[str, float]:
+    """Zeros of joints [rad] by joint, without a robot by column."""
+    return {
+        data.joints[joint] if data.robot else str(joint): value
+        for joint, value in fit.joint_offsets.items()
+    }
+
+
+def _write(
+    data: SelfTouchData, fit: SelfTouchFit, formats: Sequence[str], folder: Path
+) -> list[str]:
+    from calibration.commands.self_touch_words import placed
+    from calibration.files.mount_files import write_mounts, write_tables
+
+    found = {"mounts": fit.mounts, "tips": fit.tips, "joint_offsets": _offsets(data, fit)}
+    files = [write_mounts(found, folder / "mounts.json")]
+    for name in fit.mounts:
+        files += write_tables(
+            *placed(data.chains[name], fit), folder / f"taxels_{name}.csv", formats=formats
+        )
+    return files
+
+
+def _page(data: SelfTouchData, fit: SelfTouchFit, result: SelfTouchResult) -> str:
+    from calibration.commands.pages import PLACED, distance_picture, judged_page, taxel_picture
+    from calibration.commands.self_touch_words import placed, predicted
+
+    rows = [
+        ("distance of what touched, as it came (rms)", f"{result.rms_mm.before:.2f} mm"),
+        ("calibrated", f"{result.rms_mm.after:.2f} mm"),
+        ("held-out error: touches that the fit never saw", f"{result.rms_mm.held_out:.2f} mm"),
+        ("taxels move between fits to two halves by", f"{result.split_shift_mm:.2f} mm"),
+        *((f"median of {name}", f"{value:.2f} mm") for name, value in result.medians_mm.items()),
+        ("left out", ", ".join(fit.dropped) or "nothing"),
+        *(("note", note) for note in result.notes),
+    ]
+    pictures: list[Picture] = []
+    for name in fit.mounts:
+        rows += _chain_rows(data, fit, name, result)
+        _, places, _ = placed(data.chains[name], fit)
+        sd = predicted(data.chains[name], fit)
+        pictures.append((f"{name} on its link", taxel_picture(places, sd), PLACED))
+    words = "Distance between the middles of the active taxels of both sides."
+    pictures.append(("Touches", distance_picture(fit.distances_before, fit.distances), words))
+    title = f"Self-touch: {', '.join(fit.mounts)}"
+    return judged_page(title, result.verdict(accept=False), rows, pictures)
+
+
+def _chain_rows(
+    data: SelfTouchData, fit: SelfTouchFit, name: str, result: SelfTouchResult
+) -> list[tuple[str, str]]:
+    """Coverage, weakest direction and what to touch next of one chain, in words."""
+    from calibration.commands.self_touch_words import placed, touched
+    from calibration.patch.status import weak_direction
+
+    _, places, covariance = placed(data.chains[name], fit)
+    share = 100 * touched(data, fit, name).mean()
+    return [
+        (f"{name}: taxels that were touched", f"{share:.0f} %"),
+        (f"{name}: predicted error, median", f"{result.predicted_sd_mm[name]:.2f} mm"),
+        (f"{name}: weakest direction", f"the patch {weak_direction(places, covariance)}"),
+        (f"{name}: touch next", f"taxels {', '.join(map(str, result.next[name]))}"),
+    ]
+
+
+def _lines(result: SelfTouchResult) -> Iterator[str]:
+    rms = result.rms_mm
+    yield from judged(result)
+    yield (
+        f"{', '.join(result.calibrated)}: {rms.before:.2f} -> {rms.after:.2f} mm rms, "
+        f"held out {rms.held_out:.2f} mm"
+    )
+    yield f"taxels move by {result.split_shift_mm:.2f} mm between fits to two halves"
+    for name, sd in result.predicted_sd_mm.items():
+        yield f"{name}: predicted error {sd:.2f} mm"
+    yield f"left out: {', '.join(result.dropped) or 'nothing'}"
+    yield from (f"note: {note}" for note in result.notes)

@@ -1,0 +1,232 @@
+"""`skinmap calibrate wrench`: the mount of a patch, by the lines of forces that were felt."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from calibration.commands.options import (
+    FILE,
+    TABLES,
+    accept_option,
+    format_option,
+    loss_option,
+    units_option,
+)
+from calibration.commands.results import MM, Calibrated, Matrix, Spread, judged
+from skinmap.commands.options import out_folder, prints, seed_option
+from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
+from skinmap.report.present import present
+
+if TYPE_CHECKING:
+    from calibration.files.mount_files import WrenchTouches
+    from calibration.mount.rigid_mount import MountFit
+    from skinmap.arrays import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WrenchResult(Calibrated):
+    """The mount of a patch, by the lines of forces.
+
+    Attributes
+    ----------
+    touches
+        How many.
+    rms_mm
+        Distance of points from their lines, root mean square.
+    cross_validation_mm
+        The same of touches that the fit never saw; null for fewer than 10 touches.
+    predicted_sd_mm
+        Predicted error of the taxels.
+    weakest
+        How the patch could still move most easily.
+    mount
+        T_link_patch [m].
+    seed
+        Of all randomness.
+    seconds
+        CPU time of the solution.
+    files
+        Inside `--out`.
+    """
+
+    touches: int
+    rms_mm: float
+    cross_validation_mm: float | None
+    predicted_sd_mm: Spread
+    weakest: str
+    mount: Matrix
+    seed: int
+    seconds: float
+    files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PlacedPatch:
+    """A fitted mount, the touches it came of, and the covariances (n, 3, 3) of its taxels [m2]."""
+
+    touches: WrenchTouches
+    fit: MountFit
+    covariance: FloatArray
+
+
+@click.command("wrench")
+@click.argument("touches", type=FILE)
+@units_option("all lengths in the file; moments are newton times this unit")
+@click.option(
+    "--point-mm", type=click.FloatRange(min=0, min_open=True), default=3.0, show_default=True,
+    help="Error of where the skin was pressed.",
+)  # fmt: skip
+@click.option(
+    "--moment-mnm", type=click.FloatRange(min=0, min_open=True), default=5.0, show_default=True,
+    help="Error of a moment [mN m].",
+)  # fmt: skip
+@loss_option
+@click.option("--taxels", type=FILE, help="Taxels of the patch: CSV `channel,x,y,z`.")
+@out_folder("the mount, taxels and the report")
+@format_option(TABLES)
+@accept_option()
+@seed_option
+@profile_option()
+@prints(WrenchResult)
+def wrench(
+    touches: Path,
+    units: str,
+    point_mm: float,
+    moment_mnm: float,
+    loss: str,
+    taxels: Path | None,
+    out: Path | None,
+    formats: tuple[str, ...],
+    accept: bool,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """The mount of a rigid patch from the lines of the forces that a force/torque sensor felt.
+
+    TOUCHES is an .npz file with `points (m, 3)` (middle of the active taxels, in the frame of the
+    patch), `frames (m, 4, 4)` (link in the sensor's frame), `forces (m, 3)` [N], `moments (m, 3)`
+    [N m], and perhaps `taxels (n, 3)` of the patch; or a CSV `touch,x,y,z,fx,fy,fz,mx,my,mz`, with
+    `t11` to `t34` (rows of the frame) where the link moves. Without taxels no table is written.
+
+    \b
+    Example:  skinmap calibrate wrench touches.npz -o out
+    """
+    from calibration.files.mount_files import read_wrenches
+    from skinmap.io.units import UNITS
+
+    how = {"loss": loss, "point_sigma": 1e-3 * point_mm, "moment_sigma": 1e-3 * moment_mnm}
+    with progress(1, "calibrate") as advance:
+        advance("wrenches")
+        result, placed = work(read_wrenches(touches, UNITS[units], taxels), how, seed)
+    name = touches.stem
+    present(
+        result,
+        _lines,
+        as_json=as_json,
+        out=out,
+        write=lambda folder: _write(name, placed, formats, folder),
+        page=lambda _: _page(name, placed, result),
+        verdict=result.verdict(accept=accept),
+    )
+
+
+def work(
+    touches: WrenchTouches, how: dict[str, Any], seed: int
+) -> tuple[WrenchResult, PlacedPatch]:
+    """Fit a mount to lines of force, and judge it."""
+    import numpy as np
+
+    from calibration.mount.rigid_mount import point_covariance
+    from calibration.mount.wrench import fit_wrench, held_out_error
+    from calibration.patch.status import weak_direction
+    from skinmap.geometry.proximity import median_spacing
+    from skinmap.geometry.rigid import transform_points
+
+    given = touches.points, touches.frames, touches.forces, touches.moments
+    start = time.process_time()
+    fit = fit_wrench(*given, **how)
+    held_out = held_out_error(*given, np.random.default_rng(seed), **how)
+    seconds = time.process_time() - start
+    skin = touches.points if touches.taxels is None else touches.taxels
+    covariance = point_covariance(fit.mount, skin, fit.covariance)
+    sd = np.sqrt(np.einsum("nii->n", covariance))
+    half = how["point_sigma"]
+    if touches.taxels is not None:
+        half = median_spacing(skin[np.isfinite(skin).all(axis=1)]) / 2
+    reasons = []
+    if np.median(sd) > half:
+        _, vectors = np.linalg.eigh(covariance.mean(axis=0))
+        along = ", ".join(f"{value:.2f}" for value in vectors[:, -1])
+        reasons = [
+            f"taxels are known to {MM * np.median(sd):.1f} mm only, half a pitch is "
+            f"{MM * half:.1f} mm; least along ({along}) of the link: press from other sides"
+        ]
+    result = WrenchResult(
+        status="unobservable" if reasons else "ok",
+        reasons=reasons,
+        touches=len(touches.points),
+        rms_mm=MM * fit.rms,
+        cross_validation_mm=None if held_out is None else MM * held_out,
+        predicted_sd_mm=Spread.of(MM * sd),
+        weakest=weak_direction(transform_points(fit.mount, skin), covariance),
+        mount=fit.mount.tolist(),
+        seed=seed,
+        seconds=seconds,
+    )
+    return result, PlacedPatch(touches, fit, covariance)
+
+
+def _write(name: str, placed: PlacedPatch, formats: Sequence[str], folder: Path) -> list[str]:
+    from calibration.files.mount_files import write_mounts, write_tables
+    from skinmap.geometry.rigid import transform_points
+
+    files = [write_mounts({"mounts": {name: placed.fit.mount}}, folder / "mounts.json")]
+    if placed.touches.taxels is None:
+        return files
+    taxels = transform_points(placed.fit.mount, placed.touches.taxels)
+    table = folder / "taxels.csv"
+    return files + write_tables(
+        placed.touches.channels, taxels, placed.covariance, table, formats=formats
+    )
+
+
+def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:
+    import numpy as np
+
+    from calibration.commands.pages import PLACED, distance_picture, judged_page, taxel_picture
+    from skinmap.geometry.rigid import transform_points
+
+    sd, held_out = result.predicted_sd_mm, result.cross_validation_mm
+    rows = [
+        ("touches", str(result.touches)),
+        ("points miss their lines by (rms)", f"{result.rms_mm:.2f} mm"),
+        ("held-out error: touches that the fit never saw",
+         "too few touches" if held_out is None else f"{held_out:.2f} mm"),
+        ("predicted error, median", f"{sd.median:.2f} mm"),
+        ("predicted error, worst", f"{sd.max:.2f} mm"),
+        ("weakest direction", f"the patch {result.weakest}"),
+        ("touch next", "from another side, best where the error below is largest"),
+    ]  # fmt: skip
+    touches, fit = placed.touches, placed.fit
+    skin = touches.points if touches.taxels is None else touches.taxels
+    errors = np.sqrt(np.einsum("nii->n", placed.covariance))
+    words = "Distance of each pressed point from the line of its force."
+    pictures = [
+        ("On the link", taxel_picture(transform_points(fit.mount, skin), errors), PLACED),
+        ("Touches", distance_picture(None, fit.residuals), words),
+    ]
+    return judged_page(f"Wrenches: {name}", result.verdict(accept=False), rows, pictures)
+
+
+def _lines(result: WrenchResult) -> Iterator[str]:
+    sd = result.predicted_sd_mm
+    yield from judged(result)
+    yield f"{result.touches} touches, {result.rms_mm:.2f} mm rms from their lines"
+    yield f"predicted error: median {sd.median:.2f} mm, worst {sd.max:.2f} mm"

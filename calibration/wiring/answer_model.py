@@ -1,0 +1,77 @@
+"""What a touch of skin sends: chances of an answer's size where one is expected.
+
+Shared by what judges answers (`evidence`) and what chooses the next place (`places`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtr
+
+from calibration.wiring.boards import Boards
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.triangles import unit
+
+PLACE = 4e-3  # error of a person's place, standard deviation an axis [m]
+THRESHOLD = 12.0  # counts above rest that are an answer, as `skinmap.touch.contacts.ACTIVE`
+SPIKE, DEAD = 0.004, 0.03  # chances that an untouched channel answers and a touched one does not
+SPREAD = 0.6  # of the logarithm of an answer: gains of 15 to 40 %, and the model's own error
+TIMING = 0.12  # error of when a stroke comes by, in its duration
+SHAPES = ((4.5e-3, 80.0), (6e-3, 50.0), (6e-3, 150.0), (8.5e-3, 200.0))  # width [m], force [counts]
+NEAR = 32e-3  # sites further from a touch do not answer [m]
+LEVELS = 9  # of an answer: none, and eight from the threshold to 255 counts
+STEPS = 48  # of an expected answer, logarithmic
+LOWEST = 1.0  # expected answers below are none [counts]
+# A hand, by the distance of a module's middle from the palm's [m]: chances of few and many taxels.
+HAND_RINGS = np.array([20e-3, 40e-3, 60e-3, 80e-3, 110e-3])
+HAND_FEW = np.array([0.22, 0.28, 0.30, 0.25, 0.12, 0.02])
+HAND_MANY = np.array([0.66, 0.52, 0.30, 0.15, 0.05, 0.003])
+HAND_MANY_FROM = 3  # taxels of a module
+
+
+def _table() -> FloatArray:
+    """(LEVELS, STEPS + 1) log chance of each level for each expected answer, none first."""
+    edges = np.geomspace(THRESHOLD, 255.0, LEVELS)
+    log_edges = np.log(edges)
+    expected = np.concatenate([[1e-6], np.geomspace(LOWEST, 400.0, STEPS)])
+    z = (log_edges[:, None] - np.log(expected)[None]) / SPREAD
+    below = ndtr(z)
+    inside = np.diff(below, axis=0)
+    inside[-1] += 1.0 - below[-1]  # saturated
+    felt = (1.0 - DEAD) * inside + SPIKE / (LEVELS - 1)
+    none = 1.0 - felt.sum(axis=0)
+    return np.log(np.maximum(np.vstack([none[None], felt]), 1e-12)).astype(np.float32)
+
+
+TABLE = _table()
+STEP = np.log(400.0 / LOWEST) / (STEPS - 1)
+
+
+def level_of(response: FloatArray) -> IntArray:
+    """(n,) level of each answer; 0 for none."""
+    size = np.log(np.maximum(response, THRESHOLD) / THRESHOLD) / np.log(255.0 / THRESHOLD)
+    level = 1 + np.floor(size * (LEVELS - 1)).astype(np.int64)
+    return np.asarray(np.where(response < THRESHOLD, 0, np.minimum(level, LEVELS - 1)))
+
+
+def step_of(log_expected: FloatArray) -> IntArray:
+    """Column of `TABLE` for logarithms of expected answers [counts]; NaN is none."""
+    step = (log_expected - np.float32(np.log(LOWEST))) * np.float32(1.0 / STEP) + 1.5
+    return np.asarray(np.fmin(np.fmax(step, 0.0), STEPS), np.int16)  # fmax: NaN is none
+
+
+def offsets(scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """(o, 2) errors of a place on a grid and their log chances."""
+    steps = scale * 5e-3 * np.arange(-3, 4)
+    grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    grid = grid[np.linalg.norm(grid, axis=1) < scale * 14.5e-3]
+    weight = -0.5 * (grid**2).sum(axis=1) / (scale * PLACE) ** 2
+    return grid, weight - np.log(np.exp(weight).sum())
+
+
+def tangents(boards: Boards, place: FloatArray) -> FloatArray:
+    """(2, 3) directions along the skin at a place (3,)."""
+    nearest = int(np.argmin(np.linalg.norm(boards.table.positions - place, axis=1)))
+    out = boards.normals[nearest]
+    first = unit(np.cross(out, np.eye(3)[np.argmin(np.abs(out))])[None])[0]
+    return np.stack([first, np.cross(out, first)])

@@ -1,0 +1,372 @@
+"""One run of the doctor: the rest of a skin, then touches one after the other, to the last word."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from calibration.files.asked_places import check_places, read_places
+from calibration.wiring.answer_model import THRESHOLD
+from calibration.wiring.boards import CHAIN, Boards, Wiring, boards_of
+from calibration.wiring.doctor import Doctor
+from calibration.wiring.faults import Fault, parse_fault
+from calibration.wiring.person import Patient, Person
+from calibration.wiring.rest import FEWEST, RestFindings, judge_rest
+from calibration.wiring.touches import Baseline, find_touches, make_touch, untouched
+from skinmap.arrays import FloatArray
+from skinmap.errors import DataFormatError, UnknownNameError
+from skinmap.skin.robot import Robot
+
+if TYPE_CHECKING:
+    from skinmap.io.recordings.recorded_stream import RecordedStream
+
+MM = 1e3
+ENOUGH = 0.02  # a place that would tell less is not worth a touch [nats]
+REST_SECONDS = 8.0
+REST_MOST = 3000  # samples of a recording's rest that are judged
+HANDS = {"whole_hand", "forearm", "three_finger", "full_finger", "edge", "cylinder", "hand"}
+Answers = Mapping[str, FloatArray]  # (t, n) by part [counts]
+
+
+class Marker(Protocol):
+    """Shows on the body where to touch next: the viewer's, found by its entry point."""
+
+    def show(self, part: str, path: FloatArray, words: str) -> None:
+        """Mark a place (p, 3) of a part [m], with a line of words."""
+
+    def feed(self, part: str, answers: FloatArray) -> None:
+        """Show answers (n,) of a part [counts]."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
+class Plan:
+    """How a skin is examined.
+
+    Attributes
+    ----------
+    how : str
+        Kind of touch.
+    most : int
+        Touches that are asked for.
+    patience : float
+        How long a live touch is waited for [s].
+    chain : int
+        Modules on one connector.
+    seed : int
+        Of a simulated person.
+    told : callable
+        Gets a line for people now and then.
+    marker : Marker or None
+    """
+
+    how: str = "poke"
+    most: int = 30
+    patience: float = 30.0
+    chain: int = CHAIN
+    seed: int = 0
+    told: Callable[[str], None] = lambda _: None
+    marker: Marker | None = None
+
+
+@dataclass(eq=False)
+class Case:
+    """One part under examination.
+
+    Attributes
+    ----------
+    part : str
+    doctor : Doctor
+    rest : RestFindings or None
+    places_known : bool
+    """
+
+    part: str
+    doctor: Doctor
+    rest: RestFindings | None = None
+    places_known: bool = True
+
+    @property
+    def boards(self) -> Boards:
+        """Of the part."""
+        return self.doctor.boards
+
+    def take_rest(self, samples: FloatArray) -> None:
+        """Judge samples (t, n) at rest, where there are enough."""
+        if len(samples) >= FEWEST:
+            self.rest = judge_rest(samples, self.boards)
+            self.doctor.rest(self.rest)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Examination:
+    """Result of all parts.
+
+    Attributes
+    ----------
+    source, robot, how : str
+    cases : tuple of Case
+    planted : mapping of str to tuple of Fault
+        Of the simulated skin, by part.
+    notes : tuple of str
+        What could not be told.
+    """
+
+    source: str
+    robot: str
+    how: str
+    cases: tuple[Case, ...]
+    planted: Mapping[str, tuple[Fault, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def open_cases(robot: Robot, parts: Sequence[str], plan: Plan) -> dict[str, Case]:
+    """A doctor for each part."""
+    return {part: Case(part, Doctor.of(boards_of(robot, part, chain=plan.chain))) for part in parts}
+
+
+def next_touch(cases: Mapping[str, Case], how: str) -> tuple[str, FloatArray, float] | None:
+    """Part and path (p, 3) [m] that tell most, and how much; None where nothing is left to ask."""
+    best: tuple[str, FloatArray, float] | None = None
+    for part, case in cases.items():
+        path, gain = case.doctor.next_place(how)
+        if best is None or gain > best[2]:
+            best = part, path, gain
+    return best if best is not None and best[2] > ENOUGH else None
+
+
+def ask(
+    cases: Mapping[str, Case],
+    plan: Plan,
+    touched: Callable[[str, FloatArray], Answers | None],
+) -> Iterator[str]:
+    """Name one place after the other, and hear what answers; gives the places where nothing did."""
+    for number in range(1, plan.most + 1):
+        asked = next_touch(cases, plan.how)
+        if asked is None:
+            break
+        part, path, _ = asked
+        words = place_words(cases[part].boards, path, plan.how)
+        plan.told(f"{number}. {words}")
+        if plan.marker is not None:
+            plan.marker.show(part, path, words)
+        heard = touched(part, path)
+        if heard is None:
+            yield words
+            heard = {part: np.zeros((1, len(cases[part].boards.table)))}
+        _hear(cases[part], heard[part], plan.how, path, plan)
+
+
+def _hear(case: Case, answers: FloatArray, how: str, path: FloatArray | None, plan: Plan) -> None:
+    touch = make_touch(answers, how, path)
+    new = case.doctor.hear(touch)
+    felt = touch.response > THRESHOLD
+    modules = np.unique(case.boards.table.modules[felt]).tolist()
+    which = f"module{'s' * (len(modules) > 1)} {', '.join(map(str, modules))}"
+    plan.told(f"   answered: {int(felt.sum())} channels of {which if modules else 'no module'}")
+    for found in new:
+        plan.told(f"   {found.fault.words(case.boards)} ({100 * found.confidence:.1f} %)")
+
+
+def concluded(
+    source: str,
+    robot: Robot,
+    plan: Plan,
+    cases: Mapping[str, Case],
+    planted: Mapping[str, tuple[Fault, ...]],
+    notes: Sequence[str] = (),
+) -> Examination:
+    """Result, with what is certainly wrong though not sure which fault it is."""
+    for case in cases.values():
+        for found in case.doctor.conclude():
+            plan.told(f"   {found.fault.words(case.boards)} ({100 * found.confidence:.1f} %)")
+    return Examination(source, robot.name, plan.how, tuple(cases.values()), planted, tuple(notes))
+
+
+# The simulated skin.
+
+
+def examine_simulated(
+    robot: Robot, parts: Sequence[str], planted: Sequence[str], plan: Plan
+) -> Examination:
+    """Plant faults in a simulated skin and let a simulated person touch where asked.
+
+    `planted` are words as `calibration.wiring.faults.parse_fault` reads them, for the first part,
+    or for another one as `part/swap:3,7`.
+    """
+    cases = open_cases(robot, parts, plan)
+    faults = _planted(planted, cases)
+    people: dict[str, Person] = {}
+    level: dict[str, Baseline] = {}
+    for number, (part, case) in enumerate(cases.items()):
+        wiring = Wiring.as_mapped(case.boards)
+        for fault in faults.get(part, ()):
+            wiring = fault.apply(wiring, case.boards)
+        rng = np.random.default_rng([plan.seed, number])
+        people[part] = Person(Patient(robot.skin(part)), rng, wiring.sources(case.boards))
+        rest = people[part].rest(round(50 * REST_SECONDS)).astype(np.float64)
+        case.take_rest(rest)
+        level[part] = Baseline.of(rest, "pressure")
+
+    def touched(part: str, path: FloatArray) -> Answers:
+        person = people[part]
+        sent = {"poke": person.poke, "hand": person.hold}.get(plan.how)
+        samples = person.stroke(path) if sent is None else sent(path[0])
+        answers = level[part].answers(samples)
+        if plan.marker is not None:
+            plan.marker.feed(part, answers.max(axis=0))
+        return {part: answers}
+
+    for _ in ask(cases, plan, touched):
+        pass  # a simulated skin always answers
+    return concluded("sim", robot, plan, cases, faults)
+
+
+def _planted(words: Sequence[str], cases: Mapping[str, Case]) -> dict[str, tuple[Fault, ...]]:
+    faults: dict[str, tuple[Fault, ...]] = {}
+    for word in words:
+        part, slash, rest = word.rpartition("/")
+        part = part if slash else next(iter(cases))
+        if part not in cases:
+            raise UnknownNameError("part", part, cases)
+        faults[part] = (*faults.get(part, ()), parse_fault(rest, cases[part].boards))
+    return faults
+
+
+# Recordings.
+
+
+def examine_recording(
+    path: Path,
+    robot: Robot,
+    parts: Sequence[str],
+    plan: Plan,
+    *,
+    places: Path | None,
+    unit: float = 1.0,
+) -> Examination:
+    """Examine a recording of somebody who touched the skin.
+
+    Raises
+    ------
+    SkinMismatchError
+        Samples of another length than the skin.
+    DataFormatError
+        No touches in it, NaN, or places that do not belong to it.
+    """
+    from skinmap.live.sources.open_recording import open_track
+    from skinmap.live.sources.skins import check_skin
+
+    track = open_track(path, robot=robot)
+    for part in parts:
+        if part not in track.parts:
+            raise UnknownNameError(f"part in {path}", part, track.parts)
+    there = tuple(parts) or track.parts
+    info = track.info
+    for part in there:
+        robot.part(part)
+    check_skin(info, robot)
+    cases = open_cases(robot, there, plan)
+    notes: list[str] = []
+    for part, case in cases.items():
+        values = np.asarray(track.values[:], np.float64)[:, info.part_slice(part)]
+        if not np.isfinite(values).all():
+            raise DataFormatError(f"samples of {part!r} hold NaN or infinity", path)
+        if values.shape[1] != len(case.boards.table):
+            values = values[:, case.boards.table.channels]
+        case.places_known = places is not None
+        notes += _examine_part(case, values, track, path, places, unit, plan)
+    if not any(case.doctor.touches for case in cases.values()):
+        notes.append("the recording holds no touch: only the rest was judged")
+    return concluded(path.name, robot, plan, cases, {}, notes)
+
+
+def _examine_part(
+    case: Case,
+    values: FloatArray,
+    track: RecordedStream,
+    path: Path,
+    places: Path | None,
+    unit: float,
+    plan: Plan,
+) -> list[str]:
+    """Rest and touches of one part; what could not be told."""
+    first = Baseline.of(values[: max(10, min(len(values), 100))], track.kind)
+    marked = [t for t in track.touches if t.part == case.part and t.last >= t.first]
+    if marked:
+        spans = np.array([[touch.first, touch.last] for touch in marked])
+    else:
+        spans = find_touches(Baseline.of(values, track.kind).answers(values))
+    quiet = values[untouched(len(values), spans)][:REST_MOST]
+    case.take_rest(quiet)
+    base = Baseline.of(quiet, track.kind) if len(quiet) >= 10 else first
+    labels = [touch.label for touch in marked] or [""] * len(spans)
+    asked: list[FloatArray | None] = [None] * len(spans)
+    if places is not None:
+        rows = read_places(places, case.part, unit)
+        check_places(rows, case.boards.table.positions, case.part, places)
+        if all(row.span is not None for row in rows):
+            spans = np.array([np.searchsorted(track.times, row.span or (0.0, 0.0)) for row in rows])
+            spans[:, 1] = np.maximum(spans[:, 1] - 1, spans[:, 0])
+            if spans.max(initial=0) >= len(values):
+                raise DataFormatError(f"times of touches lie beyond {path.name}", places)
+            labels = [""] * len(rows)
+        elif len(rows) != len(spans):
+            raise DataFormatError(
+                f"places for {len(rows)} touches, {path.name} holds {len(spans)} on "
+                f"{case.part!r}; give start_s,end_s where some were not felt", places,
+            )  # fmt: skip
+        asked = [row.path for row in rows]
+    used = 0
+    for (begin, end), label, place in zip(spans.tolist(), labels, asked, strict=True):
+        kind = "hand" if label in HANDS else plan.how
+        if place is not None and len(place) > 1:
+            kind = "stroke"
+        if place is None and kind != "poke":
+            continue  # without its place only a poke is small enough to tell something
+        used += 1
+        _hear(case, base.answers(values[begin : end + 1]), kind, place, plan)
+    return _untold(case, len(spans) - used)
+
+
+def _untold(case: Case, left_out: int) -> list[str]:
+    """What the touches of a recording cannot tell."""
+    notes = []
+    if left_out:
+        notes.append(f"{case.part}: {left_out} touches left out: too large to tell anything "
+                     "without their places")  # fmt: skip
+    if case.doctor.touches and not case.places_known:
+        notes.append(
+            f"{case.part}: no places are known: a fault shows only where a touch lies across "
+            "modules; mute modules, and swaps that no touch straddled, cannot be told"
+        )
+    return notes
+
+
+def place_words(boards: Boards, path: FloatArray, how: str) -> str:
+    """Where to touch, for people: the nearest taxels by channel and module."""
+    spots = []
+    for point in (path[0], path[-1]) if len(path) > 1 else (path[0],):
+        away = np.linalg.norm(boards.table.positions - point, axis=1)
+        order = np.argsort(away)
+        nearest = int(order[0])
+        other = next((int(row) for row in order[1:12]
+                      if boards.table.modules[row] != boards.table.modules[nearest]
+                      and away[row] < away[nearest] + 4e-3), None)  # fmt: skip
+        x, y, z = (MM * point).tolist()
+        words = f"module {boards.table.modules[nearest]}"
+        if other is not None:
+            words = f"between modules {boards.table.modules[nearest]} and " + str(
+                boards.table.modules[other]
+            )
+        spots.append(f"{words} ({x:.0f}, {y:.0f}, {z:.0f} mm)")
+    if how == "stroke":
+        return f"stroke {boards.part} from {spots[0]} to {spots[-1]}"
+    verb = "poke" if how == "poke" else "lay a hand on"
+    return f"{verb} {boards.part}: {spots[0]}"
