@@ -17,7 +17,7 @@ img, video { max-width: 100%; } .note { color: #5b6773; }
 div.wide { overflow-x: auto; }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
 th, td { padding: 0.2rem 0.8rem; text-align: right; border-bottom: 1px solid #e3e7eb; }
-th.text, td.text { text-align: left; }
+td { white-space: nowrap; } th.text, td.text { text-align: left; } td.text { white-space: normal; }
 .cards { display: flex; flex-wrap: wrap; gap: 1rem; }
 .card { background: #f3f6f9; border-radius: 6px; padding: 0.6rem 1rem; }
 .card b { display: block; font-size: 1.5rem; }

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from skinmap.errors import OutputError
-from skinmap.io.output import staged_file, staged_folder
+from skinmap.io.output import check_folder, staged_file, staged_folder
 
 
 def test_staged_folder_moves_files_and_leaves_nothing_else(tmp_path):
@@ -64,3 +64,16 @@ def test_staged_file_refuses_a_missing_folder_and_a_folder(tmp_path):
         pytest.fail("the body must not run")
     with pytest.raises(OutputError, match="it is a folder"), staged_file(tmp_path):
         pytest.fail("the body must not run")
+
+
+def test_check_folder_leaves_nothing_behind(tmp_path):
+    check_folder(tmp_path / "a" / "b")
+    check_folder(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("below", ["", "deeper", "deeper/still"])
+def test_check_folder_refuses_a_file_on_the_way(tmp_path, below):
+    (tmp_path / "f").write_text("")
+    with pytest.raises(OutputError, match="cannot write to the folder"):
+        check_folder(tmp_path / "f" / below)

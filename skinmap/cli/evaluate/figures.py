@@ -81,7 +81,7 @@ def patches_figure(result: CrossPatchResult, path: Path) -> None:
     patches = list(result.patches)
     rows = result.rows
     values = np.array([[100.0 * row.per_patch[name] for name in patches] for row in rows])
-    figure = plain_figure((2.8 + 0.45 * len(patches), 2.6 + 0.55 * len(rows)))
+    figure = plain_figure((max(2.8 + 0.45 * len(patches), 6.5), 2.8 + 0.55 * len(rows)))
     axis = figure.subplots()
     image = axis.imshow(values, cmap="viridis", vmin=0.0, vmax=100.0, aspect="auto")
     for (row, column), value in np.ndenumerate(values):
@@ -93,7 +93,9 @@ def patches_figure(result: CrossPatchResult, path: Path) -> None:
     axis.set_yticks(range(len(rows)), labels)
     trained = result.train_robot
     how = f"trained on {trained}" if trained else "trained on all other patches"
-    axis.set_title(f"{result.robot}: touches named right on each patch [%], {how} (simulated)")
+    figure.suptitle(
+        f"{result.robot}: touches named right on each patch [%]\n{how} (simulated)", fontsize=11
+    )
     figure.colorbar(image, ax=axis, pad=0.01)
     save_figure(figure, path)
 
