@@ -92,11 +92,12 @@ if TYPE_CHECKING:
     from skinmap.skin.skin import Skin
     from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
     from skinmap.touch.codebook import Codebook as Codebook
-    from skinmap.touch.codebook import histograms, learn_codebook
+    from skinmap.touch.codebook import learn_codebook
     from skinmap.touch.contact_image import contact_image
     from skinmap.touch.contacts import find_contacts
     from skinmap.touch.recording import Recording as Recording
     from skinmap.touch.simulator import simulate
+    from skinmap.touch.votes import histograms
     from viewer.picture import show
     from viewer.scene import Scene
 
@@ -121,7 +122,7 @@ _NAMES = {
     "fit_plane": "calibration.plane.fit",
     "fit_wrench": "calibration.mount.wrench",
     "flatten": "skinmap.flat.flat_map",
-    "histograms": "skinmap.touch.codebook",
+    "histograms": "skinmap.touch.votes",
     "learn_codebook": "skinmap.touch.codebook",
     "load_recordings": "skinmap.io.recordings.touch_files",
     "load_robot": "skinmap.io.robots.manifest",

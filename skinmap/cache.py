@@ -13,11 +13,11 @@ import stat
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -27,12 +27,16 @@ from skinmap.archive import open_arrays
 from skinmap.errors import DAMAGED_ARCHIVE, InvalidArrayError, SkinWarning
 
 Arrays = dict[str, NDArray[Any]]
+Digest = bytes
+# By id, with the object itself: as long as it is held here no other one can have its id.
+Known = dict[int, tuple[Any, Digest]]
 Ingredient = NDArray[Any] | str | bytes | int | float
 
 FORMAT = 1  # of the archives; another one has another folder
 FOLDER_VARIABLE = "SKINMAP_CACHE"  # a folder, or `off`
 LIMIT_VARIABLE = "SKINMAP_CACHE_MB"
 LIMIT_MB = 1000.0
+SIZE = 16  # bytes of a key: two of a million million share one with a chance of 1e-15
 ABANDONED = 3600.0  # age of a half-written file from which whoever wrote it is gone [s]
 SUFFIX, PARTIAL = ".npz", ".partial"
 
@@ -79,7 +83,7 @@ class Cache:
         except (FileNotFoundError, NotADirectoryError):
             return None
         except DAMAGED_ARCHIVE as error:
-            self._complain(f"{path.name} of the cache cannot be read ({error}); it is made anew")
+            self._complain(f"{str(path)!r} cannot be read ({error}); it is made anew")
             self._remove(path)
             return None
         with suppress(OSError):  # what cannot be touched is dropped earlier, no more
@@ -91,22 +95,29 @@ class Cache:
         size = sum(array.nbytes for array in arrays.values())
         if size > self.limit:
             return False
-        path = self._path(kind, key)
-        partial = None
         try:
-            self._make_folder(path.parent)
-            handle, name = tempfile.mkstemp(suffix=PARTIAL, dir=path.parent)
-            partial = Path(name)
-            with os.fdopen(handle, "wb") as file:
-                np.savez(file, **arrays)  # type: ignore[arg-type]
-            os.replace(partial, path)  # whole or not at all, whoever else writes it
+            self.write(kind, key, arrays)
         except OSError as error:
-            if partial is not None:
-                self._remove(partial)
             self._complain(f"cannot write the cache {self.folder}: {error.strerror or error}")
             return False
-        self._shrink(keep=path)
+        self._shrink(keep=self._path(kind, key))
         return True
+
+    def write(
+        self, kind: str, key: str, arrays: Mapping[str, NDArray[Any]], *, packed: bool = False
+    ) -> None:
+        """Keep arrays under a key, whole or not at all; OSError where they cannot be written."""
+        path = self._path(kind, key)
+        self._make_folder(path.parent)
+        handle, name = tempfile.mkstemp(suffix=PARTIAL, dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                save = np.savez_compressed if packed else np.savez
+                save(file, **arrays)  # type: ignore[arg-type]
+            os.replace(name, path)  # whoever else writes it
+        except OSError:
+            self._remove(Path(name))
+            raise
 
     def entries(self) -> list[Entry]:
         """What is kept, the longest unused first."""
@@ -228,20 +239,84 @@ def cached(
 
 
 def hash_of(ingredients: Sequence[Ingredient]) -> str:
-    """Hash of values in their order, each told apart by type, shape and length."""
-    total = hashlib.blake2b(digest_size=20)
-    for one in ingredients:
-        if isinstance(one, np.ndarray):
-            if one.dtype.hasobject:
-                raise InvalidArrayError("objects have no content that can be hashed")
-            head, body = f"{one.dtype.str}{one.shape}", np.ascontiguousarray(one).tobytes()
-        elif isinstance(one, bytes):
-            head, body = "bytes", one
-        else:
-            head, body = type(one).__name__, repr(one).encode()
-        total.update(f"{head}:{len(body)}:".encode())
-        total.update(body)
-    return total.hexdigest()
+    """Key of values in their order, each told apart by type, shape and length."""
+    if any(isinstance(one, np.ndarray) and one.dtype.hasobject for one in ingredients):
+        raise InvalidArrayError("objects have no content that can be hashed")
+    return content_key(*ingredients)
+
+
+def content_key(*values: Any) -> str:
+    """Hexadecimal key of some values: the same content has the same key in every process.
+
+    Numbers, texts, arrays, paths, sequences, mappings, sets, dataclasses and functions count by
+    what they are; any other object says what it consists of by a method `content()`.
+
+    Raises
+    ------
+    InvalidArrayError
+        An object that does not say what it consists of.
+    """
+    # Objects that a task holds many times (the skin of each touch) are read once.
+    return _digest(values, {}).hex()
+
+
+def _digest(value: Any, known: Known) -> Digest:
+    if isinstance(value, str | bytes | int | float | None):
+        return _sum(*_parts(value, known))
+    if id(value) not in known:
+        known[id(value)] = value, _sum(*_parts(value, known))
+    return known[id(value)][1]
+
+
+def _parts(value: Any, known: Known) -> list[bytes]:
+    """What a value consists of; the first part tells its kind."""
+    if value is None or isinstance(value, bool | int | float | complex | str):
+        return [type(value).__name__.encode(), repr(value).encode()]
+    if isinstance(value, bytes | bytearray):
+        return [b"bytes", bytes(value)]
+    if isinstance(value, PurePath):
+        return [b"path", str(value).encode()]
+    if isinstance(value, np.ndarray | np.generic):
+        return _array_parts(np.asarray(value), known)
+    if isinstance(value, Mapping):
+        pairs = [(_digest(key, known), _digest(item, known)) for key, item in value.items()]
+        return [b"mapping", *(part for pair in pairs for part in pair)]
+    if isinstance(value, Set):
+        return [b"set", *sorted(_digest(item, known) for item in value)]
+    if isinstance(value, Sequence):
+        return [b"sequence", *(_digest(item, known) for item in value)]
+    return _object_parts(value, known)
+
+
+def _array_parts(array: np.ndarray[Any, Any], known: Known) -> list[bytes]:
+    if array.dtype.hasobject:
+        return [b"objects", str(array.shape).encode(), _digest(array.ravel().tolist(), known)]
+    head = f"{array.dtype.str} {array.shape}"
+    return [b"array", head.encode(), np.ascontiguousarray(array).tobytes()]
+
+
+def _object_parts(value: Any, known: Known) -> list[bytes]:
+    if callable(value) and hasattr(value, "__qualname__"):
+        if "<" in value.__qualname__:  # a lambda's name says nothing of what it does
+            raise InvalidArrayError(f"{value.__qualname__} has no name to key a result by")
+        return [b"function", f"{value.__module__}.{value.__qualname__}".encode()]
+    kind = f"{type(value).__module__}.{type(value).__qualname__}".encode()
+    if hasattr(value, "content"):
+        return [b"object", kind, _digest(value.content(), known)]
+    if is_dataclass(value):
+        own = [getattr(value, field.name) for field in fields(value)]
+        return [b"object", kind, *(_digest(item, known) for item in own)]
+    raise InvalidArrayError(
+        f"a task holds a {type(value).__qualname__}, which does not say what it consists of"
+    )
+
+
+def _sum(*parts: bytes) -> Digest:
+    found = hashlib.blake2b(digest_size=SIZE)
+    for part in parts:
+        found.update(len(part).to_bytes(8, "little"))  # so that parts cannot run into each other
+        found.update(part)
+    return found.digest()
 
 
 def _opened_at(folder: str, limit: str) -> Cache | None:

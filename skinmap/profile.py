@@ -8,22 +8,124 @@ import tomllib
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeVar
+
+import msgspec
 
 from skinmap import __version__
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
-from skinmap.knobs import KNOBS, Value, tables
+from skinmap.validation import checked, shown
 
 FORMAT = 1
 MAX_BYTES = 2**16  # a profile has about one kB
 ABOUT = "profile"  # the table that says where a profile is from
-ABOUT_TEXTS = ("skinmap", "robot", "part", "machine")
-ABOUT_NUMBERS = ("seed", "seeds")
-ABOUT_KEYS = ("format", *ABOUT_TEXTS, *ABOUT_NUMBERS)
 PREDICTED = "predicted"
-PREDICTED_KEYS = ("seconds", "error", "unit", "pace")
 WHAT = "a profile (.toml, as `skinmap trade` writes it)"
+
+Value = str | int | float | bool
+Cost = Annotated[float, msgspec.Meta(ge=0, le=1.7e308)]  # which infinity is not
+T = TypeVar("T", bound=msgspec.Struct)
+TASKS = "skinmap.trade_tasks"  # entry points; each may have a table of its own
+
+
+@dataclass(frozen=True, slots=True)
+class Allowed:
+    """What a knob may be set to.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Words that it may be; with `any_name` these are examples.
+    any_name : bool
+        Whether plug-ins add names.
+    least, most : float or None
+        Range of its numbers; none for a knob that is no number.
+    whole : bool
+        Whether they must be whole.
+    only : tuple of int
+        All numbers that there are, where they are few.
+    """
+
+    names: tuple[str, ...] = ()
+    any_name: bool = False
+    least: float | None = None
+    most: float | None = None
+    whole: bool = False
+    only: tuple[int, ...] = ()
+
+    def allows(self, value: object) -> bool:
+        """Whether a value is one of these."""
+        if isinstance(value, str):
+            return value in self.names or (self.any_name and value.isprintable() and value != "")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return False
+        if self.only:
+            return isinstance(value, int) and value in self.only
+        if self.least is None or self.most is None or (self.whole and isinstance(value, float)):
+            return False
+        return math.isfinite(value) and self.least <= value <= self.most
+
+    def words(self) -> str:
+        """What there is, for a message."""
+        said = [", ".join(self.names)] if self.names else []
+        if self.any_name:
+            said.append("and those of plug-ins" if self.names else "a name")
+        if self.only:
+            said.append(", ".join(map(str, self.only)))
+        if self.least is not None and self.most is not None:
+            kind = "whole numbers" if self.whole else "numbers"
+            said.append(f"{kind} from {self.least:g} to {self.most:g}")
+        return "; ".join(said)
+
+
+def _number(least: float, most: float, *names: str) -> Allowed:
+    return Allowed(names, least=least, most=most)
+
+
+def _count(least: int, most: int) -> Allowed:
+    return Allowed(least=least, most=most, whole=True)
+
+
+PRECISION = Allowed(("float64", "float32"))
+KNOBS: Mapping[str, Mapping[str, Allowed]] = {
+    "flatten": {
+        "meshing": Allowed(("consensus", "fast", "accurate")),
+        "method": Allowed(("fast", "balanced", "accurate", "auto"), any_name=True),
+        "iterations": _count(1, 10_000),
+        "precision": PRECISION,
+    },
+    "classify": {
+        "classifier": Allowed(any_name=True),
+        "radius_mm": _number(0.1, 1000.0, "auto"),
+        "tolerance_mm": _number(0.01, 1000.0),
+        "words": _count(2, 256),
+        "rotations": Allowed(only=(1, 4, 6)),
+        "distance": Allowed(("euclidean", "geodesic")),
+        "search": Allowed(("plain", "compiled")),
+        "precision": PRECISION,
+        "image_size": Allowed(("66x100",), any_name=True),
+    },
+    "calibrate": {
+        "starts": _count(1, 9),
+        "steps": _count(1, 1000),
+        "wrap_detail_mm": _number(0.5, 50.0),
+    },
+    "view": {
+        "style": Allowed(("surface", "discs")),
+        "links": Allowed(("all", "skin", "none")),
+        "layer": Allowed(any_name=True),
+        "detail": _number(0.1, 100.0),
+        "contour_rate": _number(0.1, 1000.0),
+    },
+}
+
+
+def tables() -> tuple[str, ...]:
+    """Tables that a profile may have: ours, and one for each task of a plug-in."""
+    return tuple(dict.fromkeys([*KNOBS, *(point.name for point in entry_points(group=TASKS))]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +143,7 @@ class Profile:
         Knobs by task.
     predicted : mapping of str to mapping of str to value
         By task, `seconds`, `error` and its `unit`, where it says so, and the `pace` of the machine
-        then (see `skinmap.trade.pace`).
+        then (see `skinmap.trade.runner`).
     seed, seeds : int or None
         The first seed that it was measured with, and how many.
     """
@@ -85,9 +187,7 @@ def read_profile(path: Path | str) -> Profile:
     """
     path = Path(path)
     read = _read_toml(path)
-    head = read.pop(ABOUT, None)
-    about = _about(head, path)
-    numbers = {key: _whole(head, key, path) for key in ABOUT_NUMBERS}
+    about = _about(read.pop(ABOUT, None), path)
     known = tables()
     for name in read:
         if name not in known:
@@ -96,28 +196,30 @@ def read_profile(path: Path | str) -> Profile:
     predicted: dict[str, Mapping[str, Value]] = {}
     for task, entry in read.items():
         if not isinstance(entry, dict):
-            raise DataFormatError(f"{task!r} must be a table [{task}], got {_kind(entry)}", path)
+            raise DataFormatError(f"{task!r} must be a table [{task}], got {shown(entry)}", path)
         knobs = dict(entry)
         if PREDICTED in knobs:
-            predicted[task] = _predicted(task, knobs.pop(PREDICTED), path)
+            table = knobs.pop(PREDICTED)
+            _check_table(table, _Predicted, f"{task}.{PREDICTED}", path)
+            predicted[task] = table
         settings[task] = _settings(task, knobs, path)
-    if about["skinmap"] != __version__:
+    if about.skinmap != __version__:
         warnings.warn(
-            f"{path} was measured with Skinmap {about['skinmap']}, this is {__version__}: "
+            f"{path} was measured with Skinmap {about.skinmap}, this is {__version__}: "
             "times and errors may differ from those predicted",
             SkinWarning,
             stacklevel=2,
         )
     return Profile(
         path,
-        skinmap=about["skinmap"],
-        robot=about["robot"],
-        part=about["part"],
-        machine=about["machine"],
+        skinmap=about.skinmap,
+        robot=about.robot,
+        part=about.part,
+        machine=about.machine,
         settings=settings,
         predicted=predicted,
-        seed=numbers["seed"],
-        seeds=numbers["seeds"],
+        seed=about.seed,
+        seeds=about.seeds,
     )
 
 
@@ -145,33 +247,45 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise DataFormatError(f"not TOML: {' '.join(str(error).split())}", path) from None
 
 
-def _about(table: object, path: Path) -> dict[str, str]:
-    """Version, robot, part and machine."""
+class _About(msgspec.Struct):
+    """The table `[profile]`."""
+
+    format: int
+    skinmap: str
+    robot: str = ""
+    part: str = ""
+    machine: str = ""
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**31 - 1)] | None = None
+    seeds: Annotated[int, msgspec.Meta(ge=1, le=1000)] | None = None
+
+
+class _Predicted(msgspec.Struct):
+    """The table `[TASK.predicted]`."""
+
+    seconds: Cost | None = None
+    error: Cost | None = None
+    unit: str | None = None
+    pace: Cost | None = None
+
+
+def _about(table: object, path: Path) -> _About:
+    """Where the profile is from."""
     if not isinstance(table, dict):
         raise DataFormatError(f"no table [{ABOUT}]: expected {WHAT}", path)
     number = table.get("format")
     if isinstance(number, bool) or number != FORMAT:
         came = "none" if number is None else repr(number)
         raise DataFormatError(f"format of a profile: expected {FORMAT}, got {came}", path)
-    for key, value in table.items():
-        if key not in ABOUT_KEYS:
-            raise UnknownNameError(f"key of [{ABOUT}] ({path})", key, ABOUT_KEYS)
-        text = key in ABOUT_TEXTS
-        if text != isinstance(value, str) or not isinstance(value, str | int):
-            what = "text" if text else "a whole number"
-            raise DataFormatError(f"[{ABOUT}] {key} must be {what}, got {_kind(value)}", path)
     if "skinmap" not in table:
         raise DataFormatError(f"[{ABOUT}] does not say which version of skinmap wrote it", path)
-    return {key: str(table.get(key, "")) for key in ABOUT_TEXTS}
+    return _check_table(table, _About, ABOUT, path)
 
 
-def _whole(head: dict[str, Any], key: str, path: Path) -> int | None:
-    """A number of `[profile]` that was checked to be whole."""
-    value: int | None = head.get(key)
-    least, most = (1, 1000) if key == "seeds" else (0, 2**31 - 1)
-    if value is not None and not least <= value <= most:
-        raise DataFormatError(f"[{ABOUT}] {key} must be {least} to {most}, got {value}", path)
-    return value
+def _check_table(table: object, kind: type[T], name: str, path: Path) -> T:
+    for key in table if isinstance(table, dict) else ():
+        if key not in kind.__struct_fields__:
+            raise UnknownNameError(f"key of [{name}] ({path})", key, kind.__struct_fields__)
+    return checked(table, kind, what=f"[{name}]", fail=partial(DataFormatError, path=path))
 
 
 def _settings(task: str, table: dict[str, Any], path: Path) -> dict[str, Value]:
@@ -179,7 +293,7 @@ def _settings(task: str, table: dict[str, Any], path: Path) -> dict[str, Value]:
     for knob, value in table.items():
         if known is None:  # a plug-in's: its own command checks the values
             if not isinstance(value, str | int | float):
-                raise DataFormatError(f"[{task}] {knob} must be a value, got {_kind(value)}", path)
+                raise DataFormatError(f"[{task}] {knob} must be a value, got {shown(value)}", path)
             continue
         if knob not in known:
             raise UnknownNameError(f"knob of [{task}] ({path})", knob, known)
@@ -189,31 +303,5 @@ def _settings(task: str, table: dict[str, Any], path: Path) -> dict[str, Value]:
                 raise UnknownNameError(
                     f"value of [{task}] {knob} ({path})", value, words.split(", ")
                 )
-            raise DataFormatError(f"[{task}] {knob} = {_kind(value)}; expected {words}", path)
+            raise DataFormatError(f"[{task}] {knob} = {shown(value)}; expected {words}", path)
     return table
-
-
-def _predicted(task: str, table: object, path: Path) -> dict[str, Value]:
-    if not isinstance(table, dict):
-        raise DataFormatError(f"[{task}.{PREDICTED}] must be a table, got {_kind(table)}", path)
-    for key, value in table.items():
-        if key not in PREDICTED_KEYS:
-            raise UnknownNameError(f"key of [{task}.{PREDICTED}] ({path})", key, PREDICTED_KEYS)
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        good = isinstance(value, str) if key == "unit" else number and 0 <= value < math.inf
-        if not good:
-            what = "text" if key == "unit" else "a number from 0"
-            raise DataFormatError(
-                f"[{task}.{PREDICTED}] {key} must be {what}, got {_kind(value)}", path
-            )
-    return table
-
-
-def _kind(value: object) -> str:
-    """A value for a message: short ones as they are, others by their kind."""
-    if isinstance(value, bool | int | float | str):
-        text = repr(value) if not isinstance(value, bool) else str(value).lower()
-        return text if len(text) <= 40 else f"{text[:37]}..."
-    return (
-        "a table" if isinstance(value, dict) else "a list" if isinstance(value, list) else "a date"
-    )

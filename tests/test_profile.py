@@ -17,8 +17,7 @@ from skinmap.errors import (
     SkinWarning,
     UnknownNameError,
 )
-from skinmap.knobs import KNOBS, Allowed, tables
-from skinmap.profile import MAX_BYTES, read_profile
+from skinmap.profile import KNOBS, MAX_BYTES, Allowed, read_profile, tables
 
 HEAD = f'[profile]\nformat = 1\nskinmap = "{__version__}"\n'
 GOOD = (

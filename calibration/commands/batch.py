@@ -99,7 +99,7 @@ def batch(
     TABLE is a CSV `name,layout,mesh,anchors[,units,sigma_mm,mirror]`, a row for each patch, with
     files as seen from its folder. A patch that cannot be calibrated does not stop the others: it is
     listed as failed, with the reason. The exit code is 3 where not all patches are ok. With
-    --resume FILE an interrupted run goes on where it ended.
+    --resume FOLDER an interrupted run goes on where it ended.
 
     \b
     Example:  skinmap calibrate batch patches.csv --jobs 4 --resume patches.resume -o patches

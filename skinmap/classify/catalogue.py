@@ -12,22 +12,21 @@ if TYPE_CHECKING:
 
 DEFAULT = "contact-geometry"
 
-# One line a classifier: a function without arguments that gives an untrained TouchClassifier,
-# in a file of its own.
+# One line a classifier: a function without arguments that gives an untrained TouchClassifier.
 BUILT_IN = {
     # the geometry of the contacts
-    "contact-geometry": "skinmap.classify.geometry_classifier:contact_geometry_classifier",
+    "contact-geometry": "skinmap.classify.named_classifiers:contact_geometry_classifier",
     # the first paper
-    "histogram": "skinmap.classify.histogram_classifier:histogram_classifier",
-    "paper": "skinmap.classify.paper_classifier:paper_classifier",
+    "histogram": "skinmap.classify.named_classifiers:histogram_classifier",
+    "paper": "skinmap.classify.named_classifiers:paper_classifier",
     # what it is compared with
-    "raw-rbf": "skinmap.classify.raw_classifiers:raw_rbf_classifier",
-    "raw-intersection": "skinmap.classify.raw_classifiers:raw_intersection_classifier",
-    "histogram-chi2": "skinmap.classify.feature_map_classifiers:chi2_classifier",
-    "histogram-sqrt": "skinmap.classify.feature_map_classifiers:sqrt_classifier",
+    "raw-rbf": "skinmap.classify.named_classifiers:raw_rbf_classifier",
+    "raw-intersection": "skinmap.classify.named_classifiers:raw_intersection_classifier",
+    "histogram-chi2": "skinmap.classify.named_classifiers:chi2_classifier",
+    "histogram-sqrt": "skinmap.classify.named_classifiers:sqrt_classifier",
     # the second paper
-    "bovw": "skinmap.classify.bovw_classifier:bovw_classifier",
-    "cnn": "skinmap.classify.cnn_classifier:cnn_classifier",
+    "bovw": "skinmap.classify.named_classifiers:bovw_classifier",
+    "cnn": "skinmap.classify.named_classifiers:cnn_classifier",
     # the first two, pooled
     "fusion": "skinmap.classify.fusion:fusion_classifier",
     "fusion-images": "skinmap.classify.fusion:fusion_images_classifier",

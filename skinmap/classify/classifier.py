@@ -12,6 +12,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.classify.catalogue import BUILT_IN, DEFAULT, classifiers
 from skinmap.classify.descriptors import Descriptor, Touch
+from skinmap.classify.intersection import IntersectionSVC, one_vs_rest
 from skinmap.classify.rejection import UNKNOWN
 from skinmap.classify.trained_skin import SkinDifference, TrainedSkin, compare_skin, remember
 from skinmap.errors import InvalidArrayError, NotFittedError
@@ -33,6 +34,7 @@ __all__ = [
 NO_CONTACT = "no_contact"
 CALIBRATION_FOLDS = 5
 ROWS = 1200  # training rows at most: the cost of a Gram matrix grows with the square
+Probabilities = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,8 +175,6 @@ class Classifier(Summary):
 
         Nothing has to be prepared; the first touches only take longer without.
         """
-        from skinmap.classify.fast_probabilities import compile_decisions
-
         for one in getattr(self, "members", (self,)):
             if hasattr(one.descriptor, "counter"):
                 one.descriptor.counter(skin, compiled=True)
@@ -192,8 +192,6 @@ class Classifier(Summary):
         if len(rows) == 0:
             return None
         if self._quick is None or self._quick[0] is not self.estimator:
-            from skinmap.classify.fast_probabilities import quick_probabilities
-
             self._quick = (self.estimator, quick_probabilities(self.estimator))
         mean = np.asarray(self._quick[1](rows)).mean(axis=0)
         return mean.reshape(len(labels))
@@ -229,3 +227,48 @@ def calibrated(estimator: Any) -> Any:
     from sklearn.calibration import CalibratedClassifierCV
 
     return CalibratedClassifierCV(estimator, method="sigmoid", cv=CALIBRATION_FOLDS, ensemble=False)
+
+
+def quick_probabilities(estimator: Any) -> Probabilities:
+    """A function that gives what `estimator.predict_proba` gives for sound rows (n, d).
+
+    Checking a row costs scikit-learn more than a small classifier does. Estimators may offer
+    `probabilities` themselves; calibrated intersection SVMs are evaluated from their arrays;
+    for all others it is `predict_proba`.
+    """
+    if hasattr(estimator, "probabilities"):
+        return estimator.probabilities
+    inner = getattr(estimator, "calibrated_classifiers_", [])
+    if len(inner) == 1 and isinstance(inner[0].estimator, IntersectionSVC):
+        curves = inner[0].calibrators
+        if all(hasattr(curve, "a_") and hasattr(curve, "b_") for curve in curves):
+            slope, offset = np.array([(float(c.a_), float(c.b_)) for c in curves]).T
+            return _Platt(inner[0].estimator, slope, offset)
+    return estimator.predict_proba
+
+
+def compile_decisions(estimator: Any) -> None:
+    """Have the decision values of a calibrated intersection SVM computed by compiled code."""
+    for inner in getattr(estimator, "calibrated_classifiers_", []):
+        if isinstance(inner.estimator, IntersectionSVC):
+            inner.estimator.function_.compile()
+
+
+class _Platt:
+    """Decision values through one sigmoid a class, as scikit-learn's calibration does it."""
+
+    def __init__(self, svc: IntersectionSVC, slope: FloatArray, offset: FloatArray) -> None:
+        self.svc, self.slope, self.offset = svc, slope, offset
+
+    def __call__(self, rows: FloatArray) -> FloatArray:
+        """(n, classes) probabilities of rows (n, d)."""
+        values, classes = self.svc.decision_values(rows), len(self.svc.classes_)
+        if classes > 2 and self.svc.one_vs_one_:
+            values = one_vs_rest(values, classes)
+        # tanh instead of exp: it cannot overflow.
+        share = 0.5 - 0.5 * np.tanh(0.5 * (self.slope * values + self.offset))
+        if classes == 2:
+            return np.concatenate([1.0 - share, share], axis=1)
+        total = share.sum(axis=1, keepdims=True)
+        even = np.full_like(share, 1.0 / classes)
+        return np.divide(share, total, out=even, where=total > 0)

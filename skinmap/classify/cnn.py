@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, Literal
 
 import numpy as np
@@ -11,13 +14,26 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import validate_data
 
-from skinmap.arrays import FloatArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.bag_of_words import as_images
 from skinmap.classify.convolution import Float32, Network
-from skinmap.errors import InvalidArrayError, NotFittedError, UnknownNameError
+from skinmap.errors import (
+    InvalidArrayError,
+    MissingLibraryError,
+    NotFittedError,
+    UnknownNameError,
+    unknown_name,
+)
 from skinmap.touch.paper_image import SIZE
 
 Schedule = Literal["constant", "step", "cosine"]
+KERNEL = 5
+MOMENTUM = 0.9
+WARM_UP = 5  # epochs of the schedule "cosine" in which the rate grows: full steps kill a fresh net
+ATTEMPTS = 3  # trainings with another start where one stays at chance
+STUCK = 0.95  # of the loss of chance: a net that does not get below has learnt nothing
+TELLING = 10  # epochs: after fewer nothing can be said
+STEP_AT, STEP_TO = 2 / 3, 0.1  # of the schedule "step": when, and to which share
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +66,6 @@ LAYOUTS = {
     # Of 33 x 50 pixels; trained in half a minute, so that it can be tuned.
     "small": Layout(8, 2, 60, 32, 3e-2, "cosine", True, 4),
 }
-KERNEL = 5
-MOMENTUM = 0.9
 
 
 class ContactImageCNN(ClassifierMixin, BaseEstimator):
@@ -103,8 +117,6 @@ class ContactImageCNN(ClassifierMixin, BaseEstimator):
         MissingLibraryError
             torch is not installed.
         """
-        from skinmap.classify.cnn_training import Recipe, train
-
         if self.network not in LAYOUTS:
             raise UnknownNameError("network", str(self.network), LAYOUTS)
         layout = LAYOUTS[self.network]
@@ -182,3 +194,146 @@ def shrunken(images: NDArray[np.uint8], factor: int) -> Float32:
 
 def _or(given: Any, default: Any) -> Any:
     return default if given is None else given
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """Size and training of a network, see `cnn.Layout` and `cnn.ContactImageCNN`."""
+
+    channels: int
+    kernel: int
+    momentum: float
+    epochs: int
+    batch: int
+    learning_rate: float
+    schedule: str
+    mirror: bool
+    shift: int
+
+    def __post_init__(self) -> None:
+        if min(self.epochs, self.batch, self.shift + 1) < 1 or not 0 < self.learning_rate < np.inf:
+            raise InvalidArrayError(
+                f"epochs and batch must be at least 1, shift at least 0 and the learning rate "
+                f"above 0, got {self.epochs}, {self.batch}, {self.shift}, {self.learning_rate}"
+            )
+
+    def rate(self, epoch: int) -> float:
+        """Learning rate of an epoch, 0 first."""
+        done = epoch / self.epochs
+        share = {
+            "constant": 1.0,
+            "step": STEP_TO if done >= STEP_AT else 1.0,
+            "cosine": 0.5 * (1.0 + np.cos(np.pi * done)) * min(1.0, (epoch + 1) / WARM_UP),
+        }
+        if self.schedule not in share:
+            raise InvalidArrayError(unknown_name("schedule", str(self.schedule), share))
+        return self.learning_rate * float(share[self.schedule])
+
+
+def train(
+    images: Float32, labels: IntArray, names: tuple[str, ...], recipe: Recipe, *, seed: int
+) -> Network:
+    """Train on images (n, rows, columns) of 0 to 1 and labels (n,) of 0 to len(names) - 1.
+
+    Raises
+    ------
+    InvalidArrayError
+        The loss ran away: the learning rate is too large.
+    """
+    torch = _torch()
+    with _one_thread(torch), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        chance = _entropy(labels)
+        for _ in range(ATTEMPTS):
+            net = _build(torch, images.shape[1:], len(names), recipe)
+            loss = _descend(torch, net, images, labels, recipe)
+            # A net whose rectifiers all died early gives every image the same answer.
+            if recipe.epochs < TELLING or loss < STUCK * chance:
+                break
+        return _network(net, (images.shape[1], images.shape[2]), names)
+
+
+def _descend(torch: Any, net: Any, images: Float32, labels: IntArray, recipe: Recipe) -> float:
+    """Fit a net in place; the mean loss of its last epoch."""
+    descent = torch.optim.SGD(net.parameters(), lr=recipe.learning_rate, momentum=recipe.momentum)
+    seen, wanted = torch.from_numpy(images[:, None].copy()), torch.from_numpy(labels.copy())
+    for epoch in range(recipe.epochs):
+        for group in descent.param_groups:
+            group["lr"] = recipe.rate(epoch)
+        losses = []
+        for batch in torch.randperm(len(seen)).split(recipe.batch):
+            shown = _varied(torch, seen[batch], recipe)
+            loss = torch.nn.functional.cross_entropy(net(shown), wanted[batch])
+            descent.zero_grad()
+            loss.backward()
+            descent.step()
+            losses.append(float(loss.detach()))
+    if not np.isfinite(losses).all():
+        raise InvalidArrayError(
+            f"training ran away at a learning rate of {recipe.learning_rate:g}: lower it"
+        )
+    return float(np.mean(losses))
+
+
+def _entropy(labels: IntArray) -> float:
+    """The loss of always answering with the shares of the classes."""
+    share = np.unique(labels, return_counts=True)[1] / len(labels)
+    return float(-(share * np.log(share)).sum())
+
+
+def _build(torch: Any, shape: tuple[int, ...], classes: int, recipe: Recipe) -> Any:
+    nn = torch.nn
+    layers: list[Any] = []
+    into, (rows, columns) = 1, shape
+    for _ in range(3):
+        layers += [nn.Conv2d(into, recipe.channels, recipe.kernel, padding="same")]
+        layers += [nn.ReLU(), nn.MaxPool2d(2)]
+        into, rows, columns = recipe.channels, rows // 2, columns // 2
+    layers += [nn.Flatten(), nn.Linear(into * rows * columns, classes)]
+    for layer in layers:
+        if hasattr(layer, "weight"):
+            # He et al., "Delving Deep into Rectifiers", ICCV 2015.
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+            nn.init.zeros_(layer.bias)
+    return nn.Sequential(*layers)
+
+
+def _varied(torch: Any, images: Any, recipe: Recipe) -> Any:
+    """Each image (n, 1, rows, columns) mirrored and shifted by chance, as the recipe allows."""
+    n, _, rows, columns = images.shape
+    for axis in (2, 3) if recipe.mirror else ():
+        turned = torch.rand(n) < 0.5
+        images = torch.where(turned[:, None, None, None], images.flip(axis), images)
+    if recipe.shift == 0:
+        return images
+    wide = torch.nn.functional.pad(images, [recipe.shift] * 4)
+    start = torch.randint(0, 2 * recipe.shift + 1, (2, n, 1))
+    row, column = start[0] + torch.arange(rows), start[1] + torch.arange(columns)
+    return wide[torch.arange(n)[:, None, None], 0, row[:, :, None], column[:, None, :]][:, None]
+
+
+def _network(net: Any, shape: tuple[int, int], names: tuple[str, ...]) -> Network:
+    arrays = [parameter.detach().numpy().copy() for parameter in net.parameters()]
+    *convolutions, weight, bias = arrays
+    return Network(shape, tuple(convolutions[::2]), tuple(convolutions[1::2]), weight, bias, names)
+
+
+@contextmanager
+def _one_thread(torch: Any) -> Iterator[None]:
+    """More threads cost more than they give on images as small as these."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def _torch() -> ModuleType:
+    try:
+        import torch
+    except ImportError as error:
+        raise MissingLibraryError(
+            "training a network needs torch: pip install 'skinmap[torch]'"
+        ) from error
+    return torch

@@ -189,7 +189,7 @@ def export_recording(path: Path, output: Path) -> ExportedRecording:
     if suffix not in formats:
         raise UnknownNameError("format of a recording for files ending in", suffix, formats)
     if suffix == MCAP:
-        from skinmap.io.recordings.mcap_repair import write_repaired
+        from skinmap.io.recordings.mcap_track import write_repaired
 
         with staged_file(output) as stage:
             track = write_repaired(path, stage)

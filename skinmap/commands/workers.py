@@ -28,8 +28,9 @@ _OPTIONS = (
     click.option("--address", help="Of the Dask scheduler, tcp://host:port."),
     click.option(
         "--resume",
-        type=click.Path(path_type=Path, dir_okay=False),
-        help="File of finished results: run the same again after an interruption to go on.",
+        type=click.Path(path_type=Path),
+        metavar="FOLDER",
+        help="Of finished results: run the same again after an interruption to go on.",
     ),
 )
 

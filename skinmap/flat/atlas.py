@@ -9,9 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.flat.outlines import Outline, clearance, outline
-from skinmap.flat.packing import pack
-from skinmap.geometry.topology import edges
+from skinmap.geometry.topology import boundary_loops, edges, loop_length
+from skinmap.geometry.triangles import cross_2d
 
 MAX_ARRANGED = 48  # charts: more are no skin of one limb, they go in shelves
 SAMPLES = 24  # vertices a chart that neighbours are laid out by
@@ -20,6 +19,7 @@ NEAREST = 12  # vertices round the closest one that tell a chart's directions
 TOUCHING = 0.5  # in edges: charts of patches that touch on the body are still kept apart
 ALIKE = 0.15  # in gaps: places this much further apart are as close, boards are laid by hand
 TURNS = np.radians([0, 15, -15, 30, -30, 50, -50, 75, -75, 105, -105, 140, -140, 180])
+MAX_CORNERS = 96  # of an outline that is compared with others; finer ones are coarsened
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -177,3 +177,128 @@ def _nearest_free(
         if np.argmax(stops) == parent:
             break
     return best
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Outline:
+    """A closed line round a chart.
+
+    Attributes
+    ----------
+    corners : (c, 2) float
+        [m].
+    slack : float
+        How far the chart's border strays from it [m].
+    middle : (2,) float
+        Mean of the chart's coordinates [m].
+    """
+
+    corners: FloatArray
+    slack: float
+    middle: FloatArray
+
+
+def outline(faces: IntArray, uv: FloatArray) -> Outline:
+    """The longest border of a chart with faces (m, 3) over coordinates (n, 2) [m]."""
+    loop = max(boundary_loops(faces), key=lambda loop: loop_length(uv, loop))
+    border = uv[loop]
+    keep = np.unique(np.linspace(0, len(loop), MAX_CORNERS, endpoint=False).astype(np.int64))
+    if len(keep) == len(loop):
+        return Outline(border, 0.0, uv.mean(axis=0))
+    ends = np.append(keep, len(loop))
+    part = np.searchsorted(ends, np.arange(len(loop)), side="right") - 1
+    start, end = border[ends[part]], border[ends[part + 1] % len(loop)]
+    slack = float(_to_segments(border, start, end).max())
+    return Outline(border[keep], slack, uv.mean(axis=0))
+
+
+def clearance(
+    moving: Outline,
+    line: FloatArray,
+    direction: FloatArray,
+    fixed: Outline,
+    at: FloatArray,
+    gap: float,
+) -> float:
+    """How far along a unit direction (2,) a chart at `line` has to go to be clear of another.
+
+    Parameters
+    ----------
+    moving, fixed : Outline
+    line, at : (2,) array of float
+        Shifts of the two [m].
+    direction : (2,) array of float
+        Unit.
+    gap : float
+        Smallest distance kept between the two [m].
+
+    Returns
+    -------
+    float
+        Smallest t such that at `line + s direction` for every s >= t the two are at least the
+        gap apart [m]; negative where there is room, -inf where they never meet.
+    """
+    room = gap + moving.slack + fixed.slack
+    one, other = moving.corners + line, fixed.corners + at
+    # A corner of one against the sides of the other, and the other way round.
+    return max(
+        _last_contact(one, other, direction, room), _last_contact(other, one, -direction, room)
+    )
+
+
+def _last_contact(points: FloatArray, loop: FloatArray, d: FloatArray, room: float) -> float:
+    """Largest t at which a point + t d lies within `room` of a side of the loop."""
+    a, b = loop[None], np.roll(loop, -1, axis=0)[None]
+    p = points[:, None]
+    # Round the corners: |p + t d - a| = room.
+    along = ((a - p) * d).sum(axis=2)
+    across = cross_2d(d, a - p)
+    inside = room**2 - across**2
+    latest = np.where(inside >= 0, along + np.sqrt(np.maximum(inside, 0.0)), -np.inf).max()
+    # Beside the sides: the distance to the line through a and b is room, the foot lies between.
+    length = np.linalg.norm(b - a, axis=2)
+    side = (b - a) / np.where(length > 0, length, 1.0)[:, :, None]
+    speed = cross_2d(side, np.broadcast_to(d, side.shape))
+    start = cross_2d(side, p - a)
+    for sign in (room, -room):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (sign - start) / speed
+            foot = ((p - a) * side).sum(axis=2) + t * (side * d).sum(axis=2)
+        hit = np.isfinite(t) & (foot >= 0) & (foot <= length)
+        latest = max(latest, np.where(hit, t, -np.inf).max())
+    return float(latest)
+
+
+def _to_segments(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    """(n,) distance of each point to its own segment [m]."""
+    way = end - start
+    square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
+    share = np.clip(((points - start) * way).sum(axis=1) / square, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points - start - share[:, None] * way, axis=1))
+
+
+def upright(uv: FloatArray, height: FloatArray) -> FloatArray:
+    """Coordinates (n, 2) turned so that the values `height` (n,) [m] grow upwards on average."""
+    centred = uv - uv.mean(axis=0)
+    gradient, *_ = np.linalg.lstsq(centred, height - height.mean(), rcond=None)
+    length = float(np.linalg.norm(gradient))
+    if length == 0.0:
+        return np.asarray(centred)
+    c, s = gradient[1] / length, gradient[0] / length
+    return np.asarray(centred @ np.array([[c, s], [-s, c]]))
+
+
+def pack(charts: Sequence[FloatArray], gap: float) -> list[FloatArray]:
+    """Charts in shelves of about equal width, the tallest first, `gap` [m] between them."""
+    sizes = [np.ptp(chart, axis=0) for chart in charts]
+    area = sum((size[0] + gap) * (size[1] + gap) for size in sizes)
+    width = max(1.3 * np.sqrt(area), max(size[0] for size in sizes))
+    placed: list[FloatArray] = [np.zeros((0, 2))] * len(charts)
+    x, top, shelf = 0.0, 0.0, 0.0
+    for i in sorted(range(len(charts)), key=lambda k: (-sizes[k][1], k)):
+        if x > 0 and x + sizes[i][0] > width:
+            x, top, shelf = 0.0, top - shelf - gap, 0.0
+        corner = charts[i].min(axis=0) + np.array([0.0, sizes[i][1]])
+        placed[i] = charts[i] - corner + np.array([x, top])
+        x, shelf = x + sizes[i][0] + gap, max(shelf, float(sizes[i][1]))
+    return placed

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.classifier import TouchClassifier
-from skinmap.live.compatibility import check_classifier, chosen_parts, dense_info, gather
+from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.events import ContactEvent, TouchEvent, taken
 from skinmap.live.contacts.touch_history import TouchBook
@@ -331,3 +331,57 @@ class TouchLoop(Summary):
             "parts": listed(self.skins),
             "classifier": named,
         }
+
+
+def gather(info: StreamInfo, skins: Mapping[str, PreparedSkin]) -> IntArray:
+    """(N,) place in a stream's sample of each taxel of some parts, in dense rows."""
+    places = []
+    for part, skin in skins.items():
+        rows = info.part_slice(part)
+        dense = rows.stop - rows.start == len(skin)
+        places.append(rows.start + (np.arange(len(skin)) if dense else skin.skin.channels))
+    return np.concatenate(places)
+
+
+def check_classifier(classifier: TouchClassifier, skins: Any) -> None:
+    """Refuse a classifier that cannot name touches on one of some skins.
+
+    Raises
+    ------
+    SkinMismatchError
+        It reads taxels by their number, and learnt another skin.
+    """
+    for skin in skins:
+        difference = classifier.difference(skin.skin)
+        if not difference.may_go_on:
+            raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
+
+
+def chosen_parts(info: StreamInfo, parts: Sequence[str] | None) -> tuple[str, ...]:
+    """Parts of a stream that were asked for, in its order; all where none was.
+
+    Raises
+    ------
+    UnknownNameError
+        The stream has no such part.
+    """
+    for part in parts or ():
+        if part not in info.parts:
+            raise UnknownNameError(f"part in stream {info.name!r}", part, info.parts)
+    return tuple(part for part in info.parts if not parts or part in parts)
+
+
+def dense_info(info: StreamInfo, robot: str, skins: Mapping[str, PreparedSkin]) -> StreamInfo:
+    """How a publisher describes the pressures of a stream's skins: dense rows of each part."""
+    from skinmap.skin.fingerprint import fingerprint
+
+    return StreamInfo(
+        info.name,
+        tuple(skins),
+        tuple(map(len, skins.values())),
+        info.rate,
+        "pressure",
+        robot,
+        {part: fingerprint(skin.skin) for part, skin in skins.items()},
+        info.clock,
+    )

@@ -15,8 +15,8 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from skinmap.cache import content_key
 from skinmap.errors import SkinWarning, UnreachableError
-from skinmap.parallel.content import content_key
 from skinmap.parallel.pool import Pool, WorkersLostError
 from skinmap.parallel.workers import ONE, Workers, opened_pool
 

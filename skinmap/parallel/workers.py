@@ -10,7 +10,7 @@ from typing import Literal
 
 from skinmap.errors import InvalidArrayError
 from skinmap.parallel.pool import Pool
-from skinmap.parallel.resume import ResumeFile
+from skinmap.parallel.resume import ResumeStore
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Workers:
         Processes; 1 runs everything in this one.
     address : str or None
         Of the Dask scheduler ("tcp://host:8786").
-    kept : ResumeFile or None
+    kept : ResumeStore or None
         Where finished results are kept and found again.
     pool : Pool or None
         The workers themselves where they were reached already (`open_workers`).
@@ -34,7 +34,7 @@ class Workers:
     backend: Literal["local", "dask"] = "local"
     jobs: int = 1
     address: str | None = None
-    kept: ResumeFile | None = None
+    kept: ResumeStore | None = None
     pool: Pool | None = None
 
     def __post_init__(self) -> None:
@@ -59,22 +59,22 @@ def open_workers(
     ----------
     workers : Workers
     resume : Path, optional
-        File of the results that are finished.
+        Folder of the results that are finished.
     sweep : str
-        What they are results of ("evaluate kaspar"); a file of another sweep is refused.
+        What they are results of ("evaluate kaspar"); a folder of another sweep is refused.
 
     Raises
     ------
     UnreachableError, MissingLibraryError, VersionMismatchError
         See `run_tasks`.
     DataFormatError, OutputError
-        See `ResumeFile`.
+        See `ResumeStore`.
     """
     with opened_pool(workers) as pool:
         if resume is None:
             yield replace(workers, pool=pool)
             return
-        with ResumeFile(resume, sweep) as kept:
+        with ResumeStore(resume, sweep) as kept:
             yield replace(workers, pool=pool, kept=kept)
 
 

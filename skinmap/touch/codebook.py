@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
+from skinmap.arrays import FloatArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.neighbours.structures import Prototypes, Structures
 from skinmap.summary import Summary
@@ -179,47 +179,6 @@ def _centres(seen: FloatArray, words: int, literal: bool, rng: np.random.Generat
         seed = int(rng.integers(2**31))
         distinct = KMeans(words, n_init=1, random_state=seed).fit(seen).cluster_centers_
     return distinct if literal else np.concatenate([rest, distinct])
-
-
-def histograms(codebook: Codebook, structures: Structures, samples: ArrayLike) -> IntArray:
-    """Votes of the taxels for codewords, sample by sample.
-
-    Taxels without a structure do not vote. Ties go to the word of the smaller number, so to rest
-    before all others. For many calls on one skin, `skinmap.touch.votes.VoteCounter` is kept.
-
-    Parameters
-    ----------
-    codebook : Codebook
-    structures : Structures
-        Of a skin of n taxels, by the codebook's prototypes.
-    samples : (t, n) array-like
-        Pressures of 0 to 1, or 8-bit counts of 0 to 255.
-
-    Returns
-    -------
-    (t, bins) array of int
-        Histograms.
-
-    Raises
-    ------
-    SkinMismatchError
-        Samples of another number of taxels.
-    InvalidArrayError
-        Samples that are not finite numbers.
-
-    Examples
-    --------
-    >>> import skinmap
-    >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
-    >>> structures = skinmap.find_structures(skinmap.flatten(skinmap.build_surface(skin)))
-    >>> touches = skinmap.simulate(skin, per_gesture=2, rng=0)
-    >>> book = skinmap.learn_codebook([(structures, touches.pressures)], words=4, rng=0)
-    >>> skinmap.histograms(book, structures, touches.pressures[:5]).shape == (5, book.bins)
-    True
-    """
-    from skinmap.touch.votes import VoteCounter
-
-    return VoteCounter(codebook, structures).count(samples)
 
 
 def codebook_arrays(book: Codebook) -> dict[str, NDArray[Any]]:

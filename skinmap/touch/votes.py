@@ -222,6 +222,45 @@ def _nearest(seen: FloatArray, words: FloatArray) -> IntArray:
     return cost.argmin(axis=0)
 
 
+def histograms(codebook: Codebook, structures: Structures, samples: ArrayLike) -> IntArray:
+    """Votes of the taxels for codewords, sample by sample.
+
+    Taxels without a structure do not vote. Ties go to the word of the smaller number, so to rest
+    before all others. For many calls on one skin, a `VoteCounter` is kept.
+
+    Parameters
+    ----------
+    codebook : Codebook
+    structures : Structures
+        Of a skin of n taxels, by the codebook's prototypes.
+    samples : (t, n) array-like
+        Pressures of 0 to 1, or 8-bit counts of 0 to 255.
+
+    Returns
+    -------
+    (t, bins) array of int
+        Histograms.
+
+    Raises
+    ------
+    SkinMismatchError
+        Samples of another number of taxels.
+    InvalidArrayError
+        Samples that are not finite numbers.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
+    >>> structures = skinmap.find_structures(skinmap.flatten(skinmap.build_surface(skin)))
+    >>> touches = skinmap.simulate(skin, per_gesture=2, rng=0)
+    >>> book = skinmap.learn_codebook([(structures, touches.pressures)], words=4, rng=0)
+    >>> skinmap.histograms(book, structures, touches.pressures[:5]).shape == (5, book.bins)
+    True
+    """
+    return VoteCounter(codebook, structures).count(samples)
+
+
 def _vote_kernel(counter: VoteCounter) -> Callable[[FloatArray, IntArray], bool]:
     """A function that adds the votes of samples (t, n) to votes (t, s, k), where it can.
 

@@ -15,11 +15,12 @@ from skinmap.classify.classifier_options import tuned_classifier
 from skinmap.classify.descriptors import Touch
 from skinmap.classify.evaluate import likeliest, score
 from skinmap.errors import InvalidArrayError
+from skinmap.profile import Value
 from skinmap.touch.gestures import FOUR
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 from skinmap.trade.measuring import cpu_seconds
-from skinmap.trade.task import Knob, Outcome, Setting, Value
+from skinmap.trade.task import Knob, Outcome, Setting
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skinmap import __version__
+from skinmap.profile import FORMAT, Value
 from skinmap.trade.points import Point
-from skinmap.trade.task import Value
-
-FORMAT = 1
 
 
 @dataclass(frozen=True, slots=True)

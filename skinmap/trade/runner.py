@@ -14,12 +14,12 @@ import numpy as np
 
 from skinmap.errors import BrokenPluginError, SkinError, UnknownNameError
 from skinmap.trade.measuring import first_time, grown_mb, untimed
-from skinmap.trade.pace import pace_seconds
 from skinmap.trade.points import Failure, Point, describe
 from skinmap.trade.task import Outcome, Setting, TradeTask
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
+from functools import cache
 
 QUICK = 0.3  # seconds: a setting whose run takes less is measured
 QUICK_TURNS = 2  # times a round
@@ -29,6 +29,9 @@ CHOICES = 3  # how often another one may turn out best after that
 logger = logging.getLogger(__name__)
 Progress = Callable[[str], None]
 Choose = Callable[[Sequence[Point]], Point]
+CALLS = 3
+SIDE = 24  # of the grid whose Laplacian is factorised
+WORDS = 4000  # counted one by one, as Python does
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +74,7 @@ def measure(
     always meets the machine in the same state. The setting that is chosen then runs more often:
     the quickest of many is often one that was lucky. A setting that fails is left out of later
     rounds and reported; so is a task that fails as a whole. Times are scaled to the pace of the
-    machine at the quietest moment of the measurement (`skinmap.trade.pace`).
+    machine at the quietest moment of the measurement (`skinmap.trade.runner`).
 
     Parameters
     ----------
@@ -275,3 +278,43 @@ def reason(error: Exception) -> str:
     """One line on an error; its type too where it is none of ours."""
     text = " ".join(str(error).split())
     return text if isinstance(error, SkinError) else f"{type(error).__name__}: {text}"
+
+
+def pace_seconds() -> float:
+    """CPU time of the fixed piece of work, the least of a few calls."""
+    return min(_timed() for _ in range(CALLS))
+
+
+def _timed() -> float:
+    grid, points = _fixed()
+    started = time.process_time()
+    _work(grid, points)
+    return time.process_time() - started
+
+
+def _work(grid: Any, points: Any) -> float:
+    """What the tasks are made of: interpreted loops, small arrays, a sparse factorisation."""
+    from scipy.sparse.linalg import splu
+
+    counts: dict[int, int] = {}
+    for number in range(WORDS):
+        counts[number % 97] = counts.get(number % 97, 0) + number
+    found = 0.0
+    for start in range(0, len(points) - 400, 100):
+        part = points[start : start + 400]
+        order = np.argsort(part[:, 0])
+        found += float(np.linalg.norm(part[order] - part, axis=1).sum())
+    solution = splu(grid).solve(points[: grid.shape[0]])
+    return found + float(np.sort(solution, axis=0)[0, 0]) + counts[0]
+
+
+@cache
+def _fixed() -> tuple[Any, Any]:
+    """A grid's Laplacian and points, always the same."""
+    from scipy.sparse import csc_array, diags_array, eye_array, kron
+
+    line = diags_array([2.0, -1.0, -1.0], offsets=[0, 1, -1], shape=(SIDE, SIDE))
+    one = eye_array(SIDE)
+    grid = csc_array(kron(line, one) + kron(one, line) + 0.1 * eye_array(SIDE * SIDE))
+    points = np.random.default_rng(0).random((4000, 3))
+    return grid, points

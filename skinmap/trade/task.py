@@ -13,13 +13,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from skinmap.errors import BrokenPluginError
+from skinmap.profile import TASKS, Value
 from skinmap.registry import Registry
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
 
-GROUP = "skinmap.trade_tasks"
-Value = str | int | float | bool
 # Knob: value. A knob that a setting does not name stands at its default, or does not matter there.
 Setting = Mapping[str, Value]
 
@@ -111,7 +110,7 @@ def _checked(name: str, thing: object) -> TradeTask:
 
 tasks: Registry[TradeTask] = Registry(
     "trade task",
-    GROUP,
+    TASKS,
     built_in={
         "flatten": "skinmap.trade.flatten_task:flatten_task",
         "classify": "skinmap.trade.classify_task:classify_task",

@@ -9,7 +9,7 @@ import skinmap
 from calibration.patch.solver_budget import Effort
 from calibration.trade_task import MAX_MODULES, CalibrateTask, calibrate_task
 from skinmap.errors import InvalidArrayError
-from skinmap.knobs import KNOBS
+from skinmap.profile import KNOBS
 from skinmap.trade.task import defaults, tasks
 
 

@@ -7,11 +7,10 @@ import pytest
 from sklearn.svm import SVC
 
 from skinmap.classify.check import check_classifier, planted_touches
-from skinmap.classify.choose_words import CANDIDATES
 from skinmap.classify.classifier import classifiers
-from skinmap.classify.descriptors import Histograms, Touch
+from skinmap.classify.descriptors import CANDIDATES, Histograms, Touch
 from skinmap.classify.image_descriptor import PaperImages
-from skinmap.classify.raw_classifiers import PENALTIES, WIDTHS
+from skinmap.classify.named_classifiers import PENALTIES, WIDTHS
 from skinmap.classify.sample_descriptors import RawSamples, descriptor_of
 from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError, UnknownNameError
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classify.cnn import ContactImageCNN
-from skinmap.classify.cnn_training import Recipe
+from skinmap.classify import cnn as module
+from skinmap.classify.cnn import ContactImageCNN, Recipe
 from skinmap.errors import InvalidArrayError, NotFittedError, UnknownNameError
 
 
@@ -61,9 +61,8 @@ def test_fit_learns_bars_and_repeats_itself(bars):
 
 def test_a_net_that_stays_at_chance_is_trained_again(bars, monkeypatch):
     torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
-    from skinmap.classify import cnn_training
 
-    build, made = cnn_training._build, []
+    build, made = module._build, []
 
     def dead_first(*arguments):
         net = build(*arguments)
@@ -72,7 +71,7 @@ def test_a_net_that_stays_at_chance_is_trained_again(bars, monkeypatch):
         made.append(net)
         return net
 
-    monkeypatch.setattr(cnn_training, "_build", dead_first)
+    monkeypatch.setattr(module, "_build", dead_first)
     images, labels = bars
     machine = ContactImageCNN(epochs=10, schedule="constant", mirror=False, shift=0)
     machine.fit(images[:90], labels[:90])
@@ -82,7 +81,7 @@ def test_a_net_that_stays_at_chance_is_trained_again(bars, monkeypatch):
 
 def test_varied_images_are_mirrored_and_shifted_copies():
     torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
-    from skinmap.classify.cnn_training import _varied
+    from skinmap.classify.cnn import _varied
 
     image = torch.zeros(1, 1, 9, 12)
     image[0, 0, 4, 5], image[0, 0, 4, 6] = 1.0, 2.0

@@ -12,7 +12,7 @@ from skinmap.classify.fusion import (
     part_folds,
     pool,
 )
-from skinmap.classify.geometry_classifier import contact_geometry_classifier
+from skinmap.classify.named_classifiers import contact_geometry_classifier
 from skinmap.errors import InvalidArrayError, UnknownNameError
 
 CLASSES = np.array(["a", "b", "c"])

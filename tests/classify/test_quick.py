@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from sklearn.linear_model import LogisticRegression
 
-from skinmap.classify.classifier import calibrated
-from skinmap.classify.fast_probabilities import quick_probabilities
+from skinmap.classify.classifier import calibrated, quick_probabilities
 from skinmap.classify.intersection import IntersectionSVC
 from skinmap.errors import SkinWarning
 

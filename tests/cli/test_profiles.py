@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from skinmap import __version__
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
-from skinmap.knobs import KNOBS, Allowed
+from skinmap.profile import KNOBS, Allowed
 from skinmap.trade.task import tasks
 
 # Those that write profiles.

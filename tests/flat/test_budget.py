@@ -110,7 +110,7 @@ def test_auto_falls_back_where_nothing_can_be_solved(cap, monkeypatch):
     def singular(disc):
         raise ArithmeticError("the matrix of 3 unknowns is singular")
 
-    monkeypatch.setattr("skinmap.flat.bff.boundary_first", singular)
+    monkeypatch.setattr("skinmap.flat.disc.boundary_first", singular)
     with pytest.warns(SkinWarning, match="auto flips or fails, bijective is used"):
         flat = map_disc(cap.vertices, cap.faces, method="auto")
     assert (flat.method, flat.fallback) == ("bijective", True)

@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning, UnknownNameError
+from skinmap.flat.atlas import pack
 from skinmap.flat.disc import Disc
 from skinmap.flat.distortion import measure_distortion
 from skinmap.flat.flat_map import flatten, flatten_disc
 from skinmap.flat.methods import flatteners
-from skinmap.flat.packing import pack
 from skinmap.geometry.topology import boundary_loops
 from skinmap.geometry.triangles import face_areas, signed_areas
 

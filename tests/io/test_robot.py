@@ -116,7 +116,12 @@ def test_units_of_a_manifest_scale_positions(manifest):
         ("[robot]", "[robot", DataFormatError, "not TOML"),
         ('name = "one"', "", DataFormatError, "lacks 'name'"),
         ('name = "one"', "name = 3", DataFormatError, "must be text, got 3"),
-        ("[[part]]", "[[parts]]", DataFormatError, "unknown tables"),
+        (
+            "[[part]]",
+            "[[parts]]",
+            DataFormatError,
+            "unknown keys: 'parts'; the keys are: ro",
+        ),
         (
             'link = "r_hand"',
             'link = "r_hnd"',

@@ -12,7 +12,7 @@ from skinmap.errors import InvalidArrayError, InvalidMeshError, UnknownNameError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number
 from skinmap.skin.skin import skin_from_points
-from skinmap.surface.body_surface import is_closed
+from skinmap.surface.accurate import is_closed
 from skinmap.surface.consensus_meshing import Limits, consensus_faces
 from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
 from skinmap.surface.holes import close_loop

@@ -7,14 +7,14 @@ import pytest
 from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
-from skinmap.classify.choose_words import choose_words
+from skinmap.classify.descriptors import choose_words
 from skinmap.classify.intersection import IntersectionSVC
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.neighbours.offsets import concatenate, neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
-from skinmap.touch.codebook import histograms
 from skinmap.touch.histogram import PatchSamples, StructureHistogram
 from skinmap.touch.nearest_structure import adopt_nearest, coverage
+from skinmap.touch.votes import histograms
 
 
 def hoods_of(points):

@@ -11,8 +11,8 @@ from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import find_structures
 from skinmap.touch import votes as module
-from skinmap.touch.codebook import Codebook, histograms, learn_codebook
-from skinmap.touch.votes import VoteCounter
+from skinmap.touch.codebook import Codebook, learn_codebook
+from skinmap.touch.votes import VoteCounter, histograms
 
 
 @pytest.fixture(scope="module")

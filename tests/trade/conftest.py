@@ -107,7 +107,7 @@ def plugged(monkeypatch):
         found = lambda group: points if group == GROUP else []  # noqa: E731
         monkeypatch.setattr(registry, "entry_points", found)
         monkeypatch.setattr("importlib.metadata.entry_points", found)
-        monkeypatch.setattr("skinmap.knobs.entry_points", found)
+        monkeypatch.setattr("skinmap.profile.entry_points", found)
         monkeypatch.setattr(tasks, "_plugins", None)
         monkeypatch.setattr(tasks, "_built_in", {})
         monkeypatch.setattr(tasks, "_own", {})

@@ -10,8 +10,7 @@ import pytest
 from skinmap.errors import ImpossibleBudgetError
 from skinmap.trade import measuring, runner
 from skinmap.trade.measuring import cpu_seconds, first_time, grown_mb, untimed
-from skinmap.trade.pace import pace_seconds
-from skinmap.trade.runner import measure, steps
+from skinmap.trade.runner import measure, pace_seconds, steps
 from skinmap.trade.task import Knob, Outcome, around, product
 
 SEEDS = range(3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skinmap
-from skinmap.knobs import KNOBS
+from skinmap.profile import KNOBS
 from skinmap.touch.contacts import ACTIVE
 from skinmap.trade.measuring import untimed
 from skinmap.trade.task import tasks

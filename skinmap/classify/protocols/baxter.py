@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,9 @@ from skinmap.classify.protocols.baxter_methods import (
     tune,
 )
 from skinmap.classify.protocols.folds import FoldKind
+from skinmap.classify.protocols.repeats import run_repeats
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
-from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.run import task_rng
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -37,18 +37,6 @@ PAPER = {
     "bovw": {"mean": 0.9759, "repeats_mean": 0.9815, "min": 0.9692, "max": 0.989, "k": 130},
     "cnn": {"mean": 0.9868, "repeats_mean": 0.9833, "min": 0.9714, "max": 0.9934},
 }
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Repeat:
-    """One random split: what a worker needs."""
-
-    bench: Bench
-    method: str
-    kind: FoldKind
-    settings: Settings
-    seed: int
-    number: int
 
 
 def evaluate_baxter(
@@ -112,12 +100,20 @@ def evaluate_baxter(
                 rows = ~split_images("event", data, rng=task_rng(seed, 1, 0))
                 rng = task_rng(seed, 2)
                 settings, tried = tune(bench, name, settings, rows=rows, rng=rng, progress=progress)
-            tasks = [
-                Repeat(bench, name, kind, settings, seed, number)
-                for kind in ("event", "plain")
-                for number in range(repeats)
-            ]
-            counts = run_tasks(run_repeat, tasks, workers=workers, progress=progress)
+            counts = run_repeats(
+                baxter_repeat,
+                [
+                    {"kind": kind, "number": number}
+                    for kind in ("event", "plain")
+                    for number in range(repeats)
+                ],
+                workers=workers,
+                progress=progress,
+                bench=bench,
+                method=name,
+                settings=settings,
+                seed=seed,
+            )
         except MissingLibraryError as error:
             warnings.warn(f"{name} is left out: {error}", SkinWarning, stacklevel=2)
             found[name] = {"missing": str(error)}
@@ -139,12 +135,13 @@ def evaluate_baxter(
     }
 
 
-def run_repeat(repeat: Repeat) -> FloatArray:
-    """(2, 2) images of each label (rows) that were named each label."""
-    data = repeat.bench.data
-    test = split_images(repeat.kind, data, rng=task_rng(repeat.seed, 1, repeat.number))
-    method = METHODS[repeat.method]
-    named = method(repeat.bench, ~test, test, repeat.settings, repeat.number)
+def baxter_repeat(
+    seed: int, number: int, kind: FoldKind, *, bench: Bench, method: str, settings: Settings
+) -> FloatArray:
+    """(2, 2) images of each label (rows) that were named each label, in one random split."""
+    data = bench.data
+    test = split_images(kind, data, rng=task_rng(seed, 1, number))
+    named = METHODS[method](bench, ~test, test, settings, number)
     pairs = [
         [np.count_nonzero(named[data.labels[test] == true] == guess) for guess in LABELS]
         for true in LABELS

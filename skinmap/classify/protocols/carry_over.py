@@ -7,7 +7,6 @@ number of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.intersection import IntersectionSVC
 from skinmap.classify.protocols.folds import make_folds
+from skinmap.classify.protocols.repeats import run_repeats
 from skinmap.classify.protocols.samples import (
     LITERAL,
     ROTATED,
@@ -29,7 +29,7 @@ from skinmap.classify.protocols.samples import (
     structures_of,
 )
 from skinmap.errors import InvalidArrayError
-from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.run import task_rng
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.codebook import WORDS
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -39,16 +39,6 @@ PERCENT = 10.0  # of the samples of each patch
 # A patch of which a whole hand covers less than this is touched by something else than a hand.
 ENOUGH_ON_SKIN = 0.4
 MIX = (ROTATED, UPRIGHT, LITERAL)
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Repeat:
-    """One seed: what a worker needs."""
-
-    skins: Mapping[str, PreparedSkin]
-    seed: int
-    samples: Mapping[str, int]
-    percent: float
 
 
 def evaluate_carry_over(
@@ -84,8 +74,15 @@ def evaluate_carry_over(
     """
     for skin in skins.values():
         skin.hoods  # noqa: B018 - computed here once, then carried to the workers
-    tasks = [Repeat(skins, seed, samples, percent) for seed in seeds]
-    found = run_tasks(run_repeat, tasks, workers=workers, progress=progress)
+    found = run_repeats(
+        carry_over_repeat,
+        [{"seed": seed} for seed in seeds],
+        workers=workers,
+        progress=progress,
+        skins=skins,
+        samples=samples,
+        percent=percent,
+    )
     shared = [key for key in found[0] if all(key in scores for scores in found)]
     rows = [
         {
@@ -106,21 +103,27 @@ def evaluate_carry_over(
     }
 
 
-def run_repeat(task: Repeat) -> dict[tuple[str, str, str], float]:
+def carry_over_repeat(
+    seed: int,
+    *,
+    skins: Mapping[str, PreparedSkin],
+    samples: Mapping[str, int],
+    percent: float,
+) -> dict[tuple[str, str, str], float]:
     """Accuracy of one seed by features, patch trained on and patch tested on."""
-    rng = task_rng(task.seed, 1)
+    rng = task_rng(seed, 1)
     drawn: dict[str, SampleSet] = {}
-    for name, skin in task.skins.items():
+    for name, skin in skins.items():
         try:
-            found = draw_samples(skin, task.samples, rng=rng)
+            found = draw_samples(skin, samples, rng=rng)
         except InvalidArrayError:
             continue
         if found.on_skin >= ENOUGH_ON_SKIN:
-            drawn[name] = found.take(resample(found.labels, task.percent, rng=rng))
+            drawn[name] = found.take(resample(found.labels, percent, rng=rng))
     scores = {}
     for recipe in MIX:
         for source in drawn:
-            for target, accuracy in _from(task.skins, drawn, recipe, source, rng).items():
+            for target, accuracy in _from(skins, drawn, recipe, source, rng).items():
                 scores[recipe.name, source, target] = accuracy
     return scores
 

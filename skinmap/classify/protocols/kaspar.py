@@ -7,13 +7,13 @@ patterns on periodically distributed skin sensors for a humanoid robot", RO-MAN 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from skinmap.classify.protocols.folds import FoldKind, make_folds, recalls
 from skinmap.classify.protocols.kernels import Kernel, cross_validate, intersection, rbf
+from skinmap.classify.protocols.repeats import run_repeats
 from skinmap.classify.protocols.samples import (
     COUNTS,
     RECIPES,
@@ -24,7 +24,7 @@ from skinmap.classify.protocols.samples import (
     resample,
     structures_of,
 )
-from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.run import task_rng
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.codebook import WORDS
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -43,17 +43,6 @@ PAPER = (
     (10, "histogram", "intersection-svm", (95.6, 91.4, 97.1, 97.9)),
     (10, "raw", "rbf-svm", (92.9, 84.4, 97.3, 97.9)),
 )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Repeat:
-    """One seed of the table: what a worker needs."""
-
-    skin: PreparedSkin
-    seed: int
-    samples: dict[str, int]
-    percents: tuple[float, ...]
-    places: Places
 
 
 def evaluate_kaspar(
@@ -91,8 +80,16 @@ def evaluate_kaspar(
     """
     skin.hoods  # noqa: B018 - computed here once, then carried to the workers
     wanted = dict(samples or SAMPLES)
-    tasks = [Repeat(skin, seed, wanted, tuple(percents), places) for seed in seeds]
-    found = run_tasks(run_repeat, tasks, workers=workers, progress=progress)
+    found = run_repeats(
+        kaspar_repeat,
+        [{"seed": seed} for seed in seeds],
+        workers=workers,
+        progress=progress,
+        skin=skin,
+        samples=wanted,
+        percents=tuple(percents),
+        places=places,
+    )
     return [_average([rows[number] for rows in found]) for number in range(len(found[0]))]
 
 
@@ -111,13 +108,20 @@ def paper_rows() -> list[dict[str, Any]]:
     ]
 
 
-def run_repeat(task: Repeat) -> list[dict[str, Any]]:
+def kaspar_repeat(
+    seed: int,
+    *,
+    skin: PreparedSkin,
+    samples: dict[str, int],
+    percents: tuple[float, ...],
+    places: Places,
+) -> list[dict[str, Any]]:
     """All rows of the table for one seed."""
-    rng = task_rng(task.seed)
-    drawn = draw_samples(task.skin, task.samples, rng=rng, places=task.places)
-    votes = _votes(task.skin, drawn, int(rng.integers(2**31)))
+    rng = task_rng(seed)
+    drawn = draw_samples(skin, samples, rng=rng, places=places)
+    votes = _votes(skin, drawn, int(rng.integers(2**31)))
     rows = []
-    for percent in task.percents:
+    for percent in percents:
         index = resample(drawn.labels, percent, rng=rng)
         part = drawn.take(index)
         raw = part.pressures / COUNTS
@@ -125,9 +129,9 @@ def run_repeat(task: Repeat) -> list[dict[str, Any]]:
         table = [*kernels.items(), ("raw", rbf(raw)), ("raw", intersection(raw))]
         for kind in KINDS:
             folds = make_folds(kind, part.labels, part.events, folds=FOLDS, rng=rng)
-            seed = int(rng.integers(2**31))  # the same inner folds for all kernels
+            inner = int(rng.integers(2**31))  # the same inner folds for all kernels
             for features, kernel in table:
-                rows.append(_row(part, features, kernel, kind, folds, percent, seed))
+                rows.append(_row(part, features, kernel, kind, folds, percent, inner))
     return rows
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from skinmap.classify.protocols.folds import Fold, make_folds, recalls
 from skinmap.classify.protocols.kaspar import FOLDS, SAMPLES
 from skinmap.classify.protocols.kernels import cross_validate, intersection
+from skinmap.classify.protocols.repeats import run_repeats
 from skinmap.classify.protocols.samples import (
     ROTATED,
     SampleSet,
@@ -21,7 +21,7 @@ from skinmap.classify.protocols.samples import (
     resample,
     structures_of,
 )
-from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.run import task_rng
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -29,18 +29,6 @@ from skinmap.touch.prepared_skin import PreparedSkin
 RADII = (0.0055, 0.008, 0.0095, 0.0115, 0.014)
 WORDS = (2, 4, 8, 16, 32)
 PERCENT = 10.0
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Repeat:
-    """One seed: what a worker needs."""
-
-    skin: PreparedSkin
-    seed: int
-    radii: tuple[float, ...]
-    words: tuple[int, ...]
-    samples: dict[str, int]
-    percent: float
 
 
 def sweep_radius_and_words(
@@ -77,8 +65,17 @@ def sweep_radius_and_words(
     """
     skin.hoods  # noqa: B018 - computed here once, then carried to the workers
     wanted = dict(samples or SAMPLES)
-    tasks = [Repeat(skin, seed, tuple(radii), tuple(words), wanted, percent) for seed in seeds]
-    found = run_tasks(run_repeat, tasks, workers=workers, progress=progress)
+    found = run_repeats(
+        sweep_repeat,
+        [{"seed": seed} for seed in seeds],
+        workers=workers,
+        progress=progress,
+        skin=skin,
+        radii=tuple(radii),
+        words=tuple(words),
+        samples=wanted,
+        percent=percent,
+    )
     rows = []
     for repeats in zip(*found, strict=True):
         means = [row["mean"] for row in repeats]
@@ -87,18 +84,22 @@ def sweep_radius_and_words(
     return rows
 
 
-def run_repeat(task: Repeat) -> list[dict[str, Any]]:
+def sweep_repeat(
+    seed: int,
+    *,
+    skin: PreparedSkin,
+    radii: tuple[float, ...],
+    words: tuple[int, ...],
+    samples: dict[str, int],
+    percent: float,
+) -> list[dict[str, Any]]:
     """Rows of one seed: the same samples and folds for each radius and number of codewords."""
-    rng = task_rng(task.seed)
-    drawn = draw_samples(task.skin, task.samples, rng=rng)
-    part = drawn.take(resample(drawn.labels, task.percent, rng=rng))
+    rng = task_rng(seed)
+    drawn = draw_samples(skin, samples, rng=rng)
+    part = drawn.take(resample(drawn.labels, percent, rng=rng))
     folds = make_folds("event", part.labels, part.events, folds=FOLDS, rng=rng)
-    seed = int(rng.integers(2**31))
-    return [
-        row
-        for radius in task.radii
-        for row in _of_radius(task.skin, radius, task.words, part, folds, seed)
-    ]
+    learnt = int(rng.integers(2**31))
+    return [row for radius in radii for row in _of_radius(skin, radius, words, part, folds, learnt)]
 
 
 def _of_radius(

@@ -25,8 +25,7 @@ def publish_touches(
     sensing: dict[str, Any],
 ) -> StreamResult:
     """Stream touches until `seconds` have passed or Ctrl-C comes, then say what was sent."""
-    from skinmap.live.publishing.publish import open_publisher
-    from skinmap.live.publishing.streaming import stream
+    from skinmap.live.publishing.publish import open_publisher, stream
     from skinmap.live.sources.simulator import SimulatedSource
     from skinmap.touch.gestures import gesture_set
     from skinmap.touch.sensing import Sensing

@@ -171,13 +171,14 @@ def _tasks(names: tuple[str, ...]) -> tuple[dict[str, TradeTask], list[Any]]:
     """The tasks asked for by name, and plug-ins that do not load."""
     from importlib.metadata import entry_points
 
+    from skinmap.profile import TASKS
     from skinmap.trade.points import Failure
-    from skinmap.trade.task import GROUP, tasks
+    from skinmap.trade.task import tasks
 
     if ALL not in names:
         return {name: tasks.get(name) for name in dict.fromkeys(names)}, []
     known = tasks.names()
-    lost = [point.name for point in entry_points(group=GROUP) if point.name not in known]
+    lost = [point.name for point in entry_points(group=TASKS) if point.name not in known]
     failures = [Failure(name, None, "its plug-in does not load") for name in lost]
     return {name: tasks.get(name) for name in known}, failures
 

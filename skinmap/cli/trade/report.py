@@ -14,7 +14,7 @@ from skinmap.cli.trade.result import (
     TaskRow,
     TradeResult,
 )
-from skinmap.knobs import Value
+from skinmap.profile import Value
 from skinmap.report.image import media
 from skinmap.report.page import lines_page
 from skinmap.report.table import Cell, Table

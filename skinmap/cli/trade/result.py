@@ -7,7 +7,7 @@ import platform
 from dataclasses import dataclass, field
 
 from skinmap import __version__
-from skinmap.knobs import Value
+from skinmap.profile import Value
 from skinmap.report.result import MERGED
 
 LIBRARIES = ("numpy", "scipy", "libigl", "scikit-learn", "numba")

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import IO, Any
 
 from skinmap.errors import DataFormatError, MissingFileError
-from skinmap.io.recordings.mcap_chunk import CHUNK_HEAD, MAX_RECORD, unfold
 from skinmap.io.text import is_file
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -26,12 +25,15 @@ SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA = 3, 4, 5, 6, 9, 12
 FOOTER, LAST_OPCODE, PRIVATE = 2, 15, 0x80
 # Where to go on after damage: a chunk record, told by the name of its compression.
 NAMES = (b"\x04\0\0\0zstd", b"\x03\0\0\0lz4")
+CHUNK_HEAD = struct.Struct("<QQQII")  # times, size, checksum, length of the compression's name
 BEFORE_NAME = HEAD.size + CHUNK_HEAD.size - 4
 WINDOW = 2**20
 MAX_COPIES = 1000  # channel records that are kept; ours have four of six
 LONGEST = 60 * 10**9  # [ns] that a chunk may last; a head that says more is damaged too
 # What decoding damaged records may raise.
 DAMAGED = (ValueError, struct.error, OverflowError)
+MAX_RECORD = 64 * 2**20  # bytes of one record, and of what a chunk unfolds to; ours have 64 kB
+PIECE = 2**20  # unfolded at once [bytes]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +42,6 @@ class Place:
 
     offset: int
     length: int
-
-
-Take = Callable[[int, int, int, int, int, Place], None]
 
 
 @dataclass(slots=True)
@@ -80,6 +79,9 @@ class Scan:
     attachments: dict[str, bytes] = field(default_factory=dict)
     copies: list[Any] = field(default_factory=list)
     promised: int = 0
+
+
+Take = Callable[[int, int, int, int, int, Place], None]
 
 
 def scan(path: Path, take: Take) -> Scan:
@@ -279,3 +281,56 @@ def read_chunk(file: IO[bytes], place: Place) -> bytes:
     opcode, length = HEAD.unpack_from(record)
     body = record[HEAD.size :]
     return body if opcode == MESSAGE else unfold(body, whole=length == len(body))
+
+
+def unfold(body: bytes, *, whole: bool = True) -> bytes:
+    """Uncompressed content of a chunk; of one that was cut, as much as can be had.
+
+    Raises
+    ------
+    ValueError
+        Sizes beyond what is read, an unknown compression, a wrong checksum.
+    """
+    _, _, size, checksum, letters = CHUNK_HEAD.unpack_from(body)
+    start = CHUNK_HEAD.size + letters + 8
+    compression = body[CHUNK_HEAD.size : CHUNK_HEAD.size + min(letters, 8)]
+    if size > MAX_RECORD:
+        raise ValueError(f"a chunk that says it unfolds to {size / 2**20:.0f} MB")
+    if whole and int.from_bytes(body[start - 8 : start], "little") != len(body) - start:
+        raise ValueError("a chunk of another length than it says")
+    data = _decompress(compression, body[start:], size, whole=whole)
+    if whole and (len(data) != size or (checksum and zlib.crc32(data) != checksum)):
+        raise ValueError("a chunk with a wrong checksum")
+    return data
+
+
+def _decompress(compression: bytes, data: bytes, size: int, *, whole: bool) -> bytes:
+    """At most `size` bytes of what is compressed in `data`, whatever it says of itself."""
+    if compression == b"":
+        return data[:size]
+    if compression == b"zstd":
+        return _zstd(data, size, whole=whole)
+    if compression == b"lz4":
+        from lz4.frame import LZ4FrameDecompressor
+
+        try:
+            return bytes(LZ4FrameDecompressor().decompress(data, max_length=size))
+        except RuntimeError as error:
+            raise ValueError(str(error)) from None
+    raise ValueError(f"compressed by {compression!r}")
+
+
+def _zstd(data: bytes, size: int, *, whole: bool) -> bytes:
+    """In pieces, so that what a cut frame holds is had before its end is missed."""
+    from zstandard import ZstdDecompressor, ZstdError
+
+    reader = ZstdDecompressor(max_window_size=2**26).stream_reader(data)
+    pieces, left = [], size
+    try:
+        while left > 0 and (piece := reader.read(min(left, PIECE))):
+            pieces.append(piece)
+            left -= len(piece)
+    except ZstdError as error:
+        if whole:
+            raise ValueError(str(error)) from None
+    return b"".join(pieces)

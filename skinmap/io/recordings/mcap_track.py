@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, SkinError
-from skinmap.io.recordings.mcap_head import (
-    check_widths,
-    head_number,
-    head_value,
-    head_words,
-    read_head,
-)
+from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinError
 from skinmap.io.recordings.mcap_index import Content, Index, McapSamples
-from skinmap.io.recordings.mcap_recording import JOINTS, REPAIRED, TABLES, TOPICS, TOUCHES
+from skinmap.io.recordings.mcap_recording import (
+    FORMAT,
+    JOINTS,
+    METADATA,
+    REPAIRED,
+    TABLES,
+    TOPICS,
+    TOUCHES,
+)
 from skinmap.io.recordings.mcap_scan import Scan
+from skinmap.io.recordings.mcap_writer import McapWriter
 from skinmap.io.recordings.recorded_stream import (
     NS,
     Kind,
@@ -34,6 +37,8 @@ from skinmap.io.taxels.table import parse_csv
 from skinmap.skin.taxels import TaxelTable
 
 MAX_JOINTS = 10_000
+MAX_CHANNELS = 1_000_000  # a skin of more is damage
+REPAIR_SECONDS = 10.0  # nothing is lived through here, so chunks close by size
 
 
 def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
@@ -198,3 +203,138 @@ def _loss(
     if REPAIRED in head:
         seconds = max(seconds, before.seconds)  # the samples missing inside are in both
     return Loss(True, seconds, tuple(found.damage[:100]))
+
+
+def read_head(found: Scan) -> dict[str, str]:
+    """What the file says of itself, from wherever it survived."""
+    tables = [*found.metadata.values(), *(channel.metadata for channel in found.copies)]
+    copies = [table for table in tables if table.get("format") == FORMAT]
+    if not copies:
+        why = f" ({found.damage[0]})" if found.damage else ""
+        raise DataFormatError(f"not a Skinmap recording: it names no skin{why}", found.path)
+    return _agreed(copies, found)
+
+
+def _agreed(copies: list[dict[str, str]], found: Scan) -> dict[str, str]:
+    """What most copies say: these records carry no checksum, but they repeat each other."""
+    agreed = {}
+    for key in sorted({key for copy in copies for key in copy}):
+        said = Counter(copy.get(key) for copy in copies)
+        ((value, _),) = said.most_common(1)
+        if len(said) > 1:
+            found.damage.append(f"its copies of {key!r:.40} differ")
+        if value is not None:
+            agreed[key] = value
+    return agreed
+
+
+def head_value(head: dict[str, str], key: str, kind: type[Any], path: Path) -> Any:
+    """A value that stands in the head as JSON; DataFormatError if it is no such."""
+    try:
+        value = json.loads(head.get(key, "null"))
+    except (ValueError, RecursionError):
+        value = None
+    if not isinstance(value, kind):
+        raise DataFormatError(f"its {key} are damaged", path)
+    return value
+
+
+def head_words(head: dict[str, str], key: str, path: Path) -> dict[str, str]:
+    """Words by name that stand in the head as JSON."""
+    return {str(name): str(word) for name, word in head_value(head, key, dict, path).items()}
+
+
+def head_number(head: dict[str, str], key: str, path: Path) -> float:
+    """A number of the head, not negative; 0 where it is not there."""
+    try:
+        number = float(head.get(key, "0"))
+    except ValueError:
+        number = float("nan")
+    if not 0 <= number < np.inf:
+        raise DataFormatError(f"its {key} is damaged", path)
+    return number
+
+
+def check_widths(widths: Any, parts: tuple[str, ...], path: Path) -> tuple[int, ...]:
+    """Columns of each part, if that can be."""
+    whole = isinstance(widths, list) and all(type(width) is int for width in widths)
+    if not whole or len(widths) != len(parts) or not parts or len(set(parts)) != len(parts):
+        raise DataFormatError(f"{len(parts)} parts with widths {widths!r:.60}", path)
+    if min(widths) < 1 or sum(widths) > MAX_CHANNELS:
+        raise DataFormatError(f"a skin of {sum(widths)} channels", path)
+    return tuple(widths)
+
+
+def write_repaired(path: Path, output: Path) -> RecordedStream:
+    """Copy all messages that can be had, the skin and the touches into a whole file.
+
+    Parameters
+    ----------
+    path : Path
+        A recording of ours.
+    output : Path
+        MCAP with an index; it remembers what the damaged file had lost.
+
+    Returns
+    -------
+    RecordedStream
+        What is in it.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        As for `read_track`.
+    OutputError
+        The output cannot be written.
+    """
+    track = read_track(path)  # refuses what is no recording of ours, or one that makes no sense
+    index = Index(path)
+    head = read_head(index.found)
+    if track.loss.recovered:
+        head[REPAIRED] = repr(track.loss.seconds)
+    try:
+        with output.open("wb", buffering=0) as file:
+            writer = McapWriter(file, chunk_seconds=REPAIR_SECONDS)
+            writer.add_metadata(METADATA, head)
+            numbers = _channels(writer, index, head)
+            for name, data in sorted(index.found.attachments.items()):
+                writer.add_attachment(name, "text/csv", data)
+            _copy(writer, index, numbers)
+            writer.finish()
+    except OSError as error:
+        raise OutputError(f"cannot write {str(output)!r}: {error.strerror}") from None
+    return track
+
+
+def _channels(writer: McapWriter, index: Index, head: dict[str, str]) -> dict[int, int]:
+    """Describe the channels anew; their new numbers by the old ones."""
+    found = index.found
+    schemas = {
+        number: writer.add_schema(one.name, one.encoding, one.data)
+        for number, one in sorted(found.schemas.items())
+    }
+    numbers: dict[int, int] = {}
+    for number, one in sorted(found.channels.items()):
+        own = head if one.metadata else {}
+        schema = schemas.get(one.schema_id, 0)
+        numbers[number] = writer.add_channel(one.topic, one.message_encoding, schema, own)
+    return numbers
+
+
+def _copy(writer: McapWriter, index: Index, numbers: dict[int, int]) -> None:
+    """All messages of known channels, in the order in which they stood in the file."""
+    content = Content(index)
+    columns: list[tuple[Any, ...]] = []
+    for number, messages in index.channels.items():
+        if number in numbers:
+            count = len(messages)
+            rows = np.arange(count)
+            columns.append((messages.chunks, messages.offsets, np.full(count, number), rows))
+    if not columns:
+        return
+    chunks, offsets, channels, rows = (np.concatenate(each) for each in zip(*columns, strict=True))
+    for place in np.lexsort((offsets, chunks)).tolist():
+        number, row = int(channels[place]), int(rows[place])
+        messages = index.channels[number]
+        data = content(messages, row)
+        writer.add_message(numbers[number], messages.times[row], data, messages.samples[row])

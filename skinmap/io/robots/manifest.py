@@ -5,9 +5,12 @@ from __future__ import annotations
 import importlib
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import msgspec
 
 import skinmap
 from skinmap.errors import (
@@ -25,11 +28,40 @@ from skinmap.skin.layouts import module_layout
 from skinmap.skin.repair import replace
 from skinmap.skin.robot import AUTO, Body, Part, Robot
 from skinmap.skin.taxels import TaxelTable
+from skinmap.validation import checked, toml_table
 
 MODEL_PACKAGES = ("icub-models",)
-PART_KEYS = {"name", "link", "taxels", "format", "units", "module", "drawing", "frame"}
-ROBOT_KEYS = {"name", "urdf", "mesh", "units", "pose_deg"}
 MAX_DEGREES = 36_000  # a hundred turns
+
+
+class _Robot(msgspec.Struct, forbid_unknown_fields=True):
+    """The table `[robot]`."""
+
+    name: str
+    urdf: str | None = None
+    mesh: str | None = None
+    units: str = "m"
+    pose_deg: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+class _Part(msgspec.Struct, forbid_unknown_fields=True):
+    """A table `[[part]]`."""
+
+    name: str
+    link: str
+    taxels: str
+    format: str | None = None
+    units: str = "m"
+    module: str | None = None
+    drawing: str | None = None
+    frame: str = AUTO
+
+
+class _Manifest(msgspec.Struct, forbid_unknown_fields=True):
+    """A whole manifest."""
+
+    robot: _Robot
+    part: Annotated[list[_Part], msgspec.Meta(min_length=1)]
 
 
 def data_folder() -> Path:
@@ -98,28 +130,19 @@ def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
         document = tomllib.loads(read_text(path))
     except (ValueError, RecursionError) as error:  # huge numbers and deep nests are no TOML errors
         raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
-    unknown = set(document) - {"robot", "part"}
-    if unknown:
-        raise DataFormatError(
-            f"unknown tables {', '.join(sorted(unknown))}; the tables are: robot, part", path
-        )
-    head = _table(document.get("robot"), ROBOT_KEYS, {"name"}, "[robot]", path)
-    entries = document.get("part", [])
-    if not isinstance(entries, list) or not entries:
-        raise DataFormatError("a manifest needs at least one [[part]]", path)
-    inside = None if allow_outside else path.resolve().parent
+    fail = partial(DataFormatError, path=path)
+    told = checked(document, _Manifest, what="the manifest", fail=fail, called=toml_table)
+    head, inside = told.robot, None if allow_outside else path.resolve().parent
     body = _body(head, path, inside)
     parts: dict[str, Part] = {}
-    for number, entry in enumerate(entries, start=1):
-        what = f"[[part]] number {number}"
-        keys = _table(entry, PART_KEYS, {"name", "link", "taxels"}, what, path)
-        part = _part(keys, path, inside)
+    for entry in told.part:
+        part = _part(entry, path, inside)
         if part.name in parts:
             raise DataFormatError(f"two parts are called {part.name!r}", path)
         if part.link not in body.links:
             raise UnknownNameError(f"link (part {part.name!r})", part.link, body.visible_links)
         parts[part.name] = part
-    return Robot(head["name"], body, parts, _pose(head.get("pose_deg", {}), body, path))
+    return Robot(head.name, body, parts, _pose(head.pose_deg, body, path))
 
 
 def beside(manifest: Path, name: str, inside: Path | None) -> Path:
@@ -142,16 +165,15 @@ def beside(manifest: Path, name: str, inside: Path | None) -> Path:
     return path
 
 
-def _body(head: dict[str, Any], path: Path, inside: Path | None) -> Body:
+def _body(head: _Robot, path: Path, inside: Path | None) -> Body:
     """The URDF of a robot, or the one mesh of a single body."""
-    if ("urdf" in head) == ("mesh" in head):
+    if head.mesh is not None and head.urdf is None:
+        return MeshBody(beside(path, head.mesh, inside), scale=_metres(head.units))
+    if head.urdf is None or head.mesh is not None:
         raise DataFormatError("[robot] needs either 'urdf' or 'mesh'", path)
-    if "mesh" in head:
-        mesh = beside(path, head["mesh"], inside)
-        return MeshBody(mesh, scale=_metres(head.get("units", "m")))
-    if ":" in head["urdf"]:
-        return UrdfBody(_package_model(head["urdf"], path))
-    return UrdfBody(beside(path, head["urdf"], inside), inside=inside)
+    if ":" in head.urdf:
+        return UrdfBody(_package_model(head.urdf, path))
+    return UrdfBody(beside(path, head.urdf, inside), inside=inside)
 
 
 def _metres(unit: str) -> float:
@@ -160,18 +182,17 @@ def _metres(unit: str) -> float:
     return UNITS[unit]
 
 
-def _part(entry: dict[str, Any], path: Path, inside: Path | None) -> Part:
-    table = beside(path, entry["taxels"], inside)
+def _part(entry: _Part, path: Path, inside: Path | None) -> Part:
     layout = None
-    if "module" in entry:
-        layout = module_layout(_layout_name(entry["module"], path, inside))
+    if entry.module is not None:
+        layout = module_layout(_layout_name(entry.module, path, inside))
     return Part(
-        entry["name"],
-        entry["link"],
-        _reader(table, entry.get("format"), _metres(entry.get("units", "m"))),
+        entry.name,
+        entry.link,
+        _reader(beside(path, entry.taxels, inside), entry.format, _metres(entry.units)),
         layout,
-        entry.get("frame", AUTO),
-        beside(path, entry["drawing"], inside) if "drawing" in entry else None,
+        entry.frame,
+        None if entry.drawing is None else beside(path, entry.drawing, inside),
     )
 
 
@@ -193,35 +214,16 @@ def _reader(path: Path, format: str | None, scale: float) -> Callable[[], TaxelT
     return read
 
 
-def _pose(angles_deg: Any, body: Body, path: Path) -> dict[str, float]:
-    if not isinstance(angles_deg, dict):
-        raise DataFormatError(f"pose_deg must be a table, got {angles_deg!r}", path)
+def _pose(angles_deg: Mapping[str, object], body: Body, path: Path) -> dict[str, float]:
     pose = {}
     for joint, angle in angles_deg.items():
         if joint not in body.joints:
             raise UnknownNameError("joint", joint, body.joints)
         number = isinstance(angle, int | float) and not isinstance(angle, bool)
-        if not number or not abs(angle) <= MAX_DEGREES:  # which NaN is not
+        if not number or not abs(angle) <= MAX_DEGREES:  # type: ignore[arg-type]  # nor is NaN
             raise DataFormatError(f"pose_deg.{joint} must be a number, got {angle!r}", path)
-        pose[joint] = math.radians(angle)
+        pose[joint] = math.radians(angle)  # type: ignore[arg-type]
     return pose
-
-
-def _table(entry: Any, keys: set[str], needed: set[str], what: str, path: Path) -> dict[str, Any]:
-    if not isinstance(entry, dict):
-        raise DataFormatError(f"a manifest needs {what}", path)
-    if set(entry) - keys:
-        raise DataFormatError(
-            f"{what} has unknown keys {', '.join(sorted(set(entry) - keys))}; the keys are: "
-            f"{', '.join(sorted(keys))}",
-            path,
-        )
-    for key in keys - {"pose_deg"}:
-        if key in needed and key not in entry:
-            raise DataFormatError(f"{what} lacks {key!r}", path)
-        if key in entry and not isinstance(entry[key], str):
-            raise DataFormatError(f"{key} of {what} must be text, got {entry[key]!r}", path)
-    return entry
 
 
 def _package_model(urdf: str, manifest: Path) -> Path:

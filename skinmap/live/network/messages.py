@@ -8,13 +8,15 @@ from __future__ import annotations
 import json
 import struct
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.errors import InvalidArrayError, MessageError
 from skinmap.live.sources.source import Kind, StreamInfo
+from skinmap.validation import checked
 
 VERSION = 1
 MAGIC = b"SKIN"
@@ -111,6 +113,25 @@ def dtype_code(values: NDArray[Any]) -> int:
     return 1 if values.dtype == np.uint8 else 2
 
 
+class _PartSaid(msgspec.Struct):
+    """A part of a stream; keys that we do not know are left alone."""
+
+    part: str
+    channels: Annotated[int, msgspec.Meta(ge=1)]
+    fingerprint: str = ""
+
+
+class _Description(msgspec.Struct):
+    """What a publisher says of its stream."""
+
+    name: str
+    kind: Kind
+    rate_hz: Annotated[float, msgspec.Meta(ge=0)]
+    parts: Annotated[list[_PartSaid], msgspec.Meta(min_length=1, max_length=MAX_PARTS)]
+    robot: str = ""
+    clock: str = "publisher"
+
+
 def pack_info(info: StreamInfo, *, session: int, heartbeat: float) -> bytes:
     """JSON of a stream's description."""
     return json.dumps(
@@ -144,30 +165,18 @@ def unpack_info(frame: bytes) -> StreamInfo:
         raise MessageError(
             f"a description of version {found.get('skinmap')!r}, this Skinmap reads {VERSION}"
         )
+    told = checked(found, _Description, what="a stream's description", fail=MessageError)
+    widths = tuple(part.channels for part in told.parts)
+    if sum(widths) > MAX_CHANNELS:
+        raise MessageError(f"{sum(widths)} channels, at most {MAX_CHANNELS} are read")
+    prints = {part.part: part.fingerprint for part in told.parts if part.fingerprint}
+    names = tuple(part.part for part in told.parts)
     try:
-        kind, parts = found["kind"], found["parts"]
-        if kind not in KINDS or not isinstance(parts, list) or len(parts) > MAX_PARTS:
-            raise MessageError(f"a description of kind {kind!r}; the kinds are: {', '.join(KINDS)}")
-        widths = tuple(_count(one["channels"]) for one in parts)
-        if sum(widths) > MAX_CHANNELS:
-            raise MessageError(f"{sum(widths)} channels, at most {MAX_CHANNELS} are read")
-        names = tuple(str(one["part"]) for one in parts)
-        prints = {str(one["part"]): str(one.get("fingerprint", "")) for one in parts}
         return StreamInfo(
-            str(found["name"]),
-            names,
-            widths,
-            float(found["rate_hz"]),
-            cast("Kind", kind),
-            str(found.get("robot", "")),
-            {part: print_ for part, print_ in prints.items() if print_},
-            str(found.get("clock", "publisher")),
+            told.name, names, widths, told.rate_hz, told.kind, told.robot, prints, told.clock
         )
-    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        if isinstance(error, MessageError):
-            raise
-        what = f"no key {error}" if isinstance(error, KeyError) else str(error)
-        raise MessageError(f"a stream's description that makes no sense: {what}") from error
+    except InvalidArrayError as error:
+        raise MessageError(f"a stream's description that makes no sense: {error}") from error
 
 
 def read_json(frame: bytes) -> dict[str, Any]:
@@ -187,9 +196,3 @@ def read_json(frame: bytes) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise MessageError(f"JSON of a {type(found).__name__}, expected an object")
     return found
-
-
-def _count(value: object) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise InvalidArrayError(f"channels must be a whole number above 0, got {value!r}")
-    return value

@@ -201,7 +201,7 @@ TARGETS = [
            ("skinmap.io.robots.manifest.load_robot",
             "skinmap.io.robots.manifest.read_manifest"), ROBOT),
     Target("urdf", "damaged.urdf", lambda: [URDF], walk_body,
-           ("skinmap.io.robots.urdf_check.read_urdf",), ROBOT),
+           ("skinmap.io.robots.urdf.read_urdf",), ROBOT),
     *(Target(f"mesh-{kind}", f"m.{kind}", lambda kind=kind: [mesh(kind)], read_mesh,
              ("skinmap.io.robots.urdf.read_mesh",)) for kind in MESHES),
     Target("link", "m.stl", lambda: [mesh("stl")], lambda p: load_link(p, 1e-3),

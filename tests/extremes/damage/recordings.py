@@ -27,8 +27,7 @@ from skinmap.classify.model_file import load_classifier, save_classifier
 from skinmap.io.recordings.dumper import read_dump, read_log
 from skinmap.io.recordings.learning import write_npz
 from skinmap.io.recordings.mcap_recording import McapRecording
-from skinmap.io.recordings.mcap_repair import write_repaired
-from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.recordings.mcap_track import read_track, write_repaired
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.recordings.xdf import read_xdf
 from skinmap.touch import recording as archive
@@ -218,7 +217,7 @@ TARGETS = [
     *both("learning", "t.npz", lambda: [learning()], load_recordings),
     Target("mcap", "t.mcap", lambda: [mcap(), mcap("pressure")], samples,
            ("skinmap.io.recordings.mcap_track.read_track",
-            "skinmap.io.recordings.mcap_head.read_head",
+            "skinmap.io.recordings.mcap_track.read_head",
             "skinmap.io.recordings.mcap_scan.read_chunk")),
     Target("mcap-touches", "t.mcap", lambda: [mcap("pressure")], load_recordings),
     Target("mcap-repair", "t.mcap", lambda: [mcap()], repaired),
