@@ -9,7 +9,8 @@ import pytest
 
 from skinmap import registry
 from skinmap.errors import InvalidMeshError
-from skinmap.trade.task import GROUP, Knob, Outcome, tasks
+from skinmap.profile import TASKS
+from skinmap.trade.task import Knob, Outcome, tasks
 
 
 class Planted:
@@ -102,9 +103,9 @@ def plugged(monkeypatch):
     """A function that plugs planted tasks in as other distributions would, and nothing else."""
 
     def plug(*names: str) -> None:
-        points = [EntryPoint(name, f"planted_tasks:{name}", GROUP) for name in names]
+        points = [EntryPoint(name, f"planted_tasks:{name}", TASKS) for name in names]
         monkeypatch.setattr(EntryPoint, "load", lambda self: _load(self.name))
-        found = lambda group: points if group == GROUP else []  # noqa: E731
+        found = lambda group: points if group == TASKS else []  # noqa: E731
         monkeypatch.setattr(registry, "entry_points", found)
         monkeypatch.setattr("importlib.metadata.entry_points", found)
         monkeypatch.setattr("skinmap.profile.entry_points", found)

@@ -157,7 +157,7 @@ def test_a_check_of_one_task_leaves_the_others(plugged, tmp_path):
         ("[planted.predicted]\nerror = 1.0\n", "[planted.predicted] has no seconds to check"),
         (
             "[flatten.predicted]\nseconds = 1.0\n",
-            "no trade task 'flatten'; the trade tasks are: planted",
+            "no trade task 'flatten'; the only trade task is planted",
         ),
     ],
 )
@@ -250,9 +250,9 @@ def test_help_shows_an_example():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--task", "juggle"), "no trade task 'juggle'; the trade tasks are: planted"),
+        (("--task", "juggle"), "no trade task 'juggle'; the only trade task is planted"),
         (("--part", "tail"), "no part 'tail'"),
-        (("--budget-ms", "juggle=3"), "no task (of --budget-ms) 'juggle'; the tasks are: planted"),
+        (("--budget-ms", "juggle=3"), "no task (of --budget-ms) 'juggle'; the only task is planted"),
         (("--check", "nowhere.toml"), "no file 'nowhere.toml'"),
     ],
 )
