@@ -252,7 +252,10 @@ def test_help_shows_an_example():
     [
         (("--task", "juggle"), "no trade task 'juggle'; the only trade task is planted"),
         (("--part", "tail"), "no part 'tail'"),
-        (("--budget-ms", "juggle=3"), "no task (of --budget-ms) 'juggle'; the only task is planted"),
+        (
+            ("--budget-ms", "juggle=3"),
+            "no task (of --budget-ms) 'juggle'; the only task is planted",
+        ),
         (("--check", "nowhere.toml"), "no file 'nowhere.toml'"),
     ],
 )
