@@ -9,7 +9,8 @@ import pytest
 
 from skinmap import registry
 from skinmap.errors import InvalidMeshError
-from skinmap.trade.task import GROUP, Knob, Outcome, tasks
+from skinmap.profile import TASKS as GROUP
+from skinmap.trade.task import Knob, Outcome, tasks
 
 
 class Planted:
