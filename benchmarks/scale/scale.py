@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.harness.record import RESULTS
 from benchmarks.scale.scale_robots import Row, robot, timed
-from skinmap.parallel.local import LocalPool
+from skinmap.parallel.pool import LocalPool
 from skinmap.parallel.run import each_result
 from skinmap.parallel.workers import Workers
 

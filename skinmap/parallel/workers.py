@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from skinmap.errors import InvalidArrayError
-from skinmap.parallel.pool import Pool
+from skinmap.parallel.pool import LocalPool, Pool
 from skinmap.parallel.resume import ResumeStore
 
 
@@ -92,8 +92,6 @@ def opened_pool(workers: Workers) -> Iterator[Pool | None]:
         finally:
             pool.close()
     elif workers.jobs > 1:
-        from skinmap.parallel.local import LocalPool
-
         yield LocalPool(workers.jobs)
     else:
         yield None
