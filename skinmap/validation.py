@@ -34,7 +34,7 @@ def checked(
     fail: Callable[[str], Exception],
     called: Callable[[Steps], str] | None = None,
 ) -> T:
-    """What came, as the type that it must be.
+    """Input converted to the type that it must be.
 
     Parameters
     ----------

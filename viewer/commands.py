@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from skinmap.commands.options import (
+    Number,
     json_option,
     open_robot,
     part_option,
@@ -18,6 +19,7 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
+from skinmap.errors import unknown_name
 from skinmap.report.present import emit
 
 VIEWS = ("auto", "window", "none")
@@ -28,6 +30,24 @@ LAYERS = (
 MOVIES = (".mp4", ".gif")
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
+
+
+class Written(click.Path):
+    """A file to write whose suffix says its format: refused before any work is done."""
+
+    def __init__(self, *suffixes: str) -> None:
+        super().__init__(path_type=Path, dir_okay=False)
+        self.suffixes = suffixes
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path of a text."""
+        suffix = Path(value).suffix.lower()
+        if suffix not in self.suffixes:
+            self.fail(unknown_name("format for files ending in", suffix, self.suffixes), param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PICTURE = Written(".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 
 
 @click.command("demo", short_help="The whole thread on the real iCub: start here.")
@@ -152,21 +172,27 @@ def summary(result: dict[str, object], out: Path) -> str:
 )
 @click.option(
     "--detail",
-    type=click.FloatRange(0.1, 100.0),
+    type=Number(0.1, 100.0),
     metavar="PX",
     help="Vertices of links are drawn so far apart, in pixels; 1.5 without. More is quicker.",
 )
 @click.option(
     "--contour-rate",
-    type=click.FloatRange(0.1, 1000.0),
+    type=Number(0.1, 1000.0),
     metavar="HZ",
     help="How often contours of touches are found anew; with each sample without.",
 )
 @click.option("--view-file", type=FILE, help="Saved view to begin with; the window saves there.")
-@click.option("--screenshot", type=FILE, help="Write a picture; needs no screen.")
-@click.option("--movie", type=FILE, help="Write a movie (.mp4 or .gif); needs no screen.")
-@click.option("--gltf", type=FILE, help="Write the scene for 3D programs (.glb).")
-@click.option("--html", type=FILE, help="Write the scene as a page that needs nothing else.")
+@click.option("--screenshot", type=PICTURE, help="Write a picture; needs no screen.")
+@click.option(
+    "--movie", type=Written(".mp4", ".gif"), help="Write a movie (.mp4 or .gif); needs no screen."
+)
+@click.option("--gltf", type=Written(".glb"), help="Write the scene for 3D programs (.glb).")
+@click.option(
+    "--html",
+    type=Written(".html", ".htm"),
+    help="Write the scene as a page that needs nothing else.",
+)
 @click.option("--at", type=float, help="Time of the picture [s]; by default what shows most.")
 @click.option("--seconds", type=float, help="How long to watch, at most.")
 @click.option("--speed", type=float, default=1.0, show_default=True, help="Of a recording.")

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 import click
 
 from calibration.patch.solver_budget import FULL, Effort
-from skinmap.commands.options import out_folder, seed_option
+from skinmap.commands.options import Number, out_folder, seed_option
 from skinmap.commands.profiles import profile_option
 from skinmap.io.units import UNITS
 
@@ -140,7 +140,7 @@ def patch_options(
         *(_BOARD if board else ()),
         units_option(of),
         click.option(
-            "--sigma-mm", type=click.FloatRange(min=0, min_open=True), default=1.0,
+            "--sigma-mm", type=Number(min=0, min_open=True), default=1.0,
             show_default=True,
             help=f"Error of a coordinate of {sigma}, where the file does not say [mm].",
         ),
@@ -192,7 +192,7 @@ _EFFORT = (
         help="Steps in each of three stages, at most.",
     ),
     click.option(
-        "--wrap-detail-mm", type=click.FloatRange(min=0.5, max=50.0), default=4.0,
+        "--wrap-detail-mm", type=Number(min=0.5, max=50.0), default=4.0,
         show_default=True, help="Longest edge of the wrap round the link.",
     ),
 )  # fmt: skip

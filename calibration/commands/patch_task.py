@@ -178,7 +178,7 @@ class PatchTask:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SolvedPatch:
-    """A task, what came of it, and the same as it is printed.
+    """A task, its result, and the same as it is printed.
 
     Attributes
     ----------

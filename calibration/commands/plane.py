@@ -13,6 +13,7 @@ import click
 from calibration.commands.options import FILE, TABLES, accept_option, format_option
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, grade, judged
 from skinmap.commands.options import (
+    Number,
     open_robot,
     out_folder,
     part_option,
@@ -173,11 +174,11 @@ class PlaneOptions:
     "link. Repeat it for surfaces 1, 2, ...  Unknown by default.",
 )  # fmt: skip
 @click.option(
-    "--joint-sigma-deg", type=click.FloatRange(min=0, min_open=True), default=0.5,
+    "--joint-sigma-deg", type=Number(min=0, min_open=True), default=0.5,
     show_default=True, help="What zero positions of joints may be off by (sd).",
 )  # fmt: skip
 @click.option(
-    "--threshold", type=click.FloatRange(min=0, min_open=True), default=8.0, show_default=True,
+    "--threshold", type=Number(min=0, min_open=True), default=8.0, show_default=True,
     help="Of recordings: counts above rest from which a taxel is active.",
 )  # fmt: skip
 @click.option("--drop-inconsistent", is_flag=True, help="Leave out what contradicts the rest.")
@@ -192,7 +193,7 @@ class PlaneOptions:
 @profile_option()
 @prints(PlaneResult)
 def plane(
-    robot: str,
+    robot: str | None,
     parts: tuple[str, ...],
     planes: tuple[str, ...],
     out: Path | None,

@@ -12,7 +12,7 @@ import click
 
 from calibration.commands.options import FILE, accept_option
 from calibration.commands.results import Calibrated, Spread, judged
-from skinmap.commands.options import open_robot, out_folder, prints
+from skinmap.commands.options import Number, open_robot, out_folder, prints
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.errors import SkinMismatchError
@@ -98,7 +98,7 @@ class ResponseOptions:
 @click.option("--reference", type=FILE, help="Samples under known loads: .npz `samples, loads`.")
 @click.option("--sign", type=click.Choice(["1", "-1"]), default="1", show_default=True,
               help="-1 where harder presses read lower.")  # fmt: skip
-@click.option("--rate", type=click.FloatRange(min=0, min_open=True), default=50.0,
+@click.option("--rate", type=Number(min=0, min_open=True), default=50.0,
               show_default=True, help="Samples a second.")  # fmt: skip
 @click.option("--robot", default="icub", show_default=True, help="Robot of --part.")
 @click.option("--part", help="Part that was measured: the result remembers its skin.")

@@ -19,7 +19,7 @@ from calibration.commands.options import (
     units_option,
 )
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, judged
-from skinmap.commands.options import out_folder, prints, seed_option
+from skinmap.commands.options import Number, out_folder, prints, seed_option
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.report.present import present
@@ -80,11 +80,11 @@ class PlacedPatch:
 @click.argument("touches", type=FILE)
 @units_option("all lengths in the file; moments are newton times this unit")
 @click.option(
-    "--point-mm", type=click.FloatRange(min=0, min_open=True), default=3.0, show_default=True,
+    "--point-mm", type=Number(min=0, min_open=True), default=3.0, show_default=True,
     help="Error of where the skin was pressed.",
 )  # fmt: skip
 @click.option(
-    "--moment-mnm", type=click.FloatRange(min=0, min_open=True), default=5.0, show_default=True,
+    "--moment-mnm", type=Number(min=0, min_open=True), default=5.0, show_default=True,
     help="Error of a moment [mN m].",
 )  # fmt: skip
 @loss_option

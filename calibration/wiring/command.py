@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING
 import click
 
 from calibration.wiring.findings import WiringResult, findings, lines
-from skinmap.commands.options import open_robot, part_option, prints, robot_option, seed_option
+from skinmap.commands.options import (
+    Number,
+    open_robot,
+    part_option,
+    prints,
+    robot_option,
+    seed_option,
+)
 from skinmap.commands.profiles import profile_option
 from skinmap.io.units import UNITS
 from skinmap.report.present import present
@@ -45,7 +52,7 @@ MOST = 30
               "mute-chain:1 channels:24,25; may be repeated.")  # fmt: skip
 @click.option("--chain", type=click.IntRange(min=1), default=16, show_default=True,
               help="Modules on one connector.")  # fmt: skip
-@click.option("--patience", type=click.FloatRange(min=1.0), default=30.0, show_default=True,
+@click.option("--patience", type=Number(min=1.0), default=30.0, show_default=True,
               help="Seconds that a live touch is waited for.")  # fmt: skip
 @click.option("-o", "--out", type=click.Path(path_type=Path),
               help="Corrected map: a new .csv, or a folder for several parts.")  # fmt: skip
@@ -55,7 +62,7 @@ MOST = 30
 @prints(WiringResult)
 def wiring(
     source: str,
-    robot: str,
+    robot: str | None,
     parts: tuple[str, ...],
     how: str,
     max_touches: int,

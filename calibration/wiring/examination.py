@@ -251,7 +251,7 @@ def examine_recording(
     places: Path | None,
     unit: float = 1.0,
 ) -> Examination:
-    """Examine a recording of somebody who touched the skin.
+    """Examine a recording of touches by a person.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A live examination: somebody at the robot touches where asked, one place after the other."""
+"""A live examination: a person at the robot touches where asked, one place after the other."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def examine_live(source: Source, robot: Robot, parts: Sequence[str], plan: Plan) -> Examination:
-    """Ask somebody at the robot to touch, one place after the other.
+    """Ask a person at the robot to touch, one place after the other.
 
     Raises
     ------

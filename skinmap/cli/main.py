@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import logging
 import os
 import sys
 import traceback
@@ -14,6 +15,7 @@ import click
 from skinmap import __version__
 from skinmap.cli.interrupts import end_on_interrupt
 from skinmap.commands.groups import NamedGroup
+from skinmap.commands.progress import QUIET
 from skinmap.errors import SkinError
 
 # name: (module, one line for the list); the module holds a click command called `command`.
@@ -42,6 +44,7 @@ COMMANDS = {
     "replay": ("skinmap.cli.replay", "Play a recording, and publish it to other programs."),
     "info": ("skinmap.cli.info", "What a recording holds, and what it lacks."),
     "classify": ("skinmap.cli.classify.command", "Name the touches of a recording, or live."),
+    "list": ("skinmap.cli.listing", "Names of robots, parts, classifiers and layers."),
     "cache": ("skinmap.cli.cache", "What is kept between runs, and dropping it."),
 }
 GROUP = "skinmap.commands"
@@ -80,13 +83,27 @@ class LazyGroup(NamedGroup):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="skinmap")
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+@click.option("--quiet", is_flag=True, help="No warnings and no progress.")
+@click.option("--verbose", is_flag=True, help="Say what is done, on standard error.")
 @click.pass_context
-def cli(ctx: click.Context, debug: bool) -> None:
+def cli(ctx: click.Context, debug: bool, quiet: bool, verbose: bool) -> None:
     """From a robot's meshes and taxel positions to named touches on its skin.
 
     Start with:  skinmap demo
     """
-    ctx.obj = {"debug": debug}
+    if quiet and verbose:
+        raise click.UsageError("--quiet and --verbose contradict each other; give one")
+    ctx.obj = {"debug": debug, QUIET: quiet}
+    if quiet:
+        warnings.showwarning = lambda *_, **__: None
+    logging.basicConfig(
+        level=logging.DEBUG if verbose else logging.ERROR if quiet else logging.WARNING,
+        format="%(levelname)s %(name)s: %(message)s",
+    )
+    if verbose:  # of ours alone: libraries tell too much
+        logging.getLogger().setLevel(logging.WARNING)
+        for package in ("skinmap", "calibration", "viewer"):
+            logging.getLogger(package).setLevel(logging.DEBUG)
 
 
 def main() -> None:

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.commands.options import open_robot, part_option, prints, robot_option, seed_option
+from skinmap.commands.options import (
+    Number,
+    open_robot,
+    part_option,
+    prints,
+    robot_option,
+    seed_option,
+)
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 
@@ -56,21 +63,21 @@ class RecordResult:
 @click.option("--force", is_flag=True, help="Replace files that are there.")
 @robot_option
 @part_option
-@click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="Stop after these.")
+@click.option("--seconds", type=Number(min=0.0, min_open=True), help="Stop after these.")
 @click.option("--label", help="Mark every touch with this name, to train on.")
 @click.option(
     "--model", type=click.Path(path_type=Path), help="Mark every touch with what a model says."
 )
 @click.option(
-    "--rotate-mb", type=click.FloatRange(min=0.01), default=1024.0, show_default=True,
+    "--rotate-mb", type=Number(min=0.01), default=1024.0, show_default=True,
     help="Begin another file at this size.",
 )  # fmt: skip
 @click.option(
-    "--rotate-minutes", type=click.FloatRange(min=0.01), default=60.0, show_default=True,
+    "--rotate-minutes", type=Number(min=0.01), default=60.0, show_default=True,
     help="Begin another file after this time.",
 )  # fmt: skip
 @click.option(
-    "--speed", type=click.FloatRange(min=0.0, min_open=True), default=1.0, show_default=True,
+    "--speed", type=Number(min=0.0, min_open=True), default=1.0, show_default=True,
     help="Of a recording or the simulator; inf is as fast as it goes.",
 )  # fmt: skip
 @seed_option
@@ -80,7 +87,7 @@ def command(
     source: str,
     output: Path,
     force: bool,
-    robot: str,
+    robot: str | None,
     parts: tuple[str, ...],
     seconds: float | None,
     label: str | None,

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from skinmap.commands.options import open_robot, part_option, prints
+from skinmap.commands.options import Number, open_robot, part_option, prints
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 
@@ -37,11 +37,11 @@ class ReplayResult:
 @part_option
 @click.option("--publish", help="Where to: lsl:NAME, zmq:PORT or zmq:HOST:PORT.")
 @click.option(
-    "--speed", type=click.FloatRange(min=0.0, min_open=True), default=1.0, show_default=True,
+    "--speed", type=Number(min=0.0, min_open=True), default=1.0, show_default=True,
     help="How many times faster than recorded; inf is as fast as it goes.",
 )  # fmt: skip
 @click.option("--loop", is_flag=True, help="Start again at the end, until Ctrl-C.")
-@click.option("--seconds", type=click.FloatRange(min=0.0), help="Stop after these.")
+@click.option("--seconds", type=Number(min=0.0), help="Stop after these.")
 @profile_option()
 @prints(ReplayResult)
 def command(

@@ -115,7 +115,7 @@ class TrainResult:
 @prints(TrainResult)
 def command(
     recording: Path,
-    robot: str,
+    robot: str | None,
     parts: tuple[str, ...],
     classifier: str,
     output: Path,
@@ -139,7 +139,7 @@ def command(
 
 def work(
     recording: Path,
-    robot: str,
+    robot: str | None,
     parts: tuple[str, ...],
     classifier: str,
     output: Path,
@@ -152,11 +152,11 @@ def work(
     from skinmap.classify.classifier_options import tuned_classifier
     from skinmap.classify.evaluate import score, split_touches
     from skinmap.classify.model_file import save_classifier
-    from skinmap.cli.classify.recorded import prepare_skins
     from skinmap.cli.structures import auto_radius_of, read_radius
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import load_recordings
     from skinmap.neighbours.structures import RADIUS
+    from skinmap.touch.prepared_skin import prepare_skins
 
     auto = knobs.get("radius_mm") == "auto"
     if knobs.get("radius_mm") is not None:

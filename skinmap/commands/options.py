@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,6 +13,20 @@ from skinmap.commands.profiles import profile_option as profile_option
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
+
+
+class Number(click.FloatRange):
+    """A number within limits, as `click.FloatRange`, which takes NaN for any number."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The number of a text."""
+        number = float(super().convert(value, param, ctx))
+        if math.isnan(number):
+            self.fail(f"{value!r} is not a number", param, ctx)
+        return number
+
 
 F = TypeVar("F", bound=Callable[..., Any])
 OUTSIDE = "skinmap.allow_outside"
@@ -31,7 +46,7 @@ outside_option = click.option(
 )
 _robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
 _robot_option = click.option(
-    "--robot", default="icub", show_default=True, help="Robot that was recorded."
+    "--robot", help="Robot that was recorded.  [default: what the recording says, else icub]"
 )
 
 
@@ -111,19 +126,43 @@ def out_folder(of: str, *, required: bool = False) -> Callable[[F], F]:
 out_option = out_folder("pictures")
 
 
-def open_robot(robot: str, parts: tuple[str, ...]) -> tuple[Robot, tuple[str, ...]]:
+def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[str, ...]]:
     """A robot and the parts asked for (all of them by default), names checked.
+
+    Without a name it is the robot that the command's recording was made on, else the iCub.
 
     Raises
     ------
     UnknownNameError
         A robot or a part that does not exist.
+    MissingFileError
+        A manifest that does not exist; the recording may name it.
     """
     from skinmap.io.robots.manifest import load_robot
 
     ctx = click.get_current_context(silent=True)
     allow_outside = bool(ctx is not None and ctx.meta.get(OUTSIDE))
-    loaded = load_robot(robot, allow_outside=allow_outside)
+    said = _recorded_robot(ctx) if robot is None else robot
+    loaded = load_robot(said or "icub", allow_outside=allow_outside)
     for part in parts:
         loaded.part(part)
     return loaded, tuple(dict.fromkeys(parts)) or loaded.parts
+
+
+def _recorded_robot(ctx: click.Context | None) -> str:
+    """The robot of the recording that a command was given; empty where nothing says which."""
+    from skinmap.errors import MissingFileError
+
+    if ctx is None:
+        return ""
+    given = [ctx.params.get("recording"), ctx.params.get("source"), ctx.params.get("protocol")]
+    given += list(ctx.params.get("recordings") or ())
+    for path in (Path(one) for one in given if one):
+        if path.suffix.lower() in (".npz", ".mcap") and path.is_file():
+            from skinmap.io.recordings.touch_files import recorded_robot
+
+            said = recorded_robot(path)
+            if said.endswith(".toml") and not Path(said).is_file():
+                raise MissingFileError(said, f"the robot of {path}; name it with --robot")
+            return said
+    return ""

@@ -8,7 +8,14 @@ from contextlib import contextmanager
 
 import click
 
+QUIET = "quiet"  # in the context's object: `skinmap --quiet`
 LINE_SECONDS = 15.0  # between lines of progress where there is no terminal
+
+
+def is_quiet() -> bool:
+    """Whether the user asked for no progress."""
+    ctx = click.get_current_context(silent=True)
+    return bool(ctx is not None and (ctx.obj or {}).get(QUIET))
 
 
 @contextmanager
@@ -26,7 +33,8 @@ def progress(total: int, title: str) -> Iterator[Callable[[str], None]]:
     console = Console(stderr=True)
     start = told = time.monotonic()
     done = computed = 0
-    with Progress(*columns, console=console, transient=True) as bar:
+    quiet = is_quiet()
+    with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
         task = bar.add_task(title, total=total, left="")
 
         def advance(what: str = "") -> None:
@@ -35,7 +43,7 @@ def progress(total: int, title: str) -> Iterator[Callable[[str], None]]:
             now = time.monotonic()
             left = time_left(now - start, computed, total - done)
             bar.update(task, advance=1, description=f"{title} {what}".rstrip(), left=left)
-            if not console.is_terminal and now - told >= LINE_SECONDS:
+            if not quiet and not console.is_terminal and now - told >= LINE_SECONDS:
                 told = now
                 click.echo(f"{title}: {done} of {total}{left and ', ' + left}", err=True)
 

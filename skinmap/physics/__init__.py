@@ -1,1 +1,1 @@
-"""Touches by a physics engine that nobody here wrote: MuJoCo presses hands on a bed of springs."""
+"""Touches by a physics engine of others: MuJoCo presses hands on a bed of springs."""

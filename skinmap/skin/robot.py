@@ -95,6 +95,9 @@ class Robot(Summary):
         Joint angles [rad] of a natural pose, for pictures.
     steps : collection of str
         Repair steps to take, all of `skinmap.skin.repair.ALL_STEPS` by default.
+    origin : str
+        What `skinmap.load_robot` loads it by: a built-in name or the path of its manifest; empty
+        where it was made otherwise.
 
     Examples
     --------
@@ -111,6 +114,7 @@ class Robot(Summary):
     part_specs: Mapping[str, Part]
     pose: Mapping[str, float] = field(default_factory=dict)
     steps: Collection[str] = ALL_STEPS
+    origin: str = ""
     _skins: dict[str, Skin] = field(default_factory=dict, repr=False)
     _meshes: dict[str, TriangleMesh] = field(default_factory=dict, repr=False)
     _repairs: dict[str, RepairReport] = field(default_factory=dict, repr=False)

@@ -44,6 +44,8 @@ class Recording(Summary):
         True contact force [N] of each sample, where a physics engine knows it.
     places : (t, 3) float, optional
         Where that force acts, in the frame of the link [m]; NaN where nothing touches.
+    robot : str
+        What `skinmap.load_robot` loads the robot by; empty where the file does not say.
 
     Examples
     --------
@@ -62,6 +64,7 @@ class Recording(Summary):
     owners: IntArray | None = None
     forces: FloatArray | None = None
     places: FloatArray | None = None
+    robot: str = ""
 
     def __post_init__(self) -> None:
         times = check_finite(self.times, "times", (None,))
@@ -129,7 +132,9 @@ def save_recordings(recordings: list[Recording], path: Path) -> None:
     """Write recordings of several parts into one file (a zip of arrays and JSON)."""
     head = {
         "format": FORMAT,
-        "recordings": [{"part": r.part, "labels": list(r.labels)} for r in recordings],
+        "recordings": [
+            {"part": r.part, "labels": list(r.labels), "robot": r.robot} for r in recordings
+        ],
     }
     arrays: dict[str, Any] = {"head": np.frombuffer(json.dumps(head).encode(), np.uint8)}
     for number, recording in enumerate(recordings):
@@ -177,6 +182,7 @@ def load_recordings(path: Path) -> list[Recording]:
                     # Known to a physics engine alone.
                     arrays.get(f"forces_{number}", None),
                     arrays.get(f"places_{number}", None),
+                    str(entry.get("robot", "")),
                 )
                 for number, entry in enumerate(head["recordings"])
             ]

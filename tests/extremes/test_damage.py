@@ -214,7 +214,12 @@ def test_recordings_of_other_kinds_of_numbers_are_refused(name, wrong):
         ("A_B.npz", "ids_A", np.array([0.5] * 5), "ids_A must be whole numbers"),
         ("A_B.npz", "ptr_A", np.array(3), r"ptr_A must have shape \(n,\), got \(\)"),
         ("A_B.npz", "q", np.array(1.0), "q must have shape"),
-        ("A_B.npz", "chain1", np.array([2**31 - 1], "<i4").view("<U1").reshape(()), "no letters"),
+        (
+            "A_B.npz",
+            "chain1",
+            np.array([2**31 - 1], "<i4").view("<U1").reshape(()),
+            "invalid Unicode",
+        ),
         ("part_A.npz", "joint_cols", np.array([1e300]), "joint_cols must be whole"),
         ("part_A.npz", "joint_cols", np.array([-1]), "columns from 0"),
         ("part_A.npz", "taxel_pos", np.zeros((3, 2)), r"numbers of shape \(n, 3\)"),

@@ -135,7 +135,9 @@ def test_stream_of_another_skin_is_refused(port, icub):
 
 
 def test_nobody_there_is_said_within_seconds(port):
-    with pytest.raises(UnreachableError, match=rf"nobody publishes at tcp://127\.0\.0\.1:{port}"):
+    with pytest.raises(
+        UnreachableError, match=rf"nothing is published at tcp://127\.0\.0\.1:{port}"
+    ):
         ZmqSource(Address("127.0.0.1", port), wait=0.2)
 
 

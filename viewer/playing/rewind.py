@@ -34,7 +34,7 @@ class History:
 
     @property
     def oldest(self) -> Moment | None:
-        """What came first of what is remembered."""
+        """The earliest moment that is remembered."""
         return self._moments[0] if self._moments else None
 
     def moments(self) -> tuple[Moment, ...]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from skinmap.cli.classify.result import ClassifyResult, LiveSummary, LiveTouch
-from skinmap.commands.options import part_option, prints, robot_option, seed_option
+from skinmap.commands.options import Number, part_option, prints, robot_option, seed_option
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 from skinmap.report.table import Table
@@ -21,21 +21,21 @@ from skinmap.report.table import Table
 @part_option
 @click.option(
     "--span-mm",
-    type=click.FloatRange(min=1.0),
+    type=Number(min=1.0),
     default=200.0,
     show_default=True,
     help="A spread hand: contacts further apart are separate touches.",
 )
 @click.option(
     "--together-ms",
-    type=click.FloatRange(min=1.0),
+    type=Number(min=1.0),
     default=80.0,
     show_default=True,
     help="Contacts that begin and end within this time are one grip.",
 )
 @click.option(
     "--seconds",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Number(min=0.0, min_open=True),
     help="Stop after so long; live sources only.",
 )
 @click.option(
@@ -57,7 +57,7 @@ from skinmap.report.table import Table
 def command(
     model: Path,
     source: str,
-    robot: str,
+    robot: str | None,
     parts: tuple[str, ...],
     span_mm: float,
     together_ms: float,

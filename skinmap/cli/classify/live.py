@@ -31,7 +31,7 @@ def classify_live(
     classifier: TouchClassifier,
     spec: str,
     *,
-    robot: str,
+    robot: str | None,
     parts: tuple[str, ...],
     rule: GroupingRule,
     seconds: float | None,

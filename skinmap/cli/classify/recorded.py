@@ -14,16 +14,15 @@ from skinmap.cli.classify.result import ClassifyResult, NamedRow
 from skinmap.commands.options import open_robot
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import load_recordings
-from skinmap.skin.robot import Robot
 from skinmap.touch.grouping import GroupingRule
-from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
 
 
 def work(
     classifier: TouchClassifier,
     path: Path,
-    robot: str,
+    robot: str | None,
     parts: tuple[str, ...],
     rule: GroupingRule,
 ) -> ClassifyResult:
@@ -110,25 +109,3 @@ def check_model(
             f"it knows {', '.join(classifier.labels)}",
             err=True,
         )
-
-
-def prepare_skins(robot: Robot, recordings: Sequence[Recording]) -> dict[str, PreparedSkin]:
-    """The skins of recorded parts; taxels and channels must agree.
-
-    Raises
-    ------
-    UnknownNameError
-        A recorded part that the robot lacks.
-    SkinMismatchError
-        A recording of another number of taxels.
-    """
-    skins = {}
-    for recording in recordings:
-        skin = PreparedSkin(robot.skin(recording.part))
-        if recording.pressures.shape[1] != len(skin):
-            raise SkinMismatchError(
-                f"the recording of {recording.part!r} has {recording.pressures.shape[1]} taxels, "
-                f"the skin of {robot.name} has {len(skin)}"
-            )
-        skins[recording.part] = skin
-    return skins

@@ -246,10 +246,10 @@ def _recordings(settings: Settings) -> RecordingsResult:
         evaluate_recordings,
         labelled_touches,
     )
-    from skinmap.cli.classify.recorded import prepare_skins
     from skinmap.io.recordings.touch_files import load_recordings
+    from skinmap.touch.prepared_skin import prepare_skins
 
-    loaded, wanted = open_robot(settings.robot or "icub", settings.parts)
+    loaded, wanted = open_robot(settings.robot, settings.parts)
     recordings = [one for path in settings.recordings for one in load_recordings(path)]
     for one in recordings:
         loaded.part(one.part)

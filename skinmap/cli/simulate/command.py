@@ -11,7 +11,14 @@ import click
 from click.core import ParameterSource
 
 from skinmap.cli.simulate.result import SimulatedPart, SimulateResult, StreamResult
-from skinmap.commands.options import open_robot, part_option, prints, robot_argument, seed_option
+from skinmap.commands.options import (
+    Number,
+    open_robot,
+    part_option,
+    prints,
+    robot_argument,
+    seed_option,
+)
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.errors import SkinWarning
@@ -91,7 +98,7 @@ SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bi
     help="Instead of a recording, stream touches live until Ctrl-C: lsl:NAME, zmq:PORT or "
     "zmq:HOST:PORT.",
 )
-@click.option("--seconds", type=click.FloatRange(min=0.0, min_open=True), help="End the stream.")
+@click.option("--seconds", type=Number(min=0.0, min_open=True), help="End the stream.")
 @click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
 @seed_option
 @profile_option()

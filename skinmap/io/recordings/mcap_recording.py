@@ -67,7 +67,7 @@ class McapRecording:
         Columns of each part, for each kind of values that will be written.
     rate : float
         Nominal samples a second; 0 where they come when they like.
-    name, robot, clock : str
+    name, robot, manifest, clock : str
     fingerprints : mapping of str to str
         Of the skins, where no skin is given.
     skins : mapping of str to Skin
@@ -92,6 +92,7 @@ class McapRecording:
         rate: float = 0.0,
         name: str = "",
         robot: str = "",
+        manifest: str = "",
         clock: str = "recording",
         fingerprints: Mapping[str, str] | None = None,
         skins: Mapping[str, Skin] | None = None,
@@ -109,6 +110,7 @@ class McapRecording:
             "format": FORMAT,
             "name": name,
             "robot": robot,
+            "manifest": manifest,
             "rate": repr(float(rate)),
             "clock": clock,
             "began": datetime.now(UTC).isoformat(timespec="seconds"),

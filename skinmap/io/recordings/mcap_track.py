@@ -92,6 +92,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
             for part, count in head_value(head, "samples", dict, path).items()
             if isinstance(count, int)
         },
+        manifest=head.get("manifest", ""),
     )
 
 

@@ -175,6 +175,8 @@ class RecordedStream:
     loss : Loss
     samples : mapping of str to int
         How many of the first samples each part really has; the others rest at zero.
+    manifest : str
+        What `skinmap.load_robot` loads the robot by; empty where the file does not say.
     """
 
     info: StreamInfo
@@ -186,6 +188,7 @@ class RecordedStream:
     tables: Mapping[str, TaxelTable] = field(default_factory=dict)
     loss: Loss = field(default_factory=Loss)
     samples: Mapping[str, int] = field(default_factory=dict)
+    manifest: str = ""
 
     def __post_init__(self) -> None:
         times = check_finite(self.times, "times", (None,))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from skinmap.io.recordings.recorded_stream import (
     StreamInfo,
     measured_rate,
 )
+from skinmap.io.robots.manifest import builtin_named
 from skinmap.io.text import is_file
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
@@ -92,6 +94,22 @@ def _load_npz(path: Path) -> list[Recording]:
     return archive.load_recordings(path)
 
 
+def recorded_robot(path: Path) -> str:
+    """What `load_robot` loads the robot of a recording by; empty where the file does not say.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or a damaged one.
+    """
+    if path.suffix.lower() == ".mcap":
+        track = read_track(path)
+        return track.manifest or builtin_named(track.info.robot) or ""
+    if path.suffix.lower() == ".npz":
+        return next((one.robot for one in load_recordings(path) if one.robot), "")
+    return ""
+
+
 def check_suffix(path: Path) -> None:
     """Refuse a file name whose suffix is no format of recordings.
 
@@ -146,6 +164,8 @@ def save_recordings(
     path = Path(path)
     name = path if suffix is None else path.with_suffix(suffix)
     check_suffix(name)
+    if robot is not None:
+        recordings = [replace(one, robot=one.robot or robot.origin) for one in recordings]
     if name.suffix.lower() == ".npz":
         archive.save_recordings(list(recordings), path)
     else:
@@ -163,6 +183,7 @@ def _save_mcap(recordings: Sequence[Recording], path: Path, robot: Robot | None)
         widths={"pressure": [one.pressures.shape[1] for one in recordings]},
         rate=measured_rate(longest.times),
         robot="" if robot is None else robot.name,
+        manifest="" if robot is None else robot.origin,
         skins=skins,
         samples={one.part: len(one.times) for one in recordings},
         chunk_seconds=SAVED_CHUNK,
@@ -260,7 +281,16 @@ def recordings_of(track: RecordedStream, path: Path) -> list[Recording]:
         touches = [one for one in track.touches if one.part == part]
         events, labels, subjects, owners = part_events(touches, count, columns.shape[1], path)
         found.append(
-            Recording(part, track.times[:count], columns, events, labels, subjects, owners)
+            Recording(
+                part,
+                track.times[:count],
+                columns,
+                events,
+                labels,
+                subjects,
+                owners,
+                robot=track.manifest or builtin_named(track.info.robot) or "",
+            )
         )
     return found
 

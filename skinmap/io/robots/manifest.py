@@ -6,6 +6,7 @@ import importlib
 import math
 import tomllib
 from collections.abc import Callable, Mapping
+from dataclasses import replace as replace_fields
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -75,6 +76,14 @@ def builtin_robots() -> tuple[str, ...]:
     return tuple(sorted(_builtin_manifests()))
 
 
+def builtin_named(name: str) -> str | None:
+    """The built-in robot that is called by a name such as "iCub"; None where there is none."""
+    for builtin, path in _builtin_manifests().items() if name else ():
+        if tomllib.loads(read_text(path))["robot"]["name"] == name:
+            return builtin
+    return None
+
+
 def _builtin_manifests() -> dict[str, Path]:
     """Manifest of each built-in robot; it is named like the robot, its folder like a package."""
     return {path.stem: path for path in data_folder().glob("*/*.toml")}
@@ -113,7 +122,7 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     """
     builtin = _builtin_manifests()
     if str(robot) in builtin:
-        return read_manifest(builtin[str(robot)])
+        return replace_fields(read_manifest(builtin[str(robot)]), origin=str(robot))
     path = Path(robot)
     if path.suffix == ".toml" or is_file(path):
         return read_manifest(path, allow_outside=allow_outside)
@@ -142,7 +151,8 @@ def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
         if part.link not in body.links:
             raise UnknownNameError(f"link (part {part.name!r})", part.link, body.visible_links)
         parts[part.name] = part
-    return Robot(head.name, body, parts, _pose(head.pose_deg, body, path))
+    pose = _pose(head.pose_deg, body, path)
+    return Robot(head.name, body, parts, pose, origin=str(path.resolve()))
 
 
 def beside(manifest: Path, name: str, inside: Path | None) -> Path:

@@ -199,6 +199,7 @@ class Recorder:
             rate=info.rate,
             name=info.name,
             robot=info.robot or ("" if self._robot is None else self._robot.name),
+            manifest="" if self._robot is None else self._robot.origin,
             clock=info.clock,
             fingerprints=info.fingerprints,
             skins=skins,

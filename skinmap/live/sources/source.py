@@ -235,7 +235,7 @@ class Relay(Source):
 
 
 def is_live(source: Source) -> bool:
-    """Whether samples come whether or not anybody keeps up.
+    """Whether samples come whether or not the reader keeps up.
 
     What is no recording and no simulation is live. Only with a live source may the clock of this
     machine decide how much is done with a sample.

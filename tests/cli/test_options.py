@@ -1,0 +1,131 @@
+"""Options mean the same in all commands; a recording knows its robot; what is wrong is one line."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import skinmap
+from skinmap.cli import main as program
+from skinmap.cli.main import cli
+from viewer.layers import LAYERS
+
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "robot"
+
+
+def run(*words: object):
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory) -> Path:
+    """A robot of the user's own, with touches on its skin in both formats."""
+    folder = tmp_path_factory.mktemp("own")
+    shutil.copytree(EXAMPLE, folder / "robot")
+    for name in ("t.npz", "t.mcap"):
+        words = ["simulate", folder / "robot" / "robot.toml", "--per-gesture", 8]
+        words += ["--gesture", "poke", "--gesture", "full_finger", "-o", folder / name]
+        assert run(*words).exit_code == 0
+    return folder
+
+
+@pytest.mark.parametrize("name", ["t.npz", "t.mcap"])
+def test_a_recording_knows_its_robot(own, name, tmp_path):
+    (recording,) = skinmap.load_recordings(own / name)
+    assert recording.robot == str(own / "robot" / "robot.toml")
+    model = tmp_path / "m.skinmodel"
+    trained = run("train", own / name, "-o", model, "--json")
+    assert trained.exit_code == 0, trained.exception
+    named = run("classify", model, own / name, "--json")
+    assert named.exit_code == 0, named.exception
+    assert json.loads(named.stdout)["events"] == len(recording.labels)
+    other = run("train", own / name, "-o", model, "--robot", "icub")
+    assert isinstance(other.exception, skinmap.UnknownNameError)
+    assert "no part 'forearm'" in str(other.exception)
+
+
+def test_a_built_in_robot_is_known_too(tmp_path):
+    path = tmp_path / "t.mcap"
+    skinmap.record("sim", path, seconds=0.1, robot="icub")
+    assert {one.robot for one in skinmap.load_recordings(path)} == {"icub"}
+
+
+def test_a_robot_that_is_gone_is_named(own, tmp_path):
+    moved = tmp_path / "moved"
+    shutil.copytree(EXAMPLE, moved)
+    path = tmp_path / "t.npz"
+    assert run("simulate", moved / "robot.toml", "--per-gesture", 1, "-o", path).exit_code == 0
+    shutil.rmtree(moved)
+    error = run("train", path, "-o", tmp_path / "m.skinmodel").exception
+    assert isinstance(error, skinmap.MissingFileError)
+    assert "--robot" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("robots",), {"icub", "kaspar", "baxter-forearm"}),
+        (("parts", "kaspar"), {"torso", "left_hand"}),
+        (("classifiers",), {"contact-geometry", "histogram"}),
+        (("layers",), set(LAYERS)),
+    ],
+)
+def test_list_names_what_commands_take(words, expected):
+    names = json.loads(run("list", *words, "--json").stdout)["names"]
+    assert expected <= set(names)
+    assert run("list", *words).stdout.split() == names
+
+
+def test_list_of_an_unknown_kind_names_the_kinds():
+    error = run("list", "layer").exception
+    assert "did you mean 'layers'? The kinds are: robots, parts" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("simulate", "kaspar", "--seed", "-1"), "'--seed'"),
+        (("structures", "kaspar", "--radius-mm", "1e9"), "at most 1000, or auto, got '1e9'"),
+        (("record", "sim", "-o", "x.mcap", "--seconds", "nan"), "'nan' is not a number"),
+        (
+            ("view", "--screenshot", "p.foo"),
+            "files ending in '.foo'; the formats are",
+        ),
+        (("flatten", "--methd", "arap"), "--method"),
+        (("flatten", "kaspar", "--method"), "requires an argument"),
+        (("train",), "Missing argument"),
+        (("--quiet", "--verbose", "list", "robots"), "contradict each other"),
+    ],
+)
+def test_a_wrong_option_is_one_line_and_exit_2(words, said, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["skinmap", *words])
+    monkeypatch.setattr(program, "end_on_interrupt", lambda: None)
+    with pytest.raises(SystemExit) as stop:
+        program.main()
+    assert stop.value.code == 2
+    out, err = capsys.readouterr()
+    (line,) = err.splitlines()
+    assert line.startswith("Error: ")
+    assert said in line
+    assert out == ""
+
+
+def test_quiet_leaves_warnings_out(tmp_path, monkeypatch, capsys):
+    def warned(*before: str) -> str:
+        monkeypatch.setattr(sys, "argv", ["skinmap", *before, "list", "robots"])
+        program.main.__globals__["cli"].main([*before, "list", "robots"], standalone_mode=False)
+        import warnings
+
+        warnings.showwarning("careful", UserWarning, "f", 1)
+        return capsys.readouterr().err
+
+    import warnings
+
+    monkeypatch.setattr(warnings, "showwarning", program._warn)
+    assert "careful" in warned()
+    assert warned("--quiet") == ""
