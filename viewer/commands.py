@@ -250,15 +250,15 @@ def run_view(options: Mapping[str, Any]) -> dict[str, Any]:
     view_file: Path | None = options["view_file"]
     view = load_view(view_file) if view_file is not None and view_file.exists() else None
     session = _session(options)
-    from viewer.inputs import parse_pose, read_ranges, read_size
+    from viewer.inputs import parse_pose, parse_ranges, parse_size
 
     look = Look(
         layer=options["layer"],
         style=options["style"],
         angles=parse_pose(options["pose"], session.robot),
         links=options["links"],
-        size=read_size(options["size"]),
-        ranges=read_ranges(options["ranges"], options["layer"] or "pressure"),
+        size=parse_size(options["size"]),
+        ranges=parse_ranges(options["ranges"], options["layer"] or "pressure"),
         units=options["units"],
         view=view,
         follow=options["follow"],

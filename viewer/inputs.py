@@ -60,7 +60,7 @@ def parse_pose(text: str | None, robot: Robot) -> dict[str, float]:
     return angles
 
 
-def read_size(text: str | None) -> tuple[int, int] | None:
+def parse_size(text: str | None) -> tuple[int, int] | None:
     """Width and height [px] from "WxH".
 
     Raises
@@ -80,7 +80,7 @@ def read_size(text: str | None) -> tuple[int, int] | None:
     return size
 
 
-def read_ranges(texts: Sequence[str], shown: str) -> dict[str, Range]:
+def parse_ranges(texts: Sequence[str], shown: str) -> dict[str, Range]:
     """Limits by layer from "LOW:HIGH", "auto", or either with "LAYER=" before it.
 
     Raises

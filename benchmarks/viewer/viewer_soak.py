@@ -77,7 +77,7 @@ class Live:
     by counts as age too.
     """
 
-    loop = seekable = halts = False
+    loop = seekable = halts = paced = False
     duration, period = float("nan"), PERIOD
 
     def __init__(self, source: Iterator[Any]) -> None:

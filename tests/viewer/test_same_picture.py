@@ -66,7 +66,7 @@ def seen(icub, source: str, model, *, seconds: float = 6.0) -> list:
             round(moment.time, 6),
             {part: np.asarray(values).tobytes() for part, values in moment.pressures.items()},
             [
-                (t.part, t.label, t.confidence, t.identity, t.taxels.tolist())
+                (t.part, t.label, repr(t.confidence), t.identity, t.taxels.tolist())
                 for t in moment.touches
             ],
         )

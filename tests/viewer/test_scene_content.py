@@ -307,3 +307,36 @@ def test_load_makes_a_picture_in_five_lines(opengl, tmp_path):
     path = scene.screenshot(tmp_path / "hand.png")
     scene.close()
     assert path.stat().st_size > 2000
+
+
+def test_a_graphics_card_draws_the_same_without_what_is_kept(shown, moment):
+    """The switch for cards, asked for where software draws: the same pictures, changed or not."""
+    cache = shown.canvas.cache
+    assert cache.cached is not False
+    for change in (lambda: None, lambda: shown.set_style("discs"), lambda: shown.look(40.0)):
+        change()
+        shown.show_moment(moment)
+        pictures = []
+        for cached in (True, False):
+            cache.cached = cached
+            cache.forget()
+            pictures.append(shown.frame(360.0))
+        assert np.array_equal(*pictures)
+        assert not shown.refresh(), "nothing changed, nothing is drawn"
+    cache.cached = True
+    cache.forget()
+    shown.set_style("surface")
+
+
+@pytest.mark.parametrize(
+    ("name", "software"),
+    [("llvmpipe (LLVM 15.0.6, 256 bits)", True), ("NVIDIA H200/PCIe/SSE2", False), ("", False)],
+)
+def test_what_draws_is_told_by_its_name(name, software):
+    from viewer.drawing.frame.render_cache import is_software
+
+    class Window:
+        def ReportCapabilities(self) -> str:  # noqa: N802 - VTK's
+            return f"OpenGL vendor string:  x\nOpenGL renderer string:  {name}\nOpenGL version"
+
+    assert is_software(Window()) is software

@@ -45,6 +45,10 @@ class Feed(Protocol):
         """Whether it waits between requests; live sources do not."""
 
     @property
+    def paced(self) -> bool:
+        """Whether it can be played quicker and slower."""
+
+    @property
     def duration(self) -> float:
         """[s]; NaN where it has none."""
 
@@ -94,6 +98,11 @@ class LoopFeed:
     def halts(self) -> bool:
         """Recordings and the simulator wait."""
         return not is_live(self.touches.source)
+
+    @property
+    def paced(self) -> bool:
+        """A recording."""
+        return self._recording is not None
 
     @property
     def duration(self) -> float:
@@ -161,6 +170,11 @@ class MomentFeed:
     @property
     def halts(self) -> bool:
         """Nothing comes unless it is asked for."""
+        return True
+
+    @property
+    def paced(self) -> bool:
+        """Always."""
         return True
 
     @property

@@ -251,7 +251,7 @@ class Player:
     def speed(self, speed: float) -> None:
         if not math.isfinite(speed) or speed <= 0:
             raise InvalidArrayError(f"speed must be above 0, got {speed}")
-        if self._feed.halts:
+        if self._feed.paced:
             self._speed = min(max(speed, SPEEDS[0]), SPEEDS[1])
             self._wake.set()
 
