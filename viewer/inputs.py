@@ -13,7 +13,7 @@ import numpy as np
 from calibration.response.response_file import load_response
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.classifier import DEFAULT, TouchClassifier, classifiers
-from skinmap.classify.descriptors import Touch
+from skinmap.classify.descriptors import recorded_touches
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.io.taxels.table import COLUMNS, COVARIANCE
@@ -164,9 +164,11 @@ def default_classifier(
     largest = sorted(skins, key=lambda part: -len(skins[part]))
     teachers = largest[len(largest) // 2 :][:TEACHERS]  # of middle size: many gestures fit on them
     touches = [
-        Touch(skins[part], samples, label)
+        touch
         for part in teachers
-        for _, label, samples in simulate(skins[part].skin, rng=rng, per_gesture=TRAINING).touches()
+        for touch in recorded_touches(
+            skins[part], simulate(skins[part].skin, rng=rng, per_gesture=TRAINING)
+        )
     ]
     return classifiers.get(DEFAULT)().fit(touches, rng=rng)
 

@@ -13,6 +13,12 @@ from skinmap.arrays import FloatArray
 from skinmap.classify.catalogue import BUILT_IN, DEFAULT, classifiers
 from skinmap.classify.descriptors import Descriptor, Touch
 from skinmap.classify.intersection import IntersectionSVC, one_vs_rest
+from skinmap.classify.prediction_sets import (
+    SetCalibration,
+    calibrate_sets,
+    check_coverage,
+    likely_names,
+)
 from skinmap.classify.rejection import UNKNOWN
 from skinmap.classify.trained_skin import SkinDifference, TrainedSkin, compare_skin, remember
 from skinmap.errors import InvalidArrayError, NotFittedError
@@ -35,14 +41,20 @@ NO_CONTACT = "no_contact"
 CALIBRATION_FOLDS = 5
 ROWS = 1200  # training rows at most: the cost of a Gram matrix grows with the square
 Probabilities = Callable[[FloatArray], FloatArray]
+# Classifiers quick enough to train that `skinmap train` also calibrates sets of names.
+WITH_SETS = (DEFAULT, "histogram", "histogram-chi2", "histogram-sqrt")
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Label of a touch, with a confidence of 0 to 1."""
+    """Label of a touch, with a confidence of 0 to 1.
+
+    `names` hold the truth as often as was asked for; None where that was not asked for.
+    """
 
     label: str
     confidence: float
+    names: tuple[str, ...] | None = None
 
 
 class Classifier(Summary):
@@ -79,6 +91,8 @@ class Classifier(Summary):
     def __init__(self, name: str, descriptor: Descriptor, estimator: Any) -> None:
         self.name, self.descriptor, self.estimator = name, descriptor, estimator
         self.trained_on: tuple[TrainedSkin, ...] = ()
+        self.sets: SetCalibration | None = None
+        self.coverage: float | None = None
         self._quick: tuple[Any, Callable[[FloatArray], FloatArray]] | None = None
 
     @property
@@ -94,8 +108,12 @@ class Classifier(Summary):
             raise NotFittedError(f"the classifier {self.name!r} is not trained yet")
         return tuple(map(str, self.estimator.classes_))
 
-    def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> TouchClassifier:
-        """Train on labelled touches.
+    def fit(
+        self, touches: Sequence[Touch], *, rng: np.random.Generator, sets: bool = False
+    ) -> TouchClassifier:
+        """Train on labelled touches; with `sets` so that sets of names can be promised, too.
+
+        That takes a training for each of five groups of parts or persons left out.
 
         Raises
         ------
@@ -121,6 +139,7 @@ class Classifier(Summary):
             some = np.sort(rng.choice(len(table), ROWS, replace=False))
             table, named = table[some], named[some]
         self.estimator.fit(table, named)
+        self.sets = self._calibrated_sets(touches, rows) if sets else None
         self._quick = None
         return self
 
@@ -170,6 +189,35 @@ class Classifier(Summary):
 
         return load_classifier(path)
 
+    def _calibrated_sets(
+        self, touches: Sequence[Touch], rows: Sequence[FloatArray]
+    ) -> SetCalibration:
+        used = [k for k, row in enumerate(rows) if len(row)]
+        return calibrate_sets(
+            self.estimator,
+            np.stack([rows[k].mean(axis=0) for k in used]),
+            np.array([touches[k].label for k in used]),
+            [touches[k].skin.skin.part for k in used],
+            np.array([touches[k].person for k in used]),
+        )
+
+    def promise(self, coverage: float) -> None:
+        """Give `names` with each prediction that hold the truth in this share of all touches.
+
+        Raises
+        ------
+        InvalidArrayError
+            No share between 0 and 1.
+        NotFittedError
+            A model without held-out touches to promise by.
+        """
+        if self.sets is None:
+            raise NotFittedError(
+                f"this {self.name!r} model keeps no held-out touches to promise a coverage by; "
+                f"`skinmap train` keeps them for {', '.join(WITH_SETS)}"
+            )
+        self.coverage = check_coverage(coverage)
+
     def prepare(self, skin: PreparedSkin) -> None:
         """Make ready to name touches on a skin one at a time, by compiled loops where numba is.
 
@@ -204,10 +252,15 @@ class Classifier(Summary):
         """
         share = self.probabilities(touch)
         if share is None:
-            return Prediction(NO_CONTACT, 1.0)
+            return Prediction(NO_CONTACT, 1.0, None if self.coverage is None else (NO_CONTACT,))
         best = int(np.argmax(share))
         known = share[best] >= getattr(self.estimator, "reject_", 0.0)
-        return Prediction(self.labels[best] if known else UNKNOWN, float(share[best]))
+        names = None
+        if self.sets is not None and self.coverage is not None:
+            part = touch.skin.skin.part
+            threshold = self.sets.threshold(self.coverage, part, touch.person)
+            names = likely_names(share, self.labels, threshold)
+        return Prediction(self.labels[best] if known else UNKNOWN, float(share[best]), names)
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

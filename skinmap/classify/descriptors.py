@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.classify.intersection import IntersectionSVC
+from skinmap.classify.prediction_sets import NOBODY
 from skinmap.errors import InvalidArrayError, NotFittedError
 from skinmap.neighbours.offsets import LATTICE, Neighbourhoods, concatenate
 from skinmap.neighbours.structures import Structures, assign, find_structures
@@ -30,6 +31,8 @@ from skinmap.touch.histogram import Mode, PatchSamples, StructureHistogram
 from skinmap.touch.nearest_structure import Coverage, adopt_nearest, coverage
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.pressure_course import course
+from skinmap.touch.recording import Recording
+from skinmap.touch.rest import felt
 from skinmap.touch.votes import VoteCounter
 
 ROWS = 8  # samples of one touch that histograms are counted on: neighbours in time are alike
@@ -45,11 +48,24 @@ FOLDS = 4
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Touch:
-    """One touch: its skin, its samples (k, n) of 0 to 255 counts, and its label if known."""
+    """One touch: its skin, samples (k, n) of 0 to 255 counts, and label and person if known."""
 
     skin: PreparedSkin
     samples: NDArray[np.uint8]
     label: str = ""
+    person: int = NOBODY
+
+
+def recorded_touches(skin: PreparedSkin, recording: Recording) -> list[Touch]:
+    """The touches of a recording with their labels, and nothing of what is none of them.
+
+    Spikes, stuck taxels and what does not exceed a taxel's own noise at rest are 0.
+    """
+    rest, beside = recording.rest(), skin.geometry.beside
+    return [
+        Touch(skin, felt(samples, rest, beside), label, int(recording.subjects[event]))
+        for event, label, samples in recording.touches()
+    ]
 
 
 class Descriptor(Protocol):
@@ -72,7 +88,7 @@ class ContactGeometry:
         """Nothing to learn."""
 
     def describe(self, touch: Touch) -> FloatArray:
-        """(1, 26) numbers, `FEATURES` and `COURSE` in turn; (0, 26) where nothing is touched."""
+        """(1, 30) numbers, `FEATURES` and `COURSE` in turn; (0, 30) where nothing is touched."""
         row = self._known.get(touch)
         if row is None:
             row = self._known[touch] = self._measure(touch)

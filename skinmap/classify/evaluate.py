@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinmap.classify.classifier import NO_CONTACT, Prediction, TouchClassifier
-from skinmap.classify.descriptors import Touch
+from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.errors import UnknownNameError
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
@@ -63,7 +63,7 @@ def split_touches(
     other: list[Touch] = []
     for recording in recordings:
         skin = skins[recording.part]
-        touches = [Touch(skin, samples, label) for _, label, samples in recording.touches()]
+        touches = recorded_touches(skin, recording)
         if recording.part not in train_parts:
             other.extend(touches)
             continue

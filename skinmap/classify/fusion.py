@@ -67,7 +67,9 @@ class FusionClassifier(TouchClassifier):
         self.members = [classifiers.get(member)() for member in members]
         super().__init__(name, MemberDescriptors(self.members), Pool())
 
-    def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> FusionClassifier:
+    def fit(
+        self, touches: Sequence[Touch], *, rng: np.random.Generator, sets: bool = False
+    ) -> FusionClassifier:
         """Choose the weights on parts left out in turn, then train all members on everything.
 
         Raises

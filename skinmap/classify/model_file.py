@@ -6,6 +6,7 @@
 | `skins.npz` | taxel positions [m] of those skins |
 | `descriptor.npz` | what the descriptor learnt (`to_arrays`): a codebook, say |
 | `estimator.skops` | the scikit-learn estimator, by names of known types and arrays |
+| `sets.npz` | what sets of names are promised by (`prediction_sets`), where that was calibrated |
 
 Nothing is unpacked to disk, unpickled or imported because a file asks for it.
 """
@@ -29,6 +30,7 @@ from numpy.typing import NDArray
 from skinmap import __version__
 from skinmap.archive import quiet_headers
 from skinmap.classify.catalogue import classifiers
+from skinmap.classify.prediction_sets import set_calibration_from
 from skinmap.classify.trained_skin import TrainedSkin
 from skinmap.errors import (
     DataFormatError,
@@ -41,11 +43,12 @@ from skinmap.errors import (
 if TYPE_CHECKING:
     from skinmap.classify.classifier import TouchClassifier
 
-FORMAT = "skinmap-model-2"
+FORMAT = "skinmap-model-3"
 SUFFIX = ".skinmodel"
 LIBRARIES = ("numpy", "scikit-learn", "skops")
 HEAD, SKINS, DESCRIPTOR, ESTIMATOR = "model.json", "skins.npz", "descriptor.npz", "estimator.skops"
-FILES = (HEAD, SKINS, DESCRIPTOR, ESTIMATOR)
+SETS = "sets.npz"
+FILES = (HEAD, SKINS, DESCRIPTOR, ESTIMATOR, SETS)
 LARGEST = 2**28  # bytes in a file, unpacked, and in each archive inside it
 # Beside the types that skops trusts by itself; none of them can be told to call anything.
 KNOWN = frozenset(
@@ -84,6 +87,8 @@ def save_classifier(classifier: TouchClassifier, path: str | Path) -> None:
         if hasattr(classifier.descriptor, "to_arrays"):
             archive.writestr(DESCRIPTOR, _pack(classifier.descriptor.to_arrays()))
         archive.writestr(ESTIMATOR, dumps(classifier.estimator))
+        if classifier.sets is not None:
+            archive.writestr(SETS, _pack(classifier.sets.to_arrays()))
     try:
         Path(path).write_bytes(buffer.getvalue())
     except OSError as error:
@@ -119,6 +124,8 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
             _read_descriptor(classifier.descriptor, archive, path)
             classifier.estimator = _read_estimator(archive.read(ESTIMATOR), classifier, path)
             classifier.trained_on = _read_skins(head["skins"], archive.read(SKINS), path)
+            if SETS in archive.namelist():
+                classifier.sets = set_calibration_from(_unpack(archive.read(SETS), path))
             if list(classifier.labels) != head["labels"]:
                 raise DataFormatError("its labels are not those of its estimator", path)
     except (DataFormatError, UnknownNameError):

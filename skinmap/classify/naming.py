@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from skinmap.arrays import BoolArray, IntArray
 from skinmap.classify.classifier import NO_CONTACT, Prediction, TouchClassifier
 from skinmap.classify.descriptors import Touch
+from skinmap.classify.prediction_sets import NOBODY, OR
+from skinmap.classify.rejection import UNKNOWN
 from skinmap.errors import SkinMismatchError
 from skinmap.skin.robot import Robot
-from skinmap.touch.contacts import pool_event
+from skinmap.touch.contacts import check_pressures, pool_event
 from skinmap.touch.grouping import RULE, GroupingRule, group_touches
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
+from skinmap.touch.rest import Rest, felt, usual_rest
 
 JOIN = "+"  # between the labels of touches that overlap in time
 
@@ -36,6 +39,8 @@ def name_touches(
     *,
     rule: GroupingRule = RULE,
     ended: bool = True,
+    rest: Rest | None = None,
+    person: int = NOBODY,
 ) -> tuple[Named, ...]:
     """Group the samples (k, n) of one event into touches and name each; empty without contact.
 
@@ -50,22 +55,36 @@ def name_touches(
         When contacts are one grip.
     ended : bool
         Whether the event is over.
+    rest : Rest, optional
+        What the taxels read untouched; that of a skin with little noise by default. What is not
+        more than that, or on one taxel alone, is nobody's touch.
+    person : int
+        Who touched, where that is known.
 
     Raises
     ------
     SkinMismatchError, InvalidArrayError
         Samples of another skin, NaN or infinity.
     """
-    samples = np.asarray(samples)
-    groups = group_touches(skin.geometry, samples, rule=rule, ended=ended)
+    samples = check_pressures(samples, skin.geometry)
+    rest = usual_rest(len(skin)) if rest is None else rest
+    samples = felt(samples, rest, skin.geometry.beside)
+    groups = group_touches(skin.geometry, samples, rule=rule, ended=ended, levels=rest.begins)
     found = []
     for taxels in groups:
         # A touch that is alone keeps its faint rim, as in training.
         own = samples if len(groups) == 1 else np.where(taxels, samples, 0)
-        prediction = classifier.predict(Touch(skin, own))
+        prediction = classifier.predict(Touch(skin, own, person=person))
         if prediction.label != NO_CONTACT:
             found.append(Named(taxels, prediction))
     return tuple(found)
+
+
+def in_words(prediction: Prediction) -> str:
+    """A name, or the names that hold the truth where they were asked for: "poke or edge"."""
+    if prediction.names is None:
+        return prediction.label
+    return OR.join(prediction.names) or UNKNOWN
 
 
 def true_labels(
@@ -177,12 +196,12 @@ def classify(
         difference = classifier.difference(skin.skin)
         if not difference.may_go_on:
             raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
-    return [
-        touch
-        for one in every
-        for event in range(len(one.labels))
-        for touch in _classify_event(classifier, skins[one.part], one, event, rule)
-    ]
+    found = []
+    for one in every:
+        rest = one.rest()
+        for event in range(len(one.labels)):
+            found += _classify_event(classifier, skins[one.part], one, event, rule, rest)
+    return found
 
 
 def _classify_event(
@@ -191,10 +210,13 @@ def _classify_event(
     recording: Recording,
     event: int,
     rule: GroupingRule,
+    rest: Rest,
 ) -> list[ClassifiedTouch]:
     label, samples = recording.labels[event], recording.pressures[recording.events == event]
     owners = None if recording.owners is None else recording.owners[event]
-    named = name_touches(classifier, skin, samples, rule=replace(rule, rate=recording.rate))
+    rule = replace(rule, rate=recording.rate)
+    person = int(recording.subjects[event])
+    named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
     said = [one.prediction for one in named] or [Prediction(NO_CONTACT, 1.0)]
     truth = true_labels(named, samples, label, owners) or [label]
     return [

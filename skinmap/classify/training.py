@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from skinmap.classify.catalogue import DEFAULT
-from skinmap.classify.classifier import TouchClassifier
+from skinmap.classify.classifier import WITH_SETS, TouchClassifier
 from skinmap.classify.classifier_options import tuned_classifier
-from skinmap.classify.descriptors import Touch
+from skinmap.classify.descriptors import recorded_touches
 from skinmap.errors import UnknownNameError
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import prepare_skins
@@ -75,9 +75,5 @@ def train(
             raise UnknownNameError("recorded part", part, recorded)
     chosen = [one for one in every if parts is None or one.part in parts]
     skins = prepare_skins(robot, chosen)
-    touches = [
-        Touch(skins[one.part], samples, label)
-        for one in chosen
-        for _, label, samples in one.touches()
-    ]
-    return untrained.fit(touches, rng=np.random.default_rng(rng))
+    touches = [touch for one in chosen for touch in recorded_touches(skins[one.part], one)]
+    return untrained.fit(touches, rng=np.random.default_rng(rng), sets=untrained.name in WITH_SETS)

@@ -149,6 +149,7 @@ def work(
     """Train, write the model, and test it on what it has not seen."""
     import numpy as np
 
+    from skinmap.classify.classifier import WITH_SETS
     from skinmap.classify.classifier_options import tuned_classifier
     from skinmap.classify.evaluate import score, split_touches
     from skinmap.classify.model_file import save_classifier
@@ -171,7 +172,7 @@ def work(
     rng = np.random.default_rng(seed)
     split = split_touches(skins, recordings, parts or tuple(skins), rng=rng)
     with staged_file(output) as stage:
-        model = untrained.fit(split.train, rng=rng)
+        model = untrained.fit(split.train, rng=rng, sets=classifier in WITH_SETS)
         save_classifier(model, stage)
     same, other = score(model, split.same_parts), score(model, split.other_parts)
     return TrainResult(

@@ -25,6 +25,7 @@ from skinmap.live.contacts.touch_history import TouchBook
 from skinmap.live.moment import Moment
 from skinmap.live.namer import Namer
 from skinmap.live.response.pressures import Response, Responses
+from skinmap.live.response.rest_gate import RestGate
 from skinmap.live.response.sample_checks import SampleChecks
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.feed import STALE, Feed
@@ -127,6 +128,7 @@ class TouchLoop(Summary):
         self._all = np.array_equal(self._gather, np.arange(info.channels))
         self._checks = SampleChecks(info, self.counts, seekable=self.source.seekable)
         self._responses = Responses(self._skin, info, responses)
+        self._gate = RestGate(self._skin, info.rate)
         self._tracker = ContactTracker(self._skin)
         self._book = TouchBook(self._skin)
         self._namer: Namer | None = None
@@ -219,6 +221,10 @@ class TouchLoop(Summary):
         """What became of the samples, on the way here and here, by the names of `Counts`."""
         return self.counts.joined(self.source.counts).as_dict()
 
+    def health(self) -> dict[str, dict[str, list[int]]]:
+        """Channels that are `stuck` or `noisy`, by part; parts without any are left out."""
+        return self._gate.health()
+
     def dense_info(self) -> StreamInfo:
         """How a publisher of the moments describes their pressures: dense rows of each part."""
         return dense_info(self.info, self.robot.name, self.skins)
@@ -268,11 +274,12 @@ class TouchLoop(Summary):
         dense = values if self._all else values[:, self._gather]
         pressures, forces = self._responses.apply(dense)
         live, last = self.live, len(times) - 1
+        touched = self._gate.apply(pressures)
         for row, now in enumerate(times.tolist()):
-            self._tracker.update(now, pressures[row], None if forces is None else forces[row])
+            self._tracker.update(now, touched[row], None if forces is None else forces[row])
             tracks = self._tracker.tracks
             if self._namer is not None:
-                self._namer.push(now, pressures[row], tracks)
+                self._namer.push(now, touched[row], tracks)
             self._keep_book()
             # Which samples come together is the clock's doing: only live ones are named by that.
             due = not live or row == last or row % NAMED == NAMED - 1

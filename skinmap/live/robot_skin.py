@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.topology import number_by_appearance
+from skinmap.touch.contacts import padded_neighbours
 from skinmap.touch.prepared_skin import PreparedSkin
 
 
@@ -56,7 +57,7 @@ class JoinedSkin:
         self.positions: FloatArray = np.concatenate([skin.skin.positions for skin in every])
         self.normals: FloatArray = np.concatenate([skin.skin.normals for skin in every])
         self.areas: FloatArray = np.concatenate([skin.geometry.areas for skin in every])
-        self.neighbours = self._padded_neighbours()
+        self.neighbours = padded_neighbours(np.column_stack(self._links()), self.count)
         self.around = self._triangles_around()
         self.patch_of = self._patches()
 
@@ -66,6 +67,12 @@ class JoinedSkin:
     def split(self, values: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Values (N, ...) by part; views."""
         return {part: values[rows] for part, rows in self.slices.items()}
+
+    @cached_property
+    def beside(self) -> IntArray:
+        """(N, e) taxels beside each, across gaps between patches too, padded with N."""
+        pairs = [skin.geometry.bridged + start for skin, start in self._with_starts()]
+        return padded_neighbours(np.concatenate(pairs), self.count)
 
     @cached_property
     def faces(self) -> IntArray:
@@ -104,14 +111,6 @@ class JoinedSkin:
         """Pairs of taxels that the meshes join, in both directions, by their first."""
         pairs = np.concatenate([skin.geometry.links + start for skin, start in self._with_starts()])
         return pairs[:, 0], pairs[:, 1]
-
-    def _padded_neighbours(self) -> IntArray:
-        one, other = self._links()
-        degree = np.bincount(one, minlength=self.count)
-        table = np.full((self.count, max(int(degree.max(initial=0)), 1)), self.count)
-        place = np.arange(len(one)) - np.repeat(np.cumsum(degree) - degree, degree)
-        table[one, place] = other
-        return table
 
     def _patches(self) -> IntArray:
         """Number the sheets of all parts one after the other; unplaced taxels are sheets alone."""

@@ -127,7 +127,7 @@ def simulate(
             raise UnknownNameError("gesture that MuJoCo presses", name, PRESSERS)
     ground = make_ground(skin, find_variant(variant), rng=rng)
     people = draw_people(subjects, ground.variant, rng=rng)
-    player = _Player(ground, Sensors(len(skin), sensing or Sensing(), rng=rng), rng)
+    player = _Player(ground, Sensors(skin, sensing or Sensing(), rng=rng), rng)
     missed = dict.fromkeys(gestures, 0)
     for row in rng.permutation(np.repeat(np.arange(len(gestures)), per_gesture)).tolist():
         name = gestures[row]

@@ -43,6 +43,10 @@ FEATURES = (
     "radius_50_mm",
     "radius_90_mm",
     "border_share",
+    "even_length_mm",
+    "even_width_mm",
+    "widest_gap_mm",
+    "gaps_mm",
 )
 
 
@@ -65,7 +69,8 @@ def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArra
     load = pressures[index].astype(np.float64)
     piece = connected(geometry.bridged, active, index)
     index, load, piece = _strongest(index, load, piece)
-    plane = skin_plane(geometry, index, load)
+    distances = geometry.distances(index, index)
+    plane = skin_plane(geometry, index, load, distances)
     areas = geometry.areas[index]
     loads = np.bincount(piece, load)
     share = loads / loads.sum()
@@ -82,6 +87,8 @@ def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArra
     radii = centre_distance[order][carried.searchsorted((0.5, 0.9 - 1e-12))]
     strongest = np.sort(load)[::-1][: max(1, len(load) // 5)]
     summits = _summits(geometry, active, index, load, pressures)
+    even = _spread(plane, areas)  # whatever the gains: each taxel as its skin
+    gaps = _gaps(distances, piece, len(loads))
     return np.array(
         [
             areas.sum() * MM**2,
@@ -108,11 +115,20 @@ def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArra
             radii[0] * MM,
             radii[1] * MM,
             load[geometry.border[index]].sum() / total,
+            even[0] * MM,
+            even[1] * MM,
+            gaps.max(initial=0.0) * MM,
+            gaps.sum() * MM,
         ]
     )
 
 
-def skin_plane(geometry: SkinGeometry, index: IntArray, load: FloatArray) -> FloatArray:
+def skin_plane(
+    geometry: SkinGeometry,
+    index: IntArray,
+    load: FloatArray,
+    distances: FloatArray | None = None,
+) -> FloatArray:
     """(k, 2) places of taxels in the plane that keeps their paths along the skin best [m].
 
     Classical scaling weighted by the load: the origin is the centre of the load and the axes are
@@ -122,7 +138,9 @@ def skin_plane(geometry: SkinGeometry, index: IntArray, load: FloatArray) -> Flo
     weight = load / load.sum()
     if len(index) == 1:
         return np.zeros((1, 2))
-    squared = geometry.distances(index, index) ** 2
+    if distances is None:
+        distances = geometry.distances(index, index)
+    squared = distances**2
     row = squared @ weight
     centred = -0.5 * (squared - row[:, None] - row[None, :] + weight @ row)
     root = np.sqrt(weight)
@@ -196,6 +214,24 @@ def _largest_gap(
         away = points - np.average(points, axis=0, weights=load[own])
         centres.append(members[np.argmin(np.einsum("ij,ij->i", away, away))])
     return _farthest(geometry, np.array(centres))
+
+
+def _gaps(distances: FloatArray, piece: IntArray, count: int) -> FloatArray:
+    """(count - 1,) free skin between contacts [m]: the shortest links that join them all (Prim)."""
+    if count < 2:
+        return np.zeros(0)
+    order = np.argsort(piece, kind="stable")
+    starts = np.searchsorted(piece[order], np.arange(count))
+    between = np.minimum.reduceat(distances[np.ix_(order, order)], starts, axis=0)
+    between = np.minimum.reduceat(between, starts, axis=1)
+    near, found = between[0].copy(), np.zeros(count - 1)
+    near[0] = np.inf
+    left = np.arange(count) > 0
+    for link in range(count - 1):
+        nearest = int(np.argmin(np.where(left, near, np.inf)))
+        found[link], left[nearest] = near[nearest], False
+        np.minimum(near, between[nearest], out=near)
+    return found
 
 
 def _farthest(geometry: SkinGeometry, taxels: IntArray) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,11 @@ class SkinGeometry:
     def __len__(self) -> int:
         return len(self.areas)
 
+    @cached_property
+    def beside(self) -> IntArray:
+        """(n, d) taxels beside each, as `bridged` has them, padded with n."""
+        return padded_neighbours(self.bridged, len(self))
+
     def distances(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """(r, c) shortest paths along the skin between taxels [m].
 
@@ -83,6 +89,16 @@ def measure_skin(mesh: SurfaceMesh) -> SkinGeometry:
     bridged = np.concatenate([links, _facing(mesh, border)])
     areas = _full_cells(mesh, border)
     return SkinGeometry(mesh, _both_ways(links), _both_ways(bridged), areas, border, graph)
+
+
+def padded_neighbours(pairs: IntArray, count: int) -> IntArray:
+    """(count, d) the second of all pairs (e, 2), sorted by their first; padded with count."""
+    one, other = pairs.T
+    degree = np.bincount(one, minlength=count)
+    table = np.full((count, max(int(degree.max(initial=0)), 1)), count)
+    place = np.arange(len(one)) - np.repeat(np.cumsum(degree) - degree, degree)
+    table[one, place] = other
+    return table
 
 
 def _both_ways(pairs: IntArray) -> IntArray:

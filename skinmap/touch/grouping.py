@@ -1,9 +1,11 @@
 """Touches, not frames: contacts are grouped into touches, so that two at once get two names.
 
 The rule: contacts that begin together (and, once both are over, end together) and lie within a
-hand's span of each other are one grip; all others are separate touches. Each contact's course is
-scaled to its own largest load, so a light finger begins when a firm one does. A contact so faint
-that its times say nothing joins the nearest one that is not.
+hand's span of each other are one grip, and so are those that last at the same time less than a
+finger's breadth apart: a ridge broken by taxels of little gain. All others are separate touches.
+Each contact's course is scaled to its own largest load, so a light finger begins when a firm one
+does. A contact so faint that its times say nothing joins the nearest one that is not, and is no
+touch where it was there before or after all of those.
 """
 
 from __future__ import annotations
@@ -16,10 +18,13 @@ from numpy.typing import NDArray
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.touch.contacts import ACTIVE, SkinGeometry, check_pressures, connected, pieces
+from skinmap.touch.rest import LOW
 
 BRIEF = 3  # a taxel that is active for fewer samples than this has felt noise or a graze
 HALF = 0.5  # a contact begins and ends where it crosses this share of its largest load
-FAINT = 24.0  # a contact that never exceeds this [counts] flickers at the threshold: no times
+FAINT = 2.0  # a contact below so many times the level of its taxels flickers there: no times
+SAMPLES = 1.5  # begin and end are known to a sample each, however slow the stream
+BROKEN = 20e-3  # a finger's ridge is broken by taxels of little gain into nearer pieces [m]
 MAX_CONTACTS = 64  # contacts beyond this many, weakest first, join the touch nearest to them
 
 
@@ -69,6 +74,7 @@ def group_touches(
     *,
     rule: GroupingRule = RULE,
     ended: bool = True,
+    levels: FloatArray | None = None,
 ) -> tuple[BoolArray, ...]:
     """The taxels (n,) of each touch among the samples (k, n) of one event, the heaviest first.
 
@@ -80,6 +86,8 @@ def group_touches(
     ended : bool
         Whether the event is over; while it goes on, contacts that still last have no end to
         compare.
+    levels : (n,) float, optional
+        What a taxel must exceed to be touched [counts]; `ACTIVE` everywhere by default.
 
     Returns
     -------
@@ -96,7 +104,9 @@ def group_touches(
     if not found:
         return ()
     last = np.inf if ended else len(samples) - 1.5
-    group = _grips(geometry, found, rule, last)
+    least = np.full(len(geometry), ACTIVE) if levels is None else levels
+    found = _without_background(found, rule, last, least)
+    group = _grips(geometry, found, rule, last, least)
     masks = []
     for number in np.unique(group):
         mask = np.zeros(len(geometry), bool)
@@ -112,6 +122,7 @@ def contacts_of_event(geometry: SkinGeometry, samples: NDArray[np.uint8]) -> tup
     """Connected taxels that were active during the samples (k, n), with begin and end [samples]."""
     felt = samples > ACTIVE
     often = felt.sum(axis=0) >= max(1, min(BRIEF, len(samples)))
+    often &= _accompanied(geometry, samples, often)
     index = np.flatnonzero(often)
     if len(index) == 0:
         return ()
@@ -137,6 +148,19 @@ def contacts_of_event(geometry: SkinGeometry, samples: NDArray[np.uint8]) -> tup
     )
 
 
+def _accompanied(geometry: SkinGeometry, samples: NDArray[np.uint8], often: BoolArray) -> BoolArray:
+    """(n,) taxels of some, beside which another one reads at least half of a touch as often."""
+    found = ~often
+    columns = np.flatnonzero(often)
+    beside = geometry.beside[columns]
+    padded = np.zeros((len(samples), len(often) + 1), bool)
+    padded[:, :-1] = samples > LOW
+    both = padded[:, beside] & (samples[:, columns] > ACTIVE)[:, :, None]
+    enough = both.sum(axis=0) >= max(1, min(BRIEF, len(samples)))
+    found[columns] = enough.any(axis=1) | (beside == len(often)).all(axis=1)
+    return found
+
+
 def _crossing(loads: FloatArray, at: IntArray, level: FloatArray, way: int) -> FloatArray:
     """When each load (k, c) crosses its level next to sample `at`, between samples if it can."""
     column = np.arange(loads.shape[1])
@@ -148,19 +172,23 @@ def _crossing(loads: FloatArray, at: IntArray, level: FloatArray, way: int) -> F
 
 
 def _grips(
-    geometry: SkinGeometry, contacts: tuple[Contact, ...], rule: GroupingRule, last: float
+    geometry: SkinGeometry,
+    contacts: tuple[Contact, ...],
+    rule: GroupingRule,
+    last: float,
+    levels: FloatArray,
 ) -> IntArray:
     """(c,) touch of each contact: joined where the rule says so, from one to the next."""
     if len(contacts) == 1:
         return np.zeros(1, np.int64)
     begin = np.array([contact.begin for contact in contacts])
     end = np.array([contact.end for contact in contacts])
-    slack = rule.together * rule.rate
+    slack = max(rule.together * rule.rate, SAMPLES)
     lasting = end >= last
     one_ended = lasting[:, None] | lasting[None, :]
     joined = np.abs(begin[:, None] - begin[None, :]) <= slack
     joined &= (np.abs(end[:, None] - end[None, :]) <= slack) | one_ended
-    faint = np.array([contact.peak <= FAINT for contact in contacts])
+    faint = _faint(contacts, levels)
     if faint.any() and not faint.all():
         joined[faint] = joined[:, faint] = False
         clear = np.flatnonzero(~faint).tolist()
@@ -168,12 +196,51 @@ def _grips(
             gaps = [_gap(geometry, contacts[k], contacts[j]) for j in clear]
             nearest = clear[int(np.argmin(gaps))]
             joined[k, nearest] = joined[nearest, k] = True
+    joined |= _broken(geometry, contacts, begin, end, joined)
     one, other = np.nonzero(joined)
     near = [
         a == b or _gap(geometry, contacts[a], contacts[b]) <= rule.span
         for a, b in zip(one.tolist(), other.tolist(), strict=True)
     ]
     return pieces(one[near], other[near], len(contacts))
+
+
+def _faint(contacts: tuple[Contact, ...], levels: FloatArray) -> BoolArray:
+    """(c,) contacts that hardly exceed what their taxels must exceed to be touched."""
+    return np.array([one.peak <= FAINT * levels[one.taxels].max() for one in contacts])
+
+
+def _without_background(
+    contacts: tuple[Contact, ...], rule: GroupingRule, last: float, levels: FloatArray
+) -> tuple[Contact, ...]:
+    """The contacts without those faint ones that were there before or after all clear ones."""
+    faint = _faint(contacts, levels)
+    if not faint.any() or faint.all():
+        return contacts
+    slack = 2.0 * max(rule.together * rule.rate, SAMPLES)
+    clear = [one for one, weak in zip(contacts, faint, strict=True) if not weak]
+    first = min(one.begin for one in clear) - slack
+    final = max(one.end for one in clear) + slack
+    return tuple(
+        one
+        for one, weak in zip(contacts, faint, strict=True)
+        if not weak or (one.begin >= first and (one.end <= final or one.end >= last))
+    )
+
+
+def _broken(
+    geometry: SkinGeometry,
+    contacts: tuple[Contact, ...],
+    begin: FloatArray,
+    end: FloatArray,
+    joined: BoolArray,
+) -> BoolArray:
+    """(c, c) which contacts overlap in time and lie so near that they are one, broken by gains."""
+    at_once = np.minimum(end[:, None], end) >= np.maximum(begin[:, None], begin)
+    found = np.zeros_like(joined)
+    for a, b in np.argwhere(np.triu(at_once & ~joined, 1)).tolist():
+        found[a, b] = found[b, a] = _gap(geometry, contacts[a], contacts[b]) < BROKEN
+    return found
 
 
 def _gap(geometry: SkinGeometry, one: Contact, other: Contact) -> float:

@@ -12,7 +12,6 @@ from skinmap.touch.gestures import FOUR
 from skinmap.touch.recording import Recording
 from skinmap.touch.sensing import FULL_SCALE, Sensing
 from skinmap.touch.simulator import (
-    SENSING,
     SUBJECTS,
     TRIES,
     Placed,
@@ -23,6 +22,7 @@ from skinmap.touch.simulator import (
     prepare,
 )
 from skinmap.touch.subjects import draw_subjects
+from skinmap.touch.variety import DEFAULT, draw_sensing
 
 APART = 20e-3  # skin left free between two touches [m]
 DELAY = 0.6  # the second begins within this time after the first [s]
@@ -36,7 +36,8 @@ def simulate_pairs(
     count: int = 20,
     gestures: Sequence[str] = FOUR,
     subjects: int = SUBJECTS,
-    sensing: Sensing = SENSING,
+    sensing: Sensing | None = None,
+    variety: float = DEFAULT,
     apart: float = APART,
     progress: Callable[[str], None] | None = None,
 ) -> Recording:
@@ -49,7 +50,7 @@ def simulate_pairs(
     rng : numpy.random.Generator
     count : int
         Pairs asked for. Fewer come where the part cannot hold two of those drawn.
-    gestures, subjects, sensing
+    gestures, subjects, sensing, variety
         As for `simulate`; the two touches are of two people.
     apart : float
         Skin left free between them [m].
@@ -62,7 +63,8 @@ def simulate_pairs(
         Labels such as "poke+whole_hand"; `owners` says which taxel belongs to which.
     """
     check_gestures(gestures)
-    stage = prepare(skin, rng=rng, sensing=sensing)
+    answers = draw_sensing(variety, rng=rng) if sensing is None else sensing
+    stage = prepare(skin, rng=rng, sensing=answers, variety=variety)
     people = draw_subjects(max(subjects, 2), rng=rng)
     player = Player(stage, rng)
     for _ in range(count):

@@ -16,6 +16,7 @@ from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 from skinmap.summary import Summary, listed
+from skinmap.touch.rest import Rest, find_rest
 
 FORMAT = "skinmap-recording-1"
 
@@ -109,6 +110,10 @@ class Recording(Summary):
         """Samples a second; 50 where the times do not tell."""
         step = float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
         return 1.0 / step if step > 0 else 50.0
+
+    def rest(self) -> Rest:
+        """What its taxels read between the touches; the usual where that is hardly recorded."""
+        return find_rest(self.pressures, quiet=self.events < 0)
 
     def touches(self) -> Iterator[tuple[int, str, NDArray[np.uint8]]]:
         """Number, label and samples (k, n_taxels) of each touch event."""

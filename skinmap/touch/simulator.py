@@ -1,10 +1,11 @@
 """Simulated touches on an imported skin: what the classifiers are trained and shown on.
 
-A touch is a set of pads (see `gestures`) laid on the skin around a point: the pads live in the
-log map of that point, so fingers follow the body and cross the gaps between patches; what is not a
-hand loses its load where the body bends away from under it. Pressure inside a pad falls off like
-Hertz contact, spreads through the foam as a Gaussian, and is read by taxels as `sensing` says.
-Somebody (see `people`) presses, holds with a tremor, and lets go.
+A touch is laid on the skin around a point: its pieces live in the log map of that point, so
+fingers follow the body and cross the gaps between patches. With variety the pieces are bodies with
+a force (`hands`) on a bed of springs (`elastic_bed`). Without, and now and then with it, they are
+pads of fixed sizes (`gestures`): pressure inside a pad falls off like Hertz contact, spreads
+through the foam as a Gaussian, and what is not a hand loses its load where the skin bends away.
+Taxels read loads as `sensing` says. Somebody (`subjects`) presses, holds with a tremor, lets go.
 
 The physics and its limits are in docs/simulator.md. Accuracy on such touches is simulated accuracy.
 """
@@ -25,7 +26,9 @@ from skinmap.geometry.distances import bridged_graph
 from skinmap.geometry.log_map import log_map
 from skinmap.geometry.proximity import median_spacing
 from skinmap.skin.skin import Skin
+from skinmap.touch.elastic_bed import bed_loads, contact_width
 from skinmap.touch.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, Pad
+from skinmap.touch.hands import HANDS, Body, Draw
 from skinmap.touch.recording import Recording
 from skinmap.touch.sensing import Sensing, Sensors
 from skinmap.touch.subjects import (
@@ -37,6 +40,7 @@ from skinmap.touch.subjects import (
     Subject,
     draw_subjects,
 )
+from skinmap.touch.variety import DEFAULT, check_variety, draw_foam, draw_sensing, uses_pads
 
 SENSING = Sensing()
 RATE = SENSING.rate
@@ -46,18 +50,21 @@ SUBJECTS = 10
 REACH = 0.13  # no pad goes further from its middle [m]
 GAP = 0.25  # pause between touches [s]
 TRIES = 60  # places tried for one touch
+FELT = 0.15  # load that any taxel tells from noise, 24 counts on the usual one
+FINGER_FELT, PIECES_FELT = 0.5, 0.4
 MISSES = 3  # touches that found no place before the part counts as too small for the gesture
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Stage:
-    """What touches on one skin share: its graph, spacing, sensors and habitual places."""
+    """What touches on one skin share: its graph, spacing, sensors, habitual places, variety."""
 
     skin: Skin
     graph: csr_array
     spacing: float
     sensors: Sensors
     habits: dict[str, tuple[Habit, ...]]
+    variety: float = 0.0
 
     @property
     def gains(self) -> FloatArray:
@@ -67,14 +74,20 @@ class Stage:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Placed:
-    """A gesture on the skin: the load (p, n) of each pad on each taxel at full press."""
+    """A gesture on the skin: the load (p, n) of each piece on each taxel at full press."""
 
     label: str
     loads: FloatArray
     subject: Subject
 
 
-def prepare(skin: Skin, *, rng: np.random.Generator, sensing: Sensing = SENSING) -> Stage:
+def prepare(
+    skin: Skin,
+    *,
+    rng: np.random.Generator,
+    sensing: Sensing = SENSING,
+    variety: float = 0.0,
+) -> Stage:
     """Build the neighbour graph of a skin and draw its sensors and habitual places."""
     spacing = median_spacing(skin.positions)
     graph = bridged_graph(skin.positions, 10, 2.5 * spacing)
@@ -85,7 +98,8 @@ def prepare(skin: Skin, *, rng: np.random.Generator, sensing: Sensing = SENSING)
         )
         for name in GESTURES
     }
-    return Stage(skin, graph, spacing, Sensors(len(skin), sensing, rng=rng), habits)
+    sensors = Sensors(skin, sensing, rng=rng)
+    return Stage(skin, graph, spacing, sensors, habits, check_variety(variety))
 
 
 def simulate(
@@ -96,7 +110,8 @@ def simulate(
     gestures: Sequence[str] = FOUR,
     subjects: int = SUBJECTS,
     places: Places = "anywhere",
-    sensing: Sensing = SENSING,
+    sensing: Sensing | None = None,
+    variety: float = DEFAULT,
     on_skin: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Recording:
@@ -117,8 +132,10 @@ def simulate(
         How many people touch, each with a hand size, force, pace and habits.
     places : {"anywhere", "habitual"}
         Wherever a touch fits, or near the places and angles that people keep to.
-    sensing : Sensing
-        How the taxels answer.
+    sensing : Sensing, optional
+        How the taxels answer; drawn as the variety says by default.
+    variety : float
+        How far touches are drawn at random, see `variety`; 0 are pads of fixed sizes.
     on_skin : float, optional
         Another least share of a touch over taxels, for all gestures.
     progress : callable, optional
@@ -144,7 +161,8 @@ def simulate(
     """
     check_gestures(gestures)
     rng = np.random.default_rng(rng)
-    stage = prepare(skin, rng=rng, sensing=sensing)
+    answers = draw_sensing(variety, rng=rng) if sensing is None else sensing
+    stage = prepare(skin, rng=rng, sensing=answers, variety=variety)
     people = draw_subjects(subjects, rng=rng)
     wanted = rng.permutation(np.repeat(np.arange(len(gestures)), per_gesture))
     player = Player(stage, rng)
@@ -207,17 +225,45 @@ def place(
 ) -> Placed | None:
     """A gesture at a place where enough of it lies on the skin; None where it fits nowhere."""
     enough = LONG_ON_SKIN.get(name, ON_SKIN) if on_skin is None else on_skin
+    as_pads = uses_pads(stage.variety, rng)
     for _ in range(TRIES):
-        pads = GESTURES[name](rng, subject.hand * rng.uniform(0.97, 1.03))
+        size = subject.hand * rng.uniform(0.97, 1.03)
+        bodies: list[Body] = []
+        if as_pads:
+            pads = GESTURES[name](rng, size)
+        else:
+            bodies = HANDS[name](Draw(rng, stage.variety, size, subject.force))
+            foam = draw_foam(stage.variety, stage.sensors.sensing.foam, rng)
+            pads = [body.footprint(contact_width(body, foam.stiffness)) for body in bodies]
         source, angle = _spot(stage, name, subject, places, rng)
         uv, _ = log_map(stage.skin.positions, stage.skin.normals, stage.graph, source, REACH)
         c, s = np.cos(angle), np.sin(angle)
         shift = rng.normal(0.0, 0.3 * stage.spacing, 2) + _middle(pads)
         turned = uv @ np.array([[c, s], [-s, c]]) + shift
-        if _share_on_skin(pads, turned, stage.spacing) >= enough:
-            loads = touch_loads(stage, pads, turned) * _follows(stage, pads, source)
-            return Placed(name, subject.force * loads, subject)
+        if _share_on_skin(pads, turned, stage.spacing) < enough:
+            continue
+        if bodies:
+            loads = bed_loads(bodies, foam, turned, stage.skin)
+            if is_felt(name, bodies, loads, turned):
+                return Placed(name, loads, subject)
+            continue
+        loads = touch_loads(stage, pads, turned) * _follows(stage, pads, source)
+        return Placed(name, subject.force * loads, subject)
     return None
+
+
+def is_felt(name: str, bodies: Sequence[Body], loads: FloatArray, uv: FloatArray) -> bool:
+    """Whether a skin feels enough of a touch to call it by its name.
+
+    All of three fingertips, half of the length of a finger, two fifths of the pieces of anything
+    else: what lies over gaps and bends, or hardly presses, is not there for the skin.
+    """
+    felt = loads > FELT
+    if name == "full_finger":
+        ends = np.array([[body.start[0], body.end[0]] for body in bodies])
+        along = uv[felt.any(axis=0), 0]
+        return len(along) > 1 and float(np.ptp(along)) >= FINGER_FELT * float(np.ptp(ends))
+    return float(felt.any(axis=1).mean()) >= (1.0 if name == "three_finger" else PIECES_FELT)
 
 
 def _spot(
@@ -296,11 +342,12 @@ class Player:
         n = len(self.stage.skin)
         pressures = np.concatenate(self._blocks or [np.zeros((0, n), np.uint8)])
         times = np.arange(len(pressures)) / self.stage.sensors.sensing.rate
+        kept = ~self.stage.sensors.lost(len(times), rng=self.rng)
         return Recording(
             self.stage.skin.part,
-            times,
-            pressures,
-            np.concatenate(self._events or [np.zeros(0, np.int64)]),
+            times[kept],
+            pressures[kept],
+            np.concatenate(self._events or [np.zeros(0, np.int64)])[kept],
             tuple(self._labels),
             np.array(self._subjects, np.int64),
             np.array(self._owners, np.int64).reshape(-1, n) if owners else None,

@@ -12,7 +12,7 @@ import numpy as np
 
 from skinmap.classify.classifier import DEFAULT, TouchClassifier
 from skinmap.classify.classifier_options import tuned_classifier
-from skinmap.classify.descriptors import Touch
+from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest, score
 from skinmap.errors import InvalidArrayError
 from skinmap.profile import Value
@@ -116,7 +116,7 @@ class ClassifyTask:
 def simulated(skin: PreparedSkin, per_gesture: int, rng: np.random.Generator) -> list[Touch]:
     """Touches of the four gestures on a skin, each with its label."""
     recording = simulate(skin.skin, rng=rng, per_gesture=per_gesture, gestures=FOUR)
-    return [Touch(skin, samples, label) for _, label, samples in recording.touches()]
+    return recorded_touches(skin, recording)
 
 
 def touch_seconds(model: TouchClassifier, touches: Sequence[Touch]) -> float:

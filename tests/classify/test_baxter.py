@@ -67,6 +67,7 @@ def test_a_network_in_a_model_file_names_touches_without_torch(skin, tmp_path):
         rng=np.random.default_rng(3),
         per_gesture=3,
         gestures=("whole_hand", "forearm"),
+        variety=0.0,
     )
     for _, label, samples in recording.touches():
         touch = Touch(skin, samples)
@@ -83,6 +84,7 @@ def test_bags_of_words_come_back_from_a_model_file(skin, tmp_path):
         rng=np.random.default_rng(3),
         per_gesture=8,
         gestures=("whole_hand", "forearm"),
+        variety=0.0,
     )
     touches = [Touch(skin, samples, label) for _, label, samples in recording.touches()]
     classifier = classifiers.get("bovw")().fit(touches[:12], rng=np.random.default_rng(0))

@@ -23,7 +23,9 @@ def split(prepared):
     """Touches of three parts, two of them trained on."""
     rng = np.random.default_rng(5)
     skins = {part: prepared(part) for part in PARTS}
-    recordings = [simulate(skin.skin, rng=rng, per_gesture=16) for skin in skins.values()]
+    recordings = [
+        simulate(skin.skin, rng=rng, per_gesture=16, variety=0.0) for skin in skins.values()
+    ]
     return split_touches(skins, recordings, PARTS[:2], rng=rng)
 
 

@@ -20,14 +20,16 @@ def model(prepared):
     touches = [
         Touch(prepared(part), samples, label)
         for part in ("left_foot", "left_leg_upper")
-        for _, label, samples in simulate(prepared(part).skin, rng=rng, per_gesture=20).touches()
+        for _, label, samples in simulate(
+            prepared(part).skin, rng=rng, per_gesture=20, variety=0.0
+        ).touches()
     ]
     return classifiers.get("contact-geometry")().fit(touches, rng=rng)
 
 
 def test_two_touches_at_once_get_two_right_labels(model, prepared):
     leg = prepared("right_leg_upper")
-    pairs = simulate_pairs(leg.skin, rng=np.random.default_rng(11), count=16)
+    pairs = simulate_pairs(leg.skin, rng=np.random.default_rng(11), count=16, variety=0.0)
     right = [
         all_right(name_touches(model, leg, samples), samples, label, pairs.owners[event])
         for event, label, samples in pairs.touches()
@@ -40,7 +42,11 @@ def test_two_touches_at_once_get_two_right_labels(model, prepared):
 def test_whole_hands_over_the_patches_of_an_arm_are_one_touch(model, prepared):
     arm = prepared("left_arm")
     recording = simulate(
-        arm.skin, rng=np.random.default_rng(12), per_gesture=12, gestures=["whole_hand"]
+        arm.skin,
+        rng=np.random.default_rng(12),
+        per_gesture=12,
+        gestures=["whole_hand"],
+        variety=0.0,
     )
     named = [name_touches(model, arm, samples) for _, _, samples in recording.touches()]
     assert np.mean([len(touches) == 1 for touches in named]) >= 0.9
@@ -52,7 +58,9 @@ def test_whole_hands_over_the_patches_of_an_arm_are_one_touch(model, prepared):
 
 def test_two_touches_are_followed_live(icub, model, prepared):
     leg = prepared("right_leg_upper")
-    pairs = simulate_pairs(leg.skin, rng=np.random.default_rng(15), count=1, gestures=["poke"])
+    pairs = simulate_pairs(
+        leg.skin, rng=np.random.default_rng(15), count=1, gestures=["poke"], variety=0.0
+    )
     moments = list(replay(icub, {"right_leg_upper": pairs.pressures}, model, rate=RATE))
     assert max(len(moment.touches) for moment in moments) == 2
     both = next(one.touches for one in reversed(moments) if len(one.touches) == 2)
@@ -79,7 +87,7 @@ def test_a_foot_pressed_all_over_is_one_touch(model, prepared):
 
 def test_dead_taxels_change_few_names(model, prepared):
     leg = prepared("right_leg_upper")
-    recording = simulate(leg.skin, rng=np.random.default_rng(13), per_gesture=6)
+    recording = simulate(leg.skin, rng=np.random.default_rng(13), per_gesture=6, variety=0.0)
     alive = np.random.default_rng(1).random(len(leg)) >= 0.03
     right = [
         all_right(name_touches(model, leg, samples * alive), samples, label)

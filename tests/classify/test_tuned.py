@@ -22,7 +22,9 @@ from skinmap.touch.votes import VoteCounter
 @pytest.fixture(scope="module")
 def touches():
     skin = PreparedSkin(skinmap.load_robot("kaspar").skin("right_hand"))
-    recording = simulate(skin.skin, rng=np.random.default_rng(3), per_gesture=6, gestures=FOUR[:2])
+    recording = simulate(
+        skin.skin, rng=np.random.default_rng(3), per_gesture=6, gestures=FOUR[:2], variety=0.0
+    )
     return [Touch(skin, samples, label) for _, label, samples in recording.touches()]
 
 

@@ -33,11 +33,11 @@ def made(prepared, tmp_path_factory):
     rng = np.random.default_rng(8)
     touches = [
         Touch(foot, samples, label)
-        for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=10).touches()
+        for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=10, variety=0.0).touches()
     ]
     model = classifiers.get("contact-geometry")().fit(touches, rng=rng)
     save_classifier(model, folder / "m.skinmodel")
-    save_recordings([simulate(foot.skin, rng=rng, per_gesture=3)], folder / "t.npz")
+    save_recordings([simulate(foot.skin, rng=rng, per_gesture=3, variety=0.0)], folder / "t.npz")
     return folder / "m.skinmodel", folder / "t.npz"
 
 

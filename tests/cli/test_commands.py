@@ -92,7 +92,7 @@ def test_simulate_train_classify_and_back(tmp_path):
 def test_pairs_are_named_one_by_one(tmp_path):
     alone, pairs, model = tmp_path / "t.npz", tmp_path / "p.npz", tmp_path / "m.skinmodel"
     foot = ("--part", "left_foot")
-    run("simulate", "icub", *foot, "--per-gesture", "8", "-o", str(alone))
+    run("simulate", "icub", *foot, "--per-gesture", "14", "-o", str(alone))
     run("train", str(alone), "-o", str(model))
     made = run(
         "simulate", "icub", *foot, "--pairs", "3", "--gesture", "poke", "--subjects", "3",

@@ -27,7 +27,7 @@ def run(*words: str) -> dict:
 @pytest.fixture(scope="module")
 def recording(icub, tmp_path_factory):
     path = tmp_path_factory.mktemp("recordings") / "touches.npz"
-    touches = simulate(icub.skin(PART), rng=np.random.default_rng(3), per_gesture=7)
+    touches = simulate(icub.skin(PART), rng=np.random.default_rng(3), per_gesture=7, variety=0.0)
     save_recordings([touches], path)
     return path
 

@@ -49,8 +49,8 @@ def values() -> np.ndarray:
 def two_parts(icub) -> list[Recording]:
     rng = np.random.default_rng(1)
     return [
-        simulate(icub.skin("left_hand"), rng=rng, per_gesture=2),
-        simulate_pairs(icub.skin("left_foot"), rng=rng, count=3),
+        simulate(icub.skin("left_hand"), rng=rng, per_gesture=2, variety=0.0),
+        simulate_pairs(icub.skin("left_foot"), rng=rng, count=3, variety=0.0),
     ]
 
 

@@ -61,7 +61,7 @@ def model(prepared):
     foot = prepared("left_foot")
     touches = [
         Touch(foot, samples, label)
-        for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=10).touches()
+        for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=10, variety=0.0).touches()
     ]
     return classifiers.get("contact-geometry")().fit(touches, rng=rng)
 
@@ -130,7 +130,7 @@ def test_live_vectors_give_the_same_as_dense_rows(icub, prepared, rng):
 
 def test_a_touch_is_told_from_birth_to_end(icub, prepared):
     samples = np.zeros((30, N), np.uint8)
-    samples[5:15, 10] = np.linspace(50, 95, 10)
+    samples[5:15, [10, 11]] = np.linspace(50, 95, 10)[:, None]
     loop = TouchLoop(icub, Planted([block(np.arange(30) / RATE, samples)]))
     list(loop)
     assert [event.kind for event in loop.happenings()] == ["birth", "end"]
@@ -163,7 +163,7 @@ def test_moments_tell_all_of_a_touch(icub, prepared):
 
 def test_a_classifier_names_live_touches_as_it_names_events(icub, prepared, model):
     leg = prepared("right_leg_lower")
-    recording = simulate(leg.skin, rng=np.random.default_rng(21), per_gesture=4)
+    recording = simulate(leg.skin, rng=np.random.default_rng(21), per_gesture=4, variety=0.0)
     info = StreamInfo("leg", (leg.skin.part,), (len(leg),), RATE)
     source = Playback(info, recording.times, recording.pressures, speed=np.inf)
     loop = TouchLoop(icub, source, classifier=model, skins={leg.skin.part: leg})
@@ -270,7 +270,7 @@ def test_subscribers_get_every_moment_and_cannot_stop_the_loop(icub, prepared, c
 
 def test_seek_begins_anew(icub, prepared):
     samples = np.zeros((100, N), np.uint8)
-    samples[10:50, 10] = 90
+    samples[10:50, 10:12] = 90
     source = Playback(INFO, np.arange(100) / RATE, samples, speed=np.inf)
     loop = TouchLoop(icub, source, skins={PART: prepared(PART)})
     for _ in range(20):
@@ -313,7 +313,7 @@ def test_a_model_that_reads_taxels_by_number_is_refused_elsewhere(icub, prepared
     foot = prepared("left_foot")
     touches = [
         Touch(foot, samples, label)
-        for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=6).touches()
+        for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=6, variety=0.0).touches()
     ]
     model = classifiers.get("raw-intersection")().fit(touches, rng=rng)
     with pytest.raises(SkinMismatchError, match="'raw-intersection' cannot go on"):
@@ -324,7 +324,7 @@ def test_everything_that_is_kept_is_bounded(icub, prepared):
     """More than a thousand touches nobody asks for: what is kept for them has an end."""
     step = np.arange(1050 * 7)
     samples = np.zeros((len(step), N), np.uint8)
-    samples[step % 7 == 0, 10] = 90  # and quiet for 0.12 s, which ends a touch
+    samples[step % 7 == 0, 10:12] = 90  # and quiet for 0.12 s, which ends a touch
     loop = TouchLoop(icub, Planted([block(step / RATE, samples)]), skins={PART: prepared(PART)})
     for _ in loop:
         pass
@@ -336,7 +336,7 @@ def test_everything_that_is_kept_is_bounded(icub, prepared):
 def test_memory_stays_flat(icub, prepared, model):
     """The short form of `make soak`: traced, so that it does not depend on the allocator."""
     foot = prepared("left_foot")
-    recording = simulate(foot.skin, rng=np.random.default_rng(3), per_gesture=2)
+    recording = simulate(foot.skin, rng=np.random.default_rng(3), per_gesture=2, variety=0.0)
     pressures = recording.pressures
     rows = len(pressures)
     info = StreamInfo("soak", ("left_foot",), (len(foot),), RATE)

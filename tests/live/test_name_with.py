@@ -19,7 +19,7 @@ from skinmap.touch.simulator import simulate
 def trained(prepared):
     rng = np.random.default_rng(3)
     skin = prepared("left_foot")
-    events = simulate(skin.skin, rng=rng, per_gesture=10).touches()
+    events = simulate(skin.skin, rng=rng, per_gesture=10, variety=0.0).touches()
     touches = [Touch(skin, samples, label) for _, label, samples in events]
     return classifiers.get(DEFAULT)().fit(touches, rng=rng)
 

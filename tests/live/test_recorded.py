@@ -20,7 +20,8 @@ from skinmap.touch.simulator import simulate
 def touches(icub) -> list[Recording]:
     rng = np.random.default_rng(1)
     return [
-        simulate(icub.skin(part), rng=rng, per_gesture=2) for part in ("left_hand", "left_foot")
+        simulate(icub.skin(part), rng=rng, per_gesture=2, variety=0.0)
+        for part in ("left_hand", "left_foot")
     ]
 
 

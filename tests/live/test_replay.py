@@ -17,10 +17,10 @@ def played(prepared):
     foot, leg = prepared("left_foot"), prepared("right_leg_lower")
     touches = [
         Touch(foot, samples, label)
-        for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=10).touches()
+        for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=10, variety=0.0).touches()
     ]
     model = classifiers.get("contact-geometry")().fit(touches, rng=rng)
-    recording = simulate(leg.skin, rng=rng, per_gesture=1, gestures=["poke"])
+    recording = simulate(leg.skin, rng=rng, per_gesture=1, gestures=["poke"], variety=0.0)
     return model, leg, recording
 
 

@@ -86,11 +86,37 @@ def test_grouping_does_not_depend_on_strength(plate):
 
 def test_a_contact_that_flickers_at_the_threshold_joins_the_nearest(plate):
     played = event(plate, (WEST, 10, 50, 200), (NORTH, 25, 40, 200))
-    played[20:30:2, EAST] = 14
+    played[20:30:2, [EAST, EAST + 1]] = 14
     west, north = group_touches(plate, played)
     assert west[WEST]
     assert west[EAST]
     assert not north[EAST]
+
+
+def test_a_taxel_alone_is_no_contact(plate):
+    played = event(plate, (WEST, 10, 50, 200))
+    played[:, EAST] = 60
+    (mask,) = group_touches(plate, played)
+    assert mask[WEST]
+    assert not mask[EAST]
+
+
+def test_what_flickers_before_and_after_a_touch_is_not_part_of_it(plate):
+    played = event(plate, (WEST, 20, 40, 200), (EAST, 0, 60, 20))
+    (mask,) = group_touches(plate, played)
+    assert mask[WEST]
+    assert not mask[EAST]
+    together = event(plate, (WEST, 20, 40, 200), (EAST, 20, 40, 20))
+    (mask,) = group_touches(plate, together)
+    assert mask[EAST]
+
+
+def test_a_ridge_broken_by_gains_is_one_touch(plate):
+    """Pieces 13 mm apart land one after the other as a finger rolls on; at 46 mm they are two."""
+    played = event(plate, (50, 5, 50, 200), (53, 25, 50, 200))
+    assert len(group_touches(plate, played)) == 1
+    far = event(plate, (50, 5, 50, 200), (57, 25, 50, 200))
+    assert len(group_touches(plate, far)) == 2
 
 
 def test_no_contact_is_no_touch(plate):

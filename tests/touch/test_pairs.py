@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.skin.skin import skin_from_points
 from skinmap.touch.gestures import EIGHT, GESTURES, gesture_set
 from skinmap.touch.pairs import APART, simulate_pairs
 from skinmap.touch.patches import cut_into_patches
@@ -16,7 +17,7 @@ from skinmap.touch.subjects import draw_subjects
 
 @pytest.fixture(scope="module")
 def pairs(icub):
-    return simulate_pairs(icub.skin("torso"), rng=np.random.default_rng(2), count=4)
+    return simulate_pairs(icub.skin("torso"), rng=np.random.default_rng(2), count=4, variety=0.0)
 
 
 def test_pairs_overlap_in_time_at_distinct_places(icub, pairs):
@@ -32,7 +33,9 @@ def test_pairs_overlap_in_time_at_distinct_places(icub, pairs):
 
 
 def test_pairs_do_not_fit_a_palm(icub, rng):
-    pairs = simulate_pairs(icub.skin("left_hand"), rng=rng, count=2, gestures=["whole_hand"])
+    pairs = simulate_pairs(
+        icub.skin("left_hand"), rng=rng, count=2, gestures=["whole_hand"], variety=0.0
+    )
     assert pairs.labels == ()
     assert pairs.owners.shape == (0, 48)
 
@@ -68,6 +71,7 @@ def test_every_gesture_fits_an_upper_leg_and_is_wider_where_it_should_be(icub):
         rng=np.random.default_rng(4),
         per_gesture=5,
         gestures=tuple(GESTURES),
+        variety=0.0,
     )
     active = {name: [] for name in GESTURES}
     for _, label, samples in recording.touches():
@@ -87,6 +91,7 @@ def test_habitual_touches_come_back_to_their_places(icub):
             gestures=["poke"],
             subjects=1,
             places=places,
+            variety=0.0,
         )
         points = icub.skin("torso").positions
         centres = [
@@ -103,7 +108,11 @@ def test_habitual_touches_come_back_to_their_places(icub):
 
 def test_subjects_differ_and_are_recorded(icub):
     recording = simulate(
-        icub.skin("left_foot"), rng=np.random.default_rng(3), per_gesture=10, subjects=4
+        icub.skin("left_foot"),
+        rng=np.random.default_rng(3),
+        per_gesture=10,
+        subjects=4,
+        variety=0.0,
     )
     assert set(recording.subjects) == {0, 1, 2, 3}
     people = draw_subjects(30, rng=np.random.default_rng(1))
@@ -113,7 +122,9 @@ def test_subjects_differ_and_are_recorded(icub):
 
 def read(sensing, loads, seed=0):
     rng = np.random.default_rng(seed)
-    return Sensors(loads.shape[1], sensing, rng=rng).read(loads, rng=rng)
+    places = np.arange(3.0 * loads.shape[1]).reshape(-1, 3)
+    skin = skin_from_points(places, np.ones_like(places))
+    return Sensors(skin, sensing, rng=rng).read(loads, rng=rng)
 
 
 def test_dead_taxels_send_nothing():
@@ -163,7 +174,7 @@ def test_gesture_sets_have_names():
 
 def test_pairs_name_the_gestures(icub, rng):
     with pytest.raises(UnknownNameError, match="no gesture 'slap'"):
-        simulate_pairs(icub.skin("torso"), rng=rng, gestures=["slap"])
+        simulate_pairs(icub.skin("torso"), rng=rng, gestures=["slap"], variety=0.0)
 
 
 def test_patches_hold_every_meshed_taxel_once(prepared):

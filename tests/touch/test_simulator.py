@@ -46,14 +46,14 @@ def test_touch_loads_skip_what_the_log_map_did_not_reach(plate, rng):
 
 
 def test_simulate_gives_every_gesture_equally_often(icub, rng):
-    recording = simulate(icub.skin("torso"), rng=rng, per_gesture=3)
+    recording = simulate(icub.skin("torso"), rng=rng, per_gesture=3, variety=0.0)
     assert sorted(recording.labels) == sorted(list(FOUR) * 3)
     assert recording.pressures.dtype == np.uint8
     np.testing.assert_allclose(np.diff(recording.times), 1 / RATE, rtol=1e-9)
 
 
 def test_simulate_presses_during_events_and_rests_between(icub, rng):
-    recording = simulate(icub.skin("torso"), rng=rng, per_gesture=2)
+    recording = simulate(icub.skin("torso"), rng=rng, per_gesture=2, variety=0.0)
     rest = recording.pressures[recording.events < 0]
     # Noise of sd 1.2 counts exceeds six standard deviations once in 1e9 samples.
     assert rest.max() <= 6 * NOISE + 1
@@ -62,19 +62,25 @@ def test_simulate_presses_during_events_and_rests_between(icub, rng):
 
 
 def test_simulate_is_the_same_for_the_same_seed(plate):
-    one = simulate(plate, rng=np.random.default_rng(3), per_gesture=2, gestures=["poke"])
-    other = simulate(plate, rng=np.random.default_rng(3), per_gesture=2, gestures=["poke"])
+    one = simulate(
+        plate, rng=np.random.default_rng(3), per_gesture=2, gestures=["poke"], variety=0.0
+    )
+    other = simulate(
+        plate, rng=np.random.default_rng(3), per_gesture=2, gestures=["poke"], variety=0.0
+    )
     np.testing.assert_array_equal(one.pressures, other.pressures)
 
 
 def test_whole_hand_does_not_fit_a_palm(icub, rng):
-    recording = simulate(icub.skin("left_hand"), rng=rng, per_gesture=2, gestures=["whole_hand"])
+    recording = simulate(
+        icub.skin("left_hand"), rng=rng, per_gesture=2, gestures=["whole_hand"], variety=0.0
+    )
     assert recording.labels == ()
     assert recording.pressures.shape == (0, 48)
 
 
 def test_larger_gestures_touch_more_skin(icub, rng):
-    recording = simulate(icub.skin("left_leg_upper"), rng=rng, per_gesture=6)
+    recording = simulate(icub.skin("left_leg_upper"), rng=rng, per_gesture=6, variety=0.0)
     active = {name: [] for name in FOUR}
     for _, label, samples in recording.touches():
         active[label].append((samples > 12).any(axis=0).sum())
@@ -87,7 +93,7 @@ def test_simulate_names_the_gestures(plate, rng):
     with pytest.raises(
         UnknownNameError, match="no gesture 'slap'; the gestures are: poke, full_finger"
     ):
-        simulate(plate, rng=rng, gestures=["slap"])
+        simulate(plate, rng=rng, gestures=["slap"], variety=0.0)
 
 
 def test_gains_differ_between_taxels(plate, rng):
@@ -97,7 +103,7 @@ def test_gains_differ_between_taxels(plate, rng):
 
 
 def test_recordings_come_back_as_they_were(tmp_path, plate, rng):
-    one = simulate(plate, rng=rng, per_gesture=2, gestures=["poke"])
+    one = simulate(plate, rng=rng, per_gesture=2, gestures=["poke"], variety=0.0)
     other = Recording("b", np.arange(2.0), np.zeros((2, 3), np.uint8), np.array([-1, 0]), ("x",))
     save_recordings([one, other], tmp_path / "r.npz")
     back = load_recordings(tmp_path / "r.npz")
@@ -116,7 +122,7 @@ def test_load_recordings_refuses_what_is_none(tmp_path, plate, rng):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     with pytest.raises(DataFormatError, match="not a Skinmap recording"):
         load_recordings(tmp_path / "other.npz")
-    save_recordings([simulate(plate, rng=rng, per_gesture=1)], tmp_path / "r.npz")
+    save_recordings([simulate(plate, rng=rng, per_gesture=1, variety=0.0)], tmp_path / "r.npz")
     whole = (tmp_path / "r.npz").read_bytes()
     (tmp_path / "cut.npz").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(DataFormatError, match="not a Skinmap recording"):

@@ -73,7 +73,9 @@ def simulate_images(
         per_gesture = round(images / (2 * frames * len(names)))
         if per_gesture < 5:
             raise InvalidArrayError(f"{images} images are too few: 5 touches of each gesture")
-        recording = simulate(skin.skin, rng=rng, per_gesture=per_gesture, gestures=names)
+        recording = simulate(
+            skin.skin, rng=rng, per_gesture=per_gesture, gestures=names, variety=0.0
+        )
         for _, gesture, samples in recording.touches():
             held = pressed(samples)
             if len(held) == 0:

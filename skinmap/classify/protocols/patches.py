@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.classify.descriptors import Touch
+from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.parallel.run import run_tasks, task_rng
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.skin.robot import Robot
@@ -62,7 +62,7 @@ def touch_patches(
         Patch(
             patch.name,
             patch.skin,
-            tuple(Touch(patch.skin, samples, label) for label, samples in touches),
+            tuple(Touch(patch.skin, samples, label, person) for label, samples, person in touches),
         )
         for patch, touches in zip(patches, found, strict=True)
     ]
@@ -77,11 +77,12 @@ class _Playing:
     per_gesture: int
 
 
-def _simulate(task: _Playing) -> list[tuple[str, np.ndarray]]:
+def _simulate(task: _Playing) -> list[tuple[str, np.ndarray, int]]:
     recording = simulate(
         task.patch.skin.skin,
         rng=task_rng(task.seed, task.number),
         per_gesture=task.per_gesture,
         gestures=task.gestures,
     )
-    return [(label, samples) for _, label, samples in recording.touches()]
+    touches = recorded_touches(task.patch.skin, recording)
+    return [(touch.label, touch.samples, touch.person) for touch in touches]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.classify.result import Latency, LiveSummary, LiveTouch
+from skinmap.cli.classify.result import Health, Latency, LiveSummary, LiveTouch
 from skinmap.commands.options import open_robot
 from skinmap.live.sources.sample_counts import Counts
 from skinmap.report.present import emit_line, object_of
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 WAIT = 0.2  # so often a silent source lets an interruption through [s]
 LATENCIES = 100_000  # the last ones, that the summary speaks of
 MM = 1e3
+FEW = 8  # channels that a line names
 
 
 def classify_live(
@@ -130,14 +131,18 @@ class _Run:
         self._tell_touches()
 
     def _tell_touches(self) -> None:
+        from skinmap.classify.classifier import Prediction
+        from skinmap.classify.naming import in_words
+
         self.loop.happenings()
         for touch in self.loop.finished():
             self.touches += 1
+            said = Prediction(touch.label, touch.confidence, touch.names)
             if self.as_json:
                 emit_line(touch_line(touch))
             else:
                 click.echo(
-                    f"{touch.began:9.2f} s  {touch.part:18} {touch.label:14} "
+                    f"{touch.began:9.2f} s  {touch.part:18} {in_words(said):14} "
                     f"{touch.confidence:5.2f}  {touch.duration:6.2f} s  "
                     f"{touch.area * MM**2:7.0f} mm2  {touch.path_length * MM:6.1f} mm"
                 )
@@ -157,15 +162,29 @@ class _Run:
             rate_hz=self.loop.info.rate,
             latency_ms=Latency(median=shares[0], p99=shares[1], max=shares[2]),
             counts=Counts(**self.loop.totals()),
+            health={part: Health(**found) for part, found in self.loop.health().items()},
         )
         if self.as_json:
             emit_line(object_of(summary))
             return
+        for line in health_lines(summary.health):
+            click.echo(line)
         median = "-" if shares[0] is None else f"{shares[0]:.1f}"
         click.echo(
             f"{self.touches} touches in {summary.counts.used} samples, "
             f"{summary.counts.lost} lost; {median} ms from a sample to its labels (median)"
         )
+
+
+def health_lines(health: Mapping[str, Health]) -> Iterator[str]:
+    """One line for each kind of ill taxels of a part."""
+    for part, found in health.items():
+        for state in ("stuck", "noisy"):
+            channels = getattr(found, state)
+            more = f" and {len(channels) - FEW} more" if len(channels) > FEW else ""
+            if channels:
+                named = ", ".join(map(str, channels[:FEW]))
+                yield f"{part}: {len(channels)} {state} (channels {named}{more})"
 
 
 def touch_line(touch: TouchEvent) -> LiveTouch:
@@ -175,6 +194,7 @@ def touch_line(touch: TouchEvent) -> LiveTouch:
         part=touch.part,
         label=touch.label,
         confidence=touch.confidence,
+        names=None if touch.names is None else list(touch.names),
         start_s=touch.began,
         duration_s=touch.duration,
         area_mm2=touch.area * MM**2,

@@ -8,9 +8,9 @@ from pathlib import Path
 import click
 import numpy as np
 
-from skinmap.classify.classifier import NO_CONTACT, TouchClassifier
+from skinmap.classify.classifier import NO_CONTACT, Prediction, TouchClassifier
 from skinmap.classify.naming import JOIN, all_right, name_touches, true_labels
-from skinmap.cli.classify.result import ClassifyResult, NamedRow
+from skinmap.cli.classify.result import ClassifyResult, Health, NamedRow, NameSets
 from skinmap.commands.options import open_robot
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import load_recordings
@@ -47,7 +47,37 @@ def work(
         touches=rows,
         events=events,
         accuracy=right / events if events else None,
+        sets=_sets(classifier, rows),
+        health=_health(chosen, skins),
     )
+
+
+def _sets(classifier: TouchClassifier, rows: Sequence[NamedRow]) -> NameSets | None:
+    """How the promised coverage was kept; None where none was asked for."""
+    if classifier.coverage is None:
+        return None
+    names = [row.names or [] for row in rows]
+    held = [row.recorded_label in own for row, own in zip(rows, names, strict=True)]
+    return NameSets(
+        coverage=classifier.coverage,
+        held=float(np.mean(held)) if held else None,
+        mean_size=float(np.mean([len(own) for own in names])) if names else None,
+    )
+
+
+def _health(
+    recordings: Sequence[Recording], skins: Mapping[str, PreparedSkin]
+) -> dict[str, Health]:
+    """Channels that hang or are noisy between the touches, by part."""
+    found = {one.part: one.rest() for one in recordings}
+    channels = {part: skins[part].skin.channels for part in found}
+    return {
+        part: Health(
+            stuck=channels[part][rest.stuck].tolist(), noisy=channels[part][rest.noisy].tolist()
+        )
+        for part, rest in found.items()
+        if rest.stuck.any() or rest.noisy.any()
+    }
 
 
 def _name_events(
@@ -62,21 +92,24 @@ def _name_events(
     rule = GroupingRule(span=rule.span, together=rule.together, rate=rate)
     rows = []
     right = 0
+    rest = recording.rest()
     for event, label, samples in recording.touches():
         owners = None if recording.owners is None else recording.owners[event]
-        named = name_touches(classifier, skin, samples, rule=rule)
+        person = int(recording.subjects[event])
+        named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
         right += all_right(named, samples, label, owners)
-        said = [(one.prediction.label, one.prediction.confidence) for one in named]
+        alone = None if classifier.coverage is None else (NO_CONTACT,)
+        nothing = Prediction(NO_CONTACT, 1.0, alone)
+        said = [one.prediction for one in named] or [nothing]
         truth = true_labels(named, samples, label, owners)
-        for number, ((name, sure), recorded) in enumerate(
-            zip(said or [(NO_CONTACT, 1.0)], truth or [label], strict=True)
-        ):
+        for number, (one, recorded) in enumerate(zip(said, truth or [label], strict=True)):
             row = NamedRow(
                 part=recording.part,
                 event=event,
                 touch=number,
-                label=name,
-                confidence=sure,
+                label=one.label,
+                confidence=one.confidence,
+                names=None if one.names is None else list(one.names),
                 recorded_label=recorded,
             )
             rows.append(row)

@@ -9,6 +9,22 @@ from skinmap.live.sources.sample_counts import Counts
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Health:
+    """Channels of a part that names are not, or hardly, based on.
+
+    Attributes
+    ----------
+    stuck
+        They hang at a value as if touched, and are left out.
+    noisy
+        They must be pressed hard to be believed.
+    """
+
+    stuck: list[int]
+    noisy: list[int]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class NamedRow:
     """A touch of a recording.
 
@@ -22,6 +38,9 @@ class NamedRow:
         The name given; `no_contact` and `unknown` too.
     confidence
         0 to 1.
+    names
+        With `--coverage`, the names that hold the truth as often, the likeliest first; none of
+        them where no name is likely enough. Else null.
     recorded_label
         The name that it was recorded with.
     """
@@ -31,7 +50,27 @@ class NamedRow:
     touch: int
     label: str
     confidence: float
+    names: list[str] | None
     recorded_label: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NameSets:
+    """How sets of names kept what was promised.
+
+    Attributes
+    ----------
+    coverage
+        That was asked for.
+    held
+        Share of touches whose set held the recorded name; null without touches.
+    mean_size
+        Names in a set; null without touches.
+    """
+
+    coverage: float
+    held: float | None
+    mean_size: float | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,12 +87,18 @@ class ClassifyResult:
         How many were recorded.
     accuracy
         Share of events of which every touch got its name; null without events.
+    sets
+        With `--coverage`; else null.
+    health
+        By part; parts whose taxels are all well are left out.
     """
 
     classifier: str
     touches: list[NamedRow]
     events: int
     accuracy: float | None
+    sets: NameSets | None
+    health: dict[str, Health]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,6 +115,8 @@ class LiveTouch:
         Where it was, and the name given.
     confidence
         0 to 1; null where it was too short to be named.
+    names
+        With `--coverage`, the names that hold the truth as often. Else null.
     start_s, duration_s
         In the source's clock.
     area_mm2
@@ -89,6 +136,7 @@ class LiveTouch:
     part: str
     label: str
     confidence: float | None
+    names: list[str] | None
     start_s: float
     duration_s: float
     area_mm2: float
@@ -135,6 +183,8 @@ class LiveSummary:
         Of the labels.
     counts
         What became of the samples.
+    health
+        By part; parts whose taxels are all well are left out.
     """
 
     event: Literal["summary"] = "summary"
@@ -146,3 +196,4 @@ class LiveSummary:
     rate_hz: float | None
     latency_ms: Latency
     counts: Counts
+    health: dict[str, Health]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,31 @@ from skinmap.commands.progress import progress
 from skinmap.errors import SkinWarning
 from skinmap.report.present import present
 
-SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bits", "rate")
+# What can be said of the sensors instead of having it drawn: type and help.
+SENSING: dict[str, tuple[type, str]] = {
+    "noise": (float, "Of a sample [counts]; 1.2 where nothing varies."),
+    "drift": (float, "Of baselines [counts]; 0.5 where nothing varies."),
+    "dead": (float, "Share of taxels that always send 0."),
+    "unplaced": (float, "Share of modules whose channels have no place."),
+    "stuck": (float, "Share of taxels, side by side, that always send one value."),
+    "spikes": (float, "Chance that a taxel jumps in a sample."),
+    "gaps": (float, "Share of samples that are lost, one to four at once."),
+    "hysteresis": (float, "Share of a fallen load by which readings stay higher."),
+    "creep": (float, "Share by which readings still grow under a standing load."),
+    "cross_talk": (float, "Share of its module's mean that a taxel reads with its own."),
+    "gain_spread": (float, "Spread of taxels' gains; 0.15 where nothing varies."),
+    "foam_mm": (float, "Spread by the foam; 2.5 where nothing varies."),
+    "saturation": (float, "No taxel sends more counts; 255 by default."),
+    "bits": (int, "Resolution, 1 to 8; 8 by default."),
+    "rate": (float, "Samples a second; 50 by default."),
+}
+
+
+def sensing_options(command: Any) -> Any:
+    """One option for each entry of `SENSING`."""
+    for name, (kind, text) in reversed(SENSING.items()):
+        command = click.option("--" + name.replace("_", "-"), type=kind, help=text)(command)
+    return command
 
 
 @click.command("simulate")
@@ -70,20 +95,14 @@ SENSING = ("noise", "drift", "dead", "gain_spread", "foam_mm", "saturation", "bi
     help="Who presses: our simulator, or MuJoCo on a bed of springs (extra 'mujoco').",
 )
 @click.option("--variant", help="Of --physics mujoco: foam (the default), flesh, finger, ...")
-@click.option("--noise", type=float, default=1.2, show_default=True, help="Of a sample [counts].")
 @click.option(
-    "--drift", type=float, default=0.5, show_default=True, help="Of baselines, in counts."
+    "--variety",
+    default="wide",
+    show_default=True,
+    help="How far touches and sensors are drawn at random: none (pads of fixed sizes on clean "
+    "sensors), some, wide, or a number from 0 to 1.",
 )
-@click.option("--dead", type=float, default=0.0, show_default=True, help="Share of dead taxels.")
-@click.option(
-    "--gain-spread", type=float, default=0.15, show_default=True, help="Spread of taxels' gains."
-)
-@click.option("--foam-mm", type=float, default=2.5, show_default=True, help="Spread by the foam.")
-@click.option(
-    "--saturation", type=float, default=255.0, show_default=True, help="No taxel sends more counts."
-)
-@click.option("--bits", type=int, default=8, show_default=True, help="Resolution, 1 to 8.")
-@click.option("--rate", type=float, default=50.0, show_default=True, help="Samples a second.")
+@sensing_options
 @click.option(
     "-o",
     "--output",
@@ -117,39 +136,54 @@ def command(
     raw: bool,
     seed: int,
     as_json: bool,
+    subjects: int,
+    places: Any,
+    variety: str,
     **how: Any,
 ) -> None:
     """Simulate touches and write them with event numbers, labels and subjects, or stream them.
 
+    With --variety none touches are pads of fixed sizes on clean sensors; else bodies with a force
+    on an elastic skin, and sensors whose faults are drawn unless an option says them.
+
     \b
     Example:  skinmap simulate icub --part torso --per-gesture 30 -o torso.npz
               skinmap simulate icub --gesture eight --subjects 20 --dead 0.02 -o touches.npz
+              skinmap simulate icub --variety none -o clean.npz
               skinmap simulate icub --part torso --pairs 50 -o pairs.npz
               skinmap simulate icub --physics mujoco --variant flesh -o flesh.npz
               skinmap simulate icub --rate 50 --publish lsl:demo
     """
     if variant is not None and physics != "mujoco":
         raise click.UsageError("--variant is for --physics mujoco")
+    from skinmap.touch.variety import variety_of
+
+    number = variety_of(variety)
+    given = {name: value for name, value in how.items() if value is not None}
+    if "foam_mm" in given:
+        given["foam"] = given.pop("foam_mm") / 1e3
     if publish is not None:
         _refuse_given("per_gesture", "pairs", "output", "subjects", "places", "physics")
         from skinmap.cli.simulate.live import publish_touches
 
-        sensing = {name: value for name, value in how.items() if name in SENSING}
         streamed = publish_touches(
             robot, parts, publish, gestures=gestures, seconds=seconds, raw=raw, seed=seed,
-            sensing=sensing,
+            variety=number, sensing=given,
         )  # fmt: skip
         present(streamed, _stream_lines, as_json=as_json)
         return
     if seconds is not None or raw:
         raise click.UsageError("--seconds and --raw are for streams: add --publish")
     if physics == "mujoco":
-        _refuse_given("pairs", "places", "foam_mm", why="--physics mujoco has its own; leave out")
-    if pairs is not None and how["places"] != "anywhere":
+        _refuse_given(
+            "pairs", "places", "foam_mm", "variety", why="--physics mujoco has its own; leave out"
+        )
+    if pairs is not None and places != "anywhere":
         raise click.UsageError("--pairs are made anywhere on the skin; leave out --places")
     result = work(
         robot, parts, output, per_gesture=per_gesture, gestures=gestures, pairs=pairs, seed=seed,
-        physics=physics, variant=variant, **how,
+        subjects=subjects, places=places, variety=number, sensing=given, physics=physics,
+        variant=variant,
     )  # fmt: skip
     present(result, _lines, as_json=as_json)
 
@@ -164,11 +198,11 @@ def work(
     pairs: int | None,
     subjects: int,
     places: Any,
-    foam_mm: float,
+    variety: float,
+    sensing: Mapping[str, Any],
     physics: str = "ours",
     variant: str | None = None,
     seed: int,
-    **sensing: Any,
 ) -> SimulateResult:
     """Simulate touches on all parts and write them."""
     import numpy as np
@@ -179,33 +213,33 @@ def work(
     from skinmap.physics.variants import DEFAULT
     from skinmap.touch.gestures import gesture_set
     from skinmap.touch.pairs import simulate_pairs
-    from skinmap.touch.sensing import Sensing
     from skinmap.touch.simulator import check_gestures, simulate
+    from skinmap.touch.variety import draw_sensing
 
     check_suffix(output)
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
     check_gestures(wanted)
-    shared: dict[str, Any] = {
-        "gestures": wanted,
-        "subjects": subjects,
-        "sensing": Sensing(foam=foam_mm / 1e3, **sensing),
-    }
+    shared: dict[str, Any] = {"gestures": wanted, "subjects": subjects}
     steps = len(names) * (pairs or len(wanted) * per_gesture)
     recordings = []
     with staged_file(output) as stage, progress(steps, "simulating") as advance:
         shared["progress"] = advance
         for name, rng in zip(names, np.random.default_rng(seed).spawn(len(names)), strict=True):
             skin = loaded.skin(name)
+            answers = draw_sensing(0.0 if physics == "mujoco" else variety, rng=rng)
+            shared["sensing"] = replace(answers, **sensing)
             if pairs is not None:
-                recordings.append(simulate_pairs(skin, count=pairs, rng=rng, **shared))
+                recordings.append(
+                    simulate_pairs(skin, count=pairs, rng=rng, variety=variety, **shared)
+                )
                 continue
             if physics == "mujoco":
                 chosen: dict[str, Any] = {"variant": variant or DEFAULT, "per_gesture": per_gesture}
                 recordings.append(press(skin, rng=rng, **chosen, **shared))
                 continue
             more = {"per_gesture": per_gesture, "places": places}
-            recordings.append(simulate(skin, rng=rng, **more, **shared))
+            recordings.append(simulate(skin, rng=rng, variety=variety, **more, **shared))
         save_recordings(recordings, stage, robot=loaded)
     if physics == "mujoco" and output.suffix.lower() != ".npz":
         warnings.warn(
@@ -222,7 +256,9 @@ def work(
         )
         for recording in recordings
     ]
-    return SimulateResult(robot=loaded.name, seed=seed, parts=rows, files=[str(output)])
+    return SimulateResult(
+        robot=loaded.name, seed=seed, variety=variety, parts=rows, files=[str(output)]
+    )
 
 
 def _lines(result: SimulateResult) -> Iterator[str]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import click
+import numpy as np
 
 from skinmap.cli.simulate.result import StreamResult
 from skinmap.commands.options import open_robot
@@ -22,22 +24,25 @@ def publish_touches(
     seconds: float | None,
     raw: bool,
     seed: int,
-    sensing: dict[str, Any],
+    variety: float,
+    sensing: Mapping[str, Any],
 ) -> StreamResult:
     """Stream touches until `seconds` have passed or Ctrl-C comes, then say what was sent."""
     from skinmap.live.publishing.publish import open_publisher, stream
     from skinmap.live.sources.simulator import SimulatedSource
     from skinmap.touch.gestures import gesture_set
-    from skinmap.touch.sensing import Sensing
+    from skinmap.touch.variety import draw_sensing
 
     loaded, names = open_robot(robot, parts)
+    answers = replace(draw_sensing(variety, rng=np.random.default_rng(seed)), **sensing)
     source = SimulatedSource(
         loaded,
         parts=names,
         seed=seed,
         kind="raw" if raw else "pressure",
         gestures=gesture_set(gestures),
-        sensing=Sensing(foam=sensing.pop("foam_mm") / 1e3, **sensing),
+        variety=variety,
+        sensing=answers,
         seconds=float("inf") if seconds is None else seconds,
     )
     interrupted, began = False, time.perf_counter()

@@ -36,6 +36,8 @@ class SimulateResult:
     ----------
     robot, seed
         What it was made of.
+    variety
+        How far touches and sensors were drawn at random, 0 to 1.
     parts
         In the order of the recording.
     files
@@ -44,6 +46,7 @@ class SimulateResult:
 
     robot: str
     seed: int
+    variety: float
     parts: list[SimulatedPart]
     files: list[str]
 

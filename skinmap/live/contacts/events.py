@@ -63,6 +63,8 @@ class TouchEvent(Summary):
         Where it was last, in the link's frame [m].
     contacts : int
         Contacts that were part of it.
+    names : tuple of str, optional
+        Names that hold the truth as often as was promised, where that was asked for.
     """
 
     identity: int
@@ -76,6 +78,7 @@ class TouchEvent(Summary):
     path_length: float
     centre: FloatArray
     contacts: int
+    names: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         freeze(self, centre=np.asarray(self.centre, np.float64))

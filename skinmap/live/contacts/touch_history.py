@@ -176,4 +176,5 @@ class TouchBook:
             entry.length,
             entry.centre,
             len(entry.contacts),
+            entry.name.names,
         )

@@ -30,6 +30,7 @@ from skinmap.touch.simulator import (
     prepare,
 )
 from skinmap.touch.subjects import Subject, draw_subjects
+from skinmap.touch.variety import DEFAULT, draw_sensing
 
 REST = 240  # what an iCub's taxel sends untouched; less is harder [counts]
 CHUNK = 0.25  # samples are made so far in one go [s]
@@ -74,7 +75,12 @@ class Touching:
     robot : Robot
     parts : sequence of str
     rng : numpy.random.Generator
-    sensing : Sensing
+    rate : float
+        Samples a second; where sensing is given, its own.
+    sensing : Sensing, optional
+        Of all parts; drawn for each as the variety says by default.
+    variety : float
+        See `skinmap.touch.variety`.
     gestures : sequence of str
     together : int
         Touches at once, each on its own part.
@@ -86,17 +92,21 @@ class Touching:
         parts: Sequence[str],
         *,
         rng: np.random.Generator,
-        sensing: Sensing,
+        rate: float = 50.0,
+        sensing: Sensing | None = None,
+        variety: float = DEFAULT,
         gestures: Sequence[str] = FOUR,
         together: int = 2,
     ) -> None:
         check_gestures(gestures)
         self._rng, self._gestures, self._together = rng, tuple(gestures), together
         self._people: tuple[Subject, ...] = draw_subjects(SUBJECTS, rng=rng)
-        self._stages: list[Stage] = [
-            prepare(robot.skin(part), rng=rng, sensing=sensing) for part in parts
-        ]
-        self._rate = sensing.rate
+        self._stages: list[Stage] = []
+        for part in parts:
+            answers = sensing or draw_sensing(variety, rng=rng, rate=rate)
+            stage = prepare(robot.skin(part), rng=rng, sensing=answers, variety=variety)
+            self._stages.append(stage)
+        self._rate = rate if sensing is None else sensing.rate
         self._playing: list[_Playing] = []
         self._free_at = [0] * len(parts)
         self._next = 0
@@ -168,7 +178,9 @@ class SimulatedSource(Source):
         Raw values are 240 at rest and fall under load, as the iCub sends them.
     gestures : sequence of str
     sensing : Sensing, optional
-        How taxels answer; its rate is `rate`.
+        How taxels answer, at its own rate; drawn for each part as the variety says by default.
+    variety : float
+        How far touches are drawn at random, see `skinmap.touch.variety`.
     seconds : float
         It ends after so long; never by default.
 
@@ -189,19 +201,22 @@ class SimulatedSource(Source):
         kind: Kind = "pressure",
         gestures: Sequence[str] = FOUR,
         sensing: Sensing | None = None,
+        variety: float = DEFAULT,
         seconds: float = float("inf"),
     ) -> None:
-        sensing = Sensing(rate=rate) if sensing is None else sensing
+        rate = Sensing(rate=rate).rate if sensing is None else sensing.rate
         if not speed > 0:
             raise InvalidArrayError(f"speed must be above 0, got {speed}")
         chosen = tuple(dict.fromkeys(parts or robot.parts))
         rng = np.random.default_rng(seed)
-        self._touching = Touching(robot, chosen, rng=rng, sensing=sensing, gestures=gestures)
+        self._touching = Touching(
+            robot, chosen, rng=rng, rate=rate, sensing=sensing, variety=variety, gestures=gestures
+        )
         info = StreamInfo(
             "simulation",
             chosen,
             tuple(len(robot.skin(part)) for part in chosen),
-            sensing.rate,
+            rate,
             kind,
             robot.name,
             {part: fingerprint(robot.skin(part)) for part in chosen},
@@ -209,8 +224,8 @@ class SimulatedSource(Source):
         )
         super().__init__(info)
         self._speed = float(speed)
-        self._last = seconds * sensing.rate
-        self._chunk = max(1, round(CHUNK * sensing.rate))
+        self._last = seconds * rate
+        self._chunk = max(1, round(CHUNK * rate))
         self._made: BoundedQueue[NDArray[np.uint8]] = BoundedQueue(AHEAD)
         self._closed = threading.Event()
         self._worker = threading.Thread(target=self._work, name="simulator", daemon=True)

@@ -15,7 +15,7 @@ PART = "left_forearm"
 
 @pytest.fixture(scope="module")
 def recording(icub):
-    return simulate(icub.skin(PART), rng=np.random.default_rng(8), per_gesture=8)
+    return simulate(icub.skin(PART), rng=np.random.default_rng(8), per_gesture=8, variety=0.0)
 
 
 @pytest.fixture(scope="module")

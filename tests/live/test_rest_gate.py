@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinmap.live.response.pressures import REST
+from skinmap.live.response.rest_gate import NEVER, TWICE, RestGate
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.touch.contacts import ACTIVE
+
+RATE = 50.0
+SECONDS = round(RATE)
+
+
+@pytest.fixture
+def joined(prepared):
+    return JoinedSkin({part: prepared(part) for part in ("left_hand", "left_foot")})
+
+
+def quiet(skin, seconds, seed=0, deviation=1.0):
+    rng = np.random.default_rng(seed)
+    return np.clip(rng.normal(0, deviation, (round(seconds * RATE), len(skin))), 0, None)
+
+
+def pair(skin, taxel=30):
+    return [taxel, int(skin.beside[taxel][0])]
+
+
+def test_a_touch_passes_and_noise_does_not(joined):
+    gate = RestGate(joined, RATE)
+    samples = quiet(joined, 6, deviation=5.0)
+    own = pair(joined)
+    samples[4 * SECONDS : 5 * SECONDS, own] += 90
+    found = np.concatenate([gate.apply(block) for block in np.array_split(samples, 40)])
+    after = round((REST + 0.1) * RATE)
+    touched = np.zeros(len(samples), bool)
+    touched[4 * SECONDS : 5 * SECONDS] = True
+    assert (found[touched][:, own] > ACTIVE).all()
+    others = np.delete(found[after:], own, axis=1)
+    assert (others > ACTIVE).any(axis=1).mean() < 0.02
+    assert gate.health() == {}
+
+
+def test_blocks_of_any_size_give_the_same(joined):
+    samples = quiet(joined, 5, deviation=6.0)
+    samples[200:, pair(joined)] = 120
+    one = RestGate(joined, RATE)
+    found = np.concatenate([one.apply(row[None]) for row in samples])
+    other = RestGate(joined, RATE)
+    blocks = np.concatenate([other.apply(block) for block in np.array_split(samples, 50)])
+    np.testing.assert_array_equal(one.rest.begins, other.rest.begins)
+    # Levels change at the end of a block that fills the window: only there may they differ.
+    differ = np.flatnonzero((found != blocks).any(axis=1))
+    assert set((differ // 5).tolist()) <= {int(REST * RATE) // 5}
+
+
+def test_what_hangs_from_the_beginning_is_stuck_and_told(joined):
+    samples = quiet(joined, REST + 1)
+    own = pair(joined)
+    samples[:, own] = 120
+    gate = RestGate(joined, RATE)
+    found = np.concatenate([gate.apply(block) for block in np.array_split(samples, 30)])
+    assert not found[round((REST + 0.2) * RATE) :, own].any()
+    channels = joined.skins["left_hand"].skin.channels
+    assert gate.health() == {"left_hand": {"stuck": sorted(channels[own].tolist()), "noisy": []}}
+    assert not gate.apply(quiet(joined, 0.1)).any()
+    assert gate.health() == {}  # seen at rest: it is well again
+
+
+def test_a_finger_that_rests_long_stays_a_finger(joined):
+    """It trembles; a taxel that was seen at rest and stands still to the count does not."""
+    rng = np.random.default_rng(1)
+    finger, stone = pair(joined), pair(joined, 90)
+    seconds = REST * (TWICE + NEVER + 2)
+    samples = quiet(joined, REST + seconds)
+    start = round(REST * RATE) + 5
+    shape = (len(samples) - start, 2)
+    samples[start:, finger] = 100 * (1.0 + 0.05 * rng.standard_normal(shape))
+    samples[start:, stone] = 100
+    gate = RestGate(joined, RATE)
+    found = np.concatenate([gate.apply(block) for block in np.array_split(samples, 100)])
+    assert (found[-1, finger] > ACTIVE).all()
+    assert not found[-1, stone].any()
