@@ -176,7 +176,7 @@ class ResumeStore:
     def _no_store(self) -> DataFormatError:
         return DataFormatError(
             f"no folder of results to resume (nothing in it says so: {HEAD} is missing or of "
-            "somebody else); name another, or a new one",
+            "another user); name another, or a new one",
             self.path,
         )
 
