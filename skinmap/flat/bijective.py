@@ -49,7 +49,7 @@ class Barrier:
     def __call__(self, uv: FloatArray) -> tuple[float, FloatArray]:
         """Energy [m2] and its gradient (n, 2); infinite where the border crosses itself."""
         gradient = np.zeros_like(uv)
-        if self._disc.overlaps(uv):
+        if not self._disc.is_border_simple(uv):
             return float("inf"), gradient
         point, edge = self._near(uv)
         p, a, b = uv[self._loop[point]], uv[self._loop[edge]], uv[self._next[edge]]

@@ -9,7 +9,9 @@ from scipy.sparse import coo_array, csc_array, csr_array
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.flat.factorisation import Solve, factorise
-from skinmap.geometry.triangles import signed_areas
+from skinmap.geometry.triangles import cross_2d, signed_areas
+
+OVERLAP = 1e-6  # of a map's area: more lies over itself than rounding where two sides touch
 
 
 class Disc:
@@ -127,13 +129,17 @@ class Disc:
         return boundary_first(self)
 
     def overlaps(self, uv: FloatArray) -> bool:
-        """Whether the border of a map (n, 2) touches or crosses itself.
+        """Whether a map (n, 2) that keeps the side of every triangle lies over itself.
 
-        Where it does not, a map that keeps the side of every triangle is one to one.
+        It does where its border winds twice round some place. Both sides of a seam may touch.
         """
+        return not self.is_border_simple(uv) and _covered_twice(uv[self.loop]) > OVERLAP
+
+    def is_border_simple(self, uv: FloatArray) -> bool:
+        """Whether the border of a map (n, 2) neither touches nor crosses itself."""
         import shapely
 
-        return not shapely.is_simple(shapely.linearrings(uv[self.loop]))
+        return bool(shapely.is_simple(shapely.linearrings(uv[self.loop])))
 
     def is_injective(self, uv: FloatArray) -> bool:
         """Whether a map (n, 2) is finite and keeps the side of every triangle: locally so."""
@@ -176,3 +182,21 @@ def _closed_curve(points: FloatArray, turning: FloatArray) -> FloatArray:
     length = length - weighted.T @ np.linalg.solve(tangent @ weighted.T, tangent @ length)
     curve = np.cumsum(tangent * length, axis=1).T
     return np.vstack([np.zeros(2), curve[:-1]])
+
+
+def _covered_twice(ring: FloatArray) -> float:
+    """Share of the area inside a closed curve (b, 2) that it winds round more than once."""
+    import shapely
+
+    following = np.roll(ring, -1, axis=0)
+    total = 0.5 * float(cross_2d(ring, following).sum())
+    pieces = shapely.get_parts(shapely.polygonize([shapely.node(shapely.linearrings(ring))]))
+    once = 0.0
+    for piece in pieces:
+        x, y = shapely.get_coordinates(shapely.point_on_surface(piece))[0]
+        rises = (ring[:, 1] <= y) & (following[:, 1] > y)
+        falls = (ring[:, 1] > y) & (following[:, 1] <= y)
+        left = cross_2d(following - ring, np.array([x, y]) - ring)
+        winds = np.count_nonzero(rises & (left > 0)) - np.count_nonzero(falls & (left < 0))
+        once += piece.area if winds else 0.0
+    return 1.0 - once / total if total > 0.0 else 1.0

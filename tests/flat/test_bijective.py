@@ -56,6 +56,16 @@ def test_a_map_that_does_not_overlap_is_left_alone():
     assert covered(uv, faces) == pytest.approx(1.0, abs=1e-9)
 
 
+def test_a_flat_ring_whose_seam_closes_again_is_left_alone():
+    for turns, simple, over in ((0.99, True, False), (1.0, False, False), (1.02, False, True)):
+        points, faces = ramp(turns)
+        uv = points[:, :2].copy()
+        if turns == 1.0:
+            uv[-8:] = uv[:8]  # without rounding
+        disc = Disc(points, faces, boundary_loops(faces)[0])
+        assert (disc.is_border_simple(uv), disc.overlaps(uv)) == (simple, over)
+
+
 def test_where_nothing_meets_the_barrier_changes_nothing():
     vertices, faces = ramp(0.5)
     disc = Disc(vertices, faces, boundary_loops(faces)[0])
