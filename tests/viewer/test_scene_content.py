@@ -316,6 +316,8 @@ def test_a_graphics_card_draws_the_same_without_what_is_kept(shown, moment):
     for change in (lambda: None, lambda: shown.set_style("discs"), lambda: shown.look(40.0)):
         change()
         shown.show_moment(moment)
+        for _ in range(3):
+            shown.frame(360.0)  # until labels and camera have come to rest
         pictures = []
         for cached in (True, False):
             cache.cached = cached

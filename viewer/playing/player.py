@@ -231,7 +231,7 @@ class Player:
         """
         if not math.isfinite(seconds):
             raise InvalidArrayError(f"seconds to go to must be a number, got {seconds}")
-        if not self.seekable:
+        if not self.seekable and not self._feed.paced:
             self.pause()
             with self._news:
                 if (moment := self._past.at(self._start + seconds)) is None:

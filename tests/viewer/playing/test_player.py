@@ -41,7 +41,8 @@ def until(player: Player, condition) -> None:
 
 
 class FakeSource:
-    info = StreamInfo("fake", ("arm",), (6,), RATE)
+    info = StreamInfo("fake", ("arm",), (6,), RATE, clock="local")
+    seekable = False
 
 
 class LiveLoop:
