@@ -14,6 +14,7 @@ JUDGE = "176b3a0c3d57240dbf3331e97c74a1a5df55874558f1c7488327770e06fc201f"
 # May name the frozen variant: where it is defined, judged with, and shown.
 JUDGES = {
     "skinmap/physics/variants.py",
+    "skinmap/cli/evaluate/evaluation.py",  # says in the result which one it is
 }
 
 
