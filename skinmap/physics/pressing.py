@@ -16,7 +16,7 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.triangles import unit
 from skinmap.physics.bodies import Mount, Piece, Presser
-from skinmap.physics.engine import load_mujoco
+from skinmap.physics.engine import import_mujoco
 from skinmap.physics.spring_bed import SpringBed
 
 STEP = 2e-3  # at most [s]
@@ -94,7 +94,7 @@ def press(
     friction : float
         Between presser and skin.
     """
-    mujoco = load_mujoco()
+    mujoco = import_mujoco()
     centre = frames[:, :3, 3].mean(axis=0)
     spots = np.array([mount.spot for mount in presser.mounts]).mean(axis=0)
     reach = NEAR + float(np.linalg.norm(presser.footprint - spots, axis=1).max())

@@ -21,7 +21,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, UnknownNameError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.physics.bodies import PRESSERS, Presser
-from skinmap.physics.engine import load_mujoco
+from skinmap.physics.engine import import_mujoco
 from skinmap.physics.pressing import full_forces, pressers_xml, soften
 from skinmap.physics.variants import DEFAULT, VARIANTS
 from skinmap.skin.robot import Robot
@@ -80,7 +80,7 @@ class RobotModel:
         hand: float = 0.9,
         rng: np.random.Generator,
     ) -> None:
-        self._mujoco = load_mujoco()
+        self._mujoco = import_mujoco()
         spec = _read(self._mujoco, path)
         sensors = [one.name for one in spec.sensors if _is_tactile(self._mujoco, one)]
         self.parts = _parts(sensors, robot, parts)

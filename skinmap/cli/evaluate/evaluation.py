@@ -233,13 +233,13 @@ def _cross_patch(settings: Settings) -> CrossPatchResult:
 def _physics(settings: Settings) -> PhysicsResult:
     from skinmap.classify.protocols import physics
     from skinmap.classify.protocols.cross_patch import check_carries_over
-    from skinmap.physics.engine import load_mujoco
+    from skinmap.physics.engine import import_mujoco
     from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
     from skinmap.touch.prepared_skin import PreparedSkin
 
     if len(settings.names) > 1:
         raise click.UsageError("--protocol physics judges one classifier: name it once")
-    load_mujoco()
+    import_mujoco()
     classifier = settings.names[0] if settings.names else physics.CLASSIFIER
     check_carries_over((classifier,))
     loaded, parts = open_robot(settings.robot or "icub", settings.parts)
