@@ -112,7 +112,7 @@ def physics(results: Path) -> list[str]:
         for one in trained
     ]
     heads = [f"{one}, frozen" if one == kept["frozen"] else one for one in tested]
-    return _table(("parts left out (calibration error)", *heads), table)
+    return _table(("no variety, parts left out (calibration error)", *heads), table)
 
 
 def speed(results: Path) -> list[str]:

@@ -59,7 +59,7 @@ class MujocoTouching:
         self.model = RobotModel(path, robot, parts=parts, rng=self._rng)
         sensing = Sensing(rate=self.model.rate)
         self._skins = [robot.skin(part) for part in self.model.parts]
-        self._sensors = [Sensors(len(skin), sensing, rng=self._rng) for skin in self._skins]
+        self._sensors = [Sensors(skin, sensing, rng=self._rng) for skin in self._skins]
         self._beds: dict[int, SpringBed] = {}
         self._playing: _Playing | None = None
         self._next, self._now = 0, 0
