@@ -37,6 +37,7 @@ def renewed(page: str, results: Path = RESULTS) -> str:
         [
             *("### The iCub, whole", "", *skin(results), ""),
             *("### Touches named right", "", *names(results), ""),
+            *("### The same touches pressed by another physics", "", *physics(results), ""),
             *("### Speed, beside others", "", *speed(results), ""),
             *("### New patches placed, and samples in real time", "", *places(results), ""),
         ]
@@ -94,6 +95,24 @@ def names(results: Path) -> list[str]:
     ]
     heads = ("classifier", "same parts", "other parts", "each patch left out", "the worst of them")
     return _table(heads, table)
+
+
+def physics(results: Path) -> list[str]:
+    """What contact geometry names right where MuJoCo presses, and its calibration error."""
+    kept = _read(results, "evaluation_physics")
+    rows = kept["rows"]
+    tested = list(dict.fromkeys(row["tested_on"] for row in rows))
+    trained = ("ours", "foam", "ours and mujoco")
+    cells = {(row["trained_on"], row["tested_on"]): row for row in rows}
+    table = [
+        (
+            f"trained on {one}",
+            *(f"{_share(cells[one, on]['mean'])} ({cells[one, on]['ece']:.2f})" for on in tested),
+        )
+        for one in trained
+    ]
+    heads = [f"{one}, frozen" if one == kept["frozen"] else one for one in tested]
+    return _table(("no variety, parts left out (calibration error)", *heads), table)
 
 
 def speed(results: Path) -> list[str]:

@@ -128,7 +128,8 @@ def summary(result: dict[str, object], out: Path) -> str:
     "--source",
     default="sim",
     show_default=True,
-    help="What is shown: sim, a recording's file, lsl:NAME, zmq:HOST:PORT or a plug-in's name.",
+    help="What is shown: sim, a recording's file, lsl:NAME, zmq:HOST:PORT, mujoco:FILE or a "
+    "plug-in's name.",
 )
 @click.option("--model", type=PATH, help="Names the touches; without, a small one is trained.")
 @click.option("--layer", help=f"What the skin shows: {', '.join(LAYERS)}.")

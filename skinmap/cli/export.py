@@ -17,7 +17,7 @@ from skinmap.report.present import present
 if TYPE_CHECKING:
     from skinmap.skin.taxels import TaxelTable
 
-FORMATS = ("csv", "icub", "urdf", "ply", "vtp")
+FORMATS = ("csv", "icub", "urdf", "ply", "vtp", "mjcf")
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 MCAP = ".mcap"
@@ -65,6 +65,58 @@ class ExportedTaxels:
     robot: str
     format: str
     parts: list[ExportedPart]
+    files: list[str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedSkin:
+    """A skin in a model of the whole robot.
+
+    Attributes
+    ----------
+    name, link
+        The part, and the link that carries it.
+    taxels
+        How many.
+    """
+
+    name: str
+    link: str
+    taxels: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedModel:
+    """A whole robot that was written.
+
+    Attributes
+    ----------
+    robot
+        Its name.
+    format
+        Of the file.
+    links, joints
+        How many links there are, and how many joints that move.
+    without_mass
+        Links that move and say no mass; they were given 20 g.
+    without_mesh
+        How many links have no mesh with a volume: nothing bumps into them.
+    unreadable
+        Links whose mesh cannot be read, and why; nothing bumps into them either.
+    parts
+        The skins.
+    files
+        The file.
+    """
+
+    robot: str
+    format: Literal["mjcf"]
+    links: int
+    joints: int
+    without_mass: list[str]
+    without_mesh: int
+    unreadable: list[str]
+    parts: list[ExportedSkin]
     files: list[str]
 
 
@@ -123,7 +175,7 @@ class ExportedRecording:
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
 @click.option("--read-as", help="Format of a bare table, if its suffix does not tell.")
 @profile_option()
-@prints(ExportedTaxels, ExportedRecording)
+@prints(ExportedTaxels, ExportedModel, ExportedRecording)
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -135,6 +187,8 @@ def command(
 ) -> None:
     """Write the taxels of a part: csv, icub (positions .txt), urdf (tactile extension), ply, vtp.
 
+    mjcf is the whole robot with its skins as tactile sensors, a model for MuJoCo.
+
     ROBOT is a built-in name (default: icub), the path of a manifest, or a bare taxel table. The
     taxels of a robot are repaired and in the frame of their link, those of a bare table as they
     are.
@@ -145,6 +199,7 @@ def command(
 
     \b
     Example:  skinmap export icub --part torso --format icub -o torso.txt
+    Example:  skinmap export icub --format mjcf -o icub.xml
     Example:  skinmap export torso.txt --format csv -o torso.csv
     Example:  skinmap export touch.mcap -o touch.h5
     Example:  skinmap export cut.mcap -o whole.mcap
@@ -153,6 +208,11 @@ def command(
         if format or parts or unrepaired or read_as:
             raise click.UsageError("a recording is written whole, in the format that -o ends in")
         present(export_recording(Path(robot), output), _recording_lines, as_json=as_json)
+        return
+    if format == "mjcf":
+        if unrepaired or read_as:
+            raise click.UsageError("mjcf is of a whole robot; leave out --unrepaired and --read-as")
+        present(export_model(robot, parts, output), _model_lines, as_json=as_json)
         return
     name, part, table = _table(robot, parts, unrepaired, read_as)
     result = export_taxels(table, output, format or "csv", name, part)
@@ -175,6 +235,30 @@ def export_taxels(
         modules=len(set(table.modules.tolist())),
     )
     return ExportedTaxels(robot=robot, format=format, parts=[row], files=[str(output)])
+
+
+def export_model(robot: str, parts: tuple[str, ...], output: Path) -> ExportedModel:
+    """Write a whole robot with its skins, or those of some parts."""
+    from skinmap.io.output import staged_file
+    from skinmap.io.robots.mjcf import write_mjcf
+
+    loaded, names = open_robot(robot, parts)
+    with staged_file(output) as stage:
+        report = write_mjcf(loaded, stage, parts=names)
+    return ExportedModel(
+        robot=loaded.name,
+        format="mjcf",
+        links=report.links,
+        joints=report.joints,
+        without_mass=report.without_mass,
+        without_mesh=len(report.without_mesh),
+        unreadable=report.unreadable,
+        parts=[
+            ExportedSkin(name=name, link=loaded.part(name).link, taxels=count)
+            for name, count in report.taxels.items()
+        ],
+        files=[str(output)],
+    )
 
 
 def export_recording(path: Path, output: Path) -> ExportedRecording:
@@ -211,6 +295,18 @@ def export_recording(path: Path, output: Path) -> ExportedRecording:
 def _taxel_lines(result: ExportedTaxels) -> Iterator[str]:
     for row in result.parts:
         yield f"{row.name}: {row.taxels} taxels, {row.modules} modules"
+
+
+def _model_lines(result: ExportedModel) -> Iterator[str]:
+    taxels = sum(row.taxels for row in result.parts)
+    yield (
+        f"{result.robot}: {result.links} links, {result.joints} joints, "
+        f"{len(result.parts)} skins of {taxels} taxels"
+    )
+    if result.without_mass:
+        yield f"given a mass, as they say none: {', '.join(result.without_mass)}"
+    for one in result.unreadable:
+        yield f"without its mesh: {one}"
 
 
 def _recording_lines(result: ExportedRecording) -> Iterator[str]:

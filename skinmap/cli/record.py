@@ -100,9 +100,9 @@ def command(
 ) -> None:
     """Record SOURCE until it ends, the time is over, or Ctrl-C.
 
-    SOURCE is sim, lsl:NAME, zmq:HOST:PORT or a recording. At most 0.2 s are lost if the process is
-    killed; a full disk ends the recording, and what was written stays readable. Of a source of raw
-    values, --label and --model record the pressures too.
+    SOURCE is sim, mujoco:FILE, lsl:NAME, zmq:HOST:PORT or a recording. At most 0.2 s are lost
+    if the process is killed; a full disk ends the recording, and what was written stays readable.
+    Of a source of raw values, --label and --model record the pressures too.
 
     \b
     Example:  skinmap record lsl:demo -o touch.mcap --seconds 60

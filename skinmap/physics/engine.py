@@ -13,7 +13,7 @@ logger = logging.getLogger(__name__)
 LEAST = (4, 0)  # the first whose tactile sensor and direct contact stiffness were tested here
 
 
-def load_mujoco() -> ModuleType:
+def import_mujoco() -> ModuleType:
     """The package `mujoco`.
 
     Raises

@@ -7,6 +7,7 @@ the stiffness grows with depth (see `secant_stiffness`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.triangles import unit
 from skinmap.physics.bodies import Mount, Piece, Presser
-from skinmap.physics.engine import load_mujoco
+from skinmap.physics.engine import import_mujoco
 from skinmap.physics.spring_bed import SpringBed
 
 STEP = 2e-3  # at most [s]
@@ -93,7 +94,7 @@ def press(
     friction : float
         Between presser and skin.
     """
-    mujoco = load_mujoco()
+    mujoco = import_mujoco()
     centre = frames[:, :3, 3].mean(axis=0)
     spots = np.array([mount.spot for mount in presser.mounts]).mean(axis=0)
     reach = NEAR + float(np.linalg.norm(presser.footprint - spots, axis=1).max())
@@ -102,11 +103,11 @@ def press(
     model = mujoco.MjModel.from_xml_string(_model(presser, frames, places, friction, step))
     firm = [one for mount in presser.mounts for one in _firmness(mount.piece)]
     spring = bed.area / (1.0 / foam + 1.0 / (flesh * np.array(firm)))
-    _soften(model, spring)
+    soften(model, np.arange(len(spring)), spring)
     data = mujoco.MjData(model)
     _lift(mujoco, model, data, places, len(presser.mounts))
     mounts = np.array([int(name.split("_")[1]) for name in _names(model)])
-    full = np.array([float(value) for value in model.actuator_user[:, 0]])
+    full = full_forces(presser)
     loads, forces, centres = [], [], []
     first = model.ngeom - len(springs)
     for number, share in enumerate(course):
@@ -156,11 +157,23 @@ def _firmness(piece: Piece) -> list[float]:
     return [piece.firm] * len(piece.flesh) + carried
 
 
-def _soften(model: Any, spring: FloatArray) -> None:
-    """Make contacts of each capsule springs [N/m], see `secant_stiffness`."""
-    weight = model.body_invweight0[model.geom_bodyid[: len(spring)], 0]
+def full_forces(presser: Presser) -> FloatArray:
+    """(k,) force [N] or torque [N m] of each motor at full press, in their order in the model."""
+    return np.array(
+        [one for mount in presser.mounts for one in (-mount.force, *_torques(mount.piece))]
+    )
+
+
+def _torques(piece: Piece) -> list[float]:
+    carried = [torque for one in piece.further for torque in _torques(one)]
+    return [piece.torque, *carried] if piece.torque else carried
+
+
+def soften(model: Any, geoms: IntArray, spring: FloatArray) -> None:
+    """Make contacts of some geoms (k,) springs (k,) [N/m], see `secant_stiffness`."""
+    weight = model.body_invweight0[model.geom_bodyid[geoms], 0]
     scale = -spring * weight * HARD**2 * (1.0 - SOFT) / SOFT**2
-    model.geom_solref[: len(spring)] = np.column_stack([scale, scale * DAMPING])
+    model.geom_solref[geoms] = np.column_stack([scale, scale * DAMPING])
 
 
 def _lift(mujoco: Any, model: Any, data: Any, places: FloatArray, mounts: int) -> None:
@@ -210,23 +223,39 @@ def _model(
         f'<geom type="sphere" size="{POINT}" pos="{x:.6f} {y:.6f} {z:.6f}"/>'
         for x, y, z in places.tolist()
     )
-    cone, dims = ("elliptic", 3) if friction else ("pyramidal", 1)
     # The springs' points come last, in a body that stands still.
-    return f"""<mujoco><compiler angle="radian"/>
-<option timestep="{step!r}" gravity="0 0 0" integrator="implicitfast" cone="{cone}" iterations="20"
- tolerance="1e-6"><flag warmstart="enable"/></option>
-<size nuser_actuator="1"/>
+    bed = f'<body name="bed_0" childclass="spring">{points}</body>'
+    option = (
+        f'<option timestep="{step!r}" gravity="0 0 0" integrator="implicitfast" iterations="20" '
+        f'tolerance="1e-6" cone="{"elliptic" if friction else "pyramidal"}"/>'
+    )
+    return _document("".join(bodies) + bed, motors, friction, option)
+
+
+def pressers_xml(pressers: Sequence[Presser], height: float, step: float) -> str:
+    """The MJCF of several pressers, their mounts numbered on and parked at a height [m]."""
+    bodies: list[str] = []
+    motors: list[str] = []
+    for mount in (mount for presser in pressers for mount in presser.mounts):
+        frame = np.eye(4)
+        frame[2, 3] = height + len(bodies)
+        bodies.append(_mount(mount, len(bodies), frame, step, motors))
+    return _document("".join(bodies), motors, 0.0)
+
+
+def _document(bodies: str, motors: Sequence[str], friction: float, option: str = "") -> str:
+    dims = 3 if friction else 1
+    return f"""<mujoco><compiler angle="radian"/>{option}
 <default><geom contype="1" conaffinity="0" condim="{dims}" priority="1" mass="0"
  friction="{friction or 1} 0 0" solimp="{SOFT} {HARD} {DEEP} 0.5 1"/>
 <default class="spring"><geom contype="0" conaffinity="1" priority="0" mass="0"/></default>
 </default>
-<worldbody>{"".join(bodies)}<body name="bed_0" childclass="spring">{points}</body></worldbody>
-<actuator>{"".join(motors)}</actuator></mujoco>"""
+<worldbody>{bodies}</worldbody><actuator>{"".join(motors)}</actuator></mujoco>"""
 
 
 def _mount(mount: Mount, number: int, frame: FloatArray, step: float, motors: list[str]) -> str:
     """The body of a mount, on slides and hinges; its motors are added to `motors`."""
-    motors.append(f'<motor name="push_{number}" joint="z_{number}" user="{-mount.force!r}"/>')
+    motors.append(f'<motor name="push_{number}" joint="z_{number}"/>')
     side, turn = ARM * SETTLE, mount.tilt * SETTLE
     out = max(mount.force, 0.5) / FREE_SPEED
     mass, inertia = STEADY * step * max(out, side), STEADY * step * turn
@@ -245,7 +274,7 @@ def _mount(mount: Mount, number: int, frame: FloatArray, step: float, motors: li
     )
     inner = _piece(mount.piece, f"{number}", number, step, motors)
     return (
-        f'<body name="mount_{number}" pos="{_text(frame[:3, 3])}" '
+        f'<body name="mount_{number}" gravcomp="1" pos="{_text(frame[:3, 3])}" '
         f'quat="{_text(_quaternion(frame))}">'
         f'{joints}<inertial pos="0 0 0" mass="{mass!r}" diaginertia="{_text([inertia] * 3)}"/>'
         f"{inner}</body>"
@@ -256,9 +285,7 @@ def _piece(piece: Piece, name: str, number: int, step: float, motors: list[str])
     """The body of a piece and of what it carries."""
     joint = ""
     if piece.torque:
-        motors.append(
-            f'<motor name="bend_{number}_{name}" joint="b_{name}" user="{piece.torque!r}"/>'
-        )
+        motors.append(f'<motor name="bend_{number}_{name}" joint="b_{name}"/>')
         slow = piece.torque / FREE_TURN
         joint = (
             f'<joint name="b_{name}" type="hinge" axis="0 1 0" damping="{slow!r}" '
@@ -278,7 +305,8 @@ def _piece(piece: Piece, name: str, number: int, step: float, motors: list[str])
     c, s, cb, sb = np.cos(half_turn), np.sin(half_turn), np.cos(half_bend), np.sin(half_bend)
     quat = (c * cb, -s * sb, c * sb, s * cb)  # about z, then about the turned y
     return (
-        f'<body name="piece_{name}" pos="{_text(piece.at)}" quat="{_text(quat)}">{joint}'
+        f'<body name="piece_{name}" gravcomp="1" pos="{_text(piece.at)}" '
+        f'quat="{_text(quat)}">{joint}'
         f'<inertial pos="0 0 0" mass="{LIGHT}" diaginertia="{_text([LIGHT * SIZE**2] * 3)}"/>'
         f"{flesh}{carried}</body>"
     )

@@ -15,7 +15,7 @@ from skinmap.errors import UnknownNameError
 from skinmap.geometry.log_map import log_map
 from skinmap.geometry.triangles import unit
 from skinmap.physics.bodies import PRESSERS, Presser
-from skinmap.physics.engine import load_mujoco
+from skinmap.physics.engine import import_mujoco
 from skinmap.physics.pressing import STEP, Pressed, mount_frame, press
 from skinmap.physics.spring_bed import SpringBed, spring_bed
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
@@ -121,7 +121,7 @@ def simulate(
     InvalidMeshError
         Taxels that make no surface.
     """
-    load_mujoco()
+    import_mujoco()
     for name in gestures:
         if name not in PRESSERS:
             raise UnknownNameError("gesture that MuJoCo presses", name, PRESSERS)

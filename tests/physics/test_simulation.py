@@ -109,10 +109,10 @@ def test_simulate_without_mujoco_names_the_extra(forearm: Skin, tmp_path: Path) 
     assert "pip install 'skinmap[mujoco]'" in str(done.exception)
 
 
-def test_load_mujoco_refuses_an_old_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_import_mujoco_refuses_an_old_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mujoco, "__version__", "3.2.7")
     with pytest.raises(MissingLibraryError, match=r"MuJoCo 3\.2\.7 is too old"):
-        engine.load_mujoco()
+        engine.import_mujoco()
 
 
 def test_simulate_command_writes_the_truth(tmp_path: Path) -> None:

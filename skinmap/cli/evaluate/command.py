@@ -12,6 +12,7 @@ from skinmap.cli.evaluate.result import (
     BaxterResult,
     CrossPatchResult,
     KasparResult,
+    PhysicsResult,
     RecordingsResult,
 )
 from skinmap.commands.options import out_folder, outside_option, part_option, prints, seed_option
@@ -34,7 +35,9 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 @outside_option
 @part_option
 @click.option(
-    "--seeds", type=click.IntRange(1, 1000), help="Repetitions.  [default: 5; baxter: 10]"
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    help="Repetitions.  [default: 5; baxter: 10, physics: 1]",
 )
 @click.option("--classifier", "names", multiple=True, help="Only this one; may be repeated.")
 @click.option(
@@ -49,7 +52,7 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
     type=click.IntRange(min=1),
     default=20,
     show_default=True,
-    help="cross-patch: touches of each gesture on each patch.",
+    help="cross-patch, physics: touches of each gesture on each patch or part.",
 )
 @click.option(
     "--places",
@@ -76,7 +79,7 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 @out_folder("pictures, evaluation.json and report.html")
 @seed_option
 @profile_option("classify")
-@prints(KasparResult, CrossPatchResult, RecordingsResult, BaxterResult)
+@prints(KasparResult, CrossPatchResult, PhysicsResult, RecordingsResult, BaxterResult)
 def command(
     recordings: tuple[Path, ...],
     protocol: str | None,
@@ -92,6 +95,7 @@ def command(
     \b
     Example:  skinmap evaluate --protocol kaspar --seeds 3 --json
               skinmap evaluate --protocol cross-patch --robot icub --seeds 1
+              skinmap evaluate --protocol physics --seeds 1 --per-gesture 5
               skinmap evaluate touches.npz --robot icub
               skinmap evaluate --protocol kaspar --sweep --jobs 4 --resume kaspar.resume
     """
@@ -99,7 +103,7 @@ def command(
 
     chosen, files = _protocol(protocol, recordings)
     spread = worker_options(options)
-    options["seeds"] = options["seeds"] or (10 if chosen == "baxter" else 5)
+    options["seeds"] = options["seeds"] or {"baxter": 10, "physics": 1}.get(chosen, 5)
     if chosen in OWN_CLASSIFIERS and from_profile("names"):
         options["names"] = ()  # a profile's classifier is one of those that are compared anyway
     options["sweep"] = options["sweep"] or out is not None

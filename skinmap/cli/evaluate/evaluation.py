@@ -23,6 +23,8 @@ from skinmap.cli.evaluate.result import (
     LeakRow,
     MethodResult,
     PatchesRow,
+    PhysicsResult,
+    PhysicsRow,
     RecordingsResult,
     SplitSpread,
     SweepRow,
@@ -32,11 +34,12 @@ from skinmap.commands.progress import progress
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.patches import Patch
+    from skinmap.classify.protocols.physics import Judged
     from skinmap.parallel.workers import Workers
     from skinmap.touch.subjects import Places
 
 TUNING_STEPS = 6  # about; only the bar shows it
-PROTOCOLS = ("kaspar", "baxter", "cross-patch")
+PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +75,7 @@ def work(settings: Settings) -> EvaluateResult:
         "kaspar": _kaspar,
         "baxter": _baxter,
         "cross-patch": _cross_patch,
+        "physics": _physics,
         "recordings": _recordings,
     }
     return runners[settings.protocol](settings)
@@ -223,6 +227,66 @@ def _cross_patch(settings: Settings) -> CrossPatchResult:
         seeds=settings.all_seeds,
         patches={patch.name: len(patch.skin) for patch in test},
         rows=[PatchesRow(**row) for row in rows],
+    )
+
+
+def _physics(settings: Settings) -> PhysicsResult:
+    from skinmap.classify.protocols import physics
+    from skinmap.classify.protocols.cross_patch import check_carries_over
+    from skinmap.physics.engine import import_mujoco
+    from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    if len(settings.names) > 1:
+        raise click.UsageError("--protocol physics judges one classifier: name it once")
+    import_mujoco()
+    classifier = settings.names[0] if settings.names else physics.CLASSIFIER
+    check_carries_over((classifier,))
+    loaded, parts = open_robot(settings.robot or "icub", settings.parts)
+    sizes: dict[int, str] = {}  # mirror images on both sides of the test would flatter
+    for part in parts:
+        sizes.setdefault(len(loaded.skin(part)), part)
+    skins = {part: PreparedSkin(loaded.skin(part)) for part in sizes.values()}
+    gestures = _gestures(settings)
+    # Touches of each physics, then two hands of parts with a training each, and one without each.
+    worlds = 1 + len(VARIANTS)
+    touches = worlds * len(skins)
+    trainings = 2 * (1 + len(TUNING) + worlds)
+    with progress(settings.seeds * (touches + trainings), "physics") as advance:
+        found = physics.evaluate_physics(
+            skins,
+            gestures=gestures,
+            per_gesture=settings.per_gesture,
+            seeds=settings.all_seeds,
+            classifier=classifier,
+            workers=settings.workers,
+            progress=advance,
+        )
+    return PhysicsResult(
+        robot=loaded.name,
+        parts=list(skins),
+        classifier=classifier,
+        gestures=list(gestures),
+        per_gesture=settings.per_gesture,
+        frozen=FROZEN,
+        seeds=settings.all_seeds,
+        rows=[_physics_row(one) for one in found],
+    )
+
+
+def _physics_row(one: Judged) -> PhysicsRow:
+    names = (*one.labels, "no_contact")
+    confusion = {
+        label: dict(zip(names, map(int, row), strict=True))
+        for label, row in zip(one.labels, one.counts, strict=True)
+    }
+    return PhysicsRow(
+        trained_on=one.trained_on,
+        tested_on=one.tested_on,
+        mean=one.mean,
+        per_class=one.per_class,
+        ece=one.ece,
+        confusion=confusion,
     )
 
 

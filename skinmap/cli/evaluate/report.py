@@ -12,6 +12,7 @@ from skinmap.cli.evaluate.result import (
     CrossPatchResult,
     EvaluateResult,
     KasparResult,
+    PhysicsResult,
     RecordingsResult,
     SweepRow,
 )
@@ -29,6 +30,8 @@ def lines(result: EvaluateResult) -> Iterator[str | Table]:
         return _kaspar(result)
     if isinstance(result, CrossPatchResult):
         return _cross_patch(result)
+    if isinstance(result, PhysicsResult):
+        return _physics(result)
     return _baxter(result) if isinstance(result, BaxterResult) else _recordings(result)
 
 
@@ -124,6 +127,22 @@ def _cross_patch(result: CrossPatchResult) -> Iterator[str | Table]:
         for row in result.rows
     ]  # fmt: skip
     yield Table(["features", "classifier", "mean", "worst", "worst patch", *classes], rows)
+
+
+def _physics(result: PhysicsResult) -> Iterator[str | Table]:
+    yield (
+        f"{result.robot}, {len(result.parts)} parts in two hands, {len(result.seeds)} seeds "
+        f"(simulated by us and by MuJoCo; nothing is trained on {result.frozen!r}); "
+        "accuracy in % of touches"
+    )
+    rows: Rows = [
+        [
+            row.trained_on, row.tested_on, _percent(row.mean), f"{row.ece:.3f}",
+            *(_percent(row.per_class.get(name)) for name in result.gestures),
+        ]
+        for row in result.rows
+    ]  # fmt: skip
+    yield Table(["trained on", "tested on", "mean", "ece", *result.gestures], rows)
 
 
 def _recordings(result: RecordingsResult) -> Iterator[str | Table]:

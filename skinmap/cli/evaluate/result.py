@@ -213,6 +213,67 @@ class PatchesRow:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class PhysicsRow:
+    """A classifier trained on one physics and tested on one, on other parts.
+
+    Attributes
+    ----------
+    trained_on, tested_on
+        Ours, a variant of MuJoCo, or all of both but what is tested on.
+    mean, per_class
+        Share named right: mean of the gestures, and each.
+    ece
+        Expected calibration error of the confidences.
+    confusion
+        Touches of each gesture by the name they were given.
+    """
+
+    trained_on: str
+    tested_on: str
+    mean: float
+    per_class: dict[str, float]
+    ece: float
+    confusion: dict[str, dict[str, int]]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PhysicsResult:
+    """The protocol `physics`.
+
+    Attributes
+    ----------
+    protocol, robot, parts
+        What was measured, and where; mirror images are left out.
+    classifier
+        What names.
+    gestures, per_gesture
+        To tell apart, and touches of each on each part in each physics.
+    frozen
+        The variant that nothing is trained or tuned on.
+    accuracy_is
+        Where the touches come from.
+    seeds
+        Of the repetitions.
+    rows
+        By training and test.
+    files
+        Names inside `--out`.
+    """
+
+    protocol: Literal["physics"] = "physics"
+    robot: str
+    parts: list[str]
+    classifier: str
+    gestures: list[str]
+    per_gesture: int
+    frozen: str
+    accuracy_is: Literal["simulated"] = "simulated"
+    seeds: list[int]
+    rows: list[PhysicsRow]
+    files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class CrossPatchResult:
     """The protocol `cross-patch`.
 
@@ -413,4 +474,4 @@ class BaxterResult:
     files: list[str] = field(default_factory=list)
 
 
-EvaluateResult = KasparResult | CrossPatchResult | RecordingsResult | BaxterResult
+EvaluateResult = KasparResult | CrossPatchResult | PhysicsResult | RecordingsResult | BaxterResult

@@ -146,6 +146,21 @@ class UrdfBody:
         self._urdf.update_cfg({name: float(angles.get(name, 0.0)) for name in self.joints})
         return {link: np.array(self._urdf.get_transform(link)) for link in self.links}
 
+    def inertia(self, link: str) -> tuple[float, FloatArray, FloatArray] | None:
+        """Mass [kg], centre (3,) [m] and inertia about it (3, 3) [kg m2]; None where none is said.
+
+        All in the frame of the link; a mass of zero counts as none.
+        """
+        said = self._urdf.link_map[link].inertial
+        if said is None or said.mass is None or not said.mass > 0.0:
+            return None
+        origin = np.eye(4) if said.origin is None else np.asarray(said.origin, np.float64)
+        tensor = np.zeros((3, 3)) if said.inertia is None else np.asarray(said.inertia, np.float64)
+        if not (np.isfinite(said.mass) and np.isfinite(tensor).all()):
+            return None
+        turn = origin[:3, :3]
+        return float(said.mass), origin[:3, 3], turn @ tensor @ turn.T
+
     def mesh(self, link: str) -> TriangleMesh:
         """Visual mesh of one link in the link's frame [m].
 

@@ -1,4 +1,7 @@
-"""Open a source by what a user types: `sim`, `lsl:NAME`, `zmq:HOST:PORT`, a file, a plug-in."""
+"""Open a source by what a user types.
+
+`sim`, `mujoco:FILE`, `lsl:NAME`, `zmq:HOST:PORT`, a file, a plug-in.
+"""
 
 from __future__ import annotations
 
@@ -40,6 +43,7 @@ sources: Registry[OpenSource] = Registry(
     built_in={
         "sim": "skinmap.live.sources.open_source:_simulated",
         "lsl": "skinmap.live.sources.lsl_source:open_lsl",
+        "mujoco": "skinmap.live.sources.mujoco_source:open_mujoco",
         "zmq": "skinmap.live.sources.zmq_source:open_zmq",
     },
 )
@@ -59,8 +63,8 @@ def open_source(
     Parameters
     ----------
     spec : str or Path
-        "sim" or "sim:raw", "lsl:NAME", "zmq:HOST:PORT", a recording (.npz, .mcap, .xdf, a data
-        dumper's folder or data.log), or "NAME" or "NAME:ADDRESS" of the entry-point group
+        "sim" or "sim:raw", "mujoco:FILE", "lsl:NAME", "zmq:HOST:PORT", a recording (.npz, .mcap,
+        .xdf, a data dumper's folder or data.log), or "NAME" or "NAME:ADDRESS" of the group
         `skinmap.sources`. A name wins over a file of that name; "./sim" is the file.
     robot : Robot or str, optional
         Whose skin it must be; the simulator touches the iCub where none is given.

@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,27 +161,24 @@ class Touching:
         self.truth.append(TrueTouch(stage.skin.part, label, sample / self._rate, ended))
 
 
-class SimulatedSource(Source):
-    """Touches on a robot's skin without end: a `Source`.
+class Maker(Protocol):
+    """What makes samples, and knows what they are of."""
+
+    truth: deque[TrueTouch]
+
+    def make(self, count: int) -> NDArray[np.uint8]:
+        """The next samples (count, channels), 0 at rest to 255."""
+
+
+class MadeSource(Source):
+    """Samples that are made ahead in a thread and given out by the clock.
 
     Parameters
     ----------
-    robot : Robot
-    parts : sequence of str, optional
-        Only these.
-    seed : int
-        The same touches for the same seed, parts and rate.
-    rate : float
-        Samples a second.
+    info : StreamInfo
+    touching : Maker
     speed : float
         How many times faster than the clock; `inf` as fast as they are asked for.
-    kind : {"pressure", "raw"}
-        Raw values are 240 at rest and fall under load, as the iCub sends them.
-    gestures : sequence of str
-    sensing : Sensing, optional
-        How taxels answer, at its own rate; drawn for each part as the variety says by default.
-    variety : float
-        How far touches are drawn at random, see `skinmap.touch.variety`.
     seconds : float
         It ends after so long; never by default.
 
@@ -191,41 +189,15 @@ class SimulatedSource(Source):
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        *,
-        parts: Sequence[str] | None = None,
-        seed: int = 0,
-        rate: float = 50.0,
-        speed: float = 1.0,
-        kind: Kind = "pressure",
-        gestures: Sequence[str] = FOUR,
-        sensing: Sensing | None = None,
-        variety: float = DEFAULT,
-        seconds: float = float("inf"),
+        self, info: StreamInfo, touching: Maker, *, speed: float, seconds: float = float("inf")
     ) -> None:
-        rate = Sensing(rate=rate).rate if sensing is None else sensing.rate
         if not speed > 0:
             raise InvalidArrayError(f"speed must be above 0, got {speed}")
-        chosen = tuple(dict.fromkeys(parts or robot.parts))
-        rng = np.random.default_rng(seed)
-        self._touching = Touching(
-            robot, chosen, rng=rng, rate=rate, sensing=sensing, variety=variety, gestures=gestures
-        )
-        info = StreamInfo(
-            "simulation",
-            chosen,
-            tuple(len(robot.skin(part)) for part in chosen),
-            rate,
-            kind,
-            robot.name,
-            {part: fingerprint(robot.skin(part)) for part in chosen},
-            SIMULATION,
-        )
         super().__init__(info)
+        self._touching = touching
         self._speed = float(speed)
-        self._last = seconds * rate
-        self._chunk = max(1, round(CHUNK * rate))
+        self._last = seconds * info.rate
+        self._chunk = max(1, round(CHUNK * info.rate))
         self._made: BoundedQueue[NDArray[np.uint8]] = BoundedQueue(AHEAD)
         self._closed = threading.Event()
         self._worker = threading.Thread(target=self._work, name="simulator", daemon=True)
@@ -312,3 +284,61 @@ class SimulatedSource(Source):
                 self._made.put(made)
         except Exception as error:  # noqa: BLE001 - raised to whoever reads; closing ends it too
             self._made.end(error)
+
+
+class SimulatedSource(MadeSource):
+    """Touches on a robot's skin without end: a `Source`.
+
+    Parameters
+    ----------
+    robot : Robot
+    parts : sequence of str, optional
+        Only these.
+    seed : int
+        The same touches for the same seed, parts and rate.
+    rate : float
+        Samples a second.
+    speed : float
+        How many times faster than the clock; `inf` as fast as they are asked for.
+    kind : {"pressure", "raw"}
+        Raw values are 240 at rest and fall under load, as the iCub sends them.
+    gestures : sequence of str
+    sensing : Sensing, optional
+        How taxels answer, at its own rate; drawn for each part as the variety says by default.
+    variety : float
+        How far touches are drawn at random, see `skinmap.touch.variety`.
+    seconds : float
+        It ends after so long; never by default.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        parts: Sequence[str] | None = None,
+        seed: int = 0,
+        rate: float = 50.0,
+        speed: float = 1.0,
+        kind: Kind = "pressure",
+        gestures: Sequence[str] = FOUR,
+        sensing: Sensing | None = None,
+        variety: float = DEFAULT,
+        seconds: float = float("inf"),
+    ) -> None:
+        rate = Sensing(rate=rate).rate if sensing is None else sensing.rate
+        chosen = tuple(dict.fromkeys(parts or robot.parts))
+        rng = np.random.default_rng(seed)
+        touching = Touching(
+            robot, chosen, rng=rng, rate=rate, sensing=sensing, variety=variety, gestures=gestures
+        )
+        info = StreamInfo(
+            "simulation",
+            chosen,
+            tuple(len(robot.skin(part)) for part in chosen),
+            rate,
+            kind,
+            robot.name,
+            {part: fingerprint(robot.skin(part)) for part in chosen},
+            SIMULATION,
+        )
+        super().__init__(info, touching, speed=speed, seconds=seconds)

@@ -1,0 +1,65 @@
+"""The protocol `physics`: who trains, who is judged, and how confidences are."""
+
+import numpy as np
+import pytest
+
+from skinmap.classify.protocols.physics import (
+    BOTH,
+    OURS,
+    _trainings,
+    calibration_error,
+    evaluate_physics,
+    judged,
+)
+from skinmap.errors import InvalidArrayError
+from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
+
+PARTS = ["a", "b", "c"]
+# Stand for touches: which physics and part they are of.
+TOUCHED = {(one, part): ((one, part),) for one in (OURS, *VARIANTS) for part in PARTS}
+
+
+@pytest.mark.parametrize("hand", [0, 1])
+def test_trainings_never_see_the_frozen_variant_or_a_tested_part(hand: int) -> None:
+    made = _trainings(TOUCHED, PARTS, hand, "contact-geometry", 0)  # type: ignore[arg-type]
+    assert {one.trained_on for one in made} == {OURS, BOTH, *TUNING}
+    for one in made:
+        physics = {touch[0] for touch in one.train}  # type: ignore[index]
+        assert FROZEN not in physics
+        trained = {touch[1] for touch in one.train}  # type: ignore[index]
+        tested = {touch[1] for touches in one.test.values() for touch in touches}  # type: ignore[index]
+        assert trained | tested == set(PARTS)
+        assert not trained & tested
+        if one.trained_on == BOTH:
+            assert not physics & set(one.test)
+
+
+def test_trainings_test_on_every_physics() -> None:
+    made = _trainings(TOUCHED, PARTS, 0, "contact-geometry", 0)  # type: ignore[arg-type]
+    pairs = {(one.trained_on, tested) for one in made for tested in one.test}
+    every = (OURS, *VARIANTS)
+    assert pairs == {(a, b) for a in (OURS, BOTH, *TUNING) for b in every}
+
+
+def test_judged_counts_names_and_means_over_classes() -> None:
+    named = [("x", "x", 0.9)] * 3 + [("x", "y", 0.6)] + [("y", "no_contact", 0.0), ("y", "y", 1.0)]
+    found = judged("ours", "foam", ("x", "y"), named)
+    np.testing.assert_array_equal(found.counts, [[3, 1, 0], [0, 1, 1]])
+    assert found.per_class == {"x": 0.75, "y": 0.5}
+    assert found.mean == 0.625
+
+
+def test_calibration_error_of_known_confidences() -> None:
+    rng = np.random.default_rng(0)
+    confidence = rng.uniform(0.3, 1.0, 20_000)
+    honest = rng.random(20_000) < confidence
+    # The noise of a bin of 2,900: 0.5 / sqrt(2900) = 0.009 at most.
+    assert calibration_error(confidence, honest) < 0.012
+    always = np.full(100, 0.9)
+    np.testing.assert_allclose(calibration_error(always, np.arange(100) < 40), 0.5)
+    assert calibration_error(np.ones(5), np.ones(5, bool)) == 0.0
+
+
+def test_evaluate_physics_needs_two_parts() -> None:
+    with pytest.raises(InvalidArrayError, match="two parts, got 1"):
+        evaluate_physics({"a": None}, gestures=("poke",), per_gesture=1, seeds=[0])  # type: ignore[dict-item]
