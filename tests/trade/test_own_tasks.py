@@ -10,6 +10,7 @@ from skinmap.flat.flat_map import flatten
 from skinmap.surface.surface_mesh import build_surface
 from skinmap.trade import classify_task as classifying
 from skinmap.trade.classify_task import classify_task
+from skinmap.trade.fidelity_task import fidelity_task
 from skinmap.trade.flatten_task import edge_rms, flatten_task
 from skinmap.trade.measuring import untimed
 from skinmap.trade.runner import measure
@@ -24,6 +25,7 @@ def kaspar():
 def test_our_tasks_are_registered():
     assert tasks.get("flatten") is flatten_task
     assert tasks.get("classify") is classify_task
+    assert tasks.get("fidelity") is fidelity_task
 
 
 @pytest.mark.parametrize("task", [flatten_task, classify_task])

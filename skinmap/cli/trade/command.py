@@ -42,7 +42,7 @@ ALL = "all"
     multiple=True,
     default=(ALL,),
     show_default=True,
-    help="What to measure: flatten, classify, calibrate, view, those of plug-ins, or all.",
+    help="What to measure: flatten, classify, fidelity, calibrate, view, a plug-in, or all.",
 )
 @click.option(
     "--budget-ms",
