@@ -236,7 +236,7 @@ class ViewFiles:
     source
         Of the samples.
     time
-        Of the picture, from the source's beginning [s]; null where nothing came.
+        Of what is shown, from the source's beginning [s], as `--at`; null where nothing came.
     touches
         In the picture.
     files
