@@ -19,8 +19,6 @@ ROOT = Path(__file__).resolve().parents[1]
 SCHEMAS, PAGE = ROOT / "docs" / "schemas", ROOT / "docs" / "json.md"
 PROFILE = f"#/$defs/{ProfileUsed.__name__}"
 MARK = "<!-- From here on made by `make schemas` out of the types of result. -->\n"
-# Commands that do not say yet what type of result they print: their schema is kept by hand.
-LEFTOVERS = frozenset({"demo", "view"})
 
 
 def commands(
@@ -102,15 +100,15 @@ def text_of(schema: Mapping[str, Any]) -> str:
 
 
 def main() -> int:
-    """Write the page and the schemas; leaves those that are kept by hand."""
+    """Write the page and the schemas, and nothing else into their folder."""
     found = schemas()
     for file in SCHEMAS.glob("*.json"):
-        if file.stem not in LEFTOVERS | found.keys():
+        if file.stem not in found:
             file.unlink()
     for name, schema in found.items():
         (SCHEMAS / f"{name}.json").write_text(text_of(schema), encoding="utf-8")
     PAGE.write_text(page(found), encoding="utf-8")
-    print(f"docs/schemas: {len(found)} written, {len(LEFTOVERS)} kept by hand")
+    print(f"docs/schemas: {len(found)} written")
     return 0
 
 

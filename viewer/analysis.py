@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,16 @@ from skinmap.skin.fit import SkinFit, measure_fit
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
+from viewer.results import (
+    DemoAccuracy,
+    DemoResult,
+    DemoSeconds,
+    EdgeError,
+    NormalFit,
+    ScoreRow,
+    StructureCounts,
+    TouchCounts,
+)
 
 PER_GESTURE = 24  # touches of each of the four gestures on each part
 METHODS = ("contact-geometry", "histogram", "paper")
@@ -85,54 +94,57 @@ def _kind(part: str) -> str:
     return part.removeprefix("left_").removeprefix("right_")
 
 
-def summarise(analysis: Analysis) -> dict[str, Any]:
-    """The numbers of an analysis, ready for JSON."""
-    skins = analysis.skins
+def demo_result(
+    analysis: Analysis, seed: int, files: list[str], seconds: DemoSeconds
+) -> DemoResult:
+    """The numbers of an analysis."""
+    skins, split = analysis.skins, analysis.split
     charts = [chart for skin in skins.values() for chart in skin.flat.charts]
     strain = [100.0 * chart.distortion.edge_rms for chart in charts]
     angle = np.degrees(np.concatenate([fit.normal_angle for fit in analysis.fits.values()]))
-    inward = sum(int(fit.inward.sum()) for fit in analysis.fits.values())
     best, histogram, paper = (analysis.scores[name] for name in METHODS)
-    return {
-        "robot": analysis.robot.name,
-        "parts": list(skins),
-        "taxels": sum(len(skin) for skin in skins.values()),
-        "meshed_taxels": sum(int((skin.patches >= 0).sum()) for skin in skins.values()),
-        "patches": len(charts),
-        "flips": sum(chart.distortion.flips for chart in charts),
-        "edge_rms_percent": {"median": float(np.median(strain)), "max": max(strain)},
-        "normals": {
-            "median_deg": float(np.median(angle)),
-            "share_within_15_deg": float((angle <= 15.0).mean()),
-            "inward": inward,
-        },
-        "structures": {
-            "plain": len(analysis.plain.prototypes),
-            "rotated": len(analysis.rotated.prototypes),
-        },
-        "accuracy_is": "simulated",
-        "trained_on": list(analysis.train_parts),
-        "touches": {
-            "train": len(analysis.split.train),
-            "same_parts": len(analysis.split.same_parts),
-            "other_parts": len(analysis.split.other_parts),
-        },
-        "accuracy": {
-            "same_parts": best[0].accuracy,
-            "other_parts": best[1].accuracy,
-            "other_parts_histogram": histogram[1].accuracy,
-            "other_parts_paper": paper[1].accuracy,
-        },
-        "table": [
-            {
-                "classifier": name,
-                "tested_on": where,
-                "accuracy": one.accuracy,
-                "touches": one.touches,
-                "per_label": dict(one.per_label),
-                "per_part": dict(one.per_part),
-            }
+    return DemoResult(
+        robot=analysis.robot.name,
+        parts=list(skins),
+        taxels=sum(len(skin) for skin in skins.values()),
+        meshed_taxels=sum(int((skin.patches >= 0).sum()) for skin in skins.values()),
+        patches=len(charts),
+        flips=sum(chart.distortion.flips for chart in charts),
+        edge_rms_percent=EdgeError(median=float(np.median(strain)), max=max(strain)),
+        normals=NormalFit(
+            median_deg=float(np.median(angle)),
+            share_within_15_deg=float((angle <= 15.0).mean()),
+            inward=sum(int(fit.inward.sum()) for fit in analysis.fits.values()),
+        ),
+        structures=StructureCounts(
+            plain=len(analysis.plain.prototypes), rotated=len(analysis.rotated.prototypes)
+        ),
+        accuracy_is="simulated",
+        trained_on=list(analysis.train_parts),
+        touches=TouchCounts(
+            train=len(split.train),
+            same_parts=len(split.same_parts),
+            other_parts=len(split.other_parts),
+        ),
+        accuracy=DemoAccuracy(
+            same_parts=best[0].accuracy,
+            other_parts=best[1].accuracy,
+            other_parts_histogram=histogram[1].accuracy,
+            other_parts_paper=paper[1].accuracy,
+        ),
+        table=[
+            ScoreRow(
+                classifier=name,
+                tested_on=where,
+                accuracy=one.accuracy,
+                touches=one.touches,
+                per_label=dict(one.per_label),
+                per_part=dict(one.per_part),
+            )
             for name, pair in analysis.scores.items()
             for where, one in zip(("same_parts", "other_parts"), pair, strict=True)
         ],
-    }
+        seed=seed,
+        files=files,
+        seconds=seconds,
+    )

@@ -11,16 +11,17 @@ import click
 
 from skinmap.commands.options import (
     Number,
-    json_option,
     open_robot,
     part_option,
+    prints,
     robot_argument,
     seed_option,
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.errors import unknown_name
-from skinmap.report.present import emit
+from skinmap.report.present import present
+from viewer.results import DemoResult, ViewFiles, ViewPage, ViewWindow
 
 VIEWS = ("auto", "window", "none")
 # As `viewer.layers` has them, which takes a second to import; a test compares.
@@ -52,6 +53,7 @@ PICTURE = Written(".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 
 @click.command("demo", short_help="The whole thread on the real iCub: start here.")
 @click.option(
+    "-o",
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("skinmap-demo"),
@@ -68,7 +70,7 @@ PICTURE = Written(".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
     help="Open the live window at the end: where there is a display, always, never.",
 )
 @profile_option("view")
-@json_option
+@prints(DemoResult)
 def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool) -> None:
     """From the iCub's files to named touches on its body.
 
@@ -78,7 +80,7 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
     \b
     Example:  skinmap demo --out demo --seed 1
     """
-    from viewer.demo import STEPS, run_demo, show_window
+    from viewer.demo import STEPS, demo_lines, run_demo, show_window
     from viewer.display import has_display, require_opengl
 
     require_opengl()
@@ -89,36 +91,9 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
         raise click.UsageError("--view window needs a display")
     with progress(STEPS + 4 * len(names), "demo") as advance:
         result, stage = run_demo(robot, names, out, seed=seed, advance=advance)
-    if as_json:
-        emit(result)
-    else:
-        click.echo(summary(result, out))
+    present(result, demo_lines, as_json=as_json, inside=out)
     if view == "window" or (view == "auto" and has_display()):
         show_window(stage)
-
-
-def summary(result: dict[str, object], out: Path) -> str:
-    """What the demo found, in a few lines for people."""
-    from typing import Any, cast
-
-    r = cast(dict[str, Any], result)
-    accuracy = r["accuracy"]
-    percent = {key: f"{100 * value:.1f} %" for key, value in accuracy.items()}
-    return "\n".join(
-        [
-            f"{r['robot']}: {r['taxels']} taxels on {len(r['parts'])} parts, "
-            f"{r['patches']} patches, {r['meshed_taxels']} taxels meshed",
-            f"flat maps: {r['flips']} flipped triangles, edge rms "
-            f"{r['edge_rms_percent']['median']:.2f} % (median patch), "
-            f"{r['edge_rms_percent']['max']:.2f} % (worst)",
-            f"structures: {r['structures']['plain']} plain, {r['structures']['rotated']} rotated",
-            f"simulated touches named right: {percent['same_parts']} on trained parts, "
-            f"{percent['other_parts']} on parts never trained on",
-            f"  there, histograms reach {percent['other_parts_histogram']}, "
-            f"the paper's literal ones {percent['other_parts_paper']}",
-            f"{r['seconds']['total']:.0f} s; look at {out / 'report.html'}",
-        ]
-    )
 
 
 @click.command("view", short_help="Touches on the body: window, browser, picture or movie.")
@@ -205,7 +180,7 @@ def summary(result: dict[str, object], out: Path) -> str:
 @click.option("--token", help="First part of --web's address; a random one without.")
 @seed_option
 @profile_option("view")
-@json_option
+@prints(ViewFiles, ViewWindow, ViewPage)
 def view(**options: Any) -> None:
     """Show touches on the robot's body, with the flat map of the touched part beside it.
 
@@ -215,21 +190,11 @@ def view(**options: Any) -> None:
     Example:  skinmap view icub --part torso --part left_arm --source sim
               skinmap view icub --source touches.npz --screenshot touches.png
     """
-    result = run_view(options)
-    if options["as_json"]:
-        emit(result)
-    else:
-        for file in result.get("files", ()):
-            click.echo(str(file))
+    present(run_view(options), lambda _: (), as_json=options["as_json"])
 
 
-def run_view(options: Mapping[str, Any]) -> dict[str, Any]:
+def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
     """Check the options and show what they ask for.
-
-    Returns
-    -------
-    dict
-        As docs/json.md has it.
 
     Raises
     ------

@@ -7,32 +7,37 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.classify.classifier import TouchClassifier
 from skinmap.classify.descriptors import Touch
+from skinmap.flat.distortion import spread
 from skinmap.io.output import staged_folder
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.contacts.sample_contacts import centre_of_pressure
 from skinmap.live.moment import Moment
 from skinmap.live.sources.replay import replay
 from skinmap.report.figure import flat_map_figure
+from skinmap.report.image import media
+from skinmap.report.page import cards, grid, heading, note, page
+from skinmap.report.present import PAGE
 from skinmap.report.result import plain
 from skinmap.report.structure_figures import structures_figure
+from skinmap.report.table import Cell, Table
 from skinmap.skin.robot import Robot
 from skinmap.touch.contacts import ACTIVE, pool_event
 from skinmap.touch.gestures import GESTURES
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import RATE, simulate
-from viewer.analysis import Analysis, analyse, summarise
+from viewer.analysis import Analysis, analyse, demo_result
 from viewer.export.movie import MOVIE_FPS, write_movie
-from viewer.report import write_report
+from viewer.results import DemoResult, DemoSeconds
 from viewer.scene import Scene
 from viewer.view_files import movie_frames
 
+NUMBERS = "demo.json"
 STEPS = 12  # progress steps beside those per part
 STAGGER = 0.45  # between the starts of two touches of the replay [s]
 ROUNDS = 2  # touches on each part of the replay
@@ -60,7 +65,7 @@ def run_demo(
     *,
     seed: int,
     advance: Callable[[str], None],
-) -> tuple[dict[str, Any], Stage]:
+) -> tuple[DemoResult, Stage]:
     """Analyse the parts, write everything into `out` and return the numbers.
 
     Raises
@@ -71,7 +76,7 @@ def run_demo(
     started = time.perf_counter()
     with staged_folder(out) as folder:
         analysis = analyse(robot, parts, seed=seed, advance=advance)
-        seconds = {"analysis": time.perf_counter() - started}
+        analysed = time.perf_counter()
         (folder / "flatmaps").mkdir()
         for part, skin in analysis.skins.items():
             advance(f"{part}: picture of the flat map")
@@ -79,25 +84,129 @@ def run_demo(
         advance("picture of the structures")
         structures_figure(analysis.skins, analysis.rotated, folder / "structures.png")
         stage, movie = _show(analysis, folder, seed, advance)
-        seconds["pictures"] = time.perf_counter() - started - seconds["analysis"]
+        drawn = time.perf_counter()
         advance("report")
-        result = summarise(analysis)
-        result["seed"] = seed
         pictures = [f"flatmaps/{part}.png" for part in analysis.skins]
-        result["files"] = [
-            "robot.png",
-            "structures.png",
-            movie.name,
-            *pictures,
-            "report.html",
-            "demo.json",
-        ]
-        seconds["total"] = time.perf_counter() - started
-        result["seconds"] = seconds
-        result = plain(result)
-        write_report(result, folder, analysis.skins)
-        (folder / "demo.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        files = ["robot.png", "structures.png", movie.name, *pictures, PAGE, NUMBERS]
+        seconds = DemoSeconds(
+            analysis=analysed - started, pictures=drawn - analysed, total=drawn - started
+        )
+        result = demo_result(analysis, seed, files, seconds)
+        (folder / PAGE).write_text(demo_page(result, folder, movie, analysis.skins), "utf-8")
+        numbers = json.dumps(plain(result), indent=2)
+        (folder / NUMBERS).write_text(numbers + "\n", encoding="utf-8")
     return result, stage
+
+
+def demo_lines(result: DemoResult) -> Iterator[str]:
+    """What the demo found, in a few lines for people."""
+    named, edges = result.accuracy, result.edge_rms_percent
+    yield (
+        f"{result.robot}: {result.taxels} taxels on {len(result.parts)} parts, "
+        f"{result.patches} patches, {result.meshed_taxels} taxels meshed"
+    )
+    yield (
+        f"flat maps: {result.flips} flipped triangles, edge rms {edges.median:.2f} % (median "
+        f"patch), {edges.max:.2f} % (worst)"
+    )
+    yield f"structures: {result.structures.plain} plain, {result.structures.rotated} rotated"
+    yield (
+        f"simulated touches named right: {_percent(named.same_parts)} on trained parts, "
+        f"{_percent(named.other_parts)} on parts never trained on"
+    )
+    yield (
+        f"  there, histograms reach {_percent(named.other_parts_histogram)}, "
+        f"the paper's literal ones {_percent(named.other_parts_paper)}"
+    )
+    yield f"{result.seconds.total:.0f} s; {PAGE} shows all of it:"
+
+
+def demo_page(
+    result: DemoResult, folder: Path, movie: Path, skins: Mapping[str, PreparedSkin]
+) -> str:
+    """The report, from the numbers and the pictures that lie in the folder."""
+    return page(
+        result.robot,
+        [
+            note(f"Skinmap demo, seed {result.seed}, {result.seconds.total:.0f} s"),
+            cards(_figures(result)),
+            heading("Touches on the body"),
+            media(folder / "robot.png", "named touches on the body"),
+            note(
+                "Simulated touches on parts that the classifier was never trained on. Boxes: the "
+                "name given and its confidence."
+            ),
+            heading("Replay"),
+            media(folder / movie.name, "replay of simulated touches"),
+            heading("How often the name is right"),
+            _accuracy(result).html(),
+            note(
+                "Simulated touches, counted per touch event; trained on "
+                f"{', '.join(result.trained_on)} ({result.touches.train} touches). No tested "
+                "touch, and for other parts no part or mirror image, was trained on. A gesture "
+                "that does not fit a part is not simulated there."
+            ),
+            heading("Flat maps"),
+            _charts(skins).html(),
+            grid(media(folder / "flatmaps" / f"{part}.png", part) for part in skins),
+            heading("Periodic structures"),
+            media(folder / "structures.png", "structures"),
+        ],
+    )
+
+
+def _figures(result: DemoResult) -> list[tuple[str, str]]:
+    strain, found = result.edge_rms_percent, result.structures
+    return [
+        (f"{result.taxels:,}", f"taxels on {len(result.parts)} parts"),
+        (f"{result.meshed_taxels:,}", f"of them meshed, in {result.patches} patches"),
+        (f"{result.flips}", "flipped triangles"),
+        (f"{strain.median:.2f} %", f"edge rms, median patch (worst {strain.max:.2f} %)"),
+        (f"{result.normals.median_deg:.1f}\u00b0", "normals against the body, median"),
+        (f"{found.plain} / {found.rotated}", "structures, plain / with rotation"),
+        (_percent(result.accuracy.same_parts), "named right, parts trained on (simulated)"),
+        (_percent(result.accuracy.other_parts), "named right, other parts (simulated)"),
+    ]
+
+
+def _accuracy(result: DemoResult) -> Table:
+    labels = sorted({label for row in result.table for label in row.per_label})
+    rows: list[list[Cell]] = [
+        [
+            row.classifier,
+            row.tested_on.replace("_", " "),
+            row.touches,
+            _percent(row.accuracy),
+            *(_percent(row.per_label.get(label)) for label in labels),
+        ]
+        for row in result.table
+    ]
+    names = [label.replace("_", " ") for label in labels]
+    return Table(("classifier", "tested on", "touches", "all", *names), rows)
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.1f} %"
+
+
+def _charts(skins: Mapping[str, PreparedSkin]) -> Table:
+    rows = []
+    for part, skin in skins.items():
+        for chart in skin.flat.charts:
+            found = chart.distortion
+            angle = spread(found.quasi_conformal, found.face_areas)
+            rows.append(
+                (
+                    part, chart.patch, len(chart.taxels), chart.holes, chart.method, found.flips,
+                    round(100 * found.edge_rms, 2), round(angle["mean"], 4),
+                    round(found.area_sd, 4),
+                )
+            )  # fmt: skip
+    return Table(
+        ("part", "patch", "taxels", "holes", "method", "flips", "edge rms [%]",
+         "quasi-conformal", "area sd"),
+        rows,
+    )  # fmt: skip
 
 
 def show_window(stage: Stage) -> None:

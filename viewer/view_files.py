@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from viewer.export.html_page import write_html
 from viewer.export.movie import MOVIE_FPS, Picture, write_movie
 from viewer.export.thinned_moments import Excerpt
 from viewer.layers import AUTO, Range
+from viewer.results import ShownTouch, ViewFiles
 from viewer.scene import Scene
 from viewer.view_options import Look, Session, new_layers, new_scene
 
@@ -54,7 +54,7 @@ class Wanted:
         return [path for path in every if path is not None]
 
 
-def write_files(session: Session, look: Look, wanted: Wanted) -> dict[str, Any]:
+def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
     """Write pictures and files of what the source shows; no screen is needed."""
     best = Best(session, look)
     look = replace(look, ranges=found_ranges(session, look, wanted))
@@ -77,16 +77,16 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> dict[str, Any]:
     if wanted.screenshot or wanted.gltf or wanted.html:
         files += _stills(session, look, wanted, best.moment, excerpt)
     touches = () if best.moment is None else best.moment.touches
-    return {
-        "robot": session.robot.name,
-        "parts": list(session.parts),
-        "source": session.source,
-        "time": math.nan if best.moment is None else best.moment.time - session.origin,
-        "touches": [
-            {"part": one.part, "label": one.label, "confidence": one.confidence} for one in touches
+    return ViewFiles(
+        robot=session.robot.name,
+        parts=list(session.parts),
+        source=session.source,
+        time=None if best.moment is None else best.moment.time - session.origin,
+        touches=[
+            ShownTouch(part=one.part, label=one.label, confidence=one.confidence) for one in touches
         ],
-        "files": files,
-    }
+        files=files,
+    )
 
 
 def found_ranges(session: Session, look: Look, wanted: Wanted) -> Mapping[str, Range]:

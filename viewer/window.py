@@ -15,6 +15,7 @@ from viewer.interaction.events import Events
 from viewer.interaction.mouse import Pace
 from viewer.playing.frame_deadline import Punctual
 from viewer.playing.player import Player
+from viewer.results import ViewWindow
 from viewer.scene import Scene
 from viewer.view_options import Look, Session, new_scene
 
@@ -196,7 +197,7 @@ def play(scene: Scene, moments: Iterable[Moment], *, seconds: float = math.inf) 
 
 def open_window(
     session: Session, look: Look, *, seconds: float | None, view_file: Path | None
-) -> dict[str, Any]:
+) -> ViewWindow:
     """Play the source in a window until it is closed."""
     loop = session.live()
     try:
@@ -210,4 +211,4 @@ def open_window(
         drawn = run(window, seconds=math.inf if seconds is None else seconds)
     finally:
         loop.close()
-    return {"robot": session.robot.name, "parts": list(session.parts), "drawn": drawn}
+    return ViewWindow(robot=session.robot.name, parts=list(session.parts), drawn=drawn)

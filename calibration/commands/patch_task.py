@@ -178,7 +178,7 @@ class PatchTask:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SolvedPatch:
-    """A task, its result, and the same as it is printed.
+    """A task, the patch that was found, and its figures.
 
     Attributes
     ----------

@@ -187,7 +187,7 @@ class Probe:
     assumed_tip_mm
         Where it was assumed; null where nobody said.
     radius_mm
-        Null for a point.
+        Of its tip; null for a point.
     """
 
     on: str

@@ -38,6 +38,7 @@ def present(
     page: Page | None = None,
     verdict: Verdict | None = None,
     number: Number = decimals,
+    inside: Path | None = None,
 ) -> None:
     """Show a result, and write what belongs to it into a folder: all of it or nothing.
 
@@ -59,6 +60,8 @@ def present(
         Of a result that may be refused.
     number : callable
         How floats of the JSON object are rounded.
+    inside : Path, optional
+        Folder that files lie in which were written before.
 
     Raises
     ------
@@ -77,7 +80,7 @@ def present(
     else:
         show(lines(result))
         for file in getattr(result, "files", ()):
-            click.echo(str(file if out is None else out / file))
+            click.echo(str((out or inside or Path()) / file))
     if refused:
         raise SystemExit(REFUSED_CODE)
 

@@ -495,7 +495,7 @@ def test_plane_writes_mounts_taxels_and_a_report(saved, case, chain, tmp_path):
     result = run("plane", saved, "--part", PART, "-o", out, "--format", "icub")
     assert result["status"] == "ok"
     assert result["files"] == [
-        "mounts.json", "report.html", f"taxels_{PART}.csv", f"taxels_{PART}.txt",
+        "mounts.json", f"taxels_{PART}.csv", f"taxels_{PART}.txt", "report.html",
     ]  # fmt: skip
     table = read_taxels(out / f"taxels_{PART}.csv")
     places = transform_points(case[1], chain.taxels)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,9 @@ def test_demo_writes_every_file_it_lists_and_nothing_else(demo):
 def test_report_holds_everything_itself(demo):
     result, out = demo
     page = (out / "report.html").read_text()
-    assert "http" not in page.replace("http-equiv", "")
+    # Four letters of a movie in base64 may well be these.
+    words = re.sub(r"base64,[A-Za-z0-9+/=]+", "base64,", page)
+    assert "http" not in words.replace("http-equiv", "")
     assert page.count("data:image/png;base64,") >= 4
     assert "data:video/mp4;base64," in page or "data:image/gif;base64," in page
     for number in (f"{result['taxels']:,}", f"{100 * result['accuracy']['same_parts']:.1f} %"):

@@ -7,10 +7,10 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
 
 from viewer.interaction.view_file import SavedView
 from viewer.playing.player import Player
+from viewer.results import ViewPage
 from viewer.view_options import Look, Session, check_view, drawn_links, new_layers
 from viewer.web.guard import LOOPBACK
 from viewer.web.server import WebServer, serve
@@ -24,7 +24,7 @@ def serve_web(
     port: int,
     seconds: float | None,
     token: str | None = None,
-) -> dict[str, Any]:
+) -> ViewPage:
     """Serve the scene to a browser until it is interrupted, or for so many seconds.
 
     Raises
@@ -48,7 +48,7 @@ def serve_web(
         address = server.url
     if player.error is not None:
         raise player.error
-    return {"robot": session.robot.name, "parts": list(session.parts), "address": address}
+    return ViewPage(robot=session.robot.name, parts=list(session.parts), address=address)
 
 
 @contextlib.contextmanager

@@ -9,7 +9,9 @@ from functools import cache
 from pathlib import Path
 
 from calibration.commands.batch import read_batch
-from calibration.files.anchor_table import load_link, load_wrap, read_anchor_table
+from calibration.commands.options import PatchFiles
+from calibration.commands.patch_task import PatchTask, load_link
+from calibration.files.anchor_table import read_anchor_table
 from calibration.files.tables import (
     read_anchors,
     read_board,
@@ -205,17 +207,17 @@ TARGETS = [
     *(Target(f"mesh-{kind}", f"m.{kind}", lambda kind=kind: [mesh(kind)], read_mesh,
              ("skinmap.io.robots.urdf.read_mesh",)) for kind in MESHES),
     Target("link", "m.stl", lambda: [mesh("stl")], lambda p: load_link(p, 1e-3),
-           ("calibration.files.anchor_table.load_link",)),
+           ("calibration.commands.patch_task.load_link",)),
     Target("board", "board.csv", lambda: [BOARD.encode()], read_board, (f"{CAL}.read_board",)),
     Target("placed", "p.csv", lambda: [ANCHORS.encode()], read_placed, (f"{CAL}.read_placed",)),
     Target("anchors", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchors),
-           (f"{CAL}.read_anchors", f"{CAL}.read_table"), ON_BOARD),
+           (f"{CAL}.read_anchors", f"{CAL}.read_table", f"{CAL}.read_cells"), ON_BOARD),
     Target("anchor-table", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchor_table),
            ("calibration.files.anchor_table.read_anchor_table",), ON_BOARD),
     Target("wrap", "a.csv", lambda: [ANCHORS.encode()],
-           lambda p: load_wrap(p.with_name("board.csv"), p.with_name("hand.ply"), p,
-                               units="mm", sigma_mm=1.0),
-           ("calibration.files.anchor_table.load_wrap",), ON_BOARD | {"hand.ply": lambda: PLY}),
+           lambda p: PatchTask.load(PatchFiles(layout=p.with_name("board.csv"), units="mm",
+                                               mesh=p.with_name("hand.ply"), anchors=p)),
+           (), ON_BOARD | {"hand.ply": lambda: PLY}),
     Target("touches", "t.csv", lambda: [TOUCHES.encode()], by_board(read_touches),
            (f"{CAL}.read_touches",), ON_BOARD),
     Target("points", "p.csv", lambda: [POINTS.encode()], read_points, (f"{CAL}.read_points",)),

@@ -1,0 +1,289 @@
+"""What the viewer's commands print."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EdgeError:
+    """Root mean square change of edge lengths of patches.
+
+    Attributes
+    ----------
+    median
+        Of the patches [%].
+    max
+        Of the worst patch [%].
+    """
+
+    median: float
+    max: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NormalFit:
+    """Normals of taxels against the mesh of their link.
+
+    Attributes
+    ----------
+    median_deg
+        Angle between both.
+    share_within_15_deg
+        Of the taxels.
+    inward
+        Taxels whose normal points into the body.
+    """
+
+    median_deg: float
+    share_within_15_deg: float
+    inward: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StructureCounts:
+    """Neighbourhood structures.
+
+    Attributes
+    ----------
+    plain
+        Told apart as they lie.
+    rotated
+        Told apart up to a turn.
+    """
+
+    plain: int
+    rotated: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TouchCounts:
+    """Simulated touches.
+
+    Attributes
+    ----------
+    train
+        Learnt from.
+    same_parts
+        Tested, on the parts that were trained on.
+    other_parts
+        Tested, on parts never trained on.
+    """
+
+    train: int
+    same_parts: int
+    other_parts: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DemoAccuracy:
+    """Share of simulated touches that are named right.
+
+    Attributes
+    ----------
+    same_parts
+        On the parts that were trained on.
+    other_parts
+        On parts never trained on.
+    other_parts_histogram
+        There, by histograms of structures.
+    other_parts_paper
+        There, by the paper's literal histograms.
+    """
+
+    same_parts: float
+    other_parts: float
+    other_parts_histogram: float
+    other_parts_paper: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ScoreRow:
+    """One classifier on one test.
+
+    Attributes
+    ----------
+    classifier
+        Its name.
+    tested_on
+        Parts that were trained on, or others.
+    accuracy
+        Share of touches named right.
+    touches
+        That were tested.
+    per_label, per_part
+        The accuracy by gesture and by part.
+    """
+
+    classifier: str
+    tested_on: str
+    accuracy: float
+    touches: int
+    per_label: Mapping[str, float]
+    per_part: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DemoSeconds:
+    """Time that passed.
+
+    Attributes
+    ----------
+    analysis
+        Meshing, flattening, training and testing.
+    pictures
+        Pictures and the movie.
+    total
+        All of it.
+    """
+
+    analysis: float
+    pictures: float
+    total: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DemoResult:
+    """The whole thread on the real iCub.
+
+    Attributes
+    ----------
+    robot
+        Its name.
+    parts
+        All of them.
+    taxels, meshed_taxels
+        How many there are, and are part of a surface mesh.
+    patches
+        Connected sheets.
+    flips
+        Flipped triangles of all flat maps.
+    edge_rms_percent
+        Error of the flat maps.
+    normals
+        Against the body.
+    structures
+        How many.
+    accuracy_is
+        Touches are simulated.
+    trained_on
+        Parts.
+    touches
+        How many.
+    accuracy
+        Of the names.
+    table
+        A row for each classifier and test.
+    seed
+        Of all randomness.
+    files
+        Inside `--out`.
+    seconds
+        That it took.
+    """
+
+    robot: str
+    parts: list[str]
+    taxels: int
+    meshed_taxels: int
+    patches: int
+    flips: int
+    edge_rms_percent: EdgeError
+    normals: NormalFit
+    structures: StructureCounts
+    accuracy_is: Literal["simulated"]
+    trained_on: list[str]
+    touches: TouchCounts
+    accuracy: DemoAccuracy
+    table: list[ScoreRow]
+    seed: int
+    files: list[str]
+    seconds: DemoSeconds
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ShownTouch:
+    """A touch in the picture.
+
+    Attributes
+    ----------
+    part
+        Where it is.
+    label
+        The name given.
+    confidence
+        0 to 1; null where it was not named yet.
+    """
+
+    part: str
+    label: str
+    confidence: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ViewFiles:
+    """Pictures, movies, scenes or pages of touches on the body.
+
+    Attributes
+    ----------
+    robot
+        Its name.
+    parts
+        Shown.
+    source
+        Of the samples.
+    time
+        Of what is shown, from the source's beginning [s], as `--at`; null where nothing came.
+    touches
+        In the picture.
+    files
+        Written.
+    """
+
+    robot: str
+    parts: list[str]
+    source: str
+    time: float | None
+    touches: list[ShownTouch]
+    files: list[Path] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ViewWindow:
+    """A window that was closed.
+
+    Attributes
+    ----------
+    robot
+        Its name.
+    parts
+        Shown.
+    drawn
+        Pictures.
+    """
+
+    robot: str
+    parts: list[str]
+    drawn: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ViewPage:
+    """A page that was served.
+
+    Attributes
+    ----------
+    robot
+        Its name.
+    parts
+        Shown.
+    address
+        Of the page.
+    """
+
+    robot: str
+    parts: list[str]
+    address: str
