@@ -22,7 +22,7 @@ BEGINS, GOES_ON = 5.0, 3.0  # standard deviations of the noise above rest: 1 in 
 NOISY = 4.0 * ACTIVE  # a taxel that must read more to be believed is reported [counts]
 ENOUGH = 12  # quiet samples that a rest can be learnt from
 UPPER = 84.13  # percentile that lies one deviation above the median
-CUT_OFF = 1.75  # by how much steps are too small where half of the noise is cut off at 0
+CUT_OFF = 2.43  # by how much median steps are too small where half of the noise is cut off at 0
 MEDIAN_STEP = 0.954  # of the absolute step between two samples of noise of deviation 1
 CALM_SHARE = 25.0  # percentile over time that is rest where touches are short
 
