@@ -51,7 +51,7 @@ def test_touches_that_nobody_marked_do_not_count_as_rest(rng):
     touched[10:30, 40:60] += 120 + 5 * rng.standard_normal((20, 20))
     one, other = find_rest(quiet), find_rest(touched)
     assert not other.stuck.any()
-    # The tremor of the touch is in two fifths of the steps: levels there rise by its five deviations.
+    # The tremor of the touch is in two fifths of the steps: levels there rise by five deviations.
     assert np.abs(other.begins - one.begins).max() <= 25.0
     assert (touched[15:25, 40:60] > other.begins[40:60]).all()
 
