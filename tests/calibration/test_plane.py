@@ -437,7 +437,10 @@ def test_damaged_files_are_named(case, robot, tmp_path):
         read_plane_evidence([tmp_path / "gone.npz"], robot)
     with pytest.raises(DataFormatError, match="lacks 'angles'; the arrays are: joints"):
         read(angles=None)
-    with pytest.raises(UnknownNameError, match=r"no joint 'knee'; the joints are: .*r_elbow"):
+    with pytest.raises(
+        UnknownNameError,
+        match=r"no joint 'knee'; did you mean 'r_knee'\? The joints are: .*r_elbow",
+    ):
         read(joints=np.array(["knee", *JOINTS[1:]]))
     with pytest.raises(DataFormatError, match=r"look like degrees .*multiply them by pi / 180"):
         read(angles=np.rad2deg(plain["angles"]))
