@@ -108,6 +108,10 @@ KNOBS: Mapping[str, Mapping[str, Allowed]] = {
         "precision": PRECISION,
         "image_size": Allowed(("66x100",), any_name=True),
     },
+    "fidelity": {
+        "physics": Allowed(("ours", "mujoco")),
+        "variety": Allowed(("none", "some", "wide")),
+    },
     "calibrate": {
         "starts": _count(1, 9),
         "steps": _count(1, 1000),

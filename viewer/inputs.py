@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.response.response_file import load_response
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.classify.classifier import DEFAULT, TouchClassifier, classifiers
+from skinmap.classify.classifier import DEFAULT, TouchClassifier, classifiers, learnable
 from skinmap.classify.descriptors import recorded_touches
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.io.taxels.readers import read_taxels
@@ -170,7 +170,7 @@ def default_classifier(
             skins[part], simulate(skins[part].skin, rng=rng, per_gesture=TRAINING)
         )
     ]
-    return classifiers.get(DEFAULT)().fit(touches, rng=rng)
+    return classifiers.get(DEFAULT)().fit(learnable(touches), rng=rng)
 
 
 def _named(name: str, robot: Robot) -> tuple[str, Path]:

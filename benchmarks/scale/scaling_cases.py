@@ -18,7 +18,9 @@ from benchmarks.harness.timing import Times, take_turns
 PEERS_TO = 100_000  # taxels, beyond which the time is ours alone
 TURNS = ((10_000, 5), (30_000, 3))  # up to so many taxels, so many turns; one above
 IMPORTS = (
-    "meshing", "saddle", "structures", "histogram_speed", "viewer_scenes", "igl", "pymeshlab",
+    "benchmarks.classify.histogram_speed", "benchmarks.geometry.meshing",
+    "benchmarks.geometry.saddle", "benchmarks.geometry.structures",
+    "benchmarks.viewer.viewer_scenes", "igl", "pymeshlab",
     "pyvista.plotting", "scipy.sparse.csgraph", "scipy.spatial", "sklearn.neighbors",
     "skinmap.flat.disc_map", "skinmap.live.contacts.contact_tracker",
     "skinmap.live.robot_skin", "skinmap.touch.votes",

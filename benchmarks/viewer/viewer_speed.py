@@ -216,7 +216,7 @@ def web_rows() -> Any:
     One short opening without its peers: `benchmarks/viewer/viewer_web.py` takes its time.
     """
     try:
-        page: Any = import_module("viewer_web")
+        page: Any = import_module("benchmarks.viewer.viewer_web")
         page.WAYS = ()
         return page.measure(True)
     except ModuleNotFoundError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,6 +44,15 @@ ROWS = 1200  # training rows at most: the cost of a Gram matrix grows with the s
 Probabilities = Callable[[FloatArray], FloatArray]
 # Classifiers quick enough to train that `skinmap train` also calibrates sets of names.
 WITH_SETS = (DEFAULT, "histogram", "histogram-chi2", "histogram-sqrt")
+
+
+def learnable(touches: Sequence[Touch]) -> list[Touch]:
+    """Simulated touches of the gestures that come often enough to be learnt.
+
+    A gesture that hardly fits on a skin, such as a hand on a hand, is left out.
+    """
+    counts = Counter(touch.label for touch in touches)
+    return [touch for touch in touches if counts[touch.label] >= CALIBRATION_FOLDS]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What a skin sends when nobody touches it, and what is more than that.
+"""What an untouched skin sends, and what is more than that.
 
 A taxel is touched where it reads more than its own noise and a taxel beside it does so too: real
 skins have spikes, offsets and stuck areas, and none of these is a touch. Each taxel has two levels
@@ -101,7 +101,7 @@ def find_rest(samples: ArrayLike, *, quiet: ArrayLike | None = None) -> Rest:
 
 
 def _unmarked(table: NDArray[np.float32]) -> Rest:
-    """Levels where nobody says when the skin was touched.
+    """Levels of a recording without marked touches.
 
     Noise is judged by the median step from sample to sample: noise makes all steps, a touch a few
     large ones. A taxel whose readings are mostly cut off at 0 steps less than its noise; the skin's

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.classify.classifier import DEFAULT, TouchClassifier
+from skinmap.classify.classifier import DEFAULT, TouchClassifier, learnable
 from skinmap.classify.classifier_options import tuned_classifier
 from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest, score
@@ -106,7 +106,7 @@ class ClassifyTask:
         if prepared.several and getattr(model.descriptor, "one_skin", False):
             raise InvalidArrayError(f"{name!r} learns the taxels of one part: needs one --part")
         started = time.process_time()
-        model.fit(prepared.learnt, rng=np.random.default_rng(seed))
+        model.fit(learnable(prepared.learnt), rng=np.random.default_rng(seed))
         training = time.process_time() - started
         wrong = 1.0 - score(model, prepared.tested).accuracy
         seconds = touch_seconds(model, prepared.tested)

@@ -26,7 +26,12 @@ if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
 
 LEARNT, TESTED = 8, 8  # touches of each gesture that are trained on, and named
-LEVELS = ("clean", "varied", "mujoco")
+SETTINGS: dict[str, Setting] = {  # of `skinmap simulate`
+    "clean": {"physics": "ours", "variety": "none"},
+    "varied": {"physics": "ours", "variety": "wide"},
+    "mujoco": {"physics": "mujoco"},
+}
+LEVELS = tuple(SETTINGS)
 UP = {"clean": "varied", "varied": "mujoco", "mujoco": "mujoco:flesh"}
 VARIETY = {"clean": 0.0, "varied": 1.0}
 
@@ -47,12 +52,15 @@ class FidelityTask:
     work = "simulating one touch to learn from"
     truth = "touches of the next level up named wrong, on touches (of several parts: on a part) "
     truth += "held out; clean is tested on varied, varied on MuJoCo, MuJoCo on another variant"
-    knobs = (Knob("fidelity", LEVELS, "varied", "how touches to learn from are simulated"),)
+    knobs = (
+        Knob("physics", ("ours", "mujoco"), "ours", "what presses touches to learn from"),
+        Knob("variety", ("none", "some", "wide"), "wide", "how far our own touches are drawn"),
+    )
 
     def settings(self) -> Sequence[Setting]:
         """All levels whose next one can be simulated here."""
         levels = LEVELS if find_spec("mujoco") else LEVELS[:1]
-        return [{"fidelity": level} for level in levels]
+        return [SETTINGS[level] for level in levels]
 
     def prepare(self, robot: Robot, parts: tuple[str, ...], *, seed: int) -> Skins:
         """Skins that are meshed; of several parts another one is held out for each seed."""
@@ -65,7 +73,9 @@ class FidelityTask:
 
     def run(self, prepared: Skins, setting: Setting, *, seed: int) -> Outcome:
         """Simulate touches, learn from them, and name those of the next level."""
-        level = str(setting["fidelity"])
+        level = next((name for name, one in SETTINGS.items() if one == setting), None)
+        if level is None:
+            raise InvalidArrayError(f"no fidelity {dict(setting)}; the settings are {SETTINGS}")
         learnt: list[Touch] = []
         started = time.process_time()
         for number, skin in enumerate(prepared.learn):

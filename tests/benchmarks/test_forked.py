@@ -7,7 +7,8 @@ import sys
 import pytest
 
 PROGRAM = """
-import os
+import os, sys
+sys.path.insert(0, os.getcwd())
 from benchmarks.harness import forked
 kept = []
 def run(what, n=1):

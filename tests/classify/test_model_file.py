@@ -128,7 +128,7 @@ def test_files_inside_that_are_missing_or_empty_are_refused(saved, name, data):
 
 def test_another_format_is_refused_by_name(saved):
     rewrite(saved, model__json=json.dumps({**head(saved), "format": "skinmap-model-99"}))
-    with pytest.raises(DataFormatError, match="'skinmap-model-99', expected 'skinmap-model-2'"):
+    with pytest.raises(DataFormatError, match="'skinmap-model-99', expected 'skinmap-model-3'"):
         load_classifier(saved)
 
 

@@ -20,8 +20,8 @@ from skinmap.touch.simulator import simulate
 
 FOOT = ("--part", "left_foot")
 TOUCH = {
-    "event", "touch", "part", "label", "confidence", "start_s", "duration_s", "area_mm2", "path_mm",
-    "peak", "centre_mm", "contacts",
+    "event", "touch", "part", "label", "confidence", "names", "start_s", "duration_s", "area_mm2",
+    "path_mm", "peak", "centre_mm", "contacts",
 }  # fmt: skip
 
 
@@ -127,7 +127,7 @@ def test_one_process_publishes_and_another_names(made):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("nowhere",), "no source 'nowhere'; the sources are: sim, lsl, zmq"),
+        (("nowhere",), "no source 'nowhere'; the sources are: sim, lsl, mujoco, zmq"),
         (("gone.mcap",), "no file 'gone.mcap'"),
         (("sim:rough",), "'sim' or 'sim:raw'"),
         (("sim", "--part", "head"), "no part 'head'"),

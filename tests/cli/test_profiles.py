@@ -17,7 +17,7 @@ from skinmap.profile import KNOBS, Allowed
 from skinmap.trade.task import tasks
 
 # Those that write profiles.
-WITHOUT = {"trade"}
+WITHOUT = {"trade", "list"}  # makes profiles; names what exists
 HEAD = f'[profile]\nformat = 1\nskinmap = "{__version__}"\nrobot = "icub"\npart = "left_foot"\n'
 NAMES = {"classifier": "histogram", "layer": "pressure"}
 

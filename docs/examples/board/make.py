@@ -17,9 +17,9 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[2]))
 
-import links  # noqa: E402
 from scipy.spatial.transform import Rotation  # noqa: E402
 
+from benchmarks.calibration import links  # noqa: E402
 from benchmarks.calibration.patches import Case, far_apart, simulate_touches  # noqa: E402
 from skinmap.arrays import FloatArray, IntArray  # noqa: E402
 from skinmap.geometry.triangles import face_normals  # noqa: E402

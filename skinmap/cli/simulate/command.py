@@ -120,7 +120,7 @@ def sensing_options(command: Any) -> Any:
 @click.option("--seconds", type=Number(min=0.0, min_open=True), help="End the stream.")
 @click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
 @seed_option
-@profile_option()
+@profile_option("fidelity")
 @prints(SimulateResult, StreamResult)
 def command(
     robot: str,
