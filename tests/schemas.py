@@ -1,12 +1,8 @@
-"""Holds what commands print with --json to docs/schemas, whatever test runs them.
-
-With `SKINMAP_JSON_SAMPLES=folder` what they print is written there instead, to write a schema by.
-"""
+"""Holds what commands print with --json to docs/schemas, whatever test runs them."""
 
 from __future__ import annotations
 
 import json
-import os
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,11 +16,10 @@ GROUPS = ("calibrate", "cache")  # their commands have a word more
 
 @cache
 def validator(name: str) -> Any:
-    """The check of one command's output; None where it has no schema (docs/schemas lists all)."""
+    """The check of one command's output; every command has a schema."""
     from jsonschema import Draft202012Validator
 
-    path = FOLDER / f"{name}.json"
-    return Draft202012Validator(json.loads(path.read_text())) if path.is_file() else None
+    return Draft202012Validator(json.loads((FOLDER / f"{name}.json").read_text()))
 
 
 def command_name(words: list[str]) -> str:
@@ -49,17 +44,12 @@ def check(words: list[str], result: Result) -> None:
         return
     printed, live = objects(result.stdout)
     name = command_name(words) + ("-live" if live else "")
-    if folder := os.environ.get("SKINMAP_JSON_SAMPLES"):
-        with (Path(folder) / f"{name}.jsonl").open("a") as file:
-            file.writelines(json.dumps(one) + "\n" for one in printed)
-        return
     found = validator(name)
-    if found is not None:
-        for one in printed:
-            faults = sorted(found.iter_errors(one), key=str)
-            assert not faults, f"{name} --json against docs/schemas: {faults[0].message}"
-            new = set(one) - top_keys(found.schema)
-            assert not new, f"{name} --json has keys that docs/schemas does not: {sorted(new)}"
+    for one in printed:
+        faults = sorted(found.iter_errors(one), key=str)
+        assert not faults, f"{name} --json against docs/schemas: {faults[0].message}"
+        new = set(one) - top_keys(found.schema)
+        assert not new, f"{name} --json has keys that docs/schemas does not: {sorted(new)}"
 
 
 def top_keys(schema: Any) -> set[str]:

@@ -71,8 +71,3 @@ def _row(tag: str, kinds: Sequence[str], cells: Sequence[str]) -> str:
         f"<{tag}{kind}>{escape(cell)}</{tag}>" for kind, cell in zip(kinds, cells, strict=True)
     )
     return f"<tr>{inner}</tr>"
-
-
-def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]]) -> None:
-    """Print a table for people."""
-    Table(columns, rows).print()

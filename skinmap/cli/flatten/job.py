@@ -138,7 +138,7 @@ def work(
     drawn = {part: drawn_charts(maps[part], read_drawing(path)) for part, path in drawings.items()}
     metric = face_metric(options.metric)
     rows = [
-        _patch_row(part, flat, chart, metric)
+        _patch_row(part, flat, chart, metric, np.random.default_rng(options.seed))
         for part, flat in maps.items()
         for chart in flat.charts
     ]
@@ -252,10 +252,12 @@ def _figures(distortion: Distortion) -> dict[str, Any]:
     return {k: Spread(**v) if isinstance(v, Mapping) else v for k, v in summary.items()}
 
 
-def _patch_row(part: str, flat: FlatMap, chart: Chart, metric: FaceMetric) -> PatchRow:
+def _patch_row(
+    part: str, flat: FlatMap, chart: Chart, metric: FaceMetric, rng: np.random.Generator
+) -> PatchRow:
     stress = error = None
     if len(chart.taxels) <= MAX_GEODESIC:
-        vertices, rng = flat.mesh.vertices[chart.taxels], np.random.default_rng(0)
+        vertices = flat.mesh.vertices[chart.taxels]
         found = geodesic_stress(vertices, chart.faces, chart.uv, rng=rng)
         stress, error = found.value, found.error
     return PatchRow(
