@@ -14,8 +14,8 @@ from skinmap.commands.options import (
     open_robot,
     part_option,
     prints,
-    robot_argument,
     seed_option,
+    shown_argument,
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
@@ -97,7 +97,7 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
 
 
 @click.command("view", short_help="Touches on the body: window, browser, picture or movie.")
-@robot_argument
+@shown_argument
 @part_option
 @click.option(
     "--source",
@@ -185,10 +185,11 @@ def view(**options: Any) -> None:
     """Show touches on the robot's body, with the flat map of the touched part beside it.
 
     Opens a window; press h in it for all keys. Pictures, movies and files need no screen.
+    Without ROBOT it is the one that was recorded, else the iCub.
 
     \b
     Example:  skinmap view icub --part torso --part left_arm --source sim
-              skinmap view icub --source touches.npz --screenshot touches.png
+              skinmap view --source touches.npz --screenshot touches.png
     """
     present(run_view(options), lambda _: (), as_json=options["as_json"])
 

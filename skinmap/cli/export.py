@@ -170,7 +170,7 @@ class ExportedRecording:
     help="Format to write taxels in.  [default: csv]",
 )  # fmt: skip
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path), required=True, help="File to write."
+    "-o", "--out", "output", type=click.Path(path_type=Path), required=True, help="File to write."
 )
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
 @click.option("--read-as", help="Format of a bare table, if its suffix does not tell.")

@@ -55,7 +55,8 @@ class RecordResult:
 @click.argument("source")
 @click.option(
     "-o",
-    "--output",
+    "--out",
+    "output",
     type=click.Path(path_type=Path, dir_okay=False),
     required=True,
     help="MCAP file to write.",

@@ -94,7 +94,8 @@ class TrainResult:
 )
 @click.option(
     "-o",
-    "--output",
+    "--out",
+    "output",
     type=click.Path(path_type=Path),
     default=Path("touch.skinmodel"),
     show_default=True,

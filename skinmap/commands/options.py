@@ -45,6 +45,7 @@ outside_option = click.option(
     help="Let a manifest read files outside its own folder.",
 )
 _robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
+_shown_argument = click.argument("robot", required=False, metavar="[ROBOT]")
 _robot_option = click.option(
     "--robot", help="Robot that was recorded.  [default: what the recording says, else icub]"
 )
@@ -53,6 +54,11 @@ _robot_option = click.option(
 def robot_argument(command: F) -> F:
     """The robot as an argument, with the option that lets its manifest look around."""
     return _robot_argument(outside_option(command))
+
+
+def shown_argument(command: F) -> F:
+    """The robot as an argument, for commands that may be given a recording, which knows its own."""
+    return _shown_argument(outside_option(command))
 
 
 def robot_option(command: F) -> F:

@@ -102,7 +102,7 @@ def run(*arguments: str):
     ("arguments", "said"),
     [
         (("--publish", "zmq:5555", "--pairs", "3"), "leave out --pairs"),
-        (("--publish", "zmq:5555", "-o", "x.npz"), "leave out --output"),
+        (("--publish", "zmq:5555", "-o", "x.npz"), "leave out --out"),
         (("--publish", "zmq:5555", "--per-gesture", "3"), "leave out --per-gesture"),
         (("--seconds", "3"), "are for streams: add --publish"),
         (("--raw",), "are for streams: add --publish"),

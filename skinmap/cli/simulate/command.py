@@ -105,7 +105,8 @@ def sensing_options(command: Any) -> Any:
 @sensing_options
 @click.option(
     "-o",
-    "--output",
+    "--out",
+    "output",
     type=click.Path(path_type=Path),
     default=Path("touches.npz"),
     show_default=True,
@@ -278,10 +279,9 @@ def _refuse_given(
     """Refuse options that make no sense here, where the user gave them."""
     context = click.get_current_context()
     default = (ParameterSource.DEFAULT, ParameterSource.DEFAULT_MAP)
-    for name in names:
-        if context.get_parameter_source(name) not in default:
-            option = "--" + name.replace("_", "-")
-            raise click.UsageError(f"{why} {option}")
+    for option in context.command.params:
+        if option.name in names and context.get_parameter_source(option.name) not in default:
+            raise click.UsageError(f"{why} {option.opts[-1]}")
 
 
 def _counts(labels: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str, int]:
