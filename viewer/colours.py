@@ -72,6 +72,8 @@ CLASS_COLOURS = (
     "#1f6fd0", "#00966f", "#6a1b7a", "#101418", "#4fb0e8", "#5d6b00",
     "#c2f200", "#0002f2", "#94f291",
 )  # fmt: skip
+NAMELESS = "#66717d"
+NO_NAMES = ("touch", "unknown", "no_contact")  # as the loop and classifiers have them
 
 
 @lru_cache(maxsize=256)
@@ -106,6 +108,8 @@ def ramp(stops_: Sequence[tuple[float, str]], n: int = 256) -> NDArray[np.uint8]
 
 def class_colour(label: str) -> str:
     """The colour of a class of touches: the same in every picture and every run."""
+    if label in NO_NAMES:
+        return NAMELESS
     names = list(GESTURES)
     number = names.index(label) if label in names else len(names) + zlib.crc32(label.encode())
     return CLASS_COLOURS[number % len(CLASS_COLOURS)]

@@ -115,3 +115,13 @@ def test_letters_on_a_label_can_be_read():
         light = luminance(np.array([rgb(colour), rgb(ink_on(colour))]))
         # WCAG 2.1, large bold text: a contrast of at least 3.
         assert (light.max() + 0.05) / (light.min() + 0.05) > 3.0
+
+
+def test_touches_without_a_name_are_grey():
+    from skinmap.classify.classifier import NO_CONTACT
+    from skinmap.classify.rejection import UNKNOWN
+    from skinmap.live.contacts.named_touch import UNNAMED
+
+    for name in (UNNAMED, UNKNOWN, NO_CONTACT):
+        channels = rgb(class_colour(name))
+        assert np.ptp(channels) < 0.15, name
