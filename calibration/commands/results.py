@@ -92,7 +92,8 @@ class EvidenceRow:
     expected_mm
         Root of the expected mean square of the former.
     misfit
-        Square of the one over that of the other, a coordinate: above 6 it contradicts.
+        Square of the one over that of the other, a coordinate along the skin: above 6.5 it
+        contradicts.
     """
 
     channel: int

@@ -28,7 +28,9 @@ class LeftOut:
     expected : (k,) float
         Root of the mean square that is expected of it: its own error and that of the rest [m].
     misfit : (k,) float
-        Mean square of a coordinate over what is expected; 1 on average, above 6 it contradicts.
+        Mean square of a coordinate over what is expected, of the two along the skin or of all
+        three, whichever is larger; about 1 on average, above 6.5 it contradicts. A point on the
+        wrong taxel is off along the skin alone: the third coordinate would only add noise.
     """
 
     distance: FloatArray
@@ -51,7 +53,9 @@ class LeftOut:
         return len(self.distance)
 
 
-def leave_one_out(joint: FloatArray, evidence: Evidence, missed: FloatArray) -> LeftOut:
+def leave_one_out(
+    joint: FloatArray, evidence: Evidence, missed: FloatArray, normals: FloatArray
+) -> LeftOut:
     """Errors of evidence that the rest predicts.
 
     Parameters
@@ -61,6 +65,8 @@ def leave_one_out(joint: FloatArray, evidence: Evidence, missed: FloatArray) -> 
     evidence : Evidence
     missed : (k, 3) float
         From each point to the sheet there [m].
+    normals : (n, 3) float
+        Of the taxels.
     """
     _, weight = evidence.loss(missed)
     own = np.einsum("kn,niml,km->kil", evidence.blend, joint, evidence.blend, optimize=True)
@@ -69,8 +75,23 @@ def leave_one_out(joint: FloatArray, evidence: Evidence, missed: FloatArray) -> 
     turned = np.einsum("kji,kj->ki", axes, missed)
     error = rest * turned
     variance = evidence.sigma[:, None] ** 2 + rest * share / weight[:, None]
+    whole = (error**2 / variance).sum(axis=1)
     return LeftOut(
         np.asarray(np.linalg.norm(error, axis=1)),
         np.asarray(np.sqrt(variance.sum(axis=1))),
-        np.asarray((error**2 / variance).mean(axis=1)),
+        np.maximum(whole / 3.0, _along(axes, error, variance, evidence.blend @ normals) / 2.0),
     )
+
+
+def _along(
+    axes: FloatArray, error: FloatArray, variance: FloatArray, normals: FloatArray
+) -> FloatArray:
+    """(k,) squared errors along the skin over what is expected of them, two coordinates each.
+
+    Of the marginal distribution of a normal one: the whole, less the share along the direction
+    that is projected out, in the metric of the variance.
+    """
+    across = np.einsum("kji,kj->ki", axes, normals)
+    whole = (error**2 / variance).sum(axis=1)
+    inner = (across * error / variance).sum(axis=1)
+    return np.asarray(whole - inner**2 / (across**2 / variance).sum(axis=1))

@@ -18,10 +18,11 @@ from skinmap.geometry.proximity import median_spacing
 
 COVERAGE = 0.25  # share of the patch inside the hull of its evidence
 RIVAL = 1.05  # a second minimum of at most this many times the cost is as good
-# Mean square of a coordinate of an anchor that the others predict, over what is expected of it.
-# The largest of 199 honest runs on the family of links and the iCub had 5.5; an anchor that is 9 mm
-# off has 12 to 25 as a rule, and 3 to 7 where the noise of the others hides it.
-CONTRADICTION = 6.0
+# Mean square of a coordinate along the skin of an anchor that the others predict, over what is
+# expected of it: honest noise of two coordinates exceeds it once in 670 anchors (chi squared of
+# 13), which refuses 0.6 to 1.2 % of honest runs with 4 to 8 of them. An anchor that is 9 mm off has
+# 12 to 35 as a rule, and 4 to 7 where the noise of the others hides it.
+CONTRADICTION = 6.5
 TOUCHED = 0.4  # as COVERAGE, for touches, of which there are many
 FEWEST_TOUCHES = 8  # fewer cannot show which of them are wrong
 AGREES = 3.0  # residual of a touch over its spread, in space
@@ -80,7 +81,7 @@ def judge(
     faces = facing(board, x)
     _, normals = target.project(x, faces)
     missed = evidence.missed(x, normals)
-    left_out = leave_one_out(everything, evidence, missed)
+    left_out = leave_one_out(everything, evidence, missed, normals)
     relative = missed / evidence.sigma[:, None]
     agrees = ~evidence.doubted | ((relative**2).sum(axis=1) < AGREES**2)
     places = evidence.blend[agrees] @ board.layout
