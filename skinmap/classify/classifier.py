@@ -119,11 +119,17 @@ class Classifier(Summary):
         return tuple(map(str, self.estimator.classes_))
 
     def fit(
-        self, touches: Sequence[Touch], *, rng: np.random.Generator, sets: bool = False
+        self,
+        touches: Sequence[Touch],
+        *,
+        rng: np.random.Generator,
+        sets: bool = False,
+        least: int = CALIBRATION_FOLDS,
     ) -> TouchClassifier:
         """Train on labelled touches; with `sets` so that sets of names can be promised, too.
 
-        That takes a training for each of five groups of parts or persons left out.
+        That takes a training for each of five groups of parts or persons left out. Fewer than
+        `least` touches of a label are refused.
 
         Raises
         ------
@@ -137,10 +143,10 @@ class Classifier(Summary):
         labels = np.array([touch.label for touch in touches])
         touched = np.array([len(row) > 0 for row in rows], bool)
         kinds, count = np.unique(labels[touched], return_counts=True)
-        if len(kinds) < 2 or count.min() < CALIBRATION_FOLDS:
+        if len(kinds) < 2 or count.min() < least:
             have = ", ".join(f"{n} {kind}" for kind, n in zip(kinds, count, strict=True))
             raise InvalidArrayError(
-                f"training needs two labels or more, and of each {CALIBRATION_FOLDS} touches in "
+                f"training needs two labels or more, and of each {least} touches in "
                 f"contact; got: {have or 'none'}"
             )
         table = np.concatenate(rows)

@@ -88,8 +88,12 @@ def likeliest(classifier: TouchClassifier, touch: Touch) -> Prediction:
 def score(classifier: TouchClassifier, touches: Sequence[Touch]) -> Score:
     """Accuracy per touch event; NaN where there is no touch."""
     named = [likeliest(classifier, touch) for touch in touches]
+    return score_of(named, touches, float(getattr(classifier.estimator, "reject_", 0.0)))
+
+
+def score_of(named: Sequence[Prediction], touches: Sequence[Touch], least: float) -> Score:
+    """Accuracy of names that were given; `unknown` is the share below a confidence."""
     right = np.array([one.label == touch.label for one, touch in zip(named, touches, strict=True)])
-    least = float(getattr(classifier.estimator, "reject_", 0.0))
     unsure = np.array([one.confidence < least for one in named])
     labels = np.array([touch.label for touch in touches])
     parts = np.array([touch.skin.skin.part for touch in touches])

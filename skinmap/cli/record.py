@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import glob
 import signal
+import sys
+import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
@@ -21,6 +24,7 @@ from skinmap.commands.options import (
     seed_option,
 )
 from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import is_quiet
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -29,6 +33,7 @@ if TYPE_CHECKING:
     from skinmap.live.sources.source import Source
 
 LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk before dropping
+SHOWN, LOGGED = 0.25, 5.0  # seconds between two lines on a terminal, and in a log
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -39,6 +44,8 @@ class RecordResult:
     ----------
     samples, dropped
         Written, and lost because the disk was too slow.
+    touches
+        That were marked, by label; empty without --label and --model.
     bytes
         Of all files.
     files
@@ -47,6 +54,7 @@ class RecordResult:
 
     samples: int
     dropped: int
+    touches: dict[str, int]
     bytes: int
     files: list[str]
 
@@ -69,6 +77,8 @@ class RecordResult:
 @click.option(
     "--model", type=click.Path(path_type=Path), help="Mark every touch with what a model says."
 )
+@click.option("--session", default="", help="When, in words: to leave out in `evaluate`.")
+@click.option("--person", default="", help="Who touches, in words: to leave out in `evaluate`.")
 @click.option(
     "--rotate-mb", type=Number(min=0.01), default=1024.0, show_default=True,
     help="Begin another file at this size.",
@@ -93,6 +103,8 @@ def command(
     seconds: float | None,
     label: str | None,
     model: Path | None,
+    session: str,
+    person: str,
     rotate_mb: float,
     rotate_minutes: float,
     speed: float,
@@ -103,12 +115,14 @@ def command(
 
     SOURCE is sim, mujoco:FILE, lsl:NAME, zmq:HOST:PORT or a recording. At most 0.2 s are lost
     if the process is killed; a full disk ends the recording, and what was written stays readable.
-    Of a source of raw values, --label and --model record the pressures too.
+    Of a source of raw values, --label and --model record the pressures too. Touches are marked when
+    they end, grouped as `classify` groups them: a hand is one touch, however many contacts it makes.
 
     \b
     Example:  skinmap record lsl:demo -o touch.mcap --seconds 60
-              skinmap record sim --label poke --part torso -o poke.mcap
+              skinmap record sim --label poke --part torso --person ada -o poke.mcap
     """
+    from skinmap.classify.given_name import GivenName
     from skinmap.classify.model_file import load_classifier
     from skinmap.errors import UnknownNameError
     from skinmap.live.loop import TouchLoop
@@ -116,6 +130,7 @@ def command(
     from skinmap.live.recording.recording_tap import RecordingTap
     from skinmap.live.sources.open_source import open_source
     from skinmap.live.sources.source import Seekable, blocks
+    from skinmap.touch.labels import check_label
 
     if label is not None and model is not None:
         raise click.UsageError("--label and --model both name the touches; give one")
@@ -124,14 +139,20 @@ def command(
     _check_output(output, source, force=force)
     loaded, _ = open_robot(robot, parts)
     classifier = None if model is None else load_classifier(model)
+    if label is not None:
+        classifier = GivenName(check_label(label))
+    session, person = (check_label(word) if word else "" for word in (session, person))
     origin = open_source(source, robot=loaded, parts=parts or None, seed=seed, speed=speed)
-    named = label is not None or model is not None
+    named = classifier is not None
+    shown = _Shown(output, sys.stderr)
     try:
         recorder = Recorder(
             output,
             origin.info,
             robot=loaded,
             widths=_pressures(origin, loaded) if named else None,
+            session=session,
+            person=person,
             rotate_bytes=rotate_mb * 2**20,
             rotate_seconds=rotate_minutes * 60.0,
         )
@@ -142,20 +163,24 @@ def command(
         try:
             with _stopped_politely(), closing(recorder), suppress(KeyboardInterrupt):
                 if named:
-                    _follow(TouchLoop(loaded, recorded, classifier=classifier), recorder, label)
+                    # Whatever the machine has to do: the same marks for the same samples.
+                    loop = TouchLoop(loaded, recorded, classifier=classifier, live=False)
+                    _follow(loop, recorder, shown)
                 else:
-                    for _ in blocks(recorded):
-                        pass
+                    for block in blocks(recorded):
+                        shown.add(len(block))
         except Exception:
             for file in recorder.files:
                 if file.exists():
                     click.echo(f"written until then: {file}", err=True)
             raise
     finally:
+        shown.end()
         origin.close()
     result = RecordResult(
         samples=recorder.counts.written,
         dropped=recorder.counts.dropped,
+        touches=dict(sorted(shown.touches.items())),
         bytes=sum(file.stat().st_size for file in recorder.files),
         files=[str(file) for file in recorder.files],
     )
@@ -179,6 +204,42 @@ def _check_output(output: Path, source: str, *, force: bool) -> None:
 def _lines(result: RecordResult) -> Iterator[str]:
     size = result.bytes / 1e6
     yield f"{result.samples} samples, {result.dropped} dropped, {size:.1f} MB"
+    if result.touches:
+        yield _counted(result.touches)
+
+
+def _counted(touches: dict[str, int]) -> str:
+    named = ", ".join(f"{count} {label}" for label, count in sorted(touches.items()))
+    return f"{sum(touches.values())} touches: {named}" if touches else "0 touches"
+
+
+class _Shown:
+    """Samples, touches and labels so far: one line that is written over, or lines in a log."""
+
+    def __init__(self, output: Path, stream: Any) -> None:
+        self.touches: Counter[str] = Counter()
+        self._name, self._stream = output.name, stream
+        self._quiet, self._over = is_quiet(), stream.isatty()
+        self._samples, self._told, self._width = 0, time.monotonic(), 0
+
+    def add(self, samples: int = 0, label: str = "") -> None:
+        """Count, and say so where the last line is old enough."""
+        self._samples += samples
+        if label:
+            self.touches[label] += 1
+        now = time.monotonic()
+        if not self._quiet and now - self._told >= (SHOWN if self._over else LOGGED):
+            self._told = now
+            line = f"{self._name}: {self._samples} samples, {_counted(self.touches)}"
+            self._stream.write(f"\r{line:{self._width}}" if self._over else f"{line}\n")
+            self._stream.flush()
+            self._width = len(line) if self._over else 0
+
+    def end(self) -> None:
+        """Wipe the line, where there is one."""
+        if self._width:
+            self._stream.write("\r" + " " * self._width + "\r")
+            self._stream.flush()
 
 
 @contextmanager
@@ -199,11 +260,10 @@ def _stopped_politely() -> Iterator[None]:
             signal.signal(kind, handler)
 
 
-def _follow(loop: TouchLoop, recorder: Recorder, label: str | None) -> None:
-    """Record samples, pressures and touches with their names."""
+def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
+    """Record samples, pressures and, once each is over, touches with their names."""
     from skinmap.live.sources.source import SourceEnded
 
-    seen: set[int] = set()
     try:
         while True:
             moment = loop.step(0.5)
@@ -211,28 +271,23 @@ def _follow(loop: TouchLoop, recorder: Recorder, label: str | None) -> None:
                 continue
             if loop.info.kind == "raw":
                 recorder.put(_pressure_block(moment, loop.info.parts), "pressure")
-            for touch in moment.touches:
-                # What a model says is only final at the end; a given name is from the beginning.
-                if label is not None and touch.identity not in seen:
-                    seen.add(touch.identity)
-                    recorder.mark(touch.part, touch.identity, label, began=touch.began)
-            _mark_ended(loop, recorder, label, seen)
+            shown.add(1)
+            _mark_ended(loop, recorder, shown)
     except (SourceEnded, KeyboardInterrupt):
         loop.finish()
-        _mark_ended(loop, recorder, label, seen)
+        _mark_ended(loop, recorder, shown)
 
 
-def _mark_ended(loop: TouchLoop, recorder: Recorder, label: str | None, seen: set[int]) -> None:
-    from skinmap.classify.classifier import NO_CONTACT
-    from skinmap.classify.rejection import UNKNOWN
-    from skinmap.live.contacts.named_touch import UNNAMED
+def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
+    """Mark the touches that are over; what nobody could name is nothing to train on."""
+    from skinmap.touch.labels import RESERVED
 
     for event in loop.finished():
-        seen.discard(event.identity)
-        name = label or event.label
-        # Too short to be named, or named with no confidence: nothing to train on.
-        if name not in (UNNAMED, UNKNOWN, NO_CONTACT) or label is not None:
-            recorder.mark(event.part, event.identity, name, began=event.began, ended=event.ended)
+        if event.label not in RESERVED:
+            recorder.mark(
+                event.part, event.identity, event.label, began=event.began, ended=event.ended
+            )
+            shown.add(label=event.label)
 
 
 def _pressure_block(moment: Any, parts: tuple[str, ...]) -> Any:

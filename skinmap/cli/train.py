@@ -1,18 +1,31 @@
-"""`skinmap train`: train a touch classifier on a recording."""
+"""`skinmap train`: train a touch classifier on recordings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 from click.core import ParameterSource
 
-from skinmap.commands.options import open_robot, part_option, prints, robot_option, seed_option
+from skinmap.commands.options import part_option, prints, robot_option, seed_option
 from skinmap.commands.profiles import profile_option
+from skinmap.commands.progress import progress
 from skinmap.report.present import present
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
+    from skinmap.classify.classifier import TouchClassifier
+    from skinmap.classify.descriptors import Touch
+    from skinmap.cli.collection import Collection
+
+    Touches = list[Touch]
+
+SHOWN = 12  # sessions or people that a line names
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,6 +59,26 @@ class Tested:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class TrainedPart:
+    """A skin that was trained on.
+
+    Attributes
+    ----------
+    robot, part
+        Which.
+    taxels
+        Its size.
+    touches
+        Recorded there.
+    """
+
+    robot: str
+    part: str
+    taxels: int
+    touches: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class TrainResult:
     """A model and how well it does.
 
@@ -59,14 +92,25 @@ class TrainResult:
         That it knows.
     touches
         That it was trained on.
+    simulated
+        Of them, by label, simulated ones; nothing is tested on these.
     seed
         Of all randomness.
+    tested_by
+        Touches that were held out, or all of them in turn where there are few: then the model is
+        trained on all.
     accuracy
         On touches that it has not seen.
     tested
         How many those were.
     per_part
         Accuracy by part.
+    skins
+        That were recorded.
+    people, sessions
+        Recorded touches of each; people who are not named are left out.
+    warnings
+        What the figures rest on, and should not.
     files
         The model.
     """
@@ -75,15 +119,21 @@ class TrainResult:
     settings: dict[str, Any]
     labels: list[str]
     touches: int
+    simulated: dict[str, int]
     seed: int
+    tested_by: Literal["held_out", "cross_validation"]
     accuracy: Accuracy
     tested: Tested
     per_part: dict[str, float]
+    skins: list[TrainedPart]
+    people: dict[str, int]
+    sessions: dict[str, int]
+    warnings: list[str]
     files: list[str]
 
 
 @click.command("train")
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
 @robot_option
 @part_option
 @click.option(
@@ -102,6 +152,12 @@ class TrainResult:
     help="Model to write.",
 )
 @click.option(
+    "--with-simulated",
+    type=click.IntRange(1, 1000),
+    metavar="N",
+    help="Add N simulated touches of each recorded label that the simulator knows, on each skin.",
+)
+@click.option(
     "--radius-mm",
     help="Histograms: of a neighbourhood, or auto, as structures has it.  [default: 8]",
 )
@@ -115,90 +171,200 @@ class TrainResult:
 @profile_option("classify")
 @prints(TrainResult)
 def command(
-    recording: Path,
+    recordings: tuple[Path, ...],
     robot: str | None,
     parts: tuple[str, ...],
     classifier: str,
     output: Path,
+    with_simulated: int | None,
     seed: int,
     as_json: bool,
     **knobs: Any,
 ) -> None:
-    """Train on the parts given (all recorded parts by default) and test at once.
+    """Train on RECORDINGS, files and folders of them, of one robot or several.
 
-    A third of the touches is held out; recorded parts that are not trained on are a second test.
+    The parts given are trained on, all that were recorded by default. A third of the touches is
+    held out; recorded parts that are not trained on are a second test. Where a label has few
+    touches, five for one, the model learns from all and each is tested by a model without it.
 
     The model keeps its settings: `classify` needs to be told none of them. Settings that do not
     concern the classifier are refused.
 
     \b
     Example:  skinmap train touches.npz --part torso --part left_arm -o touch.skinmodel
+              skinmap train poke.mcap rub.mcap monday/ --with-simulated 20
     """
-    result = work(recording, robot, parts, classifier, output, seed, _own_knobs(knobs))
-    present(result, _lines, as_json=as_json)
+    chosen = Training(classifier, parts, seed, with_simulated or 0, _own_knobs(knobs))
+    present(work(recordings, robot, output, chosen), _lines, as_json=as_json)
+
+
+@dataclass(frozen=True, slots=True)
+class Training:
+    """What is trained: a classifier and its knobs, on which parts, with how much simulation."""
+
+    classifier: str
+    parts: tuple[str, ...]
+    seed: int
+    simulated: int
+    knobs: dict[str, Any]
+
+    def untrained(self) -> TouchClassifier:
+        """The classifier before training; knobs that do not concern it are refused."""
+        from skinmap.classify.classifier_options import tuned_classifier
+
+        return tuned_classifier(self.classifier, self.knobs)
 
 
 def work(
-    recording: Path,
-    robot: str | None,
-    parts: tuple[str, ...],
-    classifier: str,
-    output: Path,
-    seed: int,
-    knobs: dict[str, Any],
+    recordings: Sequence[Path], robot: str | None, output: Path, chosen: Training
 ) -> TrainResult:
     """Train, write the model, and test it on what it has not seen."""
     import numpy as np
 
     from skinmap.classify.classifier import WITH_SETS
-    from skinmap.classify.classifier_options import tuned_classifier
-    from skinmap.classify.evaluate import score, split_touches
+    from skinmap.classify.evaluate import score
+    from skinmap.classify.few_shot import is_few, score_in_turn
     from skinmap.classify.model_file import save_classifier
+    from skinmap.cli.collection import collect
     from skinmap.cli.structures import auto_radius_of, read_radius
     from skinmap.io.output import staged_file
-    from skinmap.io.recordings.touch_files import load_recordings
     from skinmap.neighbours.structures import RADIUS
-    from skinmap.touch.prepared_skin import prepare_skins
 
+    knobs = chosen.knobs
     auto = knobs.get("radius_mm") == "auto"
     if knobs.get("radius_mm") is not None:
         knobs["radius_mm"] = round(1e3 * (read_radius(knobs["radius_mm"]) or RADIUS), 9)
-    untrained = tuned_classifier(classifier, knobs)
-    recordings = load_recordings(recording)
-    loaded, _ = open_robot(robot, ())
-    skins = prepare_skins(loaded, recordings)
+    chosen.untrained()  # refuses knobs before anything is read
+    found = collect(recordings, robot)
     if auto:
-        knobs["radius_mm"] = 1e3 * auto_radius_of(skins)
-        untrained = tuned_classifier(classifier, knobs)
-    rng = np.random.default_rng(seed)
-    split = split_touches(skins, recordings, parts or tuple(skins), rng=rng)
+        knobs["radius_mm"] = 1e3 * auto_radius_of({part: one for (_, part), one in found.skins.items()})
+    rng = np.random.default_rng(chosen.seed)
+    train, same, other = _split(found, chosen.parts, rng)
+    extra = _simulated(found, train, chosen.simulated, rng)
+    few = is_few(train + same)
+    if few:
+        train, same = train + same, []
     with staged_file(output) as stage:
-        model = untrained.fit(split.train, rng=rng, sets=classifier in WITH_SETS)
+        model = chosen.untrained()
+        model.fit(train + extra, rng=rng, sets=chosen.classifier in WITH_SETS)
         save_classifier(model, stage)
-    same, other = score(model, split.same_parts), score(model, split.other_parts)
+    seen = score_in_turn(chosen.untrained, train, extra, rng=rng) if few else score(model, same)
+    unseen = score(model, other)
+    people = {name: count for name, count in found.count("person").items() if name}
     return TrainResult(
-        classifier=classifier,
+        classifier=chosen.classifier,
         settings={name: value for name, value in knobs.items() if value is not None},
         labels=list(model.labels),
-        touches=len(split.train),
-        seed=seed,
-        accuracy=Accuracy(same_parts=same.accuracy, other_parts=other.accuracy),
-        tested=Tested(same_parts=same.touches, other_parts=other.touches),
-        per_part={**same.per_part, **other.per_part},
+        touches=len(train) + len(extra),
+        simulated=dict(sorted(Counter(touch.label for touch in extra).items())),
+        seed=chosen.seed,
+        tested_by="cross_validation" if few else "held_out",
+        accuracy=Accuracy(same_parts=seen.accuracy, other_parts=unseen.accuracy),
+        tested=Tested(same_parts=seen.touches, other_parts=unseen.touches),
+        per_part={**seen.per_part, **unseen.per_part},
+        skins=_skins(found),
+        people=people,
+        sessions=found.count("session"),
+        warnings=list(found.doubts()),
         files=[str(output)],
     )
+
+
+def _split(found: Collection, parts: Sequence[str], rng: Generator) -> tuple[Touches, ...]:
+    """Touches to train on, others of the same parts, and those of other parts; of each skin apart.
+
+    Raises
+    ------
+    UnknownNameError
+        A part to train on that no recording is of.
+    """
+    from skinmap.classify.evaluate import HELD_OUT
+    from skinmap.classify.protocols.recordings import check_spelling
+    from skinmap.errors import UnknownNameError
+
+    for part in parts:
+        if part not in found.parts:
+            raise UnknownNameError("recorded part", part, found.parts)
+    check_spelling(sorted({one.touch.label for one in found.touches}))
+    train: Touches = []
+    same: Touches = []
+    other: Touches = []
+    for (_, part), skin in found.skins.items():
+        touches = [one.touch for one in found.touches if one.touch.skin is skin]
+        if parts and part not in parts:
+            other += touches
+            continue
+        held = rng.permutation(len(touches)) < HELD_OUT * len(touches)
+        for touch, out in zip(touches, held, strict=True):
+            (same if out else train).append(touch)
+    return train, same, other
+
+
+def _simulated(found: Collection, train: Touches, count: int, rng: Generator) -> Touches:
+    """Simulated touches of the labels that were recorded, on the skins that are trained on.
+
+    Raises
+    ------
+    UsageError
+        No label that the simulator knows.
+    """
+    from skinmap.classify.descriptors import recorded_touches
+    from skinmap.touch.gestures import GESTURES
+    from skinmap.touch.simulator import simulate
+
+    if not count:
+        return []
+    labels = sorted({touch.label for touch in train})
+    known = [label for label in labels if label in GESTURES]
+    if not known:
+        raise click.UsageError(
+            f"--with-simulated: none of {', '.join(labels)} is simulated; the gestures are: "
+            f"{', '.join(GESTURES)}"
+        )
+    skins = dict.fromkeys(touch.skin for touch in train)
+    with progress(len(skins), "simulating") as advance:
+        made: Touches = []
+        for skin in skins:
+            recording = simulate(skin.skin, rng=rng, per_gesture=count, gestures=known)
+            made += recorded_touches(skin, recording)
+            advance(skin.skin.part)
+    return made
+
+
+def _skins(found: Collection) -> list[TrainedPart]:
+    counts = found.count("robot", "part")
+    return [
+        TrainedPart(robot=robot, part=part, taxels=len(skin), touches=counts.get((robot, part), 0))
+        for (robot, part), skin in found.skins.items()
+    ]
 
 
 def _lines(result: TrainResult) -> Iterator[str]:
     labels = ", ".join(result.labels)
     yield f"{result.classifier}: trained on {result.touches} touches of {labels}"
+    if result.simulated:
+        yield f"{sum(result.simulated.values())} of them simulated: {_counted(result.simulated)}"
+    for one in result.skins:
+        yield f"{one.robot} {one.part}, {one.taxels} taxels: {one.touches} touches"
+    for what, counts in (("sessions", result.sessions), ("people", result.people)):
+        if counts:
+            yield f"{what}: {_counted(counts)}"
     both = (
         ("the same parts", result.accuracy.same_parts, result.tested.same_parts),
         ("other parts", result.accuracy.other_parts, result.tested.other_parts),
     )
     for where, accuracy, tested in both:
         if tested and accuracy is not None:
-            yield f"{100 * accuracy:.1f} % of {tested} touches on {where}"
+            in_turn = result.tested_by == "cross_validation" and where == "the same parts"
+            how = ", each named by a model trained on the others" if in_turn else ""
+            yield f"{100 * accuracy:.1f} % of {tested} touches on {where}{how}"
+    for doubt in result.warnings:
+        yield f"warning: {doubt}"
+
+
+def _counted(counts: Mapping[str, int]) -> str:
+    most = [f"{count} {name}" for name, count in list(counts.items())[:SHOWN]]
+    return ", ".join(most) + (f" and {len(counts) - SHOWN} more" if len(counts) > SHOWN else "")
 
 
 def _own_knobs(knobs: dict[str, Any]) -> dict[str, Any]:

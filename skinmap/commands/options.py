@@ -144,15 +144,26 @@ def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[
     MissingFileError
         A manifest that does not exist; the recording may name it.
     """
-    from skinmap.io.robots.manifest import load_robot
-
     ctx = click.get_current_context(silent=True)
-    allow_outside = bool(ctx is not None and ctx.meta.get(OUTSIDE))
     said = _recorded_robot(ctx) if robot is None else robot
-    loaded = load_robot(said or "icub", allow_outside=allow_outside)
+    loaded = load_named_robot(said or "icub")
     for part in parts:
         loaded.part(part)
     return loaded, tuple(dict.fromkeys(parts)) or loaded.parts
+
+
+def load_named_robot(name: str) -> Robot:
+    """A robot by its name, which may look outside its folder where the user said so.
+
+    Raises
+    ------
+    UnknownNameError, MissingFileError
+        No such robot.
+    """
+    from skinmap.io.robots.manifest import load_robot
+
+    ctx = click.get_current_context(silent=True)
+    return load_robot(name, allow_outside=bool(ctx is not None and ctx.meta.get(OUTSIDE)))
 
 
 def _recorded_robot(ctx: click.Context | None) -> str:

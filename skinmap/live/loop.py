@@ -67,6 +67,9 @@ class TouchLoop(Summary):
         Opens the source again where it died for good.
     singly : bool
         A moment for every sample; otherwise only of sources that play as fast as they are asked.
+    live : bool, optional
+        Whether this machine's clock may decide which samples are named from; of a live source by
+        default.
 
     Attributes
     ----------
@@ -111,8 +114,9 @@ class TouchLoop(Summary):
         pace: float = PACE,
         reopen: Callable[[], Source] | None = None,
         singly: bool = False,
+        live: bool | None = None,
     ) -> None:
-        self._singly = singly
+        self._singly, self._live = singly, live
         self.robot, self.counts = robot, Counts()
         self.feed = Feed(robot, source, self.counts, reopen)
         info = self.info
@@ -252,7 +256,7 @@ class TouchLoop(Summary):
     @property
     def live(self) -> bool:
         """Whether the source is live: what is done with a sample may then depend on the clock."""
-        return is_live(self.source)
+        return is_live(self.source) if self._live is None else self._live
 
     @property
     def plays_ahead(self) -> bool:

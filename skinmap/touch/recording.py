@@ -47,6 +47,11 @@ class Recording(Summary):
         Where that force acts, in the frame of the link [m]; NaN where nothing touches.
     robot : str
         What `skinmap.load_robot` loads the robot by; empty where the file does not say.
+    sessions, people : (n_events,) tuple of str
+        When each touch was recorded, and by whom; empty words where nobody said.
+    fingerprint : str
+        Of the skin that was recorded (`skinmap.skin.fingerprint`); empty where the file does not
+        say.
 
     Examples
     --------
@@ -66,6 +71,9 @@ class Recording(Summary):
     forces: FloatArray | None = None
     places: FloatArray | None = None
     robot: str = ""
+    sessions: tuple[str, ...] = ()
+    people: tuple[str, ...] = ()
+    fingerprint: str = ""
 
     def __post_init__(self) -> None:
         times = check_finite(self.times, "times", (None,))
@@ -92,6 +100,11 @@ class Recording(Summary):
                 f"subjects must have shape ({len(self.labels)},), got {subjects.shape}"
             )
         freeze(self, times=times, pressures=pressures, events=events, subjects=subjects)
+        for name in ("sessions", "people"):
+            words = tuple(getattr(self, name)) or ("",) * len(self.labels)
+            if len(words) != len(self.labels):
+                raise InvalidArrayError(f"{len(words)} {name} for {len(self.labels)} touch events")
+            object.__setattr__(self, name, words)
         if self.owners is not None:
             wanted = (len(self.labels), pressures.shape[1])
             freeze(self, owners=check_whole(self.owners, "owners", wanted))
@@ -138,7 +151,14 @@ def save_recordings(recordings: list[Recording], path: Path) -> None:
     head = {
         "format": FORMAT,
         "recordings": [
-            {"part": r.part, "labels": list(r.labels), "robot": r.robot} for r in recordings
+            {
+                "part": r.part,
+                "labels": list(r.labels),
+                "robot": r.robot,
+                "sessions": list(r.sessions),
+                "people": list(r.people),
+            }
+            for r in recordings
         ],
     }
     arrays: dict[str, Any] = {"head": np.frombuffer(json.dumps(head).encode(), np.uint8)}
@@ -188,6 +208,8 @@ def load_recordings(path: Path) -> list[Recording]:
                     arrays.get(f"forces_{number}", None),
                     arrays.get(f"places_{number}", None),
                     str(entry.get("robot", "")),
+                    tuple(map(str, entry.get("sessions", ()))),
+                    tuple(map(str, entry.get("people", ()))),
                 )
                 for number, entry in enumerate(head["recordings"])
             ]

@@ -119,18 +119,51 @@ def test_record_never_writes_into_what_it_plays(recording):
 
 
 def test_touches_that_nobody_could_name_are_not_marked():
-    heard = []
+    heard, counted = [], []
     recorder = SimpleNamespace(mark=lambda *words, **_: heard.append(words))
+    shown = SimpleNamespace(add=lambda label: counted.append(label))
     names = ["poke", "touch", "unknown", "no_contact"]
     over = [
         SimpleNamespace(part="a", identity=row, label=name, began=0.0, ended=1.0)
         for row, name in enumerate(names)
     ]
     loop = SimpleNamespace(finished=lambda: over)
-    _mark_ended(loop, recorder, None, set())
+    _mark_ended(loop, recorder, shown)
     assert heard == [("a", 0, "poke")]
-    _mark_ended(loop, recorder, "rub", set())
-    assert heard[1:] == [("a", row, "rub") for row in range(4)]
+    assert counted == ["poke"]
+
+
+def test_marks_are_the_touches_that_classify_sees(tmp_path):
+    """A hand makes many contacts and is one touch; most contacts alone would be `no_contact`."""
+    words = ["sim", "--part", "torso", "--seconds", 30, "--speed", "inf", "-o"]
+    told = run("record", *words, tmp_path / "marked.mcap", "--label", "rub", "--person", "ada")
+    run("record", *words, tmp_path / "plain.mcap")
+    run("simulate", "icub", "--part", "torso", "--per-gesture", 12, "-o", tmp_path / "t.npz",
+        "--variety", "none")  # fmt: skip
+    run("train", tmp_path / "t.npz", "-o", tmp_path / "m.skinmodel")
+    lines = [
+        json.loads(line)
+        for line in CliRunner()
+        .invoke(cli, ["classify", str(tmp_path / "m.skinmodel"), str(tmp_path / "plain.mcap"), "--json"])
+        .stdout.splitlines()
+    ]
+    track = read_track(tmp_path / "marked.mcap")
+    spans = [(track.times[one.first], track.times[one.last]) for one in track.touches]
+    seen = [(one["start_s"], one["start_s"] + one["duration_s"]) for one in lines[:-1]]
+    np.testing.assert_allclose(sorted(spans), sorted(seen), rtol=0, atol=1e-9)
+    assert told["touches"] == {"rub": len(seen)}
+    assert len(seen) == lines[-1]["touches"] >= 10
+    assert {(one.session, one.person) for one in track.touches} == {("", "ada")}
+    again = run("classify", tmp_path / "m.skinmodel", tmp_path / "marked.mcap")
+    assert again["events"] == len(seen)
+    assert "no_contact" not in {one["label"] for one in again["touches"]}
+
+
+@pytest.mark.parametrize("label", ["", "  ", "a\tb", "a\x00", "unknown", "poke+rub", "x" * 65])
+def test_labels_that_nobody_can_use_are_refused_before_anything_is_written(tmp_path, label):
+    message = refuse("record", "sim", "-o", tmp_path / "t.mcap", "--label", label)
+    assert "label" in message or "classifiers" in message or "joins" in message
+    assert not list(tmp_path.iterdir())
 
 
 def test_export_makes_a_cut_file_whole_for_every_reader(recording, tmp_path):

@@ -73,14 +73,20 @@ def labelled_touches(
             if TOGETHER not in label and len(samples):
                 touches.append(Touch(skin, samples, label))
     known = sorted({touch.label for touch in touches})
-    _check_spelling(known)
+    check_spelling(known)
     for name in gestures:
         if name not in known:
             raise UnknownNameError("recorded gesture", name, known)
     return tuple(touch for touch in touches if not gestures or touch.label in gestures)
 
 
-def _check_spelling(labels: Sequence[str]) -> None:
+def check_spelling(labels: Sequence[str]) -> None:
+    """Refuse labels that differ in spelling only.
+
+    Raises
+    ------
+    InvalidArrayError
+    """
     plain: dict[str, str] = {}
     for label in labels:
         letters = "".join(c for c in label.casefold() if c.isalnum())

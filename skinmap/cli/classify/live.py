@@ -133,9 +133,12 @@ class _Run:
     def _tell_touches(self) -> None:
         from skinmap.classify.classifier import Prediction
         from skinmap.classify.naming import in_words
+        from skinmap.live.contacts.named_touch import UNNAMED
 
         self.loop.happenings()
         for touch in self.loop.finished():
+            if touch.label == UNNAMED and not self.loop.live:
+                continue  # all samples were named from, and nobody's touch was among these
             self.touches += 1
             said = Prediction(touch.label, touch.confidence, touch.names)
             if self.as_json:

@@ -1,7 +1,7 @@
 """Recordings as plain arrays for machine learning: HDF5 and NPZ, the same names in both.
 
 times (t,), and for each part: PART/values (t, n), PART/events (t,), PART/labels (k,),
-PART/subjects (k,), and of its taxels PART/channels, PART/modules, PART/positions, PART/normals;
+PART/subjects (k,), PART/sessions (k,), PART/people (k,), and of its taxels PART/channels, PART/modules, PART/positions, PART/normals;
 joints (j,) and angles (t, j) where there are any. HDF5 has the rest as attributes, NPZ as JSON in
 `about`.
 """
@@ -36,12 +36,13 @@ def arrays_of(track: RecordedStream, path: Path) -> Iterator[tuple[str, NDArray[
     for part, width in zip(track.parts, track.info.widths, strict=True):
         own = min(track.samples.get(part, count), count)
         touches = [one for one in track.touches if one.part == part]
-        events, labels, subjects, owners = part_events(touches, own, width, path)
-        yield f"{part}/events", np.concatenate([events, np.full(count - own, -1)])
-        yield f"{part}/labels", np.array(labels, np.str_)
-        yield f"{part}/subjects", subjects
-        if owners is not None:
-            yield f"{part}/owners", owners.astype(np.int8)
+        marked = part_events(touches, own, width, path)
+        yield f"{part}/events", np.concatenate([marked.events, np.full(count - own, -1)])
+        for name in ("labels", "sessions", "people"):
+            yield f"{part}/{name}", np.array(getattr(marked, name), np.str_)
+        yield f"{part}/subjects", marked.subjects
+        if marked.owners is not None:
+            yield f"{part}/owners", marked.owners.astype(np.int8)
         table = track.tables.get(part)
         if table is not None:
             for name in ("channels", "modules", "positions", "normals"):
@@ -157,6 +158,8 @@ def recordings_of_arrays(arrays: Any, path: Path) -> list[Recording]:
                 tuple(map(str, arrays[f"{part}/labels"])),
                 arrays[f"{part}/subjects"],
                 arrays.get(f"{part}/owners", None),
+                sessions=_words(arrays, f"{part}/sessions"),
+                people=_words(arrays, f"{part}/people"),
             )
         )
     return found
@@ -211,7 +214,18 @@ def track_of_arrays(arrays: Any, path: Path) -> RecordedStream:
 
 def _marks(arrays: Any, part: str) -> Iterator[MarkedTouch]:
     events = arrays[f"{part}/events"]
-    for event, label in enumerate(arrays[f"{part}/labels"]):
+    labels = _words(arrays, f"{part}/labels")
+    nobody = ("",) * len(labels)
+    sessions = _words(arrays, f"{part}/sessions") or nobody
+    people = _words(arrays, f"{part}/people") or nobody
+    for event, said in enumerate(zip(labels, sessions, people, strict=True)):
         rows = np.flatnonzero(events == event)
         if len(rows):
-            yield MarkedTouch(part, event, str(label), int(rows[0]), int(rows[-1]))
+            label, session, person = said
+            yield MarkedTouch(
+                part, event, label, int(rows[0]), int(rows[-1]), session=session, person=person
+            )
+
+
+def _words(arrays: Any, name: str) -> tuple[str, ...]:
+    return tuple(map(str, arrays.get(name, ())))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,18 @@ from skinmap.arrays import IntArray
 from skinmap.errors import DataFormatError
 from skinmap.io.recordings.recorded_stream import MarkedTouch
 from skinmap.touch.recording import Recording
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PartEvents:
+    """Event of each sample (t,), and of each event what is known of it; see `Recording`."""
+
+    events: IntArray
+    labels: tuple[str, ...]
+    subjects: IntArray
+    owners: IntArray | None
+    sessions: tuple[str, ...]
+    people: tuple[str, ...]
 
 
 def touches_of(recording: Recording) -> list[MarkedTouch]:
@@ -28,6 +41,8 @@ def touches_of(recording: Recording) -> list[MarkedTouch]:
             after - 1,
             int(recording.subjects[event]),
             _owners(recording, event),
+            recording.sessions[event],
+            recording.people[event],
         )
         for first, after in zip(changes[:-1].tolist(), changes[1:].tolist(), strict=True)
         if (event := int(events[first])) >= 0
@@ -63,8 +78,8 @@ def taxel_columns(
 
 def part_events(
     touches: Sequence[MarkedTouch], count: int, taxels: int, path: Path
-) -> tuple[IntArray, tuple[str, ...], IntArray, IntArray | None]:
-    """Event of each sample (count,), and of each event its label, its subject and its owners.
+) -> PartEvents:
+    """Events of the first samples of a part.
 
     Raises
     ------
@@ -74,7 +89,7 @@ def part_events(
     numbers = sorted({touch.event for touch in touches if touch.first <= touch.last < count})
     place = {number: row for row, number in enumerate(numbers)}
     events = np.full(count, -1)
-    labels = [""] * len(numbers)
+    labels, sessions, people = ([""] * len(numbers) for _ in range(3))
     subjects = np.zeros(len(numbers), np.int64)
     joined = any(touch.owners for touch in touches)
     owners = np.full((len(numbers), taxels), -1) if joined else None
@@ -85,9 +100,12 @@ def part_events(
         span = events[touch.first : touch.last + 1]
         span[span < 0] = row  # what began first keeps its samples
         labels[row], subjects[row] = touch.label, touch.subject
+        sessions[row], people[row] = touch.session, touch.person
         if owners is not None:
             owners[row] = _owner_row(touch.owners or {}, taxels, path)
-    return events, tuple(labels), subjects, owners
+    return PartEvents(
+        events, tuple(labels), subjects, owners, tuple(sessions), tuple(people)
+    )
 
 
 def _owner_row(owners: Mapping[str, list[int]], taxels: int, path: Path) -> IntArray:

@@ -45,6 +45,8 @@ TOUCH_SCHEMA = {
         "ended_s": {"type": "number", "description": "of its last sample, once it has ended"},
         "label": {"type": "string"},
         "subject": {"type": "integer"},
+        "session": {"type": "string", "description": "when it was recorded, in words"},
+        "person": {"type": "string", "description": "who touched, in words"},
         "owners": {"type": "object", "description": "taxels of each touch that the label joins"},
     },
 }
@@ -74,6 +76,8 @@ class McapRecording:
         Written into the file, so that it explains itself.
     samples : mapping of str to int
         How many of the first samples each part really has, where parts differ.
+    session, person : str
+        Of all touches that do not say otherwise.
     chunk_seconds : float
         Most that a killed process may lose.
 
@@ -97,6 +101,8 @@ class McapRecording:
         fingerprints: Mapping[str, str] | None = None,
         skins: Mapping[str, Skin] | None = None,
         samples: Mapping[str, int] | None = None,
+        session: str = "",
+        person: str = "",
         chunk_seconds: float = CHUNK_SECONDS,
     ) -> None:
         self.path = path
@@ -119,6 +125,8 @@ class McapRecording:
             "widths": json.dumps(self._widths),
             "fingerprints": json.dumps(known),
             "samples": json.dumps(dict(samples or {})),
+            "session": session,
+            "person": person,
         }
         self._head = head
         try:
@@ -196,6 +204,8 @@ class McapRecording:
         ended: float | None = None,
         subject: int = 0,
         owners: Mapping[str, list[int]] | None = None,
+        session: str = "",
+        person: str = "",
     ) -> None:
         """Mark a touch; what is said at its end counts more than what was said before.
 
@@ -211,6 +221,8 @@ class McapRecording:
             Who touched.
         owners : mapping of str to list of int
             Taxels of each touch that the label joins.
+        session, person : str
+            Where they are not those of the file.
         """
         content: dict[str, Any] = {"part": part, "event": event, "label": label, "began_s": began}
         content["subject"] = subject
@@ -218,6 +230,8 @@ class McapRecording:
             content["ended_s"] = ended
         if owners:
             content["owners"] = owners
+        said = {"session": session, "person": person}
+        content |= {key: word for key, word in said.items() if word}
         stamp = nanoseconds_of(began if ended is None else ended)
         self._message(TOUCHES, stamp, _json(content), 0)
 

@@ -82,7 +82,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
         ),
         values.times,
         values,
-        touches=_touches(index, values.stamps),
+        touches=_touches(index, values.stamps, head),
         joints=joints,
         angles=angles,
         tables=_tables(index.found),
@@ -115,7 +115,9 @@ def _objects(index: Index, topic: str) -> list[tuple[int, dict[str, Any]]]:
     return found
 
 
-def _touches(index: Index, stamps: IntArray) -> tuple[MarkedTouch, ...]:
+def _touches(
+    index: Index, stamps: IntArray, head: dict[str, str]
+) -> tuple[MarkedTouch, ...]:
     """Touches by what was said at their end, else at their beginning."""
     ends: dict[tuple[str, int, float], dict[str, Any]] = {}
     for _, one in _objects(index, TOUCHES):
@@ -136,9 +138,13 @@ def _touches(index: Index, stamps: IntArray) -> tuple[MarkedTouch, ...]:
                 last = int(np.searchsorted(stamps, ended, side="right")) - 1
         except (InvalidArrayError, TypeError):
             raise DataFormatError(f"touch {event} of {part!r} has no time", index.path) from None
-        if not isinstance(subject, int) or not isinstance(owners, dict | None):
+        said = [one.get(key, head.get(key, "")) for key in ("session", "person")]
+        words = all(isinstance(word, str) for word in said)
+        if not isinstance(subject, int) or not isinstance(owners, dict | None) or not words:
             raise DataFormatError(f"touch {event} of {part!r} is damaged", index.path)
-        touches.append(MarkedTouch(part, event, one["label"], first, last, subject, owners))
+        touches.append(
+            MarkedTouch(part, event, one["label"], first, last, subject, owners, *said)
+        )
     return tuple(touches)
 
 

@@ -124,6 +124,8 @@ class MarkedTouch:
         Who touched.
     owners : mapping of str to list of int, or None
         Taxels (dense rows) of each of the touches that the label joins, by their number.
+    session, person : str
+        When it was recorded, and who touched, in words; empty where nobody said.
     """
 
     part: str
@@ -133,6 +135,8 @@ class MarkedTouch:
     last: int
     subject: int = 0
     owners: Mapping[str, list[int]] | None = None
+    session: str = ""
+    person: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -248,6 +248,8 @@ def _write_mark(file: McapRecording, touch: MarkedTouch, times: FloatArray) -> N
         ended=float(times[touch.last]),
         subject=touch.subject,
         owners=touch.owners,
+        session=touch.session,
+        person=touch.person,
     )
 
 
@@ -279,17 +281,20 @@ def recordings_of(track: RecordedStream, path: Path) -> list[Recording]:
         channels = None if table is None else table.channels
         columns = columns[:, taxel_columns(channels, columns.shape[1], part, path)]
         touches = [one for one in track.touches if one.part == part]
-        events, labels, subjects, owners = part_events(touches, count, columns.shape[1], path)
+        marked = part_events(touches, count, columns.shape[1], path)
         found.append(
             Recording(
                 part,
                 track.times[:count],
                 columns,
-                events,
-                labels,
-                subjects,
-                owners,
+                marked.events,
+                marked.labels,
+                marked.subjects,
+                marked.owners,
                 robot=track.manifest or builtin_named(track.info.robot) or "",
+                sessions=marked.sessions,
+                people=marked.people,
+                fingerprint=track.info.fingerprints.get(part, ""),
             )
         )
     return found

@@ -53,6 +53,8 @@ class Recorder:
         Its skins are written into each file.
     widths : mapping of kind to tuple of int, optional
         Columns of kinds beside the source's own: pressures of a source of raw values.
+    session, person : str
+        When and by whom the touches are made, in words.
     rotate_bytes, rotate_seconds : float
         A file ends when it is so large or so old.
     most_bytes : int
@@ -74,12 +76,15 @@ class Recorder:
         *,
         robot: Robot | None = None,
         widths: Mapping[Kind, tuple[int, ...]] | None = None,
+        session: str = "",
+        person: str = "",
         rotate_bytes: float = ROTATE_BYTES,
         rotate_seconds: float = ROTATE_SECONDS,
         most_bytes: int = MAX_BYTES,
         chunk_seconds: float = CHUNK_SECONDS,
     ) -> None:
         self.info, self.files = info, [path]
+        self._said = {"session": session, "person": person}
         self._robot = robot
         self._widths: dict[Kind, tuple[int, ...]] = {**(widths or {}), info.kind: info.widths}
         self._rotate = (rotate_bytes, rotate_seconds)
@@ -203,5 +208,6 @@ class Recorder:
             clock=info.clock,
             fingerprints=info.fingerprints,
             skins=skins,
+            **self._said,
             chunk_seconds=self._chunk_seconds,
         )

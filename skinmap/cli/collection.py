@@ -1,0 +1,231 @@
+"""Recordings of several files, robots, people and sessions, as one collection of touches."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.commands.options import load_named_robot
+from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError
+from skinmap.io.recordings.readers import is_readable, read_recordings, readable
+from skinmap.touch.recording import Recording
+
+if TYPE_CHECKING:
+    from skinmap.classify.descriptors import Touch
+    from skinmap.skin.robot import Robot
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+FIRST = 3  # samples of a stretch in which nobody can have done anything yet
+BEFORE = 50  # quiet samples before a touch that are kept: a second of most skins
+NUMBERED = re.compile(r"_\d{4}$")  # a file that `record` went on with
+SAME_RATE = 1.1  # of two recordings; features of a touch's course differ beyond
+FALLBACK = "icub"  # the robot of a file that does not say its own
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Collected:
+    """One marked touch and where it comes from.
+
+    Attributes
+    ----------
+    touch : Touch
+    robot, part, session, person : str
+        A person is empty where nobody said who touched.
+    file : Path
+    before : (r, n) uint8
+        What the skin read before it, from the touch before on; nothing was touched.
+    first : (f, n) uint8
+        The first samples of the stretch that ends with it.
+    """
+
+    touch: Touch
+    robot: str
+    part: str
+    session: str
+    person: str
+    file: Path
+    before: NDArray[np.uint8]
+    first: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Collection:
+    """Marked touches of several recordings.
+
+    Attributes
+    ----------
+    touches : tuple of Collected
+    skins : dict
+        Skin of each robot and part.
+    files : tuple of Path
+    rates : tuple of float
+        Samples a second of each recorded part.
+    """
+
+    touches: tuple[Collected, ...]
+    skins: dict[tuple[str, str], PreparedSkin]
+    files: tuple[Path, ...]
+    rates: tuple[float, ...]
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the recorded parts."""
+        return tuple(dict.fromkeys(part for _, part in self.skins))
+
+    def count(self, *fields: str) -> dict[Any, int]:
+        """How many touches there are of each session, say, or of each (session, label)."""
+        keys = [tuple(field_of(one, name) for name in fields) for one in self.touches]
+        return dict(Counter(key if len(key) > 1 else key[0] for key in keys))
+
+
+    def doubts(self) -> Iterator[str]:
+        """What a classifier of these touches may have learnt instead of the touches."""
+        labels = self.count("label")
+        sessions = self.count("session", "label")
+        alone = [label for label in labels if sum(one == label for _, one in sessions) == 1]
+        if alone:
+            where = {one: session for session, one in sessions}
+            named = ", ".join(f"{label} ({where[label]})" for label in alone)
+            yield (
+                f"recorded in one session only: {named}; what else was special about that session "
+                "can be learnt for the touch; record each label in two or more"
+            )
+        people = {name for name in self.count("person") if name}
+        if len(people) < 2:
+            yield "fewer than two people are named (`record --person`): others may touch otherwise"
+        slow, quick = min(self.rates, default=1.0), max(self.rates, default=1.0)
+        if quick > SAME_RATE * slow:
+            yield f"recorded at {slow:.4g} to {quick:.4g} samples a second: touches look different"
+
+
+def field_of(one: Collected, name: str) -> str:
+    """Label, session, person, robot or part of a touch."""
+    return one.touch.label if name == "label" else str(getattr(one, name))
+
+
+def collect(
+    paths: Sequence[Path], robot: str | None = None, parts: Sequence[str] = ()
+) -> Collection:
+    """Read recordings and folders of them, each on the robot that it says it is of.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    robot : str, optional
+        Of all of them, whatever they say.
+    parts : sequence of str
+        Only these.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, an empty folder, or no recording.
+    UnknownNameError
+        A part that nobody recorded.
+    SkinMismatchError
+        A recording of another skin than the robot's.
+    """
+    files = list(dict.fromkeys(found for path in paths for found in files_of(path)))
+    sessions = _session_names(files)
+    robots: dict[str, Robot] = {}
+    skins: dict[tuple[str, str], PreparedSkin] = {}
+    touches: list[Collected] = []
+    rates, there = [], []
+    for file in files:
+        for recording in read_recordings(file):
+            said = robot or recording.robot or FALLBACK
+            loaded = robots.setdefault(said, load_named_robot(said))
+            there.append(recording.part)
+            if parts and recording.part not in parts:
+                loaded.part(recording.part)
+                continue
+            skin = _skin_of(loaded, recording, file, skins)
+            touches += _touches(recording, skin, loaded.name, sessions[file], file)
+            rates.append(recording.rate)
+    for part in parts:
+        if part not in there:
+            raise UnknownNameError("recorded part", part, there)
+    return Collection(tuple(touches), skins, tuple(files), tuple(rates))
+
+
+def files_of(path: Path) -> list[Path]:
+    """The recordings that a path names: itself, or those in a folder and in its folders."""
+    if not path.is_dir():
+        return [path]
+    found = [one for one in sorted(path.rglob("*")) if one.is_file() and is_readable(one)]
+    if not found:
+        raise MissingFileError(path, f"a folder with recordings ({', '.join(readable())})")
+    return found
+
+
+def _session_names(files: Sequence[Path]) -> dict[Path, str]:
+    """What each file is called as a session of its own; parts of one recording are one session."""
+    names = {file: file for file in files}
+    for file in files:
+        whole = file.with_name(NUMBERED.sub("", file.stem) + file.suffix)
+        names[file] = whole if whole in names else file
+    several = Counter(one.stem for one in set(names.values()))
+    return {file: one.stem if several[one.stem] == 1 else str(one) for file, one in names.items()}
+
+
+def _skin_of(
+    robot: Robot, recording: Recording, file: Path, skins: dict[tuple[str, str], PreparedSkin]
+) -> PreparedSkin:
+    """The skin that was recorded, prepared once for all files."""
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    key = robot.name, recording.part
+    if key not in skins:
+        skins[key] = PreparedSkin(robot.skin(recording.part))
+    skin = skins[key]
+    if recording.pressures.shape[1] != len(skin):
+        raise SkinMismatchError(
+            f"{file}: the recording of {recording.part!r} has {recording.pressures.shape[1]} "
+            f"taxels, the skin of {robot.name} has {len(skin)}"
+        )
+    if recording.fingerprint:
+        from skinmap.skin.fingerprint import fingerprint
+
+        if recording.fingerprint != fingerprint(skin.skin):
+            raise SkinMismatchError(
+                f"{file}: recorded on another skin: the layout of {recording.part!r} is not that "
+                f"of {robot.name!r}"
+            )
+    return skin
+
+
+def _touches(
+    recording: Recording, skin: PreparedSkin, robot: str, session: str, file: Path
+) -> Iterator[Collected]:
+    from skinmap.classify.descriptors import recorded_touches
+
+    several = len(np.unique(recording.subjects)) > 1
+    touches = recorded_touches(skin, recording)
+    for event, touch in enumerate(touches):
+        rows = np.flatnonzero(recording.events == event)
+        if len(rows) == 0:
+            continue
+        start = int(rows[0])
+        marked = np.flatnonzero(recording.events[:start] >= 0)
+        quiet = int(marked[-1]) + 1 if len(marked) else 0
+        stretch = recording.pressures[quiet : start + len(rows)]
+        own = recording.sessions[event] or session
+        number = int(recording.subjects[event])
+        person = recording.people[event] or (f"{own}: {number}" if several else "")
+        yield Collected(
+            touch,
+            robot,
+            recording.part,
+            own,
+            person,
+            file,
+            recording.pressures[max(quiet, start - BEFORE) : start],
+            stretch[:FIRST],
+        )

@@ -1,0 +1,393 @@
+"""Channels over time in tables: CSV with a header or a mapping file, and plain NPZ."""
+
+from __future__ import annotations
+
+import csv
+import re
+import warnings
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.archive import open_arrays
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import (
+    DAMAGED_ARCHIVE,
+    DataFormatError,
+    InvalidArrayError,
+    MissingFileError,
+    SkinError,
+    SkinWarning,
+)
+from skinmap.io.recordings.mapping import NAME, Mapping, find_mapping
+from skinmap.io.robots.manifest import load_robot
+from skinmap.io.text import check_file
+from skinmap.skin.skin import Skin
+from skinmap.touch.labels import check_label
+from skinmap.touch.recording import Recording
+
+MAX_BYTES = 2**30  # a table is read whole
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+NUMBER = re.compile(r"\D*(\d+)")  # ch12, taxel_12, 12
+APART = 1.0  # seconds between stretches whose times begin anew
+COUNTS = 255.0
+FEW = 5  # names in a message
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ChannelTable:
+    """Values of channels over time, as a file has them.
+
+    Attributes
+    ----------
+    times : (t,) float
+        [s].
+    values : (t, c) float
+    channels : (c,) int
+        Channel of the skin's live vector, or id of the taxel.
+    events : (t,) int
+        Stretch or touch of each sample; -1 between touches.
+    labels, sessions, people : tuple of str
+        Of each event.
+    stretches : (t,) int, optional
+        Files that were joined: each has a rest, and times, of its own.
+    """
+
+    times: FloatArray
+    values: FloatArray
+    channels: IntArray
+    events: IntArray
+    labels: tuple[str, ...]
+    sessions: tuple[str, ...] = ()
+    people: tuple[str, ...] = ()
+    stretches: IntArray | None = None
+
+
+def needed_mapping(path: Path) -> Mapping:
+    """The mapping of a file that says nothing of its skin.
+
+    Raises
+    ------
+    MissingFileError
+        There is none.
+    """
+    found = find_mapping(path)
+    if found is None:
+        raise MissingFileError(
+            path.with_suffix(".toml"),
+            f"a mapping that names the robot and the part of {path.name}, or {NAME} in its folder",
+        )
+    return found
+
+
+def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording:
+    """Pressures of the skin that a mapping names.
+
+    Channels without a taxel are left out, taxels without a channel rest at zero; both are told.
+
+    Raises
+    ------
+    DataFormatError
+        Times that run backwards, values that are no numbers, channels given twice, or none that
+        the skin has.
+    """
+    skin = load_robot(mapping.robot).skin(mapping.part)
+    _check(table, path)
+    values = np.where(mapping.falling, -1.0, 1.0) * table.values
+    if mapping.rest_percentile is not None:
+        values = _above_rest(values, table.stretches, mapping)
+    counts = np.rint(np.clip(values * (COUNTS / mapping.full_scale), 0.0, COUNTS))
+    pressures = np.zeros((len(counts), len(skin)), np.uint8)
+    rows, columns = _places(skin, table.channels, path)
+    pressures[:, rows] = counts[:, columns]
+    try:
+        labels = tuple(check_label(label) for label in table.labels)
+    except InvalidArrayError as error:
+        raise DataFormatError(str(error), path) from None
+    several = (mapping.session, mapping.person)
+    sessions, people = (
+        words or (said,) * len(labels)
+        for words, said in zip((table.sessions, table.people), several, strict=True)
+    )
+    return Recording(
+        mapping.part,
+        _follow_on(table.times, table.stretches),
+        pressures,
+        table.events,
+        labels,
+        robot=mapping.robot,
+        sessions=sessions,
+        people=people,
+    )
+
+
+def _check(table: ChannelTable, path: Path) -> None:
+    if not np.isfinite(table.values).all():
+        row, column = np.argwhere(~np.isfinite(table.values))[0]
+        raise DataFormatError(
+            f"sample {row} holds no number at channel {table.channels[column]}", path
+        )
+    stretches = np.zeros(len(table.times)) if table.stretches is None else table.stretches
+    back = (np.diff(table.times) < 0) & (np.diff(stretches) == 0)
+    if not np.isfinite(table.times).all() or back.any():
+        row = int(np.flatnonzero(back)[0]) + 1 if back.any() else 0
+        raise DataFormatError(
+            f"samples are out of order: sample {row} at {table.times[row]:g} s comes after "
+            f"{table.times[max(row - 1, 0)]:g} s",
+            path,
+        )
+    twice = [number for number, count in Counter(table.channels.tolist()).items() if count > 1]
+    if twice:
+        named = ", ".join(map(str, twice[:FEW]))
+        raise DataFormatError(f"channels given twice: {named}", path)
+
+
+def _above_rest(
+    values: FloatArray, stretches: IntArray | None, mapping: Mapping
+) -> FloatArray:
+    """Values above what each channel reads at rest, of each joined file its own."""
+    found = np.empty_like(values)
+    numbers = np.zeros(len(values)) if stretches is None else stretches
+    for number in np.unique(numbers):
+        rows = numbers == number
+        rest = np.percentile(values[rows], mapping.rest_percentile, axis=0)
+        found[rows] = values[rows] - rest
+    return found
+
+
+def _places(skin: Skin, channels: IntArray, path: Path) -> tuple[IntArray, IntArray]:
+    """Rows of the skin's taxels and columns of the table that belong together."""
+    column = {int(channel): k for k, channel in enumerate(channels)}
+    found = np.array([column.get(int(channel), -1) for channel in skin.channels])
+    rows = np.flatnonzero(found >= 0)
+    if len(rows) == 0:
+        raise DataFormatError(
+            f"none of its {len(channels)} channels ({channels.min()} to {channels.max()}) is one "
+            f"of the skin's ({skin.channels.min()} to {skin.channels.max()}): another skin",
+            path,
+        )
+    idle, lost = len(skin) - len(rows), len(channels) - len(rows)
+    if idle or lost:
+        warnings.warn(
+            f"{path.name}: {lost} channels without a place were left out, {idle} places without "
+            "a channel rest at zero",
+            SkinWarning,
+            stacklevel=2,
+        )
+    return rows, found[rows]
+
+
+def _follow_on(times: FloatArray, stretches: IntArray | None) -> FloatArray:
+    """Times that do not run backwards: each stretch begins a second after the one before."""
+    if stretches is None:
+        return times
+    found = np.array(times, np.float64)
+    for row in np.flatnonzero(np.diff(stretches)) + 1:
+        found[row:] += found[row - 1] + APART - found[row]
+    return found
+
+
+def read_table(path: Path) -> list[Recording]:
+    """Read a CSV of channels over time.
+
+    A header names the columns: the time, channels by a number in their name, and those that the
+    mapping calls label, event, person or session. Lines `# key = value` before it are a mapping.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, no mapping, or a table that does not follow it.
+    """
+    check_file(path, "a table of channels over time", MAX_BYTES)
+    mapping = needed_mapping(path)
+    names, rows = _rows(path, mapping)
+    words = (mapping.label_column, mapping.person_column, mapping.session_column)
+    own = {mapping.time, mapping.event_column, *words}
+    channels = _channel_columns([name for name in names if name not in own], mapping, path)
+    place = {name: k for k, name in enumerate(names)}
+    for name in (*words, mapping.event_column, None if mapping.rate_hz else mapping.time):
+        if name is not None and name not in place:
+            raise DataFormatError(f"no column {name!r}; the columns are: {_some(names)}", path)
+    values = _numbers(rows, [place[name] for name in channels], path)
+    if mapping.time in place:
+        times = _numbers(rows, [place[mapping.time]], path)[:, 0] * SECONDS[mapping.time_unit]
+    else:
+        times = np.arange(len(rows)) / (mapping.rate_hz or 1.0)
+    said = [None if name is None else [row[place[name]] for row in rows] for name in words]
+    count = len(rows)
+    numbers = None
+    if mapping.event_column is not None:
+        numbers = _numbers(rows, [place[mapping.event_column]], path)[:, 0].astype(np.int64)
+    events, first = _events(said[0], numbers, mapping.label_of(path), count)
+    labels = said[0] or [mapping.label_of(path)] * count
+    people, sessions = (
+        () if column is None else tuple(column[row] for row in first) for column in said[1:]
+    )
+    table = ChannelTable(
+        times,
+        values,
+        np.array(list(channels.values()), np.int64),
+        events,
+        tuple(labels[row] for row in first),
+        sessions,
+        people,
+    )
+    return [recording_of(table, mapping, path)]
+
+
+def _rows(path: Path, mapping: Mapping) -> tuple[list[str], list[list[str]]]:
+    """Names of the columns and the rows of a table."""
+    with path.open(encoding="utf-8", newline="") as file:
+        try:
+            start = "".join(islice(file, 20))
+            delimiter = "\t" if path.suffix.lower() == ".tsv" else ","
+            if delimiter not in start:
+                delimiter = next((one for one in (";", "\t", " ") if one in start), ",")
+            file.seek(0)
+            lines = (line for line in file if line.strip() and not line.startswith("#"))
+            table = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)]
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise DataFormatError(f"not a table: {error}", path) from None
+    names = list(mapping.columns) if mapping.columns else (table.pop(0) if table else [])
+    if not table:
+        raise DataFormatError("no samples", path)
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise DataFormatError(f"columns given twice: {_some(twice)}", path)
+    for number, row in enumerate(table):
+        if len(row) != len(names):
+            raise DataFormatError(
+                f"sample {number} has {len(row)} values for {len(names)} columns", path
+            )
+    return names, table
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
+    return ", ".join(names[:FEW]) + more
+
+
+def _channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict[str, int]:
+    """Channel of each column that is one."""
+    if mapping.channels:
+        missing = [name for name in mapping.channels if name not in names]
+        if missing:
+            raise DataFormatError(
+                f"no columns {_some(missing)}; the columns are: {_some(names)}", path
+            )
+        return dict(mapping.channels)
+    found = {name: NUMBER.fullmatch(name) for name in names}
+    strange = [name for name, match in found.items() if match is None]
+    if strange or not found:
+        raise DataFormatError(
+            f"columns without a channel's number: {_some(strange) or 'none at all'}; name them in "
+            "the mapping (time, label_column, channels ...)",
+            path,
+        )
+    return {name: int(match[1]) for name, match in found.items() if match is not None}
+
+
+def _numbers(rows: list[list[str]], columns: list[int], path: Path) -> FloatArray:
+    try:
+        return np.array([[float(row[k]) for k in columns] for row in rows])
+    except ValueError:
+        for number, row in enumerate(rows):
+            for k in columns:
+                try:
+                    float(row[k])
+                except ValueError:
+                    raise DataFormatError(
+                        f"sample {number} holds {row[k]!r}, no number", path
+                    ) from None
+        raise
+
+
+def _events(
+    labels: list[str] | None, numbers: IntArray | None, label: str, count: int
+) -> tuple[IntArray, list[int]]:
+    """Event of each sample, and the first sample of each event.
+
+    Events are numbered, or run as long as a label stays the same; an empty label is no touch.
+    """
+    if numbers is None and labels is None:
+        return (np.zeros(count, np.int64), [0]) if label else (np.full(count, -1), [])
+    touched = np.array([bool(word) for word in labels]) if labels is not None else numbers >= 0
+    if numbers is not None:
+        touched = touched & (numbers >= 0)
+    words = np.zeros(count, np.int64)
+    if labels is not None:
+        words = np.unique(labels, return_inverse=True)[1].reshape(-1)
+    keys = words if numbers is None else numbers
+    begins = touched & np.concatenate([[True], (keys[1:] != keys[:-1]) | ~touched[:-1]])
+    return np.where(touched, np.cumsum(begins) - 1, -1), np.flatnonzero(begins).tolist()
+
+
+def read_arrays(path: Path) -> list[Recording]:
+    """Read a plain NPZ: `values` (t, c) and `times` (t,) with a mapping beside it.
+
+    `channels` (c,), or `taxel_ids`, says which channels they are, 0 to c - 1 by default; `events`
+    (t,), or `file_index`, which touch or file each sample is of; `labels` (k,), or `file_class`,
+    what each was called; `sessions` and `people` (k,) in words.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, no mapping, or arrays that do not fit together.
+    """
+    check_file(path, "an NPZ of channels over time", MAX_BYTES)
+    mapping = needed_mapping(path)
+    try:
+        with open_arrays(path) as arrays:
+            found = {name: np.asarray(arrays[name]) for name in ARRAYS if name in arrays}
+        return [recording_of(_table_of(found, mapping, path), mapping, path)]
+    except DAMAGED_ARCHIVE as error:
+        if isinstance(error, SkinError):
+            raise
+        raise DataFormatError(f"not an NPZ of channels over time: {error}", path) from error
+
+
+ARRAYS = (
+    "values", "times", "channels", "taxel_ids", "events", "file_index", "labels", "file_class",
+    "sessions", "people",
+)  # fmt: skip
+
+
+def _table_of(
+    arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Path
+) -> ChannelTable:
+    values = arrays.get("values")
+    if values is None or values.ndim != 2 or values.dtype.kind not in "uif":
+        raise DataFormatError("no table of numbers called `values`, one row a sample", path)
+    count, width = values.shape
+    steps = np.arange(count) / (mapping.rate_hz or 1.0)
+    times = np.asarray(arrays.get("times", steps), np.float64) * SECONDS[mapping.time_unit]
+    channels = arrays.get("channels", arrays.get("taxel_ids", np.arange(width)))
+    stretches = arrays.get("file_index")
+    events = arrays.get("events", stretches)
+    label = mapping.label_of(path)
+    if events is None:
+        events = np.full(count, 0 if label else -1)
+    labels = [str(word) for word in arrays.get("labels", arrays.get("file_class", np.array([])))]
+    kinds = int(np.max(events, initial=-1)) + 1
+    labels = labels or [label] * kinds
+    for name, array, length in (
+        ("times", times, count), ("channels", channels, width), ("events", events, count),
+        ("labels", labels, kinds),
+    ):  # fmt: skip
+        if np.shape(array) != (length,) and not (name == "labels" and len(array) > length):
+            raise DataFormatError(f"{name} of shape {np.shape(array)}, expected ({length},)", path)
+    return ChannelTable(
+        times,
+        values.astype(np.float64),
+        channels.astype(np.int64),
+        events.astype(np.int64),
+        tuple(labels),
+        tuple(map(str, arrays.get("sessions", ()))),
+        tuple(map(str, arrays.get("people", ()))),
+        None if stretches is None else stretches.astype(np.int64),
+    )

@@ -1,0 +1,135 @@
+"""What a recording of somebody else is of: a few lines of TOML beside it, or in its first lines."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from skinmap.errors import DataFormatError
+from skinmap.io.text import is_file, read_text
+from skinmap.validation import checked
+
+NAME = "mapping.toml"  # for all recordings of its folder and of the folders inside
+LEVELS = 3  # folders above a recording in which it is looked for
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+
+
+class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Which skin was recorded, and how its values read.
+
+    Attributes
+    ----------
+    robot, part : str
+        What `skinmap.load_robot` takes; a manifest's path begins at the mapping file.
+    format : str, optional
+        Where the suffix does not tell: a name of the recording formats.
+    time : str
+        Column of the times.
+    time_unit : {"s", "ms", "us"}
+    rate_hz : float, optional
+        Samples a second where there is no column of times.
+    columns : tuple of str
+        Names of the columns of a table without a header.
+    channels : dict of str to int
+        Channel of the skin by column; by the number in the column's name where it is empty.
+    rest_percentile : float, optional
+        Share of the time that a channel rests [%]: what it reads then is taken away.
+    full_scale : float
+        Value above rest that is a pressure of 255.
+    falling : bool
+        Whether values fall under load.
+    label, person, session : str
+        Of all touches of the file.
+    label_column, person_column, session_column, event_column : str, optional
+        Columns that say so for each sample.
+    label_from : {"folder", "name"}, optional
+        The label is the name of the file's folder, or its own.
+    """
+
+    robot: str
+    part: str
+    format: str | None = None
+    time: str = "time"
+    time_unit: Literal["s", "ms", "us"] = "s"
+    rate_hz: Positive | None = None
+    columns: tuple[str, ...] = ()
+    channels: dict[str, Annotated[int, msgspec.Meta(ge=0)]] = {}
+    rest_percentile: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
+    full_scale: Positive = 255.0
+    falling: bool = False
+    label: str = ""
+    person: str = ""
+    session: str = ""
+    label_column: str | None = None
+    person_column: str | None = None
+    session_column: str | None = None
+    event_column: str | None = None
+    label_from: Literal["folder", "name"] | None = None
+
+    def label_of(self, path: Path) -> str:
+        """The label that all samples of a file have; empty where none is said."""
+        if self.label_from is None:
+            return self.label
+        return path.parent.name if self.label_from == "folder" else path.stem
+
+
+def find_mapping(path: Path) -> Mapping | None:
+    """The mapping of a recording: `NAME.toml` beside it, else its own first lines, else the
+    nearest `mapping.toml` of the folders above it; None where there is none.
+
+    Raises
+    ------
+    DataFormatError
+        One that is damaged (says what and where).
+    """
+    beside = path.with_suffix(".toml")
+    if is_file(beside):
+        return read_mapping(beside)
+    own = _first_lines(path)
+    if own:
+        return _mapping(own, path)
+    for folder in path.absolute().parents[:LEVELS]:
+        if is_file(folder / NAME):
+            return read_mapping(folder / NAME)
+    return None
+
+
+def read_mapping(path: Path) -> Mapping:
+    """A mapping file.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, no TOML, or keys that are wrong.
+    """
+    return _mapping(read_text(path), path)
+
+
+def _mapping(text: str, path: Path) -> Mapping:
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise DataFormatError(f"not a mapping of a recording: {error}", path) from None
+    fail = partial(DataFormatError, path=path)
+    found = checked(table, Mapping, what="the mapping", fail=fail)
+    if found.robot.endswith(".toml"):
+        place = str(path.absolute().parent / found.robot)
+        return msgspec.structs.replace(found, robot=place)
+    return found
+
+
+def _first_lines(path: Path) -> str:
+    """Lines that begin with `# key = ` before the first other line of a text file."""
+    if path.suffix.lower() not in (".csv", ".tsv", ".txt") or not is_file(path):
+        return ""
+    lines = []
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            if not line.startswith("#"):
+                break
+            lines.append(line[1:].strip())
+    return "\n".join(lines) if any("=" in line for line in lines) else ""

@@ -1,0 +1,69 @@
+"""Labelled recordings by the suffix of their file, ours and those of others, with plug-ins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from skinmap.errors import MissingFileError, UnknownNameError
+from skinmap.io.recordings.mapping import find_mapping
+from skinmap.io.recordings.touch_files import SUFFIXES, load_recordings
+from skinmap.io.text import is_file
+from skinmap.registry import Registry
+from skinmap.touch.recording import Recording
+
+RecordingReader = Callable[[Path], list[Recording]]
+recording_readers: Registry[RecordingReader] = Registry(
+    "recording format",
+    "skinmap.recording_readers",
+    built_in={
+        "table": "skinmap.io.recordings.channel_table:read_table",
+        "arrays": "skinmap.io.recordings.channel_table:read_arrays",
+        "cyskin": "skinmap.io.recordings.cyskin_text:read_cyskin_text",
+        "cost": "skinmap.io.recordings.cost:read_cost",
+    },
+)
+# Formats of others say nothing of their skin: a mapping file beside them names it.
+FOREIGN = {".csv": "table", ".tsv": "table", ".txt": "cyskin"}
+
+
+def readable() -> tuple[str, ...]:
+    """The suffixes that recordings have."""
+    return (*SUFFIXES, *FOREIGN)
+
+
+def is_readable(path: Path) -> bool:
+    """Whether a file in a folder is a recording: one of ours, or one with a mapping beside it."""
+    suffix = path.suffix.lower()
+    return suffix in SUFFIXES or (suffix in FOREIGN and find_mapping(path) is not None)
+
+
+def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
+    """Pressures of each part and what touched it, in the format named or that of the file.
+
+    Parameters
+    ----------
+    path : Path
+    format : str, optional
+        A name of `recording_readers`; a mapping file may name it too.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, one that does not follow its format, or no mapping file beside it.
+    UnknownNameError
+        A suffix or a format that no reader has.
+    """
+    if not is_file(path):
+        raise MissingFileError(path, "a recording made by `skinmap simulate` or `skinmap record`")
+    mapping = find_mapping(path)
+    said = format or (mapping.format if mapping is not None else None)
+    suffix = path.suffix.lower()
+    if said is None and suffix == ".npz" and mapping is not None:
+        said = "arrays"
+    if said is None and suffix in SUFFIXES:
+        return load_recordings(path)
+    said = said or FOREIGN.get(suffix)
+    if said is None:
+        raise UnknownNameError("recording format for files ending in", path.suffix, readable())
+    return recording_readers.get(said)(path)
