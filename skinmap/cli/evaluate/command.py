@@ -75,6 +75,17 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 @click.option(
     "--folds", type=click.IntRange(2, 20), default=4, show_default=True, help="recordings: folds."
 )
+@click.option(
+    "--leave-out",
+    multiple=True,
+    type=click.Choice(["session", "person", "place", "part"]),
+    help="recordings: train without each of them in turn; may be repeated.",
+)
+@click.option(
+    "--leaks",
+    is_flag=True,
+    help="recordings: a control beside each figure, by what the skin read before the touches.",
+)
 @workers_options
 @out_folder("pictures, evaluation.json and report.html")
 @seed_option
@@ -97,6 +108,7 @@ def command(
               skinmap evaluate --protocol cross-patch --robot icub --seeds 1
               skinmap evaluate --protocol physics --seeds 1 --per-gesture 5
               skinmap evaluate touches.npz --robot icub
+              skinmap evaluate monday.mcap tuesday.mcap --leave-out session --leaks
               skinmap evaluate --protocol kaspar --sweep --jobs 4 --resume kaspar.resume
     """
     from skinmap.cli.evaluate.report import lines, report, write
@@ -124,6 +136,9 @@ def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, 
     from skinmap.errors import unknown_name
 
     if protocol in PROTOCOLS:
+        ctx = click.get_current_context()
+        if ctx.params["leave_out"] or ctx.params["leaks"]:
+            raise click.UsageError(f"--protocol {protocol} has its own splits: no --leave-out, --leaks")
         if recordings:
             raise click.UsageError(f"--protocol {protocol} simulates its touches: no recordings")
         return protocol, ()

@@ -62,6 +62,8 @@ class Settings:
     images: int
     network: str
     folds: int
+    leave_out: tuple[str, ...]
+    leaks: bool
 
     @property
     def all_seeds(self) -> list[int]:
@@ -304,27 +306,19 @@ def _touched(patches: list[Patch], **simulated: Any) -> list[Patch]:
 
 
 def _recordings(settings: Settings) -> RecordingsResult:
-    from skinmap.classify.classifier import classifiers
-    from skinmap.classify.protocols.recordings import (
-        KINDS,
-        evaluate_recordings,
-        labelled_touches,
-    )
-    from skinmap.io.recordings.touch_files import load_recordings
-    from skinmap.touch.prepared_skin import prepare_skins
+    from skinmap.classify.classifier import DEFAULT, classifiers
+    from skinmap.classify.protocols.recordings import KINDS, evaluate_recordings
+    from skinmap.cli.collection import collect
+    from skinmap.cli.evaluate.groups import judge_groups, judged_touches
 
-    loaded, wanted = open_robot(settings.robot, settings.parts)
-    recordings = [one for path in settings.recordings for one in load_recordings(path)]
-    for one in recordings:
-        loaded.part(one.part)
-    recordings = [one for one in recordings if one.part in wanted]
-    skins = prepare_skins(loaded, recordings)
-    only = () if settings.gestures in ("four", "all") else _gestures(settings)
-    touches = labelled_touches(skins, recordings, gestures=only)
-    names = settings.names or classifiers.names()
+    collection = collect(settings.recordings, settings.robot, settings.parts)
+    only = () if settings.gestures in ("four", "all") else _labels(settings)
+    chosen = judged_touches(collection, only)
+    grouped = bool(settings.leave_out) or settings.leaks
+    names = settings.names or ((DEFAULT,) if grouped else classifiers.names())
     with progress(len(names) * len(KINDS) * settings.seeds, "recordings") as advance:
         found = evaluate_recordings(
-            touches,
+            [one.touch for one in chosen],
             names=names,
             seeds=settings.all_seeds,
             folds=settings.folds,
@@ -332,15 +326,27 @@ def _recordings(settings: Settings) -> RecordingsResult:
             workers=settings.workers,
             progress=advance,
         )
-    labels = [touch.label for touch in touches]
+    labels = [one.touch.label for one in chosen]
+    people = {name: count for name, count in collection.count("person").items() if name}
     return RecordingsResult(
-        robot=loaded.name,
-        parts=list(skins),
+        robot=", ".join(dict.fromkeys(robot for robot, _ in collection.skins)),
+        parts=list(collection.parts),
         recordings=[str(path) for path in settings.recordings],
         folds=settings.folds,
         seeds=settings.all_seeds,
         touches={label: labels.count(label) for label in dict.fromkeys(sorted(labels))},
         table=[AccuracyRow(**row) for row in found["table"]],
         leak=[LeakRow(**row) for row in found["leak"]],
+        left_out=judge_groups(settings, chosen, names) if grouped else [],
+        sessions=collection.count("session"),
+        people=people,
+        warnings=list(collection.doubts()),
         skipped=found["skipped"],
     )
+
+
+def _labels(settings: Settings) -> tuple[str, ...]:
+    """Labels asked for, whoever gave them; `eight` are those of the simulator."""
+    if settings.gestures == "eight":
+        return _gestures(settings)
+    return tuple(name.strip() for name in settings.gestures.split(","))

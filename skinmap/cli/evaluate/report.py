@@ -160,10 +160,32 @@ def _recordings(result: RecordingsResult) -> Iterator[str | Table]:
         for row in result.table
     ]
     yield Table(["classifier", "folds", *classes, "mean", "std"], rows)
+    if result.left_out:
+        yield from _left_out(result)
     for leak in result.leak:
         yield f"plain folds flatter {leak.classifier} by {leak.points:.1f} points"
     for name, why in result.skipped.items():
         yield f"{name} was left out: {why}"
+
+
+def _left_out(result: RecordingsResult) -> Iterator[str | Table]:
+    classes = list(result.touches)
+    rows: Rows = [
+        [
+            row.classifier, row.left_out, *(_percent(row.per_class.get(name)) for name in classes),
+            _percent(row.mean), _percent(row.control), _percent(row.first), _percent(row.raw),
+            _percent(row.chance), row.meaning or "",
+        ]
+        for row in result.left_out
+        if row.mean is not None
+    ]  # fmt: skip
+    head = ["classifier", "left out", *classes, "mean", "before", "first", "raw before", "chance"]
+    yield Table([*head, "means something"], rows)
+    for row in result.left_out:
+        if row.verdict:
+            yield f"{row.classifier}, {row.left_out}: {row.verdict}"
+    for warning in result.warnings:
+        yield f"warning: {warning}"
 
 
 def _baxter(result: BaxterResult) -> Iterator[str | Table]:

@@ -63,7 +63,7 @@ def open_source(
     Parameters
     ----------
     spec : str or Path
-        "sim" or "sim:raw", "mujoco:FILE", "lsl:NAME", "zmq:HOST:PORT", a recording (.npz, .mcap,
+        "sim", "sim:raw" or "sim:poke,edge" (only these gestures), "mujoco:FILE", "lsl:NAME", "zmq:HOST:PORT", a recording (.npz, .mcap,
         .xdf, a data dumper's folder or data.log), or "NAME" or "NAME:ADDRESS" of the group
         `skinmap.sources`. A name wins over a file of that name; "./sim" is the file.
     robot : Robot or str, optional
@@ -141,13 +141,20 @@ def _simulated(
 ) -> Source:
     from skinmap.io.robots.manifest import load_robot
     from skinmap.live.sources.simulator import SimulatedSource
+    from skinmap.touch.gestures import FOUR, GESTURES
 
-    if address not in ("", "raw"):
-        raise InvalidArrayError(f"the simulator is 'sim' or 'sim:raw', not 'sim:{address}'")
+    raw, names = address == "raw", tuple(address.split(",")) if address not in ("", "raw") else FOUR
+    unknown = [name for name in names if name not in GESTURES]
+    if unknown:
+        raise InvalidArrayError(
+            f"the simulator is 'sim', 'sim:raw' or 'sim:GESTURE', not 'sim:{address}'; the "
+            f"gestures are: {', '.join(GESTURES)}"
+        )
     return SimulatedSource(
         load_robot("icub") if robot is None else robot,
         parts=parts,
         seed=seed,
         speed=speed,
-        kind="raw" if address == "raw" else "pressure",
+        kind="raw" if raw else "pressure",
+        gestures=names,
     )

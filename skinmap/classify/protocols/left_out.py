@@ -1,0 +1,309 @@
+"""Groups left out of the training: sessions, people, places of the skin, parts, and the control.
+
+The control asks whether the same classifier names the touches by what they cannot show: the skin
+before anybody touched it, and the first samples of each stretch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.classify.classifier import classifiers
+from skinmap.classify.descriptors import Touch
+from skinmap.classify.evaluate import likeliest
+from skinmap.classify.few_shot import LEAST
+from skinmap.classify.protocols.folds import Fold, Names, make_folds, recalls
+from skinmap.errors import InvalidArrayError, SkinError
+from skinmap.parallel.run import task_rng
+from skinmap.touch.contacts import pool_event
+from skinmap.touch.prepared_skin import PreparedSkin
+
+Way = Literal["session", "person", "place", "part"]
+WAYS: tuple[Way, ...] = ("session", "person", "place", "part")
+NAIVE = "event"
+MAX_GROUPS = 10  # more groups than that are left out several at a time
+REGIONS = 4  # places of a part
+RAW = "raw values"  # the control's own classifier: nothing is hidden from it
+SURE = 0.01  # a control so unlikely to come by chance is a leak
+RIDGE = 10.0  # of standardised values; flat for a factor of ten around here on simulated rest
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Judged:
+    """Touches to judge by.
+
+    Attributes
+    ----------
+    touches : tuple of Touch
+    groups : mapping of str to (m,) array of str
+        Session, person, place and part of each; an empty word where that is not known.
+    before, first : tuple of (k, n) uint8
+        What the skin read before each touch, and in the first samples of its stretch.
+    """
+
+    touches: tuple[Touch, ...]
+    groups: Mapping[str, Names]
+    before: tuple[NDArray[np.uint8], ...]
+    first: tuple[NDArray[np.uint8], ...]
+
+    @property
+    def labels(self) -> Names:
+        """(m,) names."""
+        return np.array([touch.label for touch in self.touches])
+
+    @property
+    def chance(self) -> float:
+        """Share of the label that is most frequent."""
+        return float(np.unique(self.labels, return_counts=True)[1].max() / len(self.touches))
+
+
+def places_of(touches: Sequence[Touch], *, regions: int = REGIONS) -> Names:
+    """Region of the skin that each touch is centred in: parts are cut into pieces of equal width.
+
+    A region's middle is the taxel farthest from the middles before it, the first one farthest
+    from the part's centre; each touch is of the region whose middle its heaviest taxel is nearest.
+    """
+    middles: dict[PreparedSkin, FloatArray] = {}
+    found = []
+    for touch in touches:
+        if touch.skin not in middles:
+            middles[touch.skin] = _farthest(touch.skin.skin.positions, regions)
+        load = pool_event(touch.samples)
+        if not load.any():
+            found.append("")
+            continue
+        where = load @ touch.skin.skin.positions / load.sum()
+        nearest = int(np.linalg.norm(middles[touch.skin] - where, axis=1).argmin())
+        found.append(f"{touch.skin.skin.part} {nearest + 1}")
+    return np.array(found)
+
+
+def _farthest(points: FloatArray, count: int) -> FloatArray:
+    chosen = [int(np.linalg.norm(points - points.mean(axis=0), axis=1).argmax())]
+    gap = np.full(len(points), np.inf)
+    while len(chosen) < min(count, len(points)):
+        gap = np.minimum(gap, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(gap.argmax()))
+    return np.asarray(points[chosen])
+
+
+def group_folds(way: Way, groups: Names, labels: Names) -> list[Fold]:
+    """Rows to train on and rows to test on, each group on one side only.
+
+    Raises
+    ------
+    InvalidArrayError
+        Groups that are not known, one group only, or a label of one group only: nothing could
+        be learnt for it.
+    """
+    kinds, number = np.unique(groups, return_inverse=True)
+    unknown = int((groups == "").sum())
+    if unknown:
+        raise InvalidArrayError(f"nobody said of {unknown} touches which {way} they are of")
+    if len(kinds) < 2:
+        raise InvalidArrayError(f"all touches are of one {way} ({kinds[0]}): none can be left out")
+    alone = {
+        str(label): str(np.unique(groups[labels == label])[0])
+        for label in np.unique(labels)
+        if len(np.unique(groups[labels == label])) == 1
+    }
+    if alone:
+        named = ", ".join(f"{label} ({where})" for label, where in alone.items())
+        raise InvalidArrayError(
+            f"touches of one {way} only: {named}; left out, nothing is left to learn them from"
+        )
+    fold = number if len(kinds) <= MAX_GROUPS else _dealt(number)
+    every = np.arange(len(labels))
+    return [(every[fold != k], every[fold == k]) for k in range(int(fold.max()) + 1)]
+
+
+def _dealt(number: IntArray) -> IntArray:
+    """Fold of each row: groups dealt out so that folds are of about equal size."""
+    sizes = np.bincount(number)
+    fold, load = np.zeros(len(sizes), np.int64), np.zeros(MAX_GROUPS)
+    for group in np.argsort(-sizes, kind="stable"):
+        fold[group] = int(load.argmin())
+        load[fold[group]] += sizes[group]
+    return fold[number]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LeftOutTrial:
+    """One way to split, of one classifier: what a worker needs."""
+
+    classifier: str
+    judged: Judged
+    way: str
+    folds: int
+    seed: int
+    leaks: bool
+
+
+def run_left_out(trial: LeftOutTrial) -> dict[str, Any]:
+    """Accuracy of a classifier under a split, and of the controls under the same.
+
+    Returns
+    -------
+    dict
+        `per_class`, `mean` (of the classes), `right` (share of all), `control` (of the same
+        classifier at rest, NaN where it sees nothing), `raw` (of raw values at rest), `first`
+        (of the first samples); or `reason`: why there is none.
+    """
+    judged, labels = trial.judged, trial.judged.labels
+    rng = task_rng(trial.seed)
+    try:
+        if trial.way == NAIVE:
+            own = np.arange(len(labels))
+            splits = make_folds("event", labels, own, folds=trial.folds, rng=rng)
+        else:
+            splits = group_folds(_way(trial.way), judged.groups[trial.way], labels)
+        named = _named(trial.classifier, judged.touches, splits, rng)
+    except SkinError as error:
+        return {"reason": str(error)}
+    kinds = [str(label) for label in np.unique(labels)]
+    per_class = recalls(labels, named, kinds)
+    found: dict[str, Any] = {
+        "per_class": per_class,
+        "mean": float(np.mean(list(per_class.values()))),
+        "right": float((named == labels).mean()),
+    }
+    if trial.leaks:
+        rest = _at(judged.touches, judged.before)
+        found["control"] = _share(trial.classifier, rest, labels, splits, rng)
+        found["first"] = _share(
+            trial.classifier, _at(judged.touches, judged.first), labels, splits, rng
+        )
+        found["raw"] = _raw_share(rest, labels, splits)
+    return found
+
+
+def _way(word: str) -> Way:
+    return next(way for way in WAYS if way == word)
+
+
+def _named(
+    classifier: str, touches: Sequence[Touch], splits: Sequence[Fold], rng: np.random.Generator
+) -> Names:
+    """What each touch is named by a model of the other side of its split."""
+    named = np.full(len(touches), "", dtype=object)
+    for train, test in splits:
+        learnt = [touches[k] for k in train]
+        model = classifiers.get(classifier)().fit(learnt, rng=rng, least=LEAST)
+        for k in test:
+            named[k] = likeliest(model, touches[k]).label
+    return named.astype(str)
+
+
+def _at(touches: Sequence[Touch], samples: Sequence[NDArray[np.uint8]]) -> list[Touch]:
+    """The same touches with other samples: nothing is taken away from what the skin read."""
+    return [
+        Touch(touch.skin, own, touch.label, touch.person)
+        for touch, own in zip(touches, samples, strict=True)
+    ]
+
+
+def _share(
+    classifier: str,
+    touches: Sequence[Touch],
+    labels: Names,
+    splits: Sequence[Fold],
+    rng: np.random.Generator,
+) -> float:
+    """Share named right of touches that show nothing; NaN where there is nothing to learn from."""
+    some = np.array([len(touch.samples) > 0 for touch in touches])
+    if not some.any():
+        return float("nan")
+    kept = [(train[some[train]], test[some[test]]) for train, test in splits]
+    try:
+        named = _named(classifier, touches, kept, rng)
+    except (SkinError, ValueError):
+        return float("nan")
+    return float((named[some] == labels[some]).mean())
+
+
+def _raw_share(touches: Sequence[Touch], labels: Names, splits: Sequence[Fold]) -> float:
+    """Share named right by a linear classifier of the mean raw values, of each skin its own."""
+    from sklearn.linear_model import RidgeClassifier
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    right = tested = 0
+    for skin in dict.fromkeys(touch.skin for touch in touches):
+        own = np.array([touch.skin is skin and len(touch.samples) > 0 for touch in touches])
+        rows = np.zeros((len(touches), len(skin)))
+        for k in np.flatnonzero(own):
+            rows[k] = touches[k].samples.mean(axis=0)
+        for train, test in splits:
+            train, test = train[own[train]], test[own[test]]
+            if len(test) == 0 or len(np.unique(labels[train])) < 2:
+                continue
+            model = make_pipeline(StandardScaler(), RidgeClassifier(RIDGE))
+            named = model.fit(rows[train], labels[train]).predict(rows[test])
+            right, tested = right + int((named == labels[test]).sum()), tested + len(test)
+    return right / tested if tested else float("nan")
+
+
+def is_leak(share: float, chance: float, touches: int) -> bool:
+    """Whether so many right names can hardly come by chance (one-sided binomial test)."""
+    from scipy.stats import binomtest
+
+    if not share > chance:
+        return False  # NaN too
+    right = round(share * touches)
+    return bool(binomtest(right, touches, chance, alternative="greater").pvalue < SURE)
+
+
+Meaning = Literal["yes", "no", "doubtful"]
+
+
+def meaning_of(
+    found: Mapping[str, Any], way: str, judged: Judged, alone: Sequence[str]
+) -> tuple[Meaning, str]:
+    """Whether a figure says something of touches, and why, in one line.
+
+    Parameters
+    ----------
+    found : mapping
+        From `run_left_out` with the controls.
+    way : str
+        What was left out.
+    judged : Judged
+    alone : sequence of str
+        Labels that were recorded in one session only.
+    """
+    count, chance = len(judged.touches), judged.chance
+    split = "touches dealt out" if way == NAIVE else f"a {way} left out"
+    figure = f"{100 * found['right']:.1f} % with {split}"
+    for name in ("control", "first"):
+        if is_leak(found[name], chance, count):
+            what = "before the touches" if name == "control" else "of the first samples"
+            return "no", (
+                f"{figure} means nothing: the same classifier names {100 * found[name]:.1f} % "
+                f"{what}, chance is {100 * chance:.1f} %"
+            )
+    raw = found["raw"]
+    if is_leak(raw, chance, count) and way not in ("session",):
+        return "doubtful", (
+            f"{figure} is doubtful: raw values before the touches name {100 * raw:.1f} %, chance "
+            f"is {100 * chance:.1f} %; leave sessions out"
+        )
+    if alone and way != "session":
+        return "doubtful", (
+            f"{figure} is doubtful: {', '.join(alone)} recorded in one session only, so session "
+            "and touch cannot be told apart; record each label in two sessions or more"
+        )
+    seen = found["control"]
+    own = "sees nothing" if seen != seen else f"names {100 * seen:.1f} %"
+    return "yes", (
+        f"{figure} means something: before the touches the same classifier {own}, raw values "
+        f"{100 * raw:.1f} %, chance is {100 * chance:.1f} %"
+        if raw == raw
+        else f"{figure} has no control: nothing was recorded before the touches"
+    )
+
