@@ -133,7 +133,7 @@ def collect(
         A recording of another skin than the robot's.
     """
     files = list(dict.fromkeys(found for path in paths for found in files_of(path)))
-    sessions = _session_names(files)
+    sessions = session_names(files)
     robots: dict[str, Robot] = {}
     skins: dict[tuple[str, str], PreparedSkin] = {}
     touches: list[Collected] = []
@@ -165,7 +165,7 @@ def files_of(path: Path) -> list[Path]:
     return found
 
 
-def _session_names(files: Sequence[Path]) -> dict[Path, str]:
+def session_names(files: Sequence[Path]) -> dict[Path, str]:
     """What each file is called as a session of its own; parts of one recording are one session."""
     names = {file: file for file in files}
     for file in files:

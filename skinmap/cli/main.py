@@ -31,7 +31,7 @@ COMMANDS = {
         "Periodic neighbourhood structures of the layout.",
     ),
     "simulate": ("skinmap.cli.simulate.command", "Simulated touches on the skin, as a recording."),
-    "train": ("skinmap.cli.train", "Train a touch classifier on a recording."),
+    "train": ("skinmap.cli.train", "Train a touch classifier on recordings."),
     "evaluate": (
         "skinmap.cli.evaluate.command",
         "How well classifiers do, by the papers' protocols.",
@@ -41,6 +41,11 @@ COMMANDS = {
         "Speed against accuracy on your own skin, and a profile.",
     ),
     "record": ("skinmap.cli.record", "Record a live source; a killed process loses 0.2 s."),
+    "label": (
+        "skinmap.cli.label",
+        "Name, split, join and delete the touches of a recording.",
+    ),
+    "merge": ("skinmap.cli.merge", "Several recordings as one."),
     "replay": ("skinmap.cli.replay", "Play a recording, and publish it to other programs."),
     "info": ("skinmap.cli.info", "What a recording holds, and what it lacks."),
     "classify": ("skinmap.cli.classify.command", "Name the touches of a recording, or live."),

@@ -5,9 +5,10 @@ from __future__ import annotations
 from skinmap.errors import InvalidArrayError
 
 MAX_LENGTH = 64  # characters; a longer name breaks every table
+UNNAMED = "touch"  # a touch that nobody has named
 # What is said of touches without a name of their own; the loop, the classifiers and their
 # rejection say these words.
-RESERVED = ("touch", "unknown", "no_contact")
+RESERVED = (UNNAMED, "unknown", "no_contact")
 JOIN = "+"  # between the labels of touches that overlap in time
 
 

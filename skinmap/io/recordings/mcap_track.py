@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -311,6 +312,59 @@ def write_repaired(path: Path, output: Path) -> RecordedStream:
     except OSError as error:
         raise OutputError(f"cannot write {str(output)!r}: {error.strerror}") from None
     return track
+
+
+def write_marked(path: Path, output: Path, touches: Sequence[MarkedTouch]) -> None:
+    """Copy a recording with other touches marked in it; everything else stays.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        As for `read_track`.
+    OutputError
+        The output cannot be written.
+    """
+    times = read_track(path).times
+    index = Index(path)
+    head = read_head(index.found)
+    try:
+        with output.open("wb", buffering=0) as file:
+            writer = McapWriter(file, chunk_seconds=REPAIR_SECONDS)
+            writer.add_metadata(METADATA, head)
+            numbers = _channels(writer, index, head)
+            place = next(
+                (numbers[k] for k, one in index.found.channels.items() if one.topic == TOUCHES),
+                None,
+            )
+            if place is None:
+                raise DataFormatError("has no channel for touches", path)
+            for name, data in sorted(index.found.attachments.items()):
+                writer.add_attachment(name, "text/csv", data)
+            _copy(writer, index, {old: new for old, new in numbers.items() if new != place})
+            for one in touches:
+                stamp, content = touch_message(one, times)
+                writer.add_message(place, stamp, content, 0)
+            writer.finish()
+    except OSError as error:
+        raise OutputError(f"cannot write {str(output)!r}: {error.strerror}") from None
+
+
+def touch_message(one: MarkedTouch, times: FloatArray) -> tuple[int, bytes]:
+    """Time stamp [ns] and content of the mark of a touch."""
+    content: dict[str, Any] = {
+        "part": one.part,
+        "event": one.event,
+        "label": one.label,
+        "began_s": float(times[one.first]),
+        "ended_s": float(times[one.last]),
+        "subject": one.subject,
+        "session": one.session,
+        "person": one.person,
+    }
+    if one.owners:
+        content["owners"] = dict(one.owners)
+    stamp = nanoseconds_of(content["ended_s"])
+    return stamp, json.dumps(content, separators=(",", ":")).encode()
 
 
 def _channels(writer: McapWriter, index: Index, head: dict[str, str]) -> dict[int, int]:

@@ -1,0 +1,325 @@
+"""`skinmap label`: name, split, join and delete the touches of a recording, in a new file."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from skinmap.commands.options import open_robot, prints, robot_option
+from skinmap.commands.profiles import profile_option
+from skinmap.report.present import present
+
+if TYPE_CHECKING:
+    from skinmap.arrays import FloatArray
+    from skinmap.io.recordings.marks import Marks
+    from skinmap.io.recordings.recorded_stream import RecordedStream
+    from skinmap.skin.robot import Robot
+
+PAGES = "skinmap.label_pages"  # entry points: (marks, stream, robot, name) -> marks, or None
+KEYS = (
+    "enter next, b back, g N go to touch N, n NAME name, s split (s SECONDS after its beginning), "
+    "j join with the next of its part, d delete, u undo, w write, q end without writing"
+)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LabelResult:
+    """What became of the touches.
+
+    Attributes
+    ----------
+    before
+        Touches that the recording had marked.
+    found
+        That were found because it had none marked, or because --find asked for it.
+    touches
+        That are marked now, by label.
+    unnamed
+        Found ones that nobody named: they are not marked.
+    files
+        The new recording, or the CSV.
+    """
+
+    before: int
+    found: int
+    touches: dict[str, int]
+    unnamed: int
+    files: list[str]
+
+
+@click.command("label")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False),
+    help="New recording (.mcap or .npz); never the old one.",
+)  # fmt: skip
+@click.option("--csv", "table", type=click.Path(path_type=Path), help="Take the touches from here.")
+@click.option(
+    "--write-csv", type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the touches as CSV, to edit and give back with --csv.",
+)  # fmt: skip
+@click.option("--web", is_flag=True, help="Step through the touches in the browser.")
+@click.option("--find", is_flag=True, help="Find the touches anew, whatever is marked.")
+@click.option("--name", help="Name of all touches that have none in the end.")
+@click.option("--force", is_flag=True, help="Replace files that are there.")
+@robot_option
+@profile_option()
+@prints(LabelResult)
+def command(
+    recording: Path,
+    output: Path | None,
+    table: Path | None,
+    write_csv: Path | None,
+    web: bool,
+    find: bool,
+    name: str | None,
+    force: bool,
+    robot: str | None,
+    as_json: bool,
+) -> None:
+    """Name, split, join and delete the touches of RECORDING.
+
+    By keys in the terminal, by a CSV that is edited elsewhere, or in the page (--web). Touches that
+    were not marked are found first, grouped as `classify` groups them. The recording stays as it
+    is: what comes out is a new file.
+
+    \\b
+    Example:  skinmap label touch.mcap -o named.mcap
+              skinmap label touch.mcap --write-csv touches.csv
+              skinmap label touch.mcap --csv touches.csv -o named.mcap
+    """
+    from skinmap.io.recordings.marks import Marks, marks_csv, read_marks
+    from skinmap.live.sources.open_recording import open_track
+    from skinmap.touch.labels import RESERVED, UNNAMED, check_label
+
+    _check(recording, output, write_csv, force=force, changes=web or table is not None)
+    label = None if name is None else check_label(name)
+    loaded = open_robot(robot, ())[0]
+    track = open_track(recording, robot=loaded)
+    before = Marks(track.touches)
+    finding = find or not len(before)
+    marks = _found(recording, loaded) if finding else before
+    found = len(marks) if finding else 0
+    if table is not None:
+        marks = read_marks(table, marks, track.times, track.parts)
+    files = []
+    if write_csv is not None:
+        write_csv.write_text(marks_csv(marks, track.times), encoding="utf-8")
+        files.append(str(write_csv))
+    elif table is None:
+        edit = _page(web) if web else by_keys
+        marks = edit(marks, track, loaded, recording.name)
+    if label is not None:
+        marks = Marks(
+            tuple(replace(one, label=label) if one.label == UNNAMED else one for one in marks.touches)
+        )
+    named = Marks(tuple(one for one in marks.touches if one.label not in RESERVED))
+    if output is not None:
+        write_marked_recording(recording, output, named, loaded)
+        files.append(str(output))
+    result = LabelResult(
+        before=len(before),
+        found=found,
+        touches=dict(sorted(Counter(one.label for one in named.touches).items())),
+        unnamed=len(marks) - len(named),
+        files=files,
+    )
+    present(result, _lines, as_json=as_json)
+
+
+def _check(
+    recording: Path, output: Path | None, write_csv: Path | None, *, force: bool, changes: bool
+) -> None:
+    """Refuse to write over the recording, over a file that is there, or nowhere at all."""
+    from skinmap.errors import MissingFileError, OutputError
+    from skinmap.io.recordings.touch_files import check_suffix
+
+    if not recording.exists():
+        raise MissingFileError(recording, "a recording")
+    if output is None and write_csv is None:
+        raise click.UsageError("name the new recording: -o NEW.mcap, or --write-csv FILE")
+    if write_csv is not None and changes:
+        raise click.UsageError("--write-csv writes what is marked; --csv and --web change it")
+    if output is not None:
+        check_suffix(output)
+    for path in (output, write_csv):
+        if path is None or not path.exists():
+            continue
+        if path.samefile(recording):
+            raise OutputError(f"cannot write {str(path)!r}: it is the recording; name a new file")
+        if not force:
+            raise OutputError(f"{str(path)!r} is there already; --force replaces it")
+
+
+def _found(recording: Path, robot: Robot) -> Marks:
+    """The touches of a recording, as `classify` tells them apart."""
+    import numpy as np
+
+    from skinmap.classify.given_name import GivenName
+    from skinmap.io.recordings.marks import Marks
+    from skinmap.io.recordings.recorded_stream import MarkedTouch
+    from skinmap.live.loop import TouchLoop
+    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.touch.labels import UNNAMED
+
+    source = open_recording(recording, robot=robot, speed=float("inf"))
+    times: list[float] = []
+    loop = TouchLoop(robot, source, classifier=GivenName(FOUND), singly=True)
+    over = []
+    for moment in loop:
+        times.append(moment.time)
+        over += loop.finished()
+    loop.finish()
+    over += loop.finished()
+    loop.close()
+    return Marks(
+        tuple(
+            MarkedTouch(
+                one.part,
+                one.identity,
+                UNNAMED,
+                int(np.searchsorted(times, one.began)),
+                int(np.searchsorted(times, one.ended, side="right")) - 1,
+            )
+            for one in over
+            if one.label == FOUND
+        )
+    )
+
+
+FOUND = "found"  # inside only: what the loop calls each touch
+
+
+def by_keys(marks: Marks, track: RecordedStream, robot: Robot, name: str) -> Marks:
+    """Step through the touches in the terminal.
+
+    Raises
+    ------
+    UsageError
+        The end without `w`: nothing is written.
+    """
+    from skinmap.errors import SkinError
+
+    history, place = [marks], 0
+    loads = loads_of(track)
+    click.echo(f"{name}: {len(marks)} touches; {KEYS}", err=True)
+    while True:
+        marks = history[-1]
+        place = min(max(place, 0), max(len(marks) - 1, 0))
+        try:
+            line = click.prompt(_shown(marks, place, track), default="", show_default=False, err=True)
+        except (click.Abort, EOFError):
+            raise click.UsageError("ended without w: nothing was written") from None
+        key, _, rest = line.strip().partition(" ")
+        if key == "w":
+            return marks
+        if key == "q":
+            raise click.UsageError("ended by q: nothing was written")
+        try:
+            changed, place = _change(key, rest.strip(), history, place, track.times, loads)
+        except (SkinError, ValueError) as error:
+            click.echo(str(error), err=True)
+            continue
+        if changed is not None:
+            history.append(changed)
+
+
+def _shown(marks: Marks, place: int, track: RecordedStream) -> str:
+    if not len(marks):
+        return "no touch"
+    one = marks.touches[place]
+    began, ended = track.times[one.first], track.times[one.last]
+    return (
+        f"{place + 1}/{len(marks)} {one.part} {began:.2f} to {ended:.2f} s "
+        f"({one.last - one.first + 1} samples) {one.label}"
+    )
+
+
+def _change(
+    key: str, rest: str, history: list[Marks], place: int, times: FloatArray, loads: FloatArray
+) -> tuple[Marks | None, int]:
+    """The list after a key, None where it stays, and the touch that is shown next."""
+    import numpy as np
+
+    from skinmap.io.recordings.marks import quietest
+
+    marks = history[-1]
+    if key in ("", "b", "g"):
+        return None, place + 1 if key == "" else place - 1 if key == "b" else int(rest) - 1
+    if key == "u":
+        if len(history) > 1:
+            history.pop()
+        return None, place
+    if not len(marks):
+        raise ValueError("no touch to change")
+    if key == "n":
+        return marks.name(place, rest), place + 1
+    if key == "d":
+        return marks.delete(place), place
+    if key == "j":
+        return marks.join(place), place
+    if key == "s":
+        one = marks.touches[place]
+        row = (
+            int(np.searchsorted(times, times[one.first] + float(rest) - 1e-9))
+            if rest
+            else quietest(loads, one)
+        )
+        return marks.split(place, row), place
+    raise ValueError(f"no key {key!r}; {KEYS}")
+
+
+def loads_of(track: RecordedStream) -> FloatArray:
+    """(t,) sum of all values of each sample, above the lowest."""
+    import numpy as np
+
+    loads = np.concatenate(
+        [
+            np.asarray(track.values[start : start + BLOCK], np.float64).sum(axis=1)
+            for start in range(0, max(len(track.times), 1), BLOCK)
+        ]
+    )
+    return np.asarray(loads)
+
+
+BLOCK = 1024  # samples that are read at once
+Edit = Callable[["Marks", "RecordedStream", "Robot", str], "Marks"]
+
+
+def _page(web: bool) -> Edit:
+    from importlib.metadata import entry_points
+
+    for point in entry_points(group=PAGES):
+        page: Edit = point.load()
+        return page
+    raise click.UsageError("--web needs the viewer package, which is not installed")
+
+
+def write_marked_recording(recording: Path, output: Path, marks: Marks, robot: Robot) -> None:
+    """Write a recording with other marks; raw values and joints are kept from MCAP to MCAP."""
+    from skinmap.io.output import staged_file
+    from skinmap.io.recordings.marks import remarked
+    from skinmap.io.recordings.mcap_track import write_marked
+    from skinmap.io.recordings.readers import read_recordings
+    from skinmap.io.recordings.touch_files import save_recordings
+
+    with staged_file(output) as stage:
+        if recording.suffix.lower() == output.suffix.lower() == ".mcap":
+            write_marked(recording, stage, marks.touches)
+            return
+        own = [remarked(one, marks, recording) for one in read_recordings(recording)]
+        save_recordings(own, stage, robot=robot)
+
+
+def _lines(result: LabelResult) -> Iterator[str]:
+    named = ", ".join(f"{count} {label}" for label, count in result.touches.items()) or "none"
+    if result.found:
+        yield f"{result.found} touches found"
+    yield f"{sum(result.touches.values())} touches marked: {named}"
+    if result.unnamed:
+        yield f"{result.unnamed} without a name were left out"

@@ -1,0 +1,196 @@
+"""Marks of touches as a list that people edit: name, split, join, delete, and a CSV of it."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import DataFormatError, InvalidArrayError
+from skinmap.io.recordings.marked_events import part_events
+from skinmap.io.recordings.recorded_stream import MarkedTouch
+from skinmap.io.text import parse_floats, read_text
+from skinmap.touch.labels import JOIN, UNNAMED, check_label
+from skinmap.touch.recording import Recording
+
+COLUMNS = ("part", "event", "began_s", "ended_s", "label", "session", "person")
+HAIR = 5e-4  # [s]; times in a CSV are written to the millisecond
+
+
+@dataclass(frozen=True, slots=True)
+class Marks:
+    """Touches of a recording in the order of time; each change gives a new list.
+
+    Parameters
+    ----------
+    touches : tuple of MarkedTouch
+    """
+
+    touches: tuple[MarkedTouch, ...]
+
+    def __post_init__(self) -> None:
+        some = [one for one in self.touches if one.first <= one.last]
+        order = sorted(some, key=lambda one: (one.first, one.part, one.last))
+        object.__setattr__(self, "touches", tuple(order))
+
+    def __len__(self) -> int:
+        return len(self.touches)
+
+    def name(self, place: int, label: str) -> Marks:
+        """One touch by another name."""
+        return self._with(place, replace(self.touches[place], label=check_label(label)))
+
+    def delete(self, place: int) -> Marks:
+        """All but one touch."""
+        return self._with(place)
+
+    def split(self, place: int, row: int) -> Marks:
+        """One touch as two, the second from a row on.
+
+        Raises
+        ------
+        InvalidArrayError
+            A row that is not inside the touch.
+        """
+        one = self.touches[place]
+        if not one.first < row <= one.last:
+            raise InvalidArrayError(
+                f"a touch of samples {one.first} to {one.last} cannot be split at {row}"
+            )
+        number = 1 + max(other.event for other in self.touches if other.part == one.part)
+        later = replace(one, event=number, first=row, owners=None)
+        return self._with(place, replace(one, last=row - 1, owners=None), later)
+
+    def join(self, place: int) -> Marks:
+        """One touch and the next one of its part as one, by the first one's name.
+
+        Raises
+        ------
+        InvalidArrayError
+            The last touch of its part.
+        """
+        one = self.touches[place]
+        later = [k for k in range(place + 1, len(self)) if self.touches[k].part == one.part]
+        if not later:
+            raise InvalidArrayError(f"no later touch of {one.part!r} to join with")
+        last = max(one.last, self.touches[later[0]].last)
+        rest = tuple(t for k, t in enumerate(self.touches) if k not in (place, later[0]))
+        return Marks((*rest, replace(one, last=last, owners=None)))
+
+    def _with(self, place: int, *others: MarkedTouch) -> Marks:
+        return Marks((*self.touches[:place], *others, *self.touches[place + 1 :]))
+
+
+def quietest(loads: FloatArray, touch: MarkedTouch) -> int:
+    """Row at which a touch is best split: its least load (t,) away from both of its ends."""
+    margin = max(1, (touch.last - touch.first) // 5)
+    inside = loads[touch.first + margin : touch.last + 1 - margin]
+    return touch.first + margin + int(inside.argmin()) if len(inside) else touch.last
+
+
+def marks_csv(marks: Marks, times: FloatArray) -> str:
+    """The list as CSV, times [s] to the millisecond."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for one in marks.touches:
+        began, ended = (f"{times[row]:.3f}" for row in (one.first, one.last))
+        writer.writerow([one.part, one.event, began, ended, one.label, one.session, one.person])
+    return text.getvalue()
+
+
+def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str]) -> Marks:
+    """The list that a CSV of `marks_csv` has become.
+
+    Parameters
+    ----------
+    path : Path
+    before : Marks
+        What the recording has; owners of touches whose times stay are kept.
+    times : (t,) float
+        [s].
+    parts : sequence of str
+        That were recorded.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, missing columns, and of a line: no number, an unknown part, an end before
+        its beginning, no sample, a label that nobody can use, or a touch that overlaps another.
+    """
+    rows = list(csv.reader(io.StringIO(read_text(path))))
+    if not rows or not {"part", "began_s", "ended_s", "label"} <= set(rows[0]):
+        raise DataFormatError(f"not a table of touches: columns {', '.join(COLUMNS)}", path, 1)
+    known = {(one.part, one.event): one for one in before.touches}
+    free = 1 + max((one.event for one in before.touches), default=-1)
+    found: list[MarkedTouch] = []
+    for line, row in enumerate(rows[1:], 2):
+        if not any(cell.strip() for cell in row):
+            continue
+        if len(row) != len(rows[0]):
+            raise DataFormatError(f"{len(row)} cells for {len(rows[0])} columns", path, line)
+        cells = dict(zip(rows[0], (cell.strip() for cell in row), strict=True))
+        one = _marked(cells, times, parts, path, line)
+        number = cells.get("event", "")
+        event = int(number) if number.isdigit() else free
+        free = max(free, event) + 1
+        old = known.get((one.part, event))
+        owners = old.owners if old is not None and JOIN in one.label else None
+        subject = 0 if old is None else old.subject
+        one = replace(one, event=event, owners=owners, subject=subject)
+        clash = next((t for t in found if t.part == one.part and _overlap(t, one)), None)
+        if clash is not None:
+            raise DataFormatError(
+                f"overlaps the touch of {one.part!r} from {times[clash.first]:.3f} s on", path, line
+            )
+        if any((t.part, t.event) == (one.part, event) for t in found):
+            one = replace(one, event=free)
+            free += 1
+        found.append(one)
+    return Marks(tuple(found))
+
+
+def _overlap(one: MarkedTouch, other: MarkedTouch) -> bool:
+    return one.first <= other.last and other.first <= one.last
+
+
+def _marked(
+    cells: dict[str, str], times: FloatArray, parts: Sequence[str], path: Path, line: int
+) -> MarkedTouch:
+    began, ended = parse_floats([cells["began_s"], cells["ended_s"]], path, line)
+    first = int(np.searchsorted(times, began - HAIR))
+    last = int(np.searchsorted(times, ended + HAIR, side="right")) - 1
+    if cells["part"] not in parts:
+        raise DataFormatError(
+            f"no part {cells['part']!r}; the parts are: {', '.join(parts)}", path, line
+        )
+    if not first <= last:
+        raise DataFormatError(f"no sample from {began:g} to {ended:g} s", path, line)
+    try:
+        label = cells["label"]
+        if label != UNNAMED:
+            label = JOIN.join(check_label(word) for word in label.split(JOIN))
+    except InvalidArrayError as error:
+        raise DataFormatError(str(error), path, line) from None
+    said = [cells.get(key, "") for key in ("session", "person")]
+    return MarkedTouch(cells["part"], 0, label, first, last, 0, None, *said)
+
+
+def remarked(recording: Recording, marks: Marks, path: Path) -> Recording:
+    """A recording with other marks."""
+    own = [one for one in marks.touches if one.part == recording.part]
+    found = part_events(own, len(recording.times), recording.pressures.shape[1], path)
+    return replace(
+        recording,
+        events=found.events,
+        labels=found.labels,
+        subjects=found.subjects,
+        owners=found.owners,
+        sessions=found.sessions,
+        people=found.people,
+    )
