@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.classify.classifier import TouchClassifier, classifiers
+from skinmap.classify.classifier import CALIBRATION_FOLDS, TouchClassifier, classifiers
 from skinmap.classify.descriptors import Touch
 from skinmap.classify.rejection import rejection_threshold
 from skinmap.classify.trained_skin import remember
@@ -68,7 +68,12 @@ class FusionClassifier(TouchClassifier):
         super().__init__(name, MemberDescriptors(self.members), Pool())
 
     def fit(
-        self, touches: Sequence[Touch], *, rng: np.random.Generator, sets: bool = False
+        self,
+        touches: Sequence[Touch],
+        *,
+        rng: np.random.Generator,
+        sets: bool = False,
+        least: int = CALIBRATION_FOLDS,
     ) -> FusionClassifier:
         """Choose the weights on parts left out in turn, then train all members on everything.
 
@@ -96,7 +101,7 @@ class FusionClassifier(TouchClassifier):
                 for place in np.flatnonzero(fold == number):
                     shares[row, place] = _share(model, touches[place], classes)
         for model in self.members:
-            model.fit(touches, rng=rng)
+            model.fit(touches, rng=rng, least=least)
         learnt = np.searchsorted(classes, labels)
         self.estimator = learn_pool(shares[:, tested], learnt[tested], classes)
         self.estimator.estimators_ = [model.estimator for model in self.members]

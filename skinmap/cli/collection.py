@@ -84,7 +84,6 @@ class Collection:
         keys = [tuple(field_of(one, name) for name in fields) for one in self.touches]
         return dict(Counter(key if len(key) > 1 else key[0] for key in keys))
 
-
     def doubts(self) -> Iterator[str]:
         """What a classifier of these touches may have learnt instead of the touches."""
         labels = self.count("label")

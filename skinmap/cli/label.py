@@ -116,7 +116,9 @@ def command(
         marks = edit(marks, track, loaded, recording.name)
     if label is not None:
         marks = Marks(
-            tuple(replace(one, label=label) if one.label == UNNAMED else one for one in marks.touches)
+            tuple(
+                replace(one, label=label) if one.label == UNNAMED else one for one in marks.touches
+            )
         )
     named = Marks(tuple(one for one in marks.touches if one.label not in RESERVED))
     if output is not None:
@@ -212,7 +214,9 @@ def by_keys(marks: Marks, track: RecordedStream, robot: Robot, name: str) -> Mar
         marks = history[-1]
         place = min(max(place, 0), max(len(marks) - 1, 0))
         try:
-            line = click.prompt(_shown(marks, place, track), default="", show_default=False, err=True)
+            line = click.prompt(
+                _shown(marks, place, track), default="", show_default=False, err=True
+            )
         except (click.Abort, EOFError):
             raise click.UsageError("ended without w: nothing was written") from None
         key, _, rest = line.strip().partition(" ")

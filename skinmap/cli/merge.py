@@ -98,7 +98,9 @@ def work(paths: Sequence[Path], output: Path, *, force: bool) -> MergeResult:
     robots = {one.robot: file for file, found in read.items() for one in found if one.robot}
     if len(robots) > 1:
         named = ", ".join(f"{robot} ({file})" for robot, file in robots.items())
-        raise SkinMismatchError(f"recordings of several robots: {named}; `train` takes them as they are")
+        raise SkinMismatchError(
+            f"recordings of several robots: {named}; `train` takes them as they are"
+        )
     parts: dict[str, list[tuple[Path, Recording]]] = {}
     for file, found in read.items():
         for one in found:

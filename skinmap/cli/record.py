@@ -116,7 +116,7 @@ def command(
     SOURCE is sim, mujoco:FILE, lsl:NAME, zmq:HOST:PORT or a recording. At most 0.2 s are lost
     if the process is killed; a full disk ends the recording, and what was written stays readable.
     Of a source of raw values, --label and --model record the pressures too. Touches are marked when
-    they end, grouped as `classify` groups them: a hand is one touch, however many contacts it makes.
+    they end, grouped as `classify` groups them: a hand is one touch, whatever contacts it makes.
 
     \b
     Example:  skinmap record lsl:demo -o touch.mcap --seconds 60

@@ -237,7 +237,9 @@ def work(
     chosen.untrained()  # refuses knobs before anything is read
     found = collect(recordings, robot)
     if auto:
-        knobs["radius_mm"] = 1e3 * auto_radius_of({part: one for (_, part), one in found.skins.items()})
+        knobs["radius_mm"] = 1e3 * auto_radius_of(
+            {part: one for (_, part), one in found.skins.items()}
+        )
     rng = np.random.default_rng(chosen.seed)
     train, same, other = _split(found, chosen.parts, rng)
     extra = _simulated(found, train, chosen.simulated, rng)

@@ -144,7 +144,9 @@ def test_marks_are_the_touches_that_classify_sees(tmp_path):
     lines = [
         json.loads(line)
         for line in CliRunner()
-        .invoke(cli, ["classify", str(tmp_path / "m.skinmodel"), str(tmp_path / "plain.mcap"), "--json"])
+        .invoke(
+            cli, ["classify", str(tmp_path / "m.skinmodel"), str(tmp_path / "plain.mcap"), "--json"]
+        )
         .stdout.splitlines()
     ]
     track = read_track(tmp_path / "marked.mcap")

@@ -193,9 +193,9 @@ def _named(
     """What each touch is named by a model of the other side of its split."""
     named = np.full(len(touches), "", dtype=object)
     for train, test in splits:
-        learnt = [touches[k] for k in train]
+        learnt = [touches[int(k)] for k in train]
         model = classifiers.get(classifier)().fit(learnt, rng=rng, least=LEAST)
-        for k in test:
+        for k in test.tolist():
             named[k] = likeliest(model, touches[k]).label
     return named.astype(str)
 
@@ -306,4 +306,3 @@ def meaning_of(
         if raw == raw
         else f"{figure} has no control: nothing was recorded before the touches"
     )
-

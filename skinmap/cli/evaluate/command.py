@@ -138,7 +138,9 @@ def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, 
     if protocol in PROTOCOLS:
         ctx = click.get_current_context()
         if ctx.params["leave_out"] or ctx.params["leaks"]:
-            raise click.UsageError(f"--protocol {protocol} has its own splits: no --leave-out, --leaks")
+            raise click.UsageError(
+                f"--protocol {protocol} has its own splits: no --leave-out, --leaks"
+            )
         if recordings:
             raise click.UsageError(f"--protocol {protocol} simulates its touches: no recordings")
         return protocol, ()

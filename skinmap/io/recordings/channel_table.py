@@ -26,16 +26,18 @@ from skinmap.errors import (
 )
 from skinmap.io.recordings.mapping import NAME, Mapping, find_mapping
 from skinmap.io.robots.manifest import load_robot
-from skinmap.io.text import check_file
+from skinmap.io.text import MAX_CHANNEL, check_file
 from skinmap.skin.skin import Skin
 from skinmap.touch.labels import check_label
 from skinmap.touch.recording import Recording
 
 MAX_BYTES = 2**30  # a table is read whole
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-NUMBER = re.compile(r"\D*(\d+)")  # ch12, taxel_12, 12
+NUMBER = re.compile(r"\D*([0-9]+)")  # ch12, taxel_12, 12
+MAX_SECONDS = 2.0**34  # as recordings of ours hold at most
 APART = 1.0  # seconds between stretches whose times begin anew
 COUNTS = 255.0
+DIGITS = 18  # of a number that a channel may have before it is refused as too large
 FEW = 5  # names in a message
 
 
@@ -98,10 +100,12 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
     """
     skin = load_robot(mapping.robot).skin(mapping.part)
     _check(table, path)
-    values = np.where(mapping.falling, -1.0, 1.0) * table.values
-    if mapping.rest_percentile is not None:
-        values = _above_rest(values, table.stretches, mapping)
-    counts = np.rint(np.clip(values * (COUNTS / mapping.full_scale), 0.0, COUNTS))
+    with np.errstate(over="ignore", invalid="ignore"):  # what is too large is a pressure of 255
+        values = np.where(mapping.falling, -1.0, 1.0) * table.values
+        if mapping.rest_percentile is not None:
+            values = _above_rest(values, table.stretches, mapping.rest_percentile)
+        counts = np.rint(np.clip(values * (COUNTS / mapping.full_scale), 0.0, COUNTS))
+    counts = np.nan_to_num(counts, nan=0.0)
     pressures = np.zeros((len(counts), len(skin)), np.uint8)
     rows, columns = _places(skin, table.channels, path)
     pressures[:, rows] = counts[:, columns]
@@ -133,9 +137,14 @@ def _check(table: ChannelTable, path: Path) -> None:
             f"sample {row} holds no number at channel {table.channels[column]}", path
         )
     stretches = np.zeros(len(table.times)) if table.stretches is None else table.stretches
+    strange = (table.channels < 0) | (table.channels > MAX_CHANNEL)
+    if strange.any():
+        raise DataFormatError(f"{table.channels[strange][0]} is no channel's number", path)
     back = (np.diff(table.times) < 0) & (np.diff(stretches) == 0)
-    if not np.isfinite(table.times).all() or back.any():
-        row = int(np.flatnonzero(back)[0]) + 1 if back.any() else 0
+    if not (np.abs(table.times) < MAX_SECONDS).all():
+        raise DataFormatError("holds times that are no seconds of this age", path)
+    if back.any():
+        row = int(np.flatnonzero(back)[0]) + 1
         raise DataFormatError(
             f"samples are out of order: sample {row} at {table.times[row]:g} s comes after "
             f"{table.times[max(row - 1, 0)]:g} s",
@@ -147,15 +156,13 @@ def _check(table: ChannelTable, path: Path) -> None:
         raise DataFormatError(f"channels given twice: {named}", path)
 
 
-def _above_rest(
-    values: FloatArray, stretches: IntArray | None, mapping: Mapping
-) -> FloatArray:
+def _above_rest(values: FloatArray, stretches: IntArray | None, calm: float) -> FloatArray:
     """Values above what each channel reads at rest, of each joined file its own."""
     found = np.empty_like(values)
     numbers = np.zeros(len(values)) if stretches is None else stretches
     for number in np.unique(numbers):
         rows = numbers == number
-        rest = np.percentile(values[rows], mapping.rest_percentile, axis=0)
+        rest = np.percentile(values[rows], calm, axis=0)
         found[rows] = values[rows] - rest
     return found
 
@@ -222,7 +229,12 @@ def read_table(path: Path) -> list[Recording]:
     count = len(rows)
     numbers = None
     if mapping.event_column is not None:
-        numbers = _numbers(rows, [place[mapping.event_column]], path)[:, 0].astype(np.int64)
+        found = _numbers(rows, [place[mapping.event_column]], path)[:, 0]
+        if not (np.abs(found) <= MAX_CHANNEL).all():
+            raise DataFormatError(
+                f"{mapping.event_column} holds what is no number of a touch", path
+            )
+        numbers = found.astype(np.int64)
     events, first = _events(said[0], numbers, mapping.label_of(path), count)
     labels = said[0] or [mapping.label_of(path)] * count
     people, sessions = (
@@ -250,7 +262,9 @@ def _rows(path: Path, mapping: Mapping) -> tuple[list[str], list[list[str]]]:
                 delimiter = next((one for one in (";", "\t", " ") if one in start), ",")
             file.seek(0)
             lines = (line for line in file if line.strip() and not line.startswith("#"))
-            table = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)]
+            table = [
+                [cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)
+            ]
         except (UnicodeDecodeError, csv.Error) as error:
             raise DataFormatError(f"not a table: {error}", path) from None
     names = list(mapping.columns) if mapping.columns else (table.pop(0) if table else [])
@@ -289,7 +303,8 @@ def _channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict
             "the mapping (time, label_column, channels ...)",
             path,
         )
-    return {name: int(match[1]) for name, match in found.items() if match is not None}
+    numbers = {name: int(match[1][:DIGITS]) for name, match in found.items() if match is not None}
+    return numbers
 
 
 def _numbers(rows: list[list[str]], columns: list[int], path: Path) -> FloatArray:
@@ -316,14 +331,17 @@ def _events(
     """
     if numbers is None and labels is None:
         return (np.zeros(count, np.int64), [0]) if label else (np.full(count, -1), [])
-    touched = np.array([bool(word) for word in labels]) if labels is not None else numbers >= 0
-    if numbers is not None:
-        touched = touched & (numbers >= 0)
-    words = np.zeros(count, np.int64)
+    touched = np.ones(count, bool)
+    keys: IntArray = np.zeros(count, np.int64)
     if labels is not None:
-        words = np.unique(labels, return_inverse=True)[1].reshape(-1)
-    keys = words if numbers is None else numbers
-    begins = touched & np.concatenate([[True], (keys[1:] != keys[:-1]) | ~touched[:-1]])
+        touched &= np.array([bool(word) for word in labels])
+        keys = np.unique(labels, return_inverse=True)[1].reshape(-1)
+    if numbers is not None:
+        touched &= numbers >= 0
+        keys = numbers
+    changes = np.ones(count, bool)
+    changes[1:] = (keys[1:] != keys[:-1]) | ~touched[:-1]
+    begins = touched & changes
     return np.where(touched, np.cumsum(begins) - 1, -1), np.flatnonzero(begins).tolist()
 
 
@@ -357,9 +375,7 @@ ARRAYS = (
 )  # fmt: skip
 
 
-def _table_of(
-    arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Path
-) -> ChannelTable:
+def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Path) -> ChannelTable:
     values = arrays.get("values")
     if values is None or values.ndim != 2 or values.dtype.kind not in "uif":
         raise DataFormatError("no table of numbers called `values`, one row a sample", path)
@@ -368,12 +384,14 @@ def _table_of(
     times = np.asarray(arrays.get("times", steps), np.float64) * SECONDS[mapping.time_unit]
     channels = arrays.get("channels", arrays.get("taxel_ids", np.arange(width)))
     stretches = arrays.get("file_index")
-    events = arrays.get("events", stretches)
     label = mapping.label_of(path)
-    if events is None:
-        events = np.full(count, 0 if label else -1)
+    events = arrays.get("events", stretches)
+    events = np.full(count, 0 if label else -1) if events is None else events
     labels = [str(word) for word in arrays.get("labels", arrays.get("file_class", np.array([])))]
-    kinds = int(np.max(events, initial=-1)) + 1
+    for name, array in (("channels", channels), ("events", np.asarray(events))):
+        if array.dtype.kind not in "iu" or array.ndim != 1:
+            raise DataFormatError(f"{name} are no list of whole numbers", path)
+    kinds = min(int(np.max(events, initial=-1)) + 1, count)
     labels = labels or [label] * kinds
     for name, array, length in (
         ("times", times, count), ("channels", channels, width), ("events", events, count),

@@ -7,6 +7,8 @@ doi 10.4121/uuid:5ef62345-3b3e-479c-8e1d-c922748c9b29).
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -63,16 +65,20 @@ def read_cost(path: Path) -> list[Recording]:
             1,
         )
     words = {name: names.index(name) for name in OWN}
-    converters = {
+    converters: dict[int | str, Callable[[str], float]] = {
         words["gesture"]: lambda cell: _number(cell, GESTURES),
         words["variant"]: lambda cell: _number(cell, VARIANTS),
     }
     try:
-        table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2, converters=converters)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # nothing after the header: said below
+            table = np.loadtxt(
+                path, delimiter=",", skiprows=1, ndmin=2, converters=converters, encoding="utf-8"
+            )
     except ValueError as error:
         raise DataFormatError(f"not CoST: {error}", path) from None
-    if len(table) == 0:
-        raise DataFormatError("no frames", path)
+    if len(table) == 0 or table.shape[1] != len(names):
+        raise DataFormatError("no frames of as many values as there are columns", path)
     return [_recording(table, words, path)]
 
 
@@ -90,7 +96,9 @@ def _recording(table: np.ndarray, words: dict[str, int], path: Path) -> Recordin
         strange = (said[name] != np.round(said[name])) | (said[name] < 1) | (said[name] > most)
         if strange.any():
             row = int(np.flatnonzero(strange)[0])
-            raise DataFormatError(f"{name} {said[name][row]:g}, expected 1 to {most}", path, row + 2)
+            raise DataFormatError(
+                f"{name} {said[name][row]:g}, expected 1 to {most}", path, row + 2
+            )
     if not ((values >= 0) & (values <= FULL)).all():  # NaN too
         row = int(np.flatnonzero(~((values >= 0) & (values <= FULL)).all(axis=1))[0])
         raise DataFormatError(f"values beyond 0 to {FULL:g}", path, row + 2)

@@ -15,12 +15,13 @@ import numpy as np
 
 from skinmap.errors import DataFormatError
 from skinmap.io.recordings.channel_table import (
+    DIGITS,
     MAX_BYTES,
     ChannelTable,
     needed_mapping,
     recording_of,
 )
-from skinmap.io.text import check_file
+from skinmap.io.text import MAX_CHANNEL, check_file
 from skinmap.touch.recording import Recording
 
 ERROR = 43_000  # values from here on are a sensor's error codes
@@ -49,9 +50,9 @@ def read_cyskin_text(path: Path) -> list[Recording]:
     if len(lines) < 2:
         raise DataFormatError("no samples", path)
     width = len(lines[0][1])
-    heads = all(word.isdigit() for word in lines[0][1])
+    heads = all(word.isascii() and word.isdigit() for word in lines[0][1])
     if heads and len(lines[1][1]) == width + LEAD:
-        channels = [int(word) for word in lines[0][1]]
+        channels = [min(int(word[:DIGITS]), MAX_CHANNEL + 1) for word in lines[0][1]]
         rows = _numbers(lines[1:], width + LEAD, path)
         times, values = rows[:, 1], rows[:, LEAD:]
     else:
@@ -63,6 +64,8 @@ def read_cyskin_text(path: Path) -> list[Recording]:
                 path,
                 lines[0][0],
             )
+        if not ((pairs[0, ::2] >= 0) & (pairs[0, ::2] <= MAX_CHANNEL)).all():
+            raise DataFormatError("ids that are no numbers of taxels", path, lines[0][0])
         channels, values = pairs[0, ::2].astype(np.int64).tolist(), pairs[:, 1::2]
     label = mapping.label_of(path)
     table = ChannelTable(

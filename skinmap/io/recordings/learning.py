@@ -1,7 +1,8 @@
 """Recordings as plain arrays for machine learning: HDF5 and NPZ, the same names in both.
 
 times (t,), and for each part: PART/values (t, n), PART/events (t,), PART/labels (k,),
-PART/subjects (k,), PART/sessions (k,), PART/people (k,), and of its taxels PART/channels, PART/modules, PART/positions, PART/normals;
+PART/subjects (k,), PART/sessions (k,), PART/people (k,), and of its taxels PART/channels,
+PART/modules, PART/positions, PART/normals;
 joints (j,) and angles (t, j) where there are any. HDF5 has the rest as attributes, NPZ as JSON in
 `about`.
 """

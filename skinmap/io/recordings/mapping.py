@@ -78,8 +78,10 @@ class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 def find_mapping(path: Path) -> Mapping | None:
-    """The mapping of a recording: `NAME.toml` beside it, else its own first lines, else the
-    nearest `mapping.toml` of the folders above it; None where there is none.
+    """The mapping of a recording, None where there is none.
+
+    It is `NAME.toml` beside it, else its own first lines, else the nearest `mapping.toml` of the
+    folders above it.
 
     Raises
     ------

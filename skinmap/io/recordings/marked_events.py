@@ -76,9 +76,7 @@ def taxel_columns(
     return np.asarray(channels, np.int64)
 
 
-def part_events(
-    touches: Sequence[MarkedTouch], count: int, taxels: int, path: Path
-) -> PartEvents:
+def part_events(touches: Sequence[MarkedTouch], count: int, taxels: int, path: Path) -> PartEvents:
     """Events of the first samples of a part.
 
     Raises
@@ -103,9 +101,7 @@ def part_events(
         sessions[row], people[row] = touch.session, touch.person
         if owners is not None:
             owners[row] = _owner_row(touch.owners or {}, taxels, path)
-    return PartEvents(
-        events, tuple(labels), subjects, owners, tuple(sessions), tuple(people)
-    )
+    return PartEvents(events, tuple(labels), subjects, owners, tuple(sessions), tuple(people))
 
 
 def _owner_row(owners: Mapping[str, list[int]], taxels: int, path: Path) -> IntArray:

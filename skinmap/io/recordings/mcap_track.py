@@ -116,9 +116,7 @@ def _objects(index: Index, topic: str) -> list[tuple[int, dict[str, Any]]]:
     return found
 
 
-def _touches(
-    index: Index, stamps: IntArray, head: dict[str, str]
-) -> tuple[MarkedTouch, ...]:
+def _touches(index: Index, stamps: IntArray, head: dict[str, str]) -> tuple[MarkedTouch, ...]:
     """Touches by what was said at their end, else at their beginning."""
     ends: dict[tuple[str, int, float], dict[str, Any]] = {}
     for _, one in _objects(index, TOUCHES):
@@ -143,9 +141,7 @@ def _touches(
         words = all(isinstance(word, str) for word in said)
         if not isinstance(subject, int) or not isinstance(owners, dict | None) or not words:
             raise DataFormatError(f"touch {event} of {part!r} is damaged", index.path)
-        touches.append(
-            MarkedTouch(part, event, one["label"], first, last, subject, owners, *said)
-        )
+        touches.append(MarkedTouch(part, event, one["label"], first, last, subject, owners, *said))
     return tuple(touches)
 
 

@@ -84,7 +84,7 @@ class Recorder:
         chunk_seconds: float = CHUNK_SECONDS,
     ) -> None:
         self.info, self.files = info, [path]
-        self._said = {"session": session, "person": person}
+        self._session, self._person = session, person
         self._robot = robot
         self._widths: dict[Kind, tuple[int, ...]] = {**(widths or {}), info.kind: info.widths}
         self._rotate = (rotate_bytes, rotate_seconds)
@@ -208,6 +208,7 @@ class Recorder:
             clock=info.clock,
             fingerprints=info.fingerprints,
             skins=skins,
-            **self._said,
+            session=self._session,
+            person=self._person,
             chunk_seconds=self._chunk_seconds,
         )

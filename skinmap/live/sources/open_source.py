@@ -63,7 +63,8 @@ def open_source(
     Parameters
     ----------
     spec : str or Path
-        "sim", "sim:raw" or "sim:poke,edge" (only these gestures), "mujoco:FILE", "lsl:NAME", "zmq:HOST:PORT", a recording (.npz, .mcap,
+        "sim", "sim:raw" or "sim:poke,edge" (only these gestures), "mujoco:FILE", "lsl:NAME",
+        "zmq:HOST:PORT", a recording (.npz, .mcap,
         .xdf, a data dumper's folder or data.log), or "NAME" or "NAME:ADDRESS" of the group
         `skinmap.sources`. A name wins over a file of that name; "./sim" is the file.
     robot : Robot or str, optional

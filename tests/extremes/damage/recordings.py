@@ -24,10 +24,17 @@ from skinmap.classify.check import planted_touches
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.convolution import Network, load_network, network_bytes
 from skinmap.classify.model_file import load_classifier, save_classifier
+from skinmap.io.recordings.channel_table import read_arrays as read_channels
+from skinmap.io.recordings.channel_table import read_table
+from skinmap.io.recordings.cost import read_cost
+from skinmap.io.recordings.cyskin_text import read_cyskin_text
 from skinmap.io.recordings.dumper import read_dump, read_log
 from skinmap.io.recordings.learning import write_npz
+from skinmap.io.recordings.mapping import read_mapping
+from skinmap.io.recordings.marks import Marks, read_marks
 from skinmap.io.recordings.mcap_recording import McapRecording
 from skinmap.io.recordings.mcap_track import read_track, write_repaired
+from skinmap.io.recordings.readers import read_recordings
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.recordings.xdf import read_xdf
 from skinmap.touch import recording as archive
@@ -176,6 +183,35 @@ def wrenches() -> bytes:
 WRENCH = b"touch,x,y,z,fx,fy,fz,mx,my,mz\n0,1,2,3,0,0,1,0.1,0.2,0\n1,2,2,3,0,1,0,0,0.2,0.1\n"
 
 
+MAPPING = b'robot = "kaspar"\npart = "left_hand"\nlabel = "poke"\nrest_percentile = 25\n'
+MARKS = b"part,event,began_s,ended_s,label\na,0,0.1,0.2,poke\na,1,0.3,0.4,rub\n"
+
+
+def channel_table() -> bytes:
+    head = ["time", *(f"ch{k}" for k in range(N))]
+    rows = [[f"{row / RATE:g}", *map(str, v)] for row, v in enumerate(values())]
+    return "\n".join(",".join(row) for row in [head, *rows]).encode()
+
+
+def cyskin(*, pairs: bool = False) -> bytes:
+    rows = [
+        f"{row} {row / 10:.6f} "
+        + " ".join(f"{k} {x}" if pairs else f"{x}" for k, x in enumerate(v.tolist()))
+        for row, v in enumerate(values())
+    ]
+    return "\n".join([*([] if pairs else [" ".join(map(str, range(N)))]), *rows]).encode()
+
+
+def corpus_of_touch() -> bytes:
+    head = "gesture,variant,subject,frame," + ",".join(f"ch{k}" for k in range(1, 65))
+    rows = [f"{1 + row // 4},1,{1 + row % 2},{row % 4}," + "7," * 63 + "90" for row in range(8)]
+    return "\n".join([head, *rows]).encode()
+
+
+def marks(path: Path) -> Any:
+    return read_marks(path, Marks(()), np.arange(SAMPLES) / RATE, ["a"])
+
+
 def samples(path: Path) -> Any:
     """All values of a track, which is where damage of its content shows."""
     return read_track(path).values[:]
@@ -258,5 +294,21 @@ TARGETS = [
           ("calibration.files.mount_files.read_samples",
            "calibration.files.mount_files.read_arrays")),
     *both("cache", "c.npz", lambda: [zipped(vertices=np.eye(3), faces=np.eye(3, dtype=int))], kept),
+    Target("channel-table", "t.csv", lambda: [channel_table()], read_recordings,
+           ("skinmap.io.recordings.channel_table.read_table",
+            "skinmap.io.recordings.readers.read_recordings"), {"t.toml": lambda: MAPPING}),
+    *both("channel-arrays", "t.npz",
+          lambda: [zipped(values=values(), times=np.arange(SAMPLES) / RATE, channels=np.arange(N))],
+          read_channels, ("skinmap.io.recordings.channel_table.read_arrays",),
+          {"t.toml": lambda: MAPPING}),
+    Target("channel-mapping", "t.toml", lambda: [MAPPING], read_mapping,
+           ("skinmap.io.recordings.mapping.read_mapping",)),
+    Target("channel-mapping-used", "t.toml", lambda: [MAPPING],
+           lambda p: read_table(p.with_suffix(".csv")), (), {"t.csv": channel_table}),
+    Target("cyskin-text", "t.txt", lambda: [cyskin(), cyskin(pairs=True)], read_cyskin_text,
+           ("skinmap.io.recordings.cyskin_text.read_cyskin_text",), {"t.toml": lambda: MAPPING}),
+    Target("cost", "CoST.csv", lambda: [corpus_of_touch()], read_cost,
+           ("skinmap.io.recordings.cost.read_cost",)),
+    Target("marks", "t.csv", lambda: [MARKS], marks, ("skinmap.io.recordings.marks.read_marks",)),
     Target("samples-npy", "s.npy", lambda: [npy()], lambda p: read_arrays(p, "samples")),
 ]  # fmt: skip

@@ -1,0 +1,182 @@
+"""Marks are edited by keys and by CSV, recordings are merged, and old files stay as they are."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import skinmap
+from skinmap.cli.main import cli
+from skinmap.errors import InvalidArrayError, SkinError
+from skinmap.io.recordings.marks import Marks
+from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.recordings.recorded_stream import MarkedTouch
+from skinmap.touch.recording import Recording
+
+
+def call(*words, keys=None):
+    return CliRunner().invoke(cli, [*map(str, words)], input=keys)
+
+
+def run(*words, keys=None):
+    result = call(*words, "--json", keys=keys)
+    assert result.exit_code == 0, (result.output, result.exception)
+    return json.loads(result.stdout)
+
+
+def refuse(*words, keys=None) -> str:
+    result = call(*words, keys=keys)
+    assert isinstance(result.exception, SkinError | SystemExit), result.output
+    text = result.output if isinstance(result.exception, SystemExit) else str(result.exception)
+    return " ".join(text.split())
+
+
+@pytest.fixture(scope="module")
+def marked(tmp_path_factory):
+    """Raw values and pressures of ten seconds, with their marks."""
+    path = tmp_path_factory.mktemp("label") / "t.mcap"
+    run("record", "sim:raw", "-o", path, "--part", "left_hand", "--seconds", 12, "--speed", "inf",
+        "--label", "rub", "--session", "monday", "--person", "ada")  # fmt: skip
+    return path
+
+
+def spans(path):
+    return [(one.first, one.last, one.label) for one in Marks(read_track(path).touches).touches]
+
+
+def test_keys_name_split_join_delete_and_undo(marked, tmp_path):
+    before, bytes_before = spans(marked), marked.read_bytes()
+    keys = "n jab\ns 0.1\nj\ns\nu\nd\nu\nx\nn\n\nd\nw\n"
+    told = run("label", marked, "-o", tmp_path / "new.mcap", keys=keys)
+    after = spans(tmp_path / "new.mcap")
+    expected = [(*before[0][:2], "jab"), before[1], *before[3:]]
+    assert after == expected
+    assert told["touches"] == {"jab": 1, "rub": len(before) - 2}
+    assert marked.read_bytes() == bytes_before
+    old, new = read_track(marked, kind="raw"), read_track(tmp_path / "new.mcap", kind="raw")
+    np.testing.assert_array_equal(old.values[:], new.values[:])
+    kept = read_track(tmp_path / "new.mcap").touches
+    assert {(one.session, one.person) for one in kept} == {("monday", "ada")}
+
+
+@pytest.mark.parametrize("keys", ["q\n", "n jab\n"])
+def test_ending_without_w_writes_nothing(marked, tmp_path, keys):
+    assert "nothing was written" in refuse("label", marked, "-o", tmp_path / "n.mcap", keys=keys)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_csv_that_nobody_changed_changes_nothing(marked, tmp_path):
+    run("label", marked, "--write-csv", tmp_path / "t.csv")
+    run("label", marked, "--csv", tmp_path / "t.csv", "-o", tmp_path / "same.mcap")
+    assert Marks(read_track(tmp_path / "same.mcap").touches) == Marks(read_track(marked).touches)
+
+
+def test_rows_of_a_csv_are_the_touches(marked, tmp_path):
+    run("label", marked, "--write-csv", tmp_path / "t.csv")
+    lines = (tmp_path / "t.csv").read_text().splitlines()
+    named = lines[1].replace(",rub,", ",tap,")
+    (tmp_path / "t.csv").write_text("\n".join([lines[0], named, *lines[3:]]))
+    told = run("label", marked, "--csv", tmp_path / "t.csv", "-o", tmp_path / "new.npz")
+    assert told["touches"] == {"rub": len(lines) - 3, "tap": 1}
+    (one,) = skinmap.load_recordings(tmp_path / "new.npz")
+    assert sorted(one.labels) == ["rub"] * (len(lines) - 3) + ["tap"]
+    assert set(one.people) == {"ada"}
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (lambda row: row.replace("rub", ""), "2: a label is empty"),
+        (lambda row: row.replace("rub", "a\x07b"), "2: a label without control characters"),
+        (lambda row: row.replace("left_hand", "tail"), "2: no part 'tail'"),
+        (lambda row: row.replace(",rub", ",rub,more"), "2: 8 cells for 7 columns"),
+        (lambda row: f"left_hand,9,5,4,rub,,\n{row}", "2: no sample from 5 to 4 s"),
+        (lambda row: f"{row}\n{row}", "3: overlaps the touch"),
+    ],
+)
+def test_rows_that_cannot_be_are_named_by_their_line(marked, tmp_path, change, match):
+    run("label", marked, "--write-csv", tmp_path / "t.csv")
+    head, row, *_ = (tmp_path / "t.csv").read_text().splitlines()
+    (tmp_path / "t.csv").write_text(f"{head}\n{change(row)}\n")
+    message = refuse("label", marked, "--csv", tmp_path / "t.csv", "-o", tmp_path / "n.mcap")
+    assert f"t.csv:{match}" in message
+    assert not (tmp_path / "n.mcap").exists()
+
+
+def test_touches_that_nobody_marked_are_found(tmp_path):
+    plain, named = tmp_path / "plain.mcap", tmp_path / "named.mcap"
+    words = ["sim", "--part", "left_hand", "--seconds", 12, "--speed", "inf", "-o"]
+    run("record", *words, plain)
+    run("record", *words, named, "--label", "rub")
+    told = run("label", plain, "--write-csv", tmp_path / "t.csv")
+    assert (told["before"], told["touches"], told["unnamed"]) == (0, {}, told["found"])
+    run("label", plain, "--csv", tmp_path / "t.csv", "--name", "rub", "-o", tmp_path / "new.mcap")
+    assert spans(tmp_path / "new.mcap") == spans(named)
+
+
+def test_nothing_is_written_over(marked, tmp_path):
+    (tmp_path / "there.mcap").write_bytes(b"precious")
+    for words in (["label", marked, "-o"], ["merge", marked, "-o"]):
+        assert "is there already" in refuse(*words, tmp_path / "there.mcap", keys="w\n")
+        assert "recording" in refuse(*words, marked, "--force", keys="w\n") or "read" in words
+    assert (tmp_path / "there.mcap").read_bytes() == b"precious"
+    assert "name the new recording" in refuse("label", marked)
+
+
+def mark(first, last, event=0, label="a"):
+    return MarkedTouch("p", event, label, first, last)
+
+
+def test_split_and_join_are_each_others_reverse():
+    marks = Marks((mark(5, 9), mark(20, 30, 1)))
+    assert Marks(marks.split(0, 7).touches).join(0) == marks
+    with pytest.raises(InvalidArrayError, match="cannot be split at 5"):
+        marks.split(0, 5)
+    with pytest.raises(InvalidArrayError, match="no later touch"):
+        marks.join(1)
+
+
+def recorded(labels, *, taxels=4, rate=50.0, robot="", session="", part="p"):
+    """A touch of two samples for each label, a sample of rest between."""
+    events = np.concatenate([[-1, k, k] for k in range(len(labels))])
+    rng = np.random.default_rng(len(labels))
+    return Recording(
+        part, np.arange(len(events)) / rate, rng.integers(0, 9, (len(events), taxels), np.uint8),
+        events, tuple(labels), robot=robot, sessions=(session,) * len(labels),
+    )  # fmt: skip
+
+
+def saved(path, recording):
+    skinmap.save_recordings(recording, path)
+    return path
+
+
+def test_merge_keeps_samples_touches_and_sessions(tmp_path):
+    one, other = recorded(["a", "b"]), recorded(["b"], session="evening")
+    files = [saved(tmp_path / f"{name}.npz", each) for name, each in (("x", one), ("y", other))]
+    told = run("merge", *files, "-o", tmp_path / "all.npz")
+    (both,) = skinmap.load_recordings(tmp_path / "all.npz")
+    np.testing.assert_array_equal(both.pressures, np.concatenate([one.pressures, other.pressures]))
+    assert both.events.tolist() == [-1, 0, 0, -1, 1, 1, -1, 2, 2]
+    assert both.sessions == ("x", "x", "evening")
+    assert (np.diff(both.times) > 0).all()
+    assert told["touches"] == {"a": 1, "b": 2}
+    assert told["sessions"] == {"x": 2, "evening": 1}
+
+
+@pytest.mark.parametrize(
+    ("other", "match"),
+    [
+        ({"taxels": 5}, "another skin"),
+        ({"rate": 100.0}, "100 samples a second, x 50: they do not follow each other"),
+        ({"robot": "kaspar"}, "recordings of several robots"),
+    ],
+)
+def test_merge_refuses_what_does_not_belong_together(tmp_path, other, match):
+    one = saved(tmp_path / "x.npz", recorded(["a"], robot="icub"))
+    two = saved(tmp_path / "y.npz", recorded(["a"], **{"robot": "icub", **other}))
+    assert match in refuse("merge", one, two, "-o", tmp_path / "all.npz")
+    assert not (tmp_path / "all.npz").exists()

@@ -1,0 +1,161 @@
+"""Training on touches of one's own, and judging it: sessions, people, robots, leaks."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import skinmap
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+from skinmap.touch.recording import Recording
+
+KINDS = ("poke", "full_finger")
+
+
+def run(*words):
+    result = CliRunner().invoke(cli, [*map(str, words), "--json"])
+    assert result.exit_code == 0, (result.output, result.exception)
+    return json.loads(result.stdout)
+
+
+def refuse(*words) -> str:
+    result = CliRunner().invoke(cli, [*map(str, words)])
+    assert isinstance(result.exception, SkinError | SystemExit), result.output
+    text = result.output if isinstance(result.exception, SystemExit) else str(result.exception)
+    return " ".join(text.split())
+
+
+def touched(robot, part, seed, *, kinds=KINDS, count=6, **said) -> Recording:
+    skin = skinmap.load_robot(robot).skin(part)
+    one = skinmap.simulate(skin, gestures=kinds, per_gesture=count, rng=seed, variety=0)
+    words = {key: (word,) * len(one.labels) for key, word in said.items()}
+    return replace(one, robot=robot, subjects=np.zeros(len(one.labels), np.int64), **words)
+
+
+@pytest.fixture(scope="module")
+def days(tmp_path_factory):
+    """Two days on one part, each by one person, and one on another robot."""
+    folder = tmp_path_factory.mktemp("own")
+    for day, who, seed in (("monday", "ada", 1), ("tuesday", "ben", 2)):
+        one = touched("kaspar", "torso", seed, sessions=day, people=who)
+        skinmap.save_recordings(one, folder / f"{day}.npz")
+    other = touched("icub", "left_upper_arm", 3, sessions="tuesday", people="ben")
+    skinmap.save_recordings(other, folder / "other.npz")
+    return folder
+
+
+def test_folders_of_several_robots_are_trained_on(days, tmp_path):
+    told = run("train", days, "-o", tmp_path / "m.skinmodel", "--with-simulated", 4)
+    assert [(one["robot"], one["part"]) for one in told["skins"]] == [
+        ("KASPAR", "torso"), ("iCub", "left_upper_arm"),
+    ]  # fmt: skip
+    assert told["sessions"] == {"monday": 12, "tuesday": 24}
+    assert told["people"] == {"ada": 12, "ben": 24}
+    assert told["simulated"] == {"full_finger": 8, "poke": 8}
+    assert told["warnings"] == []
+    model = skinmap.Classifier.load(tmp_path / "m.skinmodel")
+    assert sorted(one.part for one in model.trained_on) == ["left_upper_arm", "torso"]
+
+
+def test_five_touches_a_label_are_enough_and_each_is_tested_unseen(tmp_path):
+    few = touched("kaspar", "torso", 5, count=5)
+    skinmap.save_recordings(few, tmp_path / "few.npz")
+    told = run("train", tmp_path / "few.npz", "-o", tmp_path / "m.skinmodel")
+    assert (told["touches"], told["tested"]["same_parts"]) == (10, 10)
+    assert told["tested_by"] == "cross_validation"
+    assert told["accuracy"]["same_parts"] >= 0.7
+    # Labels that mean nothing are named no better than by chance, whatever the model has learnt.
+    mixed = np.random.default_rng(0).permutation(few.labels)
+    skinmap.save_recordings(replace(few, labels=tuple(map(str, mixed))), tmp_path / "mixed.npz")
+    told = run("train", tmp_path / "mixed.npz", "-o", tmp_path / "m.skinmodel")
+    assert told["accuracy"]["same_parts"] <= 0.7
+
+
+def test_labels_of_one_session_are_warned_of(tmp_path):
+    for label, seed in zip(KINDS, (1, 2), strict=True):
+        one = touched("kaspar", "torso", seed, kinds=(label,))
+        skinmap.save_recordings(one, tmp_path / f"{label}.npz")
+    told = run("train", *(tmp_path / f"{label}.npz" for label in KINDS), "-o", tmp_path / "m")
+    assert any("one session only: poke (poke), full_finger" in word for word in told["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("words", "match"),
+    [
+        (["train", "empty"], "expected a folder with recordings"),
+        (["train", "one.npz", "--with-simulated", "3"], "none of jab, slap is simulated"),
+        (["train", "alone.npz"], "training needs two labels or more"),
+        (["train", "one.npz", "--part", "tail"], "no recorded part 'tail'"),
+        (["train", "one.npz", "--robot", "icub"], "the skin of iCub has"),
+        (["evaluate", "one.npz", "--leave-out", "weather"], "'weather' is not one of"),
+        (["evaluate", "--protocol", "kaspar", "--leaks"], "no --leave-out, --leaks"),
+        (["evaluate", "unmarked.npz"], "no marked touch in the recordings"),
+    ],
+)
+def test_what_cannot_be_trained_or_judged_is_said_in_one_line(tmp_path, monkeypatch, words, match):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    one = touched("kaspar", "torso", 1)
+    other = {"poke": "jab", "full_finger": "slap"}
+    named = replace(one, labels=tuple(other[label] for label in one.labels))
+    skinmap.save_recordings(named, "one.npz")
+    skinmap.save_recordings(replace(one, labels=("poke",) * len(one.labels)), "alone.npz")
+    none = replace(one, labels=(), events=np.full(len(one.events), -1), subjects=np.zeros(0, int))
+    skinmap.save_recordings(replace(none, sessions=(), people=()), "unmarked.npz")
+    assert match in refuse(*words)
+    assert not (tmp_path / "touch.skinmodel").exists()
+
+
+def at_rest(one: Recording, pattern: np.ndarray) -> Recording:
+    """A recording whose taxels rest at a pattern."""
+    pressures = np.maximum(one.pressures, pattern[None].astype(np.uint8))
+    return replace(one, pressures=pressures)
+
+
+def judged(folder, *words):
+    files = sorted(folder.glob("*.npz"))
+    told = run("evaluate", *files, "--leaks", "--seeds", 1, "--folds", 3, *words)
+    return {row["left_out"]: row for row in told["left_out"]}, told
+
+
+def test_a_resting_pattern_that_names_the_label_is_found(tmp_path):
+    """Each label of each day rests otherwise: no figure with touches dealt out means anything."""
+    rng = np.random.default_rng(0)
+    taxels = len(skinmap.load_robot("kaspar").skin("torso"))
+    for day in ("monday", "tuesday"):
+        for label in KINDS:
+            one = touched("kaspar", "torso", int(rng.integers(99)), kinds=(label,), sessions=day)
+            pattern = np.where(rng.random(taxels) < 0.05, 40, 0)
+            skinmap.save_recordings(at_rest(one, pattern), tmp_path / f"{day}_{label}.npz")
+    rows, _ = judged(tmp_path, "--leave-out", "session")
+    assert rows["event"]["meaning"] == "no"
+    assert "means nothing" in rows["event"]["verdict"]
+    assert min(rows["event"]["control"], rows["event"]["raw"]) > 0.9
+    assert rows["session"]["meaning"] == "yes"
+    assert rows["session"]["raw"] < 0.8
+
+
+def test_clean_recordings_mean_something_under_every_split(days):
+    rows, told = judged(days, "--leave-out", "session", "--leave-out", "person", "--leave-out",
+                        "place", "--leave-out", "part")  # fmt: skip
+    assert list(rows) == ["event", "session", "person", "place", "part"]
+    assert {row["meaning"] for row in rows.values()} == {"yes"}
+    assert all(row["mean"] > 0.6 for row in rows.values())
+    assert rows["place"]["groups"] == 8
+    assert told["sessions"] == {"monday": 12, "tuesday": 24}
+
+
+def test_a_label_of_one_session_cannot_be_judged_by_leaving_it_out(tmp_path):
+    for label, seed in zip(KINDS, (1, 2), strict=True):
+        one = touched("kaspar", "torso", seed, kinds=(label,))
+        skinmap.save_recordings(one, tmp_path / f"{label}.npz")
+    rows, _ = judged(tmp_path, "--leave-out", "session", "--leave-out", "person")
+    assert rows["session"]["mean"] is None
+    assert "touches of one session only: full_finger (full_finger)" in rows["session"]["verdict"]
+    assert "nobody said of 12 touches which person" in rows["person"]["verdict"]
+    assert rows["event"]["meaning"] == "doubtful"

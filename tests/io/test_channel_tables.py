@@ -1,0 +1,224 @@
+"""Recordings of others: tables, arrays, CySkin's text and CoST give the same as was written."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skinmap
+from skinmap.errors import DataFormatError, MissingFileError, SkinWarning
+from skinmap.io.recordings.cost import GESTURES, cost_skin, read_cost
+from skinmap.io.recordings.readers import read_recordings, recording_readers
+from skinmap.touch.recording import Recording
+
+ROBOT, PART = "kaspar", "left_hand"
+MAPPING = f'robot = "{ROBOT}"\npart = "{PART}"\n'
+SAMPLES = 40
+
+
+@pytest.fixture(scope="module")
+def channels():
+    return skinmap.load_robot(ROBOT).skin(PART).channels
+
+
+@pytest.fixture(scope="module")
+def values(channels):
+    """Whole counts of every channel of the skin."""
+    return np.random.default_rng(0).integers(0, 256, (SAMPLES, len(channels)))
+
+
+def write_csv(path, channels, values, *, times=None, extra=()):
+    """A table as people have it; `extra` are (name, column) pairs."""
+    times = np.arange(len(values)) / 10 if times is None else times
+    head = ["time", *(f"ch{k}" for k in channels), *(name for name, _ in extra)]
+    rows = [
+        [f"{t:g}", *map(str, row), *(str(column[k]) for _, column in extra)]
+        for k, (t, row) in enumerate(zip(times, values, strict=True))
+    ]
+    path.write_text("\n".join(",".join(row) for row in [head, *rows]))
+
+
+def written(folder, form, channels, values):
+    """The same values in one of the forms, marked as one touch `poke`."""
+    mapping = MAPPING + 'label = "poke"\n'
+    if form == "csv":
+        write_csv(folder / "t.csv", channels, values)
+        path = folder / "t.csv"
+    elif form == "first-lines":
+        write_csv(folder / "t.csv", channels, values)
+        path = folder / "u.csv"
+        lines = "".join(f"# {line}\n" for line in mapping.splitlines())
+        path.write_text(lines + (folder / "t.csv").read_text())
+        return path
+    elif form == "npz":
+        path = folder / "t.npz"
+        np.savez(path, values=values, times=np.arange(len(values)) / 10, channels=channels)
+    else:
+        path = folder / "t.txt"
+        pairs = form == "cyskin-pairs"
+        rows = [
+            f"{k} {k / 10:.6f} "
+            + " ".join(f"{c} {x}" if pairs else str(x) for c, x in zip(channels, row, strict=True))
+            for k, row in enumerate(values)
+        ]
+        path.write_text("\n".join(rows if pairs else [" ".join(map(str, channels)), *rows]))
+    path.with_suffix(".toml").write_text(mapping)
+    return path
+
+
+@pytest.mark.parametrize("form", ["csv", "first-lines", "npz", "cyskin-ids", "cyskin-pairs"])
+def test_every_form_gives_what_was_written(tmp_path, channels, values, form):
+    """The contract of a reader: our recording of the skin, its times, its values, its label."""
+    (one,) = read_recordings(written(tmp_path, form, channels, values))
+    assert isinstance(one, Recording)
+    assert (one.part, one.robot, one.labels) == (PART, ROBOT, ("poke",))
+    np.testing.assert_array_equal(one.pressures, values)
+    np.testing.assert_allclose(one.times, np.arange(SAMPLES) / 10, rtol=0, atol=1e-9)
+    assert (one.events == 0).all()
+
+
+def test_readers_are_plug_ins_by_name(tmp_path, channels, values):
+    assert {"table", "arrays", "cyskin", "cost"} <= set(recording_readers.names())
+    path = written(tmp_path, "cyskin-ids", channels, values)
+    data = path.rename(tmp_path / "t.dat")
+    (one,) = read_recordings(data, format="cyskin")
+    np.testing.assert_array_equal(one.pressures, values)
+
+
+def test_rest_is_taken_away_and_saturation_cut_off(tmp_path, channels):
+    raw = np.full((SAMPLES, len(channels)), 300)
+    raw[10:14] += 20_002
+    raw[20:24, 0] = 43_500  # an error code of one sensor
+    path = written(tmp_path, "cyskin-ids", channels, raw)
+    path.with_suffix(".toml").write_text(MAPPING + "rest_percentile = 25\nfull_scale = 10000\n")
+    (one,) = read_recordings(path)
+    assert (one.pressures[10:14] == 255).all()
+    assert not one.pressures[:10].any()
+    assert not one.pressures[20:24].any()
+
+
+def test_channels_and_places_that_do_not_meet_are_told_and_left_out(tmp_path, channels, values):
+    path = tmp_path / "t.csv"
+    strange = np.concatenate([channels[5:], channels.max() + np.arange(1, 4)])
+    write_csv(path, strange, np.column_stack([values[:, 5:], values[:, :3]]))
+    path.with_suffix(".toml").write_text(MAPPING)
+    with pytest.warns(SkinWarning, match="3 channels without a place were left out, 5 places"):
+        (one,) = read_recordings(path)
+    assert not one.pressures[:, :5].any()
+    np.testing.assert_array_equal(one.pressures[:, 5:], values[:, 5:])
+
+
+def test_labels_of_samples_become_touches(tmp_path, channels, values):
+    words = ["", "poke", "poke", "", "rub", "rub", "rub", "poke"] + [""] * (SAMPLES - 8)
+    people = ["ada"] * 4 + ["ben"] * (SAMPLES - 4)
+    write_csv(tmp_path / "t.csv", channels, values, extra=[("gesture", words), ("who", people)])
+    (tmp_path / "mapping.toml").write_text(
+        MAPPING + 'label_column = "gesture"\nperson_column = "who"\nsession = "day"\n'
+    )
+    (one,) = read_recordings(tmp_path / "t.csv")
+    assert one.events[:9].tolist() == [-1, 0, 0, -1, 1, 1, 1, 2, -1]
+    assert one.labels == ("poke", "rub", "poke")
+    assert (one.people, one.sessions) == (("ada", "ben", "ben"), ("day",) * 3)
+
+
+def test_files_joined_in_an_npz_have_a_rest_and_a_time_of_their_own(tmp_path, channels):
+    first, second = (np.full((10, len(channels)), level) for level in (40, 90))
+    first[4:6] += 100
+    np.savez(tmp_path / "t.npz", values=np.concatenate([first, second]), taxel_ids=channels,
+             times=np.tile(np.arange(10) / 10, 2), file_index=np.repeat([0, 1], 10),
+             file_class=np.array([1, 0]))  # fmt: skip
+    (tmp_path / "t.toml").write_text(MAPPING + "rest_percentile = 25\n")
+    (one,) = read_recordings(tmp_path / "t.npz")
+    assert one.labels == ("1", "0")
+    assert (np.diff(one.times) > 0).all()
+    assert (one.pressures[4:6] == 100).all()
+    assert not one.pressures[10:].any()
+
+
+def refused(tmp_path, text, *, mapping=MAPPING, match=".", name="t.csv"):
+    (tmp_path / name).write_text(text)
+    (tmp_path / name).with_suffix(".toml").write_text(mapping)
+    with pytest.raises(DataFormatError, match=match):
+        read_recordings(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("time,ch0,ch0\n0,1,2\n", "columns given twice: ch0"),
+        ("time,ch0,x0\n0,1,2\n", "channels given twice: 0"),
+        ("time,ch0\n0,1\n0.2,1\n0.1,1\n", "out of order: sample 2 at 0.1 s comes after 0.2 s"),
+        ("time,ch0\n0,nan\n", "sample 0 holds no number at channel 0"),
+        ("time,ch0\n0,much\n", "sample 0 holds 'much', no number"),
+        ("time,ch0\n0,1,2\n", "sample 0 has 3 values for 2 columns"),
+        ("time,load\n0,1\n", "columns without a channel's number: load"),
+        ("when,ch0\n0,1\n", "no column 'time'"),
+        ("time,ch99999\n0,1\n", "another skin"),
+        ("time,ch0\n", "no samples"),
+    ],
+)
+def test_tables_that_do_not_fit_are_refused_in_one_line(tmp_path, text, match):
+    mapping = MAPPING + 'label = "poke"\n'
+    if text.startswith("when"):
+        mapping += "channels = {ch0 = 0}\n"
+    refused(tmp_path, text, mapping=mapping, match=match)
+
+
+@pytest.mark.parametrize(
+    ("mapping", "match"),
+    [
+        ('robot = "kaspar"\n', "part"),
+        (MAPPING + "colour = 3\n", "colour"),
+        (MAPPING + "full_scale = 0\n", "full_scale"),
+        (MAPPING + 'label = "unknown"\n', "what classifiers say"),
+        ("robot =", "not a mapping"),
+    ],
+)
+def test_mappings_that_are_wrong_name_the_key(tmp_path, mapping, match):
+    refused(tmp_path, "time,ch0\n0,1\n", mapping=mapping, match=match)
+
+
+def test_a_table_without_a_mapping_says_what_it_needs(tmp_path):
+    (tmp_path / "t.csv").write_text("time,ch0\n0,1\n")
+    with pytest.raises(MissingFileError, match="a mapping that names the robot and the part"):
+        read_recordings(tmp_path / "t.csv")
+
+
+def corpus(path, captures, rng):
+    """Captures of (gesture, variant, subject, frames) as the corpus has them."""
+    lines = ["subject, variant, gesture, frame, " + ", ".join(f"ch{k}" for k in range(1, 65))]
+    for gesture, variant, subject, frames in captures:
+        for frame in range(1, frames + 1):
+            numbers = rng.integers(0, 1024, 64)
+            lines.append(f"{subject},{variant},{gesture},{frame}," + ",".join(map(str, numbers)))
+    path.write_text("\n".join(lines))
+
+
+def test_cost_is_read_capture_by_capture(tmp_path):
+    path = tmp_path / "CoST.csv"
+    captures = [(6, 1, 1, 5), (6, 1, 1, 3), (14, 2, 1, 4), (14, 2, 31, 2)]
+    corpus(path, captures, np.random.default_rng(0))
+    (one,) = read_cost(path)
+    assert one.labels == ("poke", "poke", "tickle", "tickle")
+    assert one.people == ("subject 1",) * 3 + ("subject 31",)
+    assert one.sessions == ("gentle", "gentle", "normal", "normal")
+    assert np.bincount(one.events).tolist() == [5, 3, 4, 2]
+    assert one.rate == pytest.approx(135.0)
+    assert len(GESTURES) == 14
+    assert len(cost_skin()) == one.pressures.shape[1] == 64
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (lambda text: text.replace("gesture", "what"), "without gesture"),
+        (lambda text: text.replace("\n1,1,6,1,", "\n1,1,15,1,"), "gesture 15, expected 1 to 14"),
+        (lambda text: text.replace("\n1,1,6,1,", "\n1,1,6,1,-"), "values beyond 0 to 1023"),
+    ],
+)
+def test_cost_that_is_none_is_refused(tmp_path, change, match):
+    path = tmp_path / "CoST.csv"
+    corpus(path, [(6, 1, 1, 2)], np.random.default_rng(0))
+    path.write_text(change(path.read_text()))
+    with pytest.raises(DataFormatError, match=match):
+        read_cost(path)
