@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from skinmap.commands.options import load_named_robot
 from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.readers import is_readable, read_recordings, readable
+from skinmap.io.text import is_file
 from skinmap.touch.recording import Recording
 
 if TYPE_CHECKING:
@@ -140,7 +141,9 @@ def collect(
     for file in files:
         for recording in read_recordings(file):
             said = robot or recording.robot or FALLBACK
-            loaded = robots.setdefault(said, load_named_robot(said))
+            if said not in robots:
+                robots[said] = _robot(said, file, asked=robot is not None)
+            loaded = robots[said]
             there.append(recording.part)
             if parts and recording.part not in parts:
                 loaded.part(recording.part)
@@ -152,6 +155,12 @@ def collect(
         if part not in there:
             raise UnknownNameError("recorded part", part, there)
     return Collection(tuple(touches), skins, tuple(files), tuple(rates))
+
+
+def _robot(name: str, file: Path, *, asked: bool) -> Robot:
+    if not asked and name.endswith(".toml") and not is_file(Path(name)):
+        raise MissingFileError(name, f"the robot of {file}; name it with --robot")
+    return load_named_robot(name)
 
 
 def files_of(path: Path) -> list[Path]:

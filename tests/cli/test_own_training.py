@@ -44,7 +44,7 @@ def days(tmp_path_factory):
     for day, who, seed in (("monday", "ada", 1), ("tuesday", "ben", 2)):
         one = touched("kaspar", "torso", seed, sessions=day, people=who)
         skinmap.save_recordings(one, folder / f"{day}.npz")
-    other = touched("icub", "left_upper_arm", 3, sessions="tuesday", people="ben")
+    other = touched("icub", "left_arm", 3, sessions="tuesday", people="ben")
     skinmap.save_recordings(other, folder / "other.npz")
     return folder
 
@@ -52,14 +52,14 @@ def days(tmp_path_factory):
 def test_folders_of_several_robots_are_trained_on(days, tmp_path):
     told = run("train", days, "-o", tmp_path / "m.skinmodel", "--with-simulated", 4)
     assert [(one["robot"], one["part"]) for one in told["skins"]] == [
-        ("KASPAR", "torso"), ("iCub", "left_upper_arm"),
+        ("KASPAR", "torso"), ("iCub", "left_arm"),
     ]  # fmt: skip
     assert told["sessions"] == {"monday": 12, "tuesday": 24}
     assert told["people"] == {"ada": 12, "ben": 24}
     assert told["simulated"] == {"full_finger": 8, "poke": 8}
     assert told["warnings"] == []
     model = skinmap.Classifier.load(tmp_path / "m.skinmodel")
-    assert sorted(one.part for one in model.trained_on) == ["left_upper_arm", "torso"]
+    assert sorted(one.part for one in model.trained_on) == ["left_arm", "torso"]
 
 
 def test_five_touches_a_label_are_enough_and_each_is_tested_unseen(tmp_path):

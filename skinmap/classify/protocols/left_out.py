@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
 from skinmap.classify.evaluate import likeliest
@@ -151,9 +151,9 @@ def run_left_out(trial: LeftOutTrial) -> dict[str, Any]:
     Returns
     -------
     dict
-        `per_class`, `mean` (of the classes), `right` (share of all), `control` (of the same
-        classifier at rest, NaN where it sees nothing), `raw` (of raw values at rest), `first`
-        (of the first samples); or `reason`: why there is none.
+        `per_class`, `mean` (of the classes), `right` (share of all), and with the controls
+        `control` (of the same classifier at rest), `first` (of the first samples) and `raw` (of
+        raw values at rest), each a `Control`; or `reason`: why there is none.
     """
     judged, labels = trial.judged, trial.judged.labels
     rng = task_rng(trial.seed)
@@ -174,13 +174,29 @@ def run_left_out(trial: LeftOutTrial) -> dict[str, Any]:
         "right": float((named == labels).mean()),
     }
     if trial.leaks:
+        units = _units(judged, splits)
         rest = _at(judged.touches, judged.before)
-        found["control"] = _share(trial.classifier, rest, labels, splits, rng)
-        found["first"] = _share(
-            trial.classifier, _at(judged.touches, judged.first), labels, splits, rng
-        )
-        found["raw"] = _raw_share(rest, labels, splits)
+        first = _at(judged.touches, judged.first)
+        for name, said in (
+            ("control", _names_of_nothing(trial.classifier, rest, splits, rng)),
+            ("first", _names_of_nothing(trial.classifier, first, splits, rng)),
+            ("raw", _raw_names(rest, labels, splits)),
+        ):
+            found[name] = control_of(said, labels, units, judged.chance)
     return found
+
+
+def _units(judged: Judged, splits: Sequence[Fold]) -> IntArray | None:
+    """(m,) what is independent of each other where no session is on both sides of a split.
+
+    All touches of one label and session have the same rest before them: they are right or wrong
+    together. None where sessions are on both sides, which is what a control is there to find.
+    """
+    sessions = judged.groups["session"]
+    if any(np.isin(sessions[test], sessions[train]).any() for train, test in splits):
+        return None
+    pairs = np.char.add(np.char.add(sessions, "\n"), judged.labels)
+    return np.asarray(np.unique(pairs, return_inverse=True)[1]).reshape(-1)
 
 
 def _way(word: str) -> Way:
@@ -193,7 +209,7 @@ def _named(
     """What each touch is named by a model of the other side of its split."""
     named = np.full(len(touches), "", dtype=object)
     for train, test in splits:
-        learnt = [touches[int(k)] for k in train]
+        learnt = [touches[k] for k in train.tolist()]
         model = classifiers.get(classifier)().fit(learnt, rng=rng, least=LEAST)
         for k in test.tolist():
             named[k] = likeliest(model, touches[k]).label
@@ -208,55 +224,86 @@ def _at(touches: Sequence[Touch], samples: Sequence[NDArray[np.uint8]]) -> list[
     ]
 
 
-def _share(
-    classifier: str,
-    touches: Sequence[Touch],
-    labels: Names,
-    splits: Sequence[Fold],
-    rng: np.random.Generator,
-) -> float:
-    """Share named right of touches that show nothing; NaN where there is nothing to learn from."""
+def _names_of_nothing(
+    classifier: str, touches: Sequence[Touch], splits: Sequence[Fold], rng: np.random.Generator
+) -> Names | None:
+    """Names of touches that show nothing; None where there is nothing to learn from."""
     some = np.array([len(touch.samples) > 0 for touch in touches])
     if not some.any():
-        return float("nan")
+        return None
     kept = [(train[some[train]], test[some[test]]) for train, test in splits]
     try:
-        named = _named(classifier, touches, kept, rng)
+        return _named(classifier, touches, kept, rng)
     except (SkinError, ValueError):
-        return float("nan")
-    return float((named[some] == labels[some]).mean())
+        return None
 
 
-def _raw_share(touches: Sequence[Touch], labels: Names, splits: Sequence[Fold]) -> float:
-    """Share named right by a linear classifier of the mean raw values, of each skin its own."""
+def _raw_names(touches: Sequence[Touch], labels: Names, splits: Sequence[Fold]) -> Names | None:
+    """Names by a linear classifier of the mean raw values, of each skin its own."""
     from sklearn.linear_model import RidgeClassifier
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler
 
-    right = tested = 0
+    named = np.full(len(touches), "", dtype=object)
     for skin in dict.fromkeys(touch.skin for touch in touches):
         own = np.array([touch.skin is skin and len(touch.samples) > 0 for touch in touches])
         rows = np.zeros((len(touches), len(skin)))
-        for k in np.flatnonzero(own):
+        for k in np.flatnonzero(own).tolist():
             rows[k] = touches[k].samples.mean(axis=0)
         for train, test in splits:
             train, test = train[own[train]], test[own[test]]
             if len(test) == 0 or len(np.unique(labels[train])) < 2:
                 continue
             model = make_pipeline(StandardScaler(), RidgeClassifier(RIDGE))
-            named = model.fit(rows[train], labels[train]).predict(rows[test])
-            right, tested = right + int((named == labels[test]).sum()), tested + len(test)
-    return right / tested if tested else float("nan")
+            named[test] = model.fit(rows[train], labels[train]).predict(rows[test])
+    return named.astype(str) if (named != "").any() else None
 
 
-def is_leak(share: float, chance: float, touches: int) -> bool:
-    """Whether so many right names can hardly come by chance (one-sided binomial test)."""
+Leak = Literal["yes", "perhaps", "no"]
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """Share named right of what shows no touch, NaN where nothing is seen, and what that says."""
+
+    share: float
+    leak: Leak
+
+
+def control_of(
+    named: Names | None, labels: Names, units: IntArray | None, chance: float
+) -> Control:
+    """Whether so many right names can hardly come by chance (one-sided binomial test).
+
+    Parameters
+    ----------
+    named : (m,) array of str, or None
+        Empty words are not tested.
+    labels : (m,) array of str
+    units : (m,) array of int, optional
+        Touches that are right or wrong together; each alone by default. Where the touches alone
+        would be no chance but the units may be, it leaks `perhaps`: there are too few of them.
+    chance : float
+    """
+    if named is None:
+        return Control(float("nan"), "no")
+    some = named != ""
+    right = (named == labels)[some]
+    share = float(right.mean())
+    if not _no_chance(right, chance):
+        return Control(share, "no")
+    if units is None:
+        return Control(share, "yes")
+    own = units[some]
+    together = np.array([right[own == unit].mean() > 0.5 for unit in np.unique(own)])
+    return Control(share, "yes" if _no_chance(together, chance) else "perhaps")
+
+
+def _no_chance(right: BoolArray, chance: float) -> bool:
     from scipy.stats import binomtest
 
-    if not share > chance:
-        return False  # NaN too
-    right = round(share * touches)
-    return bool(binomtest(right, touches, chance, alternative="greater").pvalue < SURE)
+    test = binomtest(int(right.sum()), len(right), chance, alternative="greater")
+    return bool(test.pvalue < SURE)
 
 
 Meaning = Literal["yes", "no", "doubtful"]
@@ -277,32 +324,34 @@ def meaning_of(
     alone : sequence of str
         Labels that were recorded in one session only.
     """
-    count, chance = len(judged.touches), judged.chance
     split = "touches dealt out" if way == NAIVE else f"a {way} left out"
     figure = f"{100 * found['right']:.1f} % with {split}"
+    chance = f"chance is {100 * judged.chance:.1f} %"
+    who = {
+        "control": "the same classifier names {} before the touches",
+        "first": "the same classifier names {} of the first samples",
+        "raw": "raw values before the touches name {}",
+    }
+    said = {name: who[name].format(f"{100 * found[name].share:.1f} %") for name in who}
     for name in ("control", "first"):
-        if is_leak(found[name], chance, count):
-            what = "before the touches" if name == "control" else "of the first samples"
-            return "no", (
-                f"{figure} means nothing: the same classifier names {100 * found[name]:.1f} % "
-                f"{what}, chance is {100 * chance:.1f} %"
+        if found[name].leak == "yes":
+            return "no", f"{figure} means nothing: {said[name]}, {chance}"
+    if found["raw"].leak == "yes":
+        more = "" if way == "session" else "; leave sessions out"
+        return "doubtful", f"{figure} is doubtful: {said['raw']}, {chance}{more}"
+    for name in who:
+        if found[name].leak == "perhaps":
+            return "doubtful", (
+                f"{figure} is doubtful: {said[name]}, {chance}; of so few sessions that may be "
+                "chance: record more"
             )
-    raw = found["raw"]
-    if is_leak(raw, chance, count) and way not in ("session",):
-        return "doubtful", (
-            f"{figure} is doubtful: raw values before the touches name {100 * raw:.1f} %, chance "
-            f"is {100 * chance:.1f} %; leave sessions out"
-        )
     if alone and way != "session":
         return "doubtful", (
             f"{figure} is doubtful: {', '.join(alone)} recorded in one session only, so session "
             "and touch cannot be told apart; record each label in two sessions or more"
         )
-    seen = found["control"]
-    own = "sees nothing" if seen != seen else f"names {100 * seen:.1f} %"
-    return "yes", (
-        f"{figure} means something: before the touches the same classifier {own}, raw values "
-        f"{100 * raw:.1f} %, chance is {100 * chance:.1f} %"
-        if raw == raw
-        else f"{figure} has no control: nothing was recorded before the touches"
-    )
+    if found["raw"].share != found["raw"].share:
+        return "doubtful", f"{figure} has no control: nothing was recorded before the touches"
+    control = found["control"].share
+    own = "the same classifier sees nothing there" if control != control else said["control"]
+    return "yes", f"{figure} means something: {said['raw']}, {own}, {chance}"

@@ -11,7 +11,7 @@ from skinmap.cli.evaluate.result import LeftOutRow
 from skinmap.errors import InvalidArrayError, UnknownNameError
 
 if TYPE_CHECKING:
-    from skinmap.classify.protocols.left_out import LeftOutTrial
+    from skinmap.classify.protocols.left_out import Control, LeftOutTrial
     from skinmap.cli.collection import Collected, Collection
     from skinmap.cli.evaluate.evaluation import Settings
 
@@ -108,5 +108,5 @@ def _row(trial: LeftOutTrial, found: dict[str, Any]) -> LeftOutRow:
     )
 
 
-def _known(share: float | None) -> float | None:
-    return None if share is None or share != share else share
+def _known(control: Control | None) -> float | None:
+    return None if control is None or control.share != control.share else control.share

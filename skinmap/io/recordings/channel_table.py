@@ -388,8 +388,8 @@ def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Pa
     events = arrays.get("events", stretches)
     events = np.full(count, 0 if label else -1) if events is None else events
     labels = [str(word) for word in arrays.get("labels", arrays.get("file_class", np.array([])))]
-    for name, array in (("channels", channels), ("events", np.asarray(events))):
-        if array.dtype.kind not in "iu" or array.ndim != 1:
+    for name, whole in (("channels", channels), ("events", events)):
+        if whole.dtype.kind not in "iu" or whole.ndim != 1:
             raise DataFormatError(f"{name} are no list of whole numbers", path)
     kinds = min(int(np.max(events, initial=-1)) + 1, count)
     labels = labels or [label] * kinds

@@ -148,8 +148,8 @@ def _simulated(
     unknown = [name for name in names if name not in GESTURES]
     if unknown:
         raise InvalidArrayError(
-            f"the simulator is 'sim', 'sim:raw' or 'sim:GESTURE', not 'sim:{address}'; the "
-            f"gestures are: {', '.join(GESTURES)}"
+            f"the simulator is 'sim' or 'sim:raw', not 'sim:{address}'; 'sim:GESTURE' takes "
+            f"gestures of: {', '.join(GESTURES)}"
         )
     return SimulatedSource(
         load_robot("icub") if robot is None else robot,
