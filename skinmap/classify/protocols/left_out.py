@@ -350,8 +350,9 @@ def meaning_of(
             f"{figure} is doubtful: {', '.join(alone)} recorded in one session only, so session "
             "and touch cannot be told apart; record each label in two sessions or more"
         )
-    if found["raw"].share != found["raw"].share:
+    if not any(len(samples) for samples in judged.before):
         return "doubtful", f"{figure} has no control: nothing was recorded before the touches"
-    control = found["control"].share
+    raw, control = found["raw"].share, found["control"].share
+    values = "raw values were never seen on that skin" if raw != raw else said["raw"]
     own = "the same classifier sees nothing there" if control != control else said["control"]
-    return "yes", f"{figure} means something: {said['raw']}, {own}, {chance}"
+    return "yes", f"{figure} means something: {values}, {own}, {chance}"

@@ -100,6 +100,10 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
     """
     skin = load_robot(mapping.robot).skin(mapping.part)
     _check(table, path)
+    try:
+        labels = tuple(check_label(label) for label in table.labels)
+    except InvalidArrayError as error:
+        raise DataFormatError(str(error), path) from None
     with np.errstate(over="ignore", invalid="ignore"):  # what is too large is a pressure of 255
         values = np.where(mapping.falling, -1.0, 1.0) * table.values
         if mapping.rest_percentile is not None:
@@ -109,10 +113,6 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
     pressures = np.zeros((len(counts), len(skin)), np.uint8)
     rows, columns = _places(skin, table.channels, path)
     pressures[:, rows] = counts[:, columns]
-    try:
-        labels = tuple(check_label(label) for label in table.labels)
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path) from None
     several = (mapping.session, mapping.person)
     sessions, people = (
         words or (said,) * len(labels)

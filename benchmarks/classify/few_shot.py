@@ -1,0 +1,82 @@
+"""Few touches a class, of some people, and touches of other people to judge by (simulated).
+
+Half of ten simulated people give the training, the other half the test, on the same skin, with
+variety on. The control permutes the labels of the training. Prints one JSON object:
+`python -m benchmarks.classify.few_shot > benchmarks/results/few_shot.json` (3 minutes).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+import skinmap
+from skinmap.classify.classifier import DEFAULT, classifiers
+from skinmap.classify.descriptors import Touch, recorded_touches
+from skinmap.classify.evaluate import score
+from skinmap.touch.prepared_skin import PreparedSkin
+
+ROBOT = "icub"
+PARTS = ("torso", "left_arm", "right_forearm", "left_hand")
+COUNTS = (5, 10, 20)
+PER_GESTURE = 70  # of each on each part: 7 of a person
+TRIALS = 20
+
+
+def draw(part: str, *, seed: int, per_gesture: int = PER_GESTURE) -> list[Touch]:
+    """Touches of ten people on a part."""
+    skin = PreparedSkin(skinmap.load_robot(ROBOT).skin(part))
+    return recorded_touches(skin, skinmap.simulate(skin.skin, rng=seed, per_gesture=per_gesture))
+
+
+def judge(touches: Sequence[Touch], count: int, *, seed: int, mixed: bool = False) -> float:
+    """Mean of the classes, of people left out, by a model of `count` touches a class.
+
+    With `mixed` the labels of the training are permuted: the control.
+    """
+    rng = np.random.default_rng(seed)
+    people = rng.permutation(sorted({touch.person for touch in touches}))
+    learn = set(people[: len(people) // 2].tolist())
+    own = [touches[k] for k in rng.permutation(len(touches)) if touches[k].person in learn]
+    labels = sorted({touch.label for touch in touches})
+    train = [one for name in labels for one in [t for t in own if t.label == name][:count]]
+    if mixed:
+        words = rng.permutation([one.label for one in train])
+        train = [Touch(t.skin, t.samples, str(w)) for t, w in zip(train, words, strict=True)]
+    model = classifiers.get(DEFAULT)().fit(train, rng=rng)
+    found = score(model, [touch for touch in touches if touch.person not in learn])
+    return float(np.mean(list(found.per_label.values())))
+
+
+def measure(
+    *, parts: Sequence[str] = PARTS, trials: int = TRIALS, per_gesture: int = PER_GESTURE
+) -> dict[str, Any]:
+    """Accuracy by number of touches a class, of each part and of all, and the control."""
+    rows, mixed = [], []
+    for number, part in enumerate(parts):
+        touches = draw(part, seed=100 * number, per_gesture=per_gesture)
+        for count in COUNTS:
+            found = [judge(touches, count, seed=trial) for trial in range(trials)]
+            rows.append({"part": part, "touches_a_class": count, "mean": float(np.mean(found))})
+        mixed += [judge(touches, COUNTS[0], seed=t, mixed=True) for t in range(min(trials, 5))]
+    overall = {
+        str(count): float(np.mean([row["mean"] for row in rows if row["touches_a_class"] == count]))
+        for count in COUNTS
+    }
+    return {
+        "simulated": True,
+        "trials": trials,
+        "mean": overall,
+        "control_permuted_labels": float(np.mean(mixed)),
+        "parts": rows,
+    }
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=TRIALS)
+    print(json.dumps(measure(trials=parser.parse_args().trials), indent=1))
