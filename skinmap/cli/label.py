@@ -55,7 +55,7 @@ class LabelResult:
 @click.command("label")
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False),
+    "-o", "--out", "output", type=click.Path(path_type=Path, dir_okay=False),
     help="New recording (.mcap or .npz); never the old one.",
 )  # fmt: skip
 @click.option("--csv", "table", type=click.Path(path_type=Path), help="Take the touches from here.")

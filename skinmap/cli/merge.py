@@ -51,7 +51,7 @@ class MergeResult:
 @click.command("merge")
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), required=True,
+    "-o", "--out", "output", type=click.Path(path_type=Path, dir_okay=False), required=True,
     help="Recording to write, .mcap or .npz; never one of those that are read.",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace a file that is there.")
