@@ -101,7 +101,7 @@ def robot_surfaces(robot: Robot, parts: Sequence[str], meshing: str = DEFAULT) -
     """Parts of a robot, meshed by a method."""
 
     def make(part: str) -> SurfaceMesh:
-        body = robot.mesh(robot.part(part).link) if meshing == "accurate" else None
+        body = robot.mesh_under(part) if meshing == "accurate" else None
         return build_surface(robot.skin(part), method=meshing, body=body)
 
     specs = {part: robot.part(part).drawing for part in parts}
