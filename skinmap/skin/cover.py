@@ -1,8 +1,9 @@
 """Why a skin stands off its link: a cover that no mesh has, or a wrong frame.
 
-A cover keeps the skin at a steady distance, with normals that agree with the link's, whichever way
-the link faces. A wrong frame brings some taxels nearer and takes others away, or into the body. Only
-where the skin is flat are the two alike: then a rigid move lays it on the link, and both are said.
+A cover keeps the skin at a steady distance, with normals that agree with the link's, whichever
+way the link faces. A wrong frame brings some taxels nearer and takes others away, or into the
+body. Only where the skin is flat are the two alike: then a rigid move lays it on the link, and
+both are said.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from dataclasses import replace as replace_fields
+from typing import Any
 
 import numpy as np
 
@@ -192,7 +193,7 @@ def replace(
 
 def take(table: TaxelTable, keep: np.ndarray) -> TaxelTable:
     """The rows of a table that a mask (n,) keeps."""
-    rows = {
+    rows: dict[str, Any] = {
         each.name: values[keep] if len(values) else values
         for each in fields(table)
         if isinstance(values := getattr(table, each.name), np.ndarray)

@@ -71,6 +71,8 @@ class Part:
         `<link>_dh_frame` where the body has one and the taxels fit the link better from there.
     drawing : Path or None
         A hand-drawn 2D layout of the part to compare with.
+    maps : tuple of Path
+        Files of its pieces, where they can bring flat maps of their own.
     ring : bool
         Whether its patches close to a ring: a contact goes on across their joints.
     cover : float
@@ -85,6 +87,7 @@ class Part:
     layout: ModuleLayout | None = None
     frame: str = AUTO
     drawing: Path | None = None
+    maps: tuple[Path, ...] = ()
     ring: bool = False
     cover: float = 0.0
     cover_mesh: Callable[[], TriangleMesh] | None = None

@@ -253,7 +253,7 @@ def _fit_warnings(found: SkinFit, standing: Standing) -> list[str]:
         warnings.append(f"{steady}{said}: a cover? cover_mm says so in the manifest")
     else:
         warnings.append(
-            f"{steady}: a cover (cover_mm says so), or a frame that is {standing.move_mm:.0f} mm off"
+            f"{steady}: a cover (cover_mm says so), or its frame is {standing.move_mm:.0f} mm off"
         )
     return warnings
 

@@ -232,13 +232,16 @@ def _part(entry: _Part, path: Path, inside: Path | None) -> Part:
             f"got {entry.cover_mm:g}",
             path,
         )
+    pieces = _pieces(entry, path)
+    files = tuple(beside(path, piece.taxels, inside) for piece in pieces)
     return Part(
         entry.name,
         entry.link,
-        _reader(_pieces(entry, path), entry.format, path, inside, _metres(entry.units)),
+        _reader(pieces, files, entry.format, path, inside, _metres(entry.units)),
         layout,
         entry.frame,
         None if entry.drawing is None else beside(path, entry.drawing, inside),
+        maps=files if all(file.suffix.lower() == ".json" for file in files) else (),
         ring=entry.ring,
         cover=entry.cover_mm * 1e-3,
         cover_mesh=_cover(entry, path, inside),
@@ -283,10 +286,14 @@ def _layout_name(module: str, path: Path, inside: Path | None) -> str:
 
 
 def _reader(
-    pieces: Sequence[_Piece], format: str | None, path: Path, inside: Path | None, scale: float
+    pieces: Sequence[_Piece],
+    files: Sequence[Path],
+    format: str | None,
+    path: Path,
+    inside: Path | None,
+    scale: float,
 ) -> Callable[[], TaxelTable]:
     """What reads a part: its tables, each at its place, one after the other."""
-    files = [beside(path, piece.taxels, inside) for piece in pieces]
     numbers = [None if piece.ids is None else beside(path, piece.ids, inside) for piece in pieces]
     poses = [_transform(piece.pose, path) for piece in pieces]
 

@@ -112,7 +112,8 @@ def _surface_faults(found: CySkin) -> Iterator[str]:
     if middle > APART:
         yield f"the normals disagree with the faces by {middle:.0f} degrees in the median"
     elif (off > OFF).any():
-        yield f"{(off > OFF).sum()} of {count} normals are more than {OFF:.0f} degrees off the faces"
+        wrong = int((off > OFF).sum())
+        yield f"{wrong} of {count} normals are more than {OFF:.0f} degrees off the faces"
 
 
 def normal_angles(found: CySkin) -> FloatArray:
