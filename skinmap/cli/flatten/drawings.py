@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skinmap.cli.flatten.options import DRAWING, FlatOptions
-from skinmap.errors import MissingFileError, SkinWarning
+from skinmap.cli.flatten.options import DRAWING, THEIRS, FlatOptions
+from skinmap.errors import MissingFileError, SkinWarning, UnknownNameError
 from skinmap.flat.drawing_comparison import DrawnChart, compare_drawing
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.flat_maps.drawing import Drawing, read_drawing
@@ -25,8 +25,8 @@ def drawings_of(options: FlatOptions, surfaces: Surfaces) -> dict[str, Read]:
 
     Raises
     ------
-    MissingFileError
-        A drawing was asked for and there is none.
+    MissingFileError, UnknownNameError
+        A drawing, or maps of theirs, were asked for and there are none.
     """
     found: dict[str, list[Read]] = {}
     for part, path in _drawings(options, surfaces).items():
@@ -53,7 +53,7 @@ def _theirs(
     if not options.with_theirs:
         return {}
     if not surfaces.theirs:
-        raise MissingFileError("theirs", f"flat maps in the files of {surfaces.name} (CySkin)")
+        raise UnknownNameError(f"flat maps in the files of {surfaces.name} (CySkin):", THEIRS, ())
     _warn_without(set(surfaces.makers) - set(surfaces.theirs), "tactile map")
     return surfaces.theirs
 
