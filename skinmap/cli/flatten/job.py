@@ -134,12 +134,10 @@ def file_surfaces(paths: Sequence[Path], meshing: str | None = None) -> Surfaces
             return build_surface(skin, method=meshing)
         return build_surface(skin, faces=found.faces)
 
+    for path in paths:
+        check_file(path, "a CySkin file")
     names = [path.stem for path in paths]
-    keys = {
-        path.stem if names.count(path.stem) == 1 else str(path): check_file(path, "a CySkin file")
-        or path
-        for path in paths
-    }
+    keys = {path.stem if names.count(path.stem) == 1 else str(path): path for path in paths}
     return Surfaces(
         ", ".join(keys),
         {name: partial(make, path) for name, path in keys.items()},

@@ -57,10 +57,11 @@ class Coverage:
             from scipy.ndimage import binary_dilation
 
             open_cells = np.argwhere(~binary_dilation(self._taken, np.ones((3, 3)), border_value=0))
-            self._free = (open_cells + 0.5) * self.cell
-        if not len(self._free):
+            self._free = np.asarray((open_cells + 0.5) * self.cell, np.float64)
+        free = self._free
+        if len(free) == 0:
             return point
-        best = self._free[np.argmin(((self._free - point) ** 2).sum(axis=1))]
+        best = free[np.argmin(((free - point) ** 2).sum(axis=1))]
         way = best + np.linspace(0.0, 1.0, STEPS)[:, None] * (np.array(point) - best)
         first = int(np.argmax(self.on(way)))
         return float(way[first, 0]), float(way[first, 1])
@@ -149,8 +150,8 @@ def leaders(anchor: FloatArray, boxes: FloatArray) -> FloatArray:
 def inside(lines: FloatArray, boxes: FloatArray) -> FloatArray:
     """(n,) share of the points of lines (n, k, 2) that lie in any of boxes (m, 4)."""
     at = lines[:, :, None]
-    within = ((at >= boxes[:, :2]) & (at <= boxes[:, 2:])).all(axis=3)
-    return np.asarray(within.any(axis=2).mean(axis=1))
+    within = np.logical_and(at >= boxes[:, :2], at <= boxes[:, 2:]).all(axis=3)
+    return np.asarray(np.any(within, axis=2).mean(axis=1))
 
 
 def candidates(anchor: FloatArray, size: FloatArray, frame: Box) -> FloatArray:
