@@ -59,7 +59,7 @@ def analyse(
         advance(f"{part}: surface and flat map")
         skin = robot.skin(part)
         skins[part] = PreparedSkin(skin)
-        fits[part] = measure_fit(skin, robot.mesh(skin.link))
+        fits[part] = measure_fit(skin, robot.mesh_under(part))
         _ = skins[part].flat
         advance(f"{part}: touches")
         recordings.append(simulate(skin, rng=rng, per_gesture=PER_GESTURE))

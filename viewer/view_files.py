@@ -11,7 +11,7 @@ import numpy as np
 
 from skinmap.geometry.rigid import transform_directions
 from skinmap.live.moment import Moment
-from viewer.drawing.frame.camera import front_view
+from viewer.drawing.frame.camera import AZIMUTHS, View, front_view
 from viewer.export.gltf import write_gltf
 from viewer.export.html_page import write_html
 from viewer.export.movie import MOVIE_FPS, Picture, write_movie
@@ -23,6 +23,7 @@ from viewer.view_options import Look, Session, new_layers, new_scene
 
 STILL_SIZE = (1600, 1100)
 MOVIE_SIZE = (1024, 768)
+RISE = 12.0  # of the views that a moment is judged from [deg]
 MOVIE_SECONDS = 7.0  # of the simulator, which has no end
 CALM = 1.6  # how far the camera of a movie turns between two pictures [deg]: 40 a second
 
@@ -135,7 +136,7 @@ def _start(wanted: Wanted) -> float:
 
 
 class Best:
-    """Keeps the moment that shows most: large, surely named touches that are seen from the front.
+    """Keeps the moment that shows most: large, surely named touches that one view can show.
 
     Parameters
     ----------
@@ -151,7 +152,8 @@ class Best:
             transform_directions(self._poses[part], skin.skin.normals)
             for part, skin in session.skins.items()
         ]
-        self._front = front_view(np.concatenate(normals)).direction
+        front = front_view(np.concatenate(normals)).azimuth
+        self._views = np.stack([View(front + float(a), RISE).direction for a in AZIMUTHS])
         self.moment: Moment | None = None
         self.worth = -math.inf
 
@@ -164,16 +166,16 @@ class Best:
             yield moment
 
     def _worth(self, moment: Moment) -> float:
-        total = 0.0
+        total = np.zeros(len(self._views))
         for touch in moment.touches:
             # What has no name yet has just begun: a later moment says more.
             sure = touch.confidence if math.isfinite(touch.confidence) else -1.0
-            seen = 1.0
+            seen = np.ones(len(self._views))
             if touch.normal is not None:
                 normal = transform_directions(self._poses[touch.part], touch.normal[None])[0]
-                seen = float(np.clip(0.5 + normal @ self._front, 0.2, 1.0))
+                seen = np.clip(0.5 + self._views @ normal, 0.2, 1.0)
             total += sure * seen * math.sqrt(min(len(touch.taxels), 16))
-        return total
+        return float(total.max())
 
 
 def movie_frames(scene: Scene, moments: Iterable[Moment]) -> Iterator[Picture]:

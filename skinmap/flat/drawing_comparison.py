@@ -9,7 +9,7 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.flat_map import Chart
-from skinmap.geometry.triangles import signed_areas
+from skinmap.geometry.triangles import cross_products, signed_areas
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,8 +76,9 @@ def compare_drawing(
         none = np.zeros(0, np.int64)
         return DrawnChart(none, faces, np.zeros((0, 2)), None, False, 1.0, float("nan"), missing)
     places = xy[row[used]]
-    # A picture of the inside turns all triangles over: what most of the area says counts.
-    mirrored = bool(signed_areas(places, faces).sum() < 0)
+    # A picture of the inside turns all triangles over: what most of the skin says counts.
+    area = np.linalg.norm(cross_products(vertices[used], faces), axis=1)
+    mirrored = bool(np.sign(signed_areas(places, faces)) @ area < 0)
     if mirrored:
         places = places * [-1.0, 1.0]
     laid, scale = align_similar(places, chart.uv[used])

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from dataclasses import replace as replace_fields
+from typing import Any
 
 import numpy as np
 
@@ -186,18 +188,14 @@ def replace(
 ) -> TaxelTable:
     """The same taxels at other positions (n, 3), with other normals (n, 3) where given."""
     kept = table.normals if normals is None else normals
-    return TaxelTable(
-        table.channels, table.modules, positions, kept, table.representative, table.link
-    )
+    return replace_fields(table, positions=positions, normals=kept)
 
 
 def take(table: TaxelTable, keep: np.ndarray) -> TaxelTable:
     """The rows of a table that a mask (n,) keeps."""
-    return TaxelTable(
-        table.channels[keep],
-        table.modules[keep],
-        table.positions[keep],
-        table.normals[keep],
-        table.representative[keep],
-        table.link,
-    )
+    rows: dict[str, Any] = {
+        each.name: values[keep] if len(values) else values
+        for each in fields(table)
+        if isinstance(values := getattr(table, each.name), np.ndarray)
+    }
+    return replace_fields(table, **rows)

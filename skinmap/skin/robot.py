@@ -71,6 +71,14 @@ class Part:
         `<link>_dh_frame` where the body has one and the taxels fit the link better from there.
     drawing : Path or None
         A hand-drawn 2D layout of the part to compare with.
+    maps : tuple of Path
+        Files of its pieces, where they can bring flat maps of their own.
+    ring : bool
+        Whether its patches close to a ring: a contact goes on across their joints.
+    cover : float
+        Distance of the skin from its link, where a cover that no mesh has lies between [m].
+    cover_mesh : callable or None
+        Reads the mesh that the skin lies on instead of its link's, in the frame of the link.
     """
 
     name: str
@@ -79,6 +87,10 @@ class Part:
     layout: ModuleLayout | None = None
     frame: str = AUTO
     drawing: Path | None = None
+    maps: tuple[Path, ...] = ()
+    ring: bool = False
+    cover: float = 0.0
+    cover_mesh: Callable[[], TriangleMesh] | None = None
 
 
 @dataclass(eq=False, repr=False)
@@ -119,6 +131,7 @@ class Robot(Summary):
     _meshes: dict[str, TriangleMesh] = field(default_factory=dict, repr=False)
     _repairs: dict[str, RepairReport] = field(default_factory=dict, repr=False)
     _frames: dict[str, str] = field(default_factory=dict, repr=False)
+    _covers: dict[str, TriangleMesh] = field(default_factory=dict, repr=False)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -146,7 +159,13 @@ class Robot(Summary):
             # Robots stand on z: its direction in the link tells which end of a limb is up.
             up = self.body.poses({})[link][2, :3]
             self._skins[part] = skin_from_table(
-                report.table, self.mesh(link), part, link, keep_normals=keep, up=up
+                report.table,
+                self.mesh_under(part),
+                part,
+                link,
+                keep_normals=keep,
+                up=up,
+                ring=self.part(part).ring,
             )
         return self._skins[part]
 
@@ -183,7 +202,7 @@ class Robot(Summary):
         return carried, frame
 
     def _misfit(self, table: TaxelTable, spec: Part) -> float:
-        mesh = self.mesh(spec.link)
+        mesh = self.mesh_under(spec.name)
         if len(mesh.faces) == 0:
             return 0.0
         distance, _, _ = closest_on_mesh(table.positions, mesh.vertices, mesh.faces)
@@ -211,6 +230,18 @@ class Robot(Summary):
         if link not in self._meshes:
             self._meshes[link] = self.body.mesh(link)
         return self._meshes[link]
+
+    def mesh_under(self, part: str) -> TriangleMesh:
+        """The mesh that the skin of a part lies on, in the frame of its link [m].
+
+        That of the link, or of a cover where the manifest names one.
+        """
+        spec = self.part(part)
+        if spec.cover_mesh is None:
+            return self.mesh(spec.link)
+        if part not in self._covers:
+            self._covers[part] = spec.cover_mesh()
+        return self._covers[part]
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

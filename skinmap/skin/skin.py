@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, freeze
+from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, check_whole, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.skin.normals import repair_normals
@@ -32,6 +32,11 @@ class Skin(Summary):
         Unit, outward.
     up : (3,) float or None
         What is up for the robot at rest; flat maps are turned by it. None where it is unknown.
+    pieces : (n,) int or None
+        Shell that carries each taxel, where the part has several: no triangle goes from one to
+        another.
+    ring : bool
+        Whether its patches close to a ring: a contact goes on across their joints.
 
     Examples
     --------
@@ -47,6 +52,8 @@ class Skin(Summary):
     positions: FloatArray
     normals: FloatArray
     up: FloatArray | None = None
+    pieces: IntArray | None = None
+    ring: bool = False
 
     def __post_init__(self) -> None:
         positions = check_points(self.positions, "positions")
@@ -60,6 +67,8 @@ class Skin(Summary):
         freeze(self, channels=channels, modules=modules, positions=positions, normals=normals)
         if self.up is not None:
             freeze(self, up=check_finite(self.up, "up", (3,)))
+        if self.pieces is not None:
+            freeze(self, pieces=check_whole(self.pieces, "pieces", (len(positions),)))
 
     def __len__(self) -> int:
         return len(self.channels)
@@ -102,6 +111,7 @@ def skin_from_table(
     hint: FloatArray | None = None,
     keep_normals: bool = False,
     up: FloatArray | None = None,
+    ring: bool = False,
 ) -> Skin:
     """A part's skin from its table and its link's mesh: the stored normals are replaced.
 
@@ -109,4 +119,14 @@ def skin_from_table(
     the file.
     """
     normals = table.normals if keep_normals else repair_normals(table.positions, body, hint)
-    return Skin(part, link, table.channels, table.modules, table.positions, normals, up)
+    return Skin(
+        part,
+        link,
+        table.channels,
+        table.modules,
+        table.positions,
+        normals,
+        up,
+        table.pieces if len(table.pieces) else None,
+        ring,
+    )

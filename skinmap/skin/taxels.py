@@ -10,6 +10,7 @@ from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, fre
 from skinmap.errors import InvalidArrayError
 
 ABSENT, THERMAL, UNKNOWN = -1, -2, -3
+NO_ID = -1  # of a taxel that is not wired
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -31,6 +32,12 @@ class TaxelTable:
         where it says nothing, `UNKNOWN`; all unknown if not given.
     link : str
         The link that the file names, if any.
+    ids : (n,) int
+        Number that the hardware has for each taxel, `NO_ID` for one that is not wired: it has a
+        place and never speaks; no rows where the hardware knows channels only.
+    pieces : (n,) int
+        Shell that carries each taxel, where a part has several: no triangle goes from one to
+        another. No rows where it has one.
     """
 
     channels: IntArray
@@ -39,6 +46,8 @@ class TaxelTable:
     normals: FloatArray
     representative: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     link: str = ""
+    ids: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    pieces: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def __post_init__(self) -> None:
         positions = check_points(self.positions, "positions")
@@ -49,6 +58,10 @@ class TaxelTable:
         if len(stated) == 0:
             stated = np.full(n, UNKNOWN)
         modules = np.asarray(self.modules, np.int64)
+        ids, pieces = np.asarray(self.ids, np.int64), np.asarray(self.pieces, np.int64)
+        for name, given in (("ids", ids), ("pieces", pieces)):
+            if given.shape not in ((n,), (0,)):
+                raise InvalidArrayError(f"{len(given)} {name} for {n} taxels")
         if not channels.shape == modules.shape == stated.shape == (n,):
             raise InvalidArrayError(
                 f"channels and modules must have shape ({n},), "
@@ -67,7 +80,14 @@ class TaxelTable:
             positions=positions[order],
             normals=normals[order],
             representative=stated[order],
+            ids=ids[order] if len(ids) else ids,
+            pieces=pieces[order] if len(pieces) else pieces,
         )
+
+    @property
+    def unwired(self) -> IntArray:
+        """Channels (k,) of taxels that have a place and no wire: nothing ever comes of them."""
+        return self.channels[self.ids == NO_ID] if len(self.ids) else self.ids
 
     def __len__(self) -> int:
         return len(self.channels)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +14,7 @@ from skinmap.errors import InvalidMeshError, UnknownNameError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import check_surface, face_components
 from skinmap.geometry.triangles import vertex_areas
-from skinmap.skin.skin import Skin
+from skinmap.skin.skin import Skin, skin_from_points
 from skinmap.summary import Summary
 from skinmap.surface.accurate import accurate_faces
 from skinmap.surface.consensus_meshing import Limits, consensus_faces
@@ -166,6 +168,17 @@ def build_surface(
         return surface_from_faces(skin, faces)
     if method not in MESHING:
         raise UnknownNameError("meshing method", method, MESHING)
+    if skin.pieces is not None:
+        mesh_of = partial(
+            build_surface,
+            method=method,
+            max_edge=max_edge,
+            merge=merge,
+            least_altitude=least_altitude,
+            largest_hole=largest_hole,
+            body=body,
+        )
+        return _by_pieces(skin, mesh_of)
     cloud = make_cloud(skin.positions, skin.normals, merge)
     limits = Limits.of(cloud, max_edge, least_altitude, largest_hole)
     if method == "accurate":
@@ -180,6 +193,19 @@ def build_surface(
             "no surface there"
         )
     return SurfaceMesh(skin, cloud.vertices[found], cloud.representative, by_size(found))
+
+
+def _by_pieces(skin: Skin, mesh_of: Callable[[Skin], SurfaceMesh]) -> SurfaceMesh:
+    """The meshes of a skin's shells as one: no triangle goes from one to another."""
+    assert skin.pieces is not None
+    faces, representative = [], np.arange(len(skin))
+    for piece in np.unique(skin.pieces):
+        rows = np.flatnonzero(skin.pieces == piece)
+        own = mesh_of(skin_from_points(skin.positions[rows], skin.normals[rows], part=skin.part))
+        faces.append(rows[own.faces])
+        representative[rows] = rows[own.representative]
+    every = np.concatenate(faces)
+    return SurfaceMesh(skin, every, representative, by_size(every))
 
 
 def surface_from_faces(skin: Skin, faces: ArrayLike) -> SurfaceMesh:

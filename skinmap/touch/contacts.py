@@ -34,7 +34,7 @@ class SkinGeometry:
     mesh : SurfaceMesh
     links : (e, 2) int
         Pairs of taxels, in both directions, that belong to one contact when both are active:
-        mesh edges and merged taxels.
+        mesh edges, merged taxels and, on a skin that closes to a ring, what faces across a joint.
     bridged : (b, 2) int
         The same and facing taxels on both sides of a gap between patches.
     areas : (n,) float
@@ -87,6 +87,8 @@ def measure_skin(mesh: SurfaceMesh) -> SkinGeometry:
     border = border_taxels(mesh)
     links = np.concatenate([edges(mesh.faces), same])
     bridged = np.concatenate([links, _facing(mesh, border)])
+    if mesh.skin.ring:
+        links = bridged
     areas = _full_cells(mesh, border)
     return SkinGeometry(mesh, _both_ways(links), _both_ways(bridged), areas, border, graph)
 

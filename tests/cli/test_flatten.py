@@ -362,4 +362,4 @@ def test_several_meshes_are_laid_flat_in_one_go(tmp_path, square_grid):
     assert [(row["part"], row["vertices"]) for row in found] == [("a.obj", 25), ("b.obj", 49)]
     mixed = CliRunner().invoke(cli, ["flatten", "icub", str(tmp_path / "a.obj")])
     assert mixed.exit_code == 2
-    assert "several mesh files, or one robot" in mixed.stderr
+    assert "several mesh files, several CySkin files, or one robot" in mixed.stderr

@@ -69,7 +69,7 @@ def test_a_robot_that_is_gone_is_named(own, tmp_path):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("robots",), {"icub", "kaspar", "baxter-forearm"}),
+        (("robots",), {"icub", "kaspar", "baxter-forearm", "ur10e-cyskin"}),
         (("parts", "kaspar"), {"torso", "left_hand"}),
         (("classifiers",), {"contact-geometry", "histogram"}),
         (("layers",), set(LAYERS)),

@@ -43,7 +43,7 @@ def generator(name):
 
 
 def test_builtin_robots_are_named_by_their_manifests():
-    assert builtin_robots() == ("baxter-forearm", "icub", "kaspar")
+    assert builtin_robots() == ("baxter-forearm", "icub", "kaspar", "ur10e-cyskin")
 
 
 def test_generator_makes_the_tables_that_ship(robot, name, generator):

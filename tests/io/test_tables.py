@@ -86,7 +86,7 @@ def test_read_taxels_names_missing_files_and_formats(tmp_path):
     (tmp_path / "t.xyz").write_text("")
     with pytest.raises(UnknownNameError, match=r"\.csv"):
         read_taxels(tmp_path / "t.xyz")
-    with pytest.raises(UnknownNameError, match="are: csv, icub"):
+    with pytest.raises(UnknownNameError, match="are: csv, cyskin, icub"):
         read_taxels(tmp_path / "t.xyz", "excel")
     assert readers.names()[:2] == ("csv", "icub")
 

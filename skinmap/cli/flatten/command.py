@@ -27,8 +27,11 @@ if TYPE_CHECKING:
     from skinmap.cli.flatten.job import Surfaces
 
 MESHES = (".stl", ".obj", ".ply", ".off", ".dae", ".glb", ".gltf", ".3mf")
+CYSKIN = (".json",)
 SEAM_HELP = "Channels that seams keep away from, as 3,8,20-31; may be repeated."
-COMPARE_HELP = "Methods to compare with, and `drawing` for a hand-drawn map: bff,slim,drawing."
+COMPARE_HELP = (
+    "Methods to compare with, `drawing` for a hand-drawn map, `theirs` for the file's own."
+)
 
 
 @click.command("flatten")
@@ -38,7 +41,9 @@ COMPARE_HELP = "Methods to compare with, and `drawing` for a hand-drawn map: bff
 @click.option("--method", help="Flattening method; balanced, or auto where a budget is given.")
 @click.option("--max-seconds", type=float, help="CPU time for the maps of a part [s], for auto.")
 @click.option("--max-edge-rms", type=float, help="Edge error to reach [%], for auto.")
-@click.option("--meshing", default="consensus", show_default=True, help="Surface meshing method.")
+@click.option(
+    "--meshing", help="Surface meshing method.  [default: consensus; the faces of a .json]"
+)
 @click.option("--iterations", type=int, help="Of arap, balanced, slim or dirichlet.")
 @click.option(
     "--precision",
@@ -46,9 +51,11 @@ COMPARE_HELP = "Methods to compare with, and `drawing` for a hand-drawn map: bff
     show_default=True,
     help="Of the sparse solves: float64, or float32 for half the memory.",
 )
-@click.option("--compare", default="", metavar="M2,M3|drawing", help=COMPARE_HELP)
+@click.option("--compare", default="", metavar="M2,M3|drawing|theirs", help=COMPARE_HELP)
 @click.option(
-    "--drawing", type=click.Path(path_type=Path), help="Drawing (iCubSkinGui .ini) of the part."
+    "--drawing",
+    type=click.Path(path_type=Path),
+    help="Drawing of the part: iCubSkinGui .ini, CySkin .json.",
 )
 @click.option("--metric", default="edge_strain", show_default=True, help="What colours the maps.")
 @click.option("--seam-away", multiple=True, metavar="CHANNELS", help=SEAM_HELP)
@@ -62,8 +69,8 @@ def command(
 ) -> None:
     """Lay every patch of a robot's skin, or any triangle mesh, flat and measure the distortion.
 
-    ROBOT is a built-in name (default: icub), the path of a manifest, or a mesh file (OBJ, STL,
-    PLY, OFF, ...), or several mesh files.
+    ROBOT is a built-in name (default: icub), the path of a manifest, or one or several mesh files
+    (OBJ, STL, PLY, OFF, ...) or CySkin files (.json), whose own faces are taken.
     Methods are tutte, harmonic, lscm, bff, arap, slim, dirichlet, or by
     price fast, balanced, accurate, auto; meshing is consensus, fast or accurate. Triangles are
     coloured by edge_strain, area, quasi_conformal, symmetric_dirichlet, stretch_l2 or arap_energy.
@@ -72,6 +79,7 @@ def command(
     Example:  skinmap flatten icub --part torso --out maps
               skinmap flatten icub --part left_arm --compare bff,lscm --json
               skinmap flatten bunny.obj --method accurate --json
+              skinmap flatten skin.json --compare theirs
               skinmap flatten scans/*.stl --jobs 4 --resume scans.resume --json
     """
     from skinmap.cli.flatten.files import report, write
@@ -95,19 +103,24 @@ def command(
         )
 
 
-def _surfaces(robots: tuple[str, ...], parts: tuple[str, ...], meshing: str) -> Surfaces:
-    """What the arguments name: mesh files, or parts of one robot."""
-    from skinmap.cli.flatten.job import mesh_surfaces, robot_surfaces
+def _surfaces(robots: tuple[str, ...], parts: tuple[str, ...], meshing: str | None) -> Surfaces:
+    """What the arguments name: mesh files, CySkin files, or parts of one robot."""
+    from skinmap.cli.flatten.job import file_surfaces, mesh_surfaces, robot_surfaces
     from skinmap.errors import UnknownNameError
+    from skinmap.surface.surface_mesh import DEFAULT
 
     paths = [Path(robot) for robot in robots]
-    if all(path.suffix.lower() in MESHES for path in paths):
-        if parts:
-            raise UnknownNameError("part", parts[0], ())
-        return mesh_surfaces(list(dict.fromkeys(paths)))
+    for suffixes in (MESHES, CYSKIN):
+        if all(path.suffix.lower() in suffixes for path in paths):
+            if parts:
+                raise UnknownNameError("part", parts[0], ())
+            own = list(dict.fromkeys(paths))
+            return mesh_surfaces(own) if suffixes is MESHES else file_surfaces(own, meshing)
     if len(robots) > 1:
-        raise click.UsageError("several mesh files, or one robot: not " + " ".join(robots)[:200])
-    return robot_surfaces(*open_robot(robots[0], parts), meshing)
+        raise click.UsageError(
+            "several mesh files, several CySkin files, or one robot: not " + " ".join(robots)[:200]
+        )
+    return robot_surfaces(*open_robot(robots[0], parts), meshing or DEFAULT)
 
 
 def _lines(result: FlattenResult) -> Iterator[Table]:

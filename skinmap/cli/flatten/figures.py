@@ -5,7 +5,7 @@ A checkerboard on the map is carried to the body: what one square becomes there 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -73,15 +73,15 @@ def part_figure(flat: FlatMap, metric: FaceMetric) -> bytes:
 
 def comparison_figure(
     maps: Sequence[tuple[str, FlatMap]],
-    drawn: Sequence[DrawnChart],
+    drawn: Mapping[str, Sequence[DrawnChart]],
     metric: FaceMetric,
 ) -> bytes:
-    """PNG: maps of one part by several methods in one colour scale, the drawing over the first.
+    """PNG: maps of one part by several methods in one colour scale, drawings laid over the first.
 
     Triangles that the drawing turns over are black.
     """
     unit, factor = length_unit(maps[0][1])
-    panels = len(maps) + bool(drawn)
+    panels = len(maps) + len(drawn)
     extent = np.ptp(np.concatenate([chart.uv for chart in maps[0][1].charts]), axis=0)
     tall = float(np.clip(3.1 * extent[1] / max(extent[0], 1e-300), 1.2, 3.6))
     figure = plain_figure((1.0 + 3.7 * panels, 1.3 + tall))
@@ -97,9 +97,9 @@ def comparison_figure(
         _frame_flat(axis, unit)
         rms = max(100.0 * chart.distortion.edge_rms for chart in flat.charts)
         axis.set_title(f"{name}: {flat.flips} flips, edge rms {rms:.2f} %", fontsize=9)
-    if drawn:
-        _draw_drawing(axes[-1], drawn, factor)
-        _frame_flat(axes[-1], f"{unit}; here yellow is {DRAWN_LIMIT:g} % of edge strain")
+    for axis, (name, charts) in zip(axes[len(maps) :], drawn.items(), strict=True):
+        _draw_drawing(axis, name, charts, factor)
+        _frame_flat(axis, f"{unit}; here yellow is {DRAWN_LIMIT:g} % of edge strain")
     bar = figure.colorbar(paint, ax=axes, shrink=0.8, extend="both", pad=0.01)
     bar.set_label(metric.label)
     figure.suptitle(f"{maps[0][1].mesh.skin.part}: the same charts compared", fontsize=11)
@@ -196,7 +196,7 @@ def _draw_body_seams(axis: Any, flat: FlatMap, view: View, factor: float) -> Non
         axis.add_collection(LineCollection(list(lines), colors=SEAM, linewidths=1.4))
 
 
-def _draw_drawing(axis: Any, drawn: Sequence[DrawnChart], factor: float) -> None:
+def _draw_drawing(axis: Any, name: str, drawn: Sequence[DrawnChart], factor: float) -> None:
     from matplotlib import colormaps
 
     strain, flips, taxels = [], 0, 0
@@ -211,10 +211,7 @@ def _draw_drawing(axis: Any, drawn: Sequence[DrawnChart], factor: float) -> None
         flips += chart.distortion.flips
         taxels += len(chart.vertices)
     worst = f"{max(strain):.1f}" if strain else "-"
-    axis.set_title(f"drawing, {taxels} taxels: {flips} flips, edge rms {worst} %", fontsize=9)
-    axis.text(
-        0.0, -0.17, "here yellow is 20 % of edge strain", transform=axis.transAxes, fontsize=7
-    )
+    axis.set_title(f"{name}, {taxels} taxels: {flips} flips, edge rms {worst} %", fontsize=9)
 
 
 def _scale(metric: FaceMetric, values: FloatArray) -> Any:

@@ -29,8 +29,8 @@ def write(found: Flattened, stage: Path, advance: Callable[[str], None]) -> Iter
         write_obj(flat, stage / f"{stem}.obj")
         write_vtp(flat, stage / f"{stem}.vtp")
         yield from (f"{stem}.png", f"{stem}.obj", f"{stem}.vtp")
-        others, drawn = found.others.get(part, {}), found.drawn.get(part, ())
-        if others or part in found.drawn:
+        others, drawn = found.others.get(part, {}), found.drawn.get(part, {})
+        if others or drawn:
             shown = [(found.result.method, flat), *others.items()]
             compared = comparison_figure(shown, drawn, metric)
             (stage / f"{stem}_compared.png").write_bytes(compared)

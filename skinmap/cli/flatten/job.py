@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import partial
@@ -12,20 +11,25 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.cli.flatten.options import DRAWING, FlatOptions
+from skinmap.cli.flatten.drawings import drawings_of, drawn_charts
+from skinmap.cli.flatten.options import FlatOptions
 from skinmap.cli.flatten.result import ComparedRow, FlattenResult, PatchRow, Spread, WorstFace
-from skinmap.errors import InvalidArrayError, MissingFileError, SkinWarning
+from skinmap.errors import InvalidArrayError, MissingFileError
 from skinmap.flat.distortion import Distortion
-from skinmap.flat.drawing_comparison import DrawnChart, compare_drawing
+from skinmap.flat.drawing_comparison import DrawnChart
 from skinmap.flat.face_metrics import FaceMetric, face_metric, worst_faces
 from skinmap.flat.flat_map import Chart, FlatMap, flatten
 from skinmap.flat.geodesic import geodesic_stress
 from skinmap.flat.mesh_charts import mesh_surface
-from skinmap.io.flat_maps.drawing import Drawing, read_drawing
+from skinmap.io.flat_maps.drawing import Drawing
+from skinmap.io.flat_maps.tactile_maps import read_tactile_maps
 from skinmap.io.robots.urdf import read_mesh
+from skinmap.io.taxels.cyskin import read_cyskin, read_cyskin_taxels
+from skinmap.io.text import check_file
 from skinmap.parallel.run import run_tasks
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.skin.robot import Robot
+from skinmap.skin.skin import skin_from_table
 from skinmap.surface.surface_mesh import DEFAULT, SurfaceMesh, build_surface
 
 MAX_GEODESIC = 200_000  # vertices: one way on a larger mesh takes a tenth of a second
@@ -47,12 +51,15 @@ class Surfaces:
         None for mesh files.
     drawings : mapping of str to Path
         By part, as the manifest has them.
+    theirs : mapping of str to callable
+        By part, what reads the flat maps that its files bring.
     """
 
     name: str
     makers: Mapping[str, Callable[[], SurfaceMesh]]
     meshing: str | None = None
     drawings: Mapping[str, Path] = field(default_factory=dict)
+    theirs: Mapping[str, Callable[[], Mapping[str, Drawing]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -66,14 +73,14 @@ class Flattened:
         By part.
     others : mapping of str to mapping of str to FlatMap
         By part, then by method: the maps to compare with.
-    drawn : mapping of str to sequence of DrawnChart
-        By part.
+    drawn : mapping of str to mapping of str to sequence of DrawnChart
+        By part, then by the name of the drawing.
     """
 
     result: FlattenResult
     maps: Mapping[str, FlatMap]
     others: Mapping[str, Mapping[str, FlatMap]]
-    drawn: Mapping[str, Sequence[DrawnChart]]
+    drawn: Mapping[str, Mapping[str, Sequence[DrawnChart]]]
 
 
 def mesh_surfaces(paths: Sequence[Path]) -> Surfaces:
@@ -101,12 +108,42 @@ def robot_surfaces(robot: Robot, parts: Sequence[str], meshing: str = DEFAULT) -
     """Parts of a robot, meshed by a method."""
 
     def make(part: str) -> SurfaceMesh:
-        body = robot.mesh(robot.part(part).link) if meshing == "accurate" else None
+        body = robot.mesh_under(part) if meshing == "accurate" else None
         return build_surface(robot.skin(part), method=meshing, body=body)
 
     specs = {part: robot.part(part).drawing for part in parts}
     drawings = {part: path for part, path in specs.items() if path is not None}
-    return Surfaces(robot.name, {part: partial(make, part) for part in parts}, meshing, drawings)
+    theirs = {
+        part: partial(read_tactile_maps, files)
+        for part in parts
+        if (files := robot.part(part).maps)
+    }
+    makers = {part: partial(make, part) for part in parts}
+    return Surfaces(robot.name, makers, meshing, drawings, theirs)
+
+
+def file_surfaces(paths: Sequence[Path], meshing: str | None = None) -> Surfaces:
+    """Skins of CySkin files: their own triangles, or ours by a meshing method."""
+
+    def make(path: Path) -> SurfaceMesh:
+        found = read_cyskin(path)
+        table = read_cyskin_taxels(path)
+        hint = found.normals if found.normals.any() else None
+        skin = skin_from_table(table, None, path.stem, table.link, hint=hint)
+        if meshing is not None:
+            return build_surface(skin, method=meshing)
+        return build_surface(skin, faces=found.faces)
+
+    for path in paths:
+        check_file(path, "a CySkin file")
+    names = [path.stem for path in paths]
+    keys = {path.stem if names.count(path.stem) == 1 else str(path): path for path in paths}
+    return Surfaces(
+        ", ".join(keys),
+        {name: partial(make, path) for name, path in keys.items()},
+        meshing,
+        theirs={name: partial(read_tactile_maps, [path]) for name, path in keys.items()},
+    )
 
 
 def work(
@@ -117,7 +154,7 @@ def work(
     progress: Callable[[str], None] | None = None,
 ) -> Flattened:
     """Lay everything flat and measure it."""
-    drawings = _drawings(options, surfaces)
+    drawings = drawings_of(options, surfaces)
     meshes = {part: make() for part, make in surfaces.makers.items()}
     away = _taxels(options.away, meshes)
     how = {
@@ -135,7 +172,13 @@ def work(
         for (part, mesh), own in zip(meshes.items(), found, strict=True)
     }
     maps = {part: own.pop("") for part, own in made.items()}
-    drawn = {part: drawn_charts(maps[part], read_drawing(path)) for part, path in drawings.items()}
+    drawn = {
+        part: {
+            name: drawn_charts(maps[part], one)
+            for name, one in read(len(meshes[part].skin)).items()
+        }
+        for part, read in drawings.items()
+    }
     metric = face_metric(options.metric)
     rows = [
         _patch_row(part, flat, chart, metric, np.random.default_rng(options.seed))
@@ -167,31 +210,6 @@ def _taxels(channels: IntArray, meshes: Mapping[str, SurfaceMesh]) -> dict[str, 
     return {
         part: np.flatnonzero(np.isin(mesh.skin.channels, channels)) for part, mesh in meshes.items()
     }
-
-
-def _drawings(options: FlatOptions, surfaces: Surfaces) -> dict[str, Path]:
-    """The drawing of each part that has one.
-
-    Raises
-    ------
-    MissingFileError
-        A drawing was asked for and there is none.
-    """
-    if not options.with_drawing:
-        return {}
-    if options.drawing is not None:
-        if not options.drawing.is_file():
-            raise MissingFileError(options.drawing, "a drawing of iCubSkinGui (.ini)")
-        return dict.fromkeys(surfaces.makers, options.drawing)
-    if not surfaces.drawings:
-        raise MissingFileError(
-            "drawing",
-            f"`drawing = ...` for a part in the manifest of {surfaces.name}, or --drawing FILE",
-        )
-    without = [part for part in surfaces.makers if part not in surfaces.drawings]
-    if without:
-        warnings.warn(f"no drawing of {', '.join(without)}", SkinWarning, stacklevel=2)
-    return dict(surfaces.drawings)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -285,24 +303,10 @@ def _worst(flat: FlatMap, chart: Chart, metric: FaceMetric) -> list[WorstFace]:
     return [WorstFace(channels=corners, value=value) for corners, value in pairs]
 
 
-def drawn_charts(flat: FlatMap, drawing: Drawing) -> list[DrawnChart]:
-    """The drawing laid over each chart of a part."""
-    return [
-        compare_drawing(
-            chart,
-            flat.mesh.vertices[chart.taxels],
-            flat.mesh.skin.channels[chart.taxels],
-            drawing.channels,
-            drawing.xy,
-        )
-        for chart in flat.charts
-    ]
-
-
 def _compare_rows(
     maps: Mapping[str, FlatMap],
     others: Mapping[str, Mapping[str, FlatMap]],
-    drawn: Mapping[str, Sequence[DrawnChart]],
+    drawn: Mapping[str, Mapping[str, Sequence[DrawnChart]]],
 ) -> list[ComparedRow]:
     rows = []
     for part, flat in maps.items():
@@ -318,17 +322,18 @@ def _compare_rows(
                 )
                 for chart in other.charts
             ]
-        pairs = zip(flat.charts, drawn.get(part, ()), strict=False)
-        rows += [_drawing_row(part, chart, sketch) for chart, sketch in pairs]
+        for name, sketches in drawn.get(part, {}).items():
+            pairs = zip(flat.charts, sketches, strict=False)
+            rows += [_drawing_row(part, name, chart, sketch) for chart, sketch in pairs]
     return rows
 
 
-def _drawing_row(part: str, chart: Chart, drawn: DrawnChart) -> ComparedRow:
+def _drawing_row(part: str, name: str, chart: Chart, drawn: DrawnChart) -> ComparedRow:
     costs = drawn.distortion
     return ComparedRow(
         part=part,
         patch=chart.patch,
-        with_=DRAWING,
+        with_=name,
         taxels=len(drawn.vertices),
         missing=drawn.missing,
         mirrored=drawn.mirrored,

@@ -14,9 +14,10 @@ from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.flat.face_metrics import face_metric
 from skinmap.flat.flat_map import DEFAULT as DEFAULT_METHOD
 from skinmap.flat.methods import check_effort, flatteners
-from skinmap.surface.surface_mesh import DEFAULT, MESHING
+from skinmap.surface.surface_mesh import MESHING
 
 DRAWING = "drawing"
+THEIRS = "theirs"  # flat maps in the files of the skin
 MAX_CHANNEL = 10_000_000
 
 
@@ -27,13 +28,13 @@ class FlatOptions:
     Attributes
     ----------
     method, metric : str
-    meshing : str
-        For robots; a mesh file is a surface already.
+    meshing : str or None
+        For robots; a mesh file is a surface already, and so is a CySkin file where it is None.
     others : tuple of str
         Methods to compare with.
     drawing : Path or None
         The drawing of all parts, instead of those that the manifest names.
-    with_drawing : bool
+    with_drawing, with_theirs : bool
     away : (k,) int
         Channels that seams keep away from.
     budgets : dict
@@ -46,10 +47,11 @@ class FlatOptions:
 
     method: str
     metric: str = "edge_strain"
-    meshing: str = DEFAULT
+    meshing: str | None = None
     others: tuple[str, ...] = ()
     drawing: Path | None = None
     with_drawing: bool = False
+    with_theirs: bool = False
     away: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     budgets: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
@@ -66,7 +68,7 @@ def checked_options(
     drawing: Path | None,
     seam_away: tuple[str, ...],
     metric: str,
-    meshing: str,
+    meshing: str | None,
     iterations: int | None,
     precision: str,
     seed: int,
@@ -81,10 +83,10 @@ def checked_options(
     budgets = max_seconds is not None or max_edge_rms is not None
     method = method or ("auto" if budgets else DEFAULT_METHOD)
     flatteners.get(method)
-    if meshing not in MESHING:
+    if meshing is not None and meshing not in MESHING:
         raise UnknownNameError("meshing method", meshing, MESHING)
     check_effort(method, iterations, precision)
-    others, with_drawing = check_compare(compare)
+    others, drawn = check_compare(compare)
     face_metric(metric)
     return FlatOptions(
         method=method,
@@ -92,7 +94,8 @@ def checked_options(
         meshing=meshing,
         others=others,
         drawing=drawing,
-        with_drawing=with_drawing or drawing is not None,
+        with_drawing=DRAWING in drawn or drawing is not None,
+        with_theirs=THEIRS in drawn,
         away=read_channels(seam_away),
         budgets=check_budget(method, max_seconds, max_edge_rms),
         seed=seed,
@@ -101,8 +104,8 @@ def checked_options(
     )
 
 
-def check_compare(words: str) -> tuple[tuple[str, ...], bool]:
-    """The methods named in a list with commas, and whether a drawing is among them.
+def check_compare(words: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The methods named in a list with commas, and what others drew that is among them.
 
     Raises
     ------
@@ -110,10 +113,10 @@ def check_compare(words: str) -> tuple[tuple[str, ...], bool]:
         No such method.
     """
     names = tuple(dict.fromkeys(word.strip() for word in words.split(",") if word.strip()))
-    methods = tuple(name for name in names if name != DRAWING)
+    methods = tuple(name for name in names if name not in (DRAWING, THEIRS))
     for name in methods:
         flatteners.get(name)
-    return methods, DRAWING in names
+    return methods, tuple(name for name in names if name not in methods)
 
 
 def check_budget(

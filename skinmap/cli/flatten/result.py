@@ -135,7 +135,7 @@ class ComparedRow:
     part, patch
         As above.
     with_
-        The method, or "drawing".
+        The method, "drawing", or the name of a map that the skin's file brings.
     flips, edge_rms_percent
         As above; null where too little of the patch is drawn.
     area_sd
@@ -192,7 +192,7 @@ class FlattenResult:
     method
         The one asked for.
     meshing
-        How surfaces were meshed; null for mesh files, which are surfaces.
+        How surfaces were meshed; null for files that are surfaces: meshes, CySkin files.
     iterations
         Asked for; null: the method's own.
     precision

@@ -9,17 +9,18 @@ import click
 from msgspec import UnsetType
 
 from skinmap.cli.inspect.result import InspectResult
-from skinmap.commands.options import open_robot, part_option, prints, robot_argument
+from skinmap.commands.options import open_robot, outside_option, part_option, prints
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 from skinmap.report.result import given
 from skinmap.report.table import Cell, Table
 
-TABLES = (".txt", ".csv")
+TABLES = (".txt", ".csv", ".json")
 
 
 @click.command("inspect")
-@robot_argument
+@click.argument("robots", nargs=-1, metavar="[ROBOT|TABLE...]")
+@outside_option
 @part_option
 @click.option("--module", help="Module layout of a bare table (triangle_10pad, a .toml, a .csv).")
 @click.option("--fit", is_flag=True, help="Fit each part rigidly to its link, and report.")
@@ -30,7 +31,7 @@ TABLES = (".txt", ".csv")
 @profile_option()
 @prints(InspectResult)
 def command(
-    robot: str,
+    robots: tuple[str, ...],
     parts: tuple[str, ...],
     module: str | None,
     fit: bool,
@@ -40,18 +41,20 @@ def command(
 ) -> None:
     """Show the parts of a robot: taxels, repairs, distance to the body, pitch, modules, verdict.
 
-    ROBOT is a built-in name (default: icub), the path of a manifest, or a bare taxel table.
+    ROBOT is a built-in name (default: icub), the path of a manifest, or one or several bare taxel
+    tables; of CySkin files (.json) every fault is named, those that they have together too.
     Repair steps are units, thermal, collapsed and normals.
 
     \b
     Example:  skinmap inspect icub --part right_forearm --json
+              skinmap inspect ur10e-cyskin
     """
-    result = work(robot, parts, module, fit, skipped, html)
+    result = work(robots or ("icub",), parts, module, fit, skipped, html)
     present(result, _lines, as_json=as_json)
 
 
 def work(
-    robot: str,
+    robots: tuple[str, ...],
     parts: tuple[str, ...],
     module: str | None,
     fit: bool,
@@ -59,14 +62,25 @@ def work(
     html: Path | None,
 ) -> InspectResult:
     """Measure all parts, and write the page if one was asked for."""
-    from skinmap.cli.inspect.inspection import inspect_part, inspect_table, repair_steps
+    from skinmap.cli.inspect.inspection import (
+        file_faults_of,
+        inspect_part,
+        inspect_table,
+        repair_steps,
+    )
 
     steps = repair_steps(skipped)
-    if Path(robot).suffix.lower() in TABLES:
-        rows = [inspect_table(Path(robot), module, steps)]
-        name, loaded = Path(robot).name, None
+    tables = list(dict.fromkeys(Path(robot) for robot in robots))
+    if all(path.suffix.lower() in TABLES for path in tables):
+        if parts:
+            raise click.UsageError(f"--part is for a robot; {robots[0]} is a bare table")
+        faults = file_faults_of(tables)
+        rows = [inspect_table(path, module, steps, faults.get(path, ())) for path in tables]
+        name, loaded = ", ".join(path.name for path in tables), None
+    elif len(robots) > 1:
+        raise click.UsageError("several tables, or one robot: not " + " ".join(robots)[:200])
     else:
-        loaded, names = open_robot(robot, parts)
+        loaded, names = open_robot(robots[0], parts)
         loaded.steps = steps
         rows = [inspect_part(loaded, name, fit=fit) for name in names]
         name = loaded.name

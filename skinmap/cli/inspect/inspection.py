@@ -7,13 +7,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
-from skinmap.cli.inspect.result import AngleSpread, DrawingMatch, PartRow, RigidFit, Spread
+from skinmap.cli.inspect.result import (
+    AngleSpread,
+    DrawingMatch,
+    PartRow,
+    RigidFit,
+    Spread,
+    Standing,
+)
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.io.flat_maps.drawing import read_drawing
+from skinmap.io.taxels.cyskin import read_cyskin
+from skinmap.io.taxels.cyskin_faults import file_faults, set_faults
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
+from skinmap.skin.cover import FAR, judge_standing
 from skinmap.skin.fit import SkinFit, measure_fit
 from skinmap.skin.layouts import ModuleLayout, module_layout
 from skinmap.skin.modules import module_normals, slots_of
@@ -21,10 +32,13 @@ from skinmap.skin.registration import fit_to_mesh
 from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, check_steps, repair_table
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, skin_from_table
+from skinmap.skin.taxels import NO_ID
 from skinmap.surface.surface_mesh import merge_coincident
 
 MM = 1e3
-FAR = 5e-3  # a taxel further from its link than this is not on it [m]
+CYSKIN = ".json"
+FAULTY = "usable; its file has faults"
+COINCIDENT = 1e-4  # two shells whose taxels are nearer than this are at one place [m]
 UNLIKE = 2e-3  # mirror images further apart than this are not of one design [m]
 OFF_SIDE = 0.15  # module sides may differ from the layout's by this share: boards are cut and bent
 PLACEHOLDER = np.radians(20.0)  # stored normals further off than this are no normals
@@ -33,7 +47,7 @@ PLACEHOLDER = np.radians(20.0)  # stored normals further off than this are no no
 def inspect_part(robot: Robot, name: str, *, fit: bool = False) -> PartRow:
     """The numbers of one part of a robot."""
     report, skin, spec = robot.repair(name), robot.skin(name), robot.part(name)
-    mesh = robot.mesh(spec.link)
+    mesh = robot.mesh_under(name)
     found = measure_fit(skin, mesh)
     angle = np.degrees(found.normal_angle)
     more: dict[str, Any] = {
@@ -45,7 +59,8 @@ def inspect_part(robot: Robot, name: str, *, fit: bool = False) -> PartRow:
         "inward": int(found.inward.sum()),
         "covered": int(found.covered.sum()),
     }
-    warnings = _fit_warnings(found)
+    more["standing"] = standing = _standing(skin, mesh, found, spec.cover)
+    warnings = [*_fit_warnings(found, standing), *_same_place(robot, name)]
     if spec.layout is not None:
         check = check_modules(report.table, skin, spec.layout, robot.module_frames(name))
         more["module_side_mm"] = check.side * MM
@@ -67,6 +82,19 @@ def inspect_part(robot: Robot, name: str, *, fit: bool = False) -> PartRow:
     if fit:
         more["fit"] = _rigid_fit(skin, mesh)
     return _row(report, name, spec.link, skin.normals, spec.layout, warnings, **more)
+
+
+def file_faults_of(paths: Sequence[Path]) -> dict[Path, list[str]]:
+    """Faults of the CySkin files among some tables, and those that they have together."""
+    read = {path: read_cyskin(path) for path in paths if path.suffix.lower() == CYSKIN}
+    names = {path: path.name for path in read}
+    if len(set(names.values())) < len(names):
+        names = {path: str(path) for path in read}
+    together = set_faults({names[path]: found for path, found in read.items()})
+    return {
+        path: [*file_faults(found, path.name), *together[names[path]]]
+        for path, found in read.items()
+    }
 
 
 def _drawing_match(report: RepairReport, path: Path) -> DrawingMatch:
@@ -100,12 +128,16 @@ def repair_steps(skipped: Collection[str]) -> tuple[str, ...]:
     return tuple(step for step in ALL_STEPS if step not in skipped)
 
 
-def inspect_table(path: Path, module: str | None, steps: Collection[str]) -> PartRow:
-    """The numbers of a bare table without a body."""
+def inspect_table(
+    path: Path, module: str | None, steps: Collection[str], faults: Sequence[str] = ()
+) -> PartRow:
+    """The numbers of a bare table without a body; `faults` are known of its file."""
     layout = None if module is None else module_layout(module)
     table = read_taxels(path)
     report = repair_table(table, layout, steps=steps)
     hint = None if layout is None else module_normals(report.table, layout)
+    if hint is None and table.normals.any() and path.suffix.lower() == CYSKIN:
+        hint = report.table.normals
     keep = NORMALS not in steps
     skin = skin_from_table(report.table, None, path.stem, table.link, hint=hint, keep_normals=keep)
     more: dict[str, Any] = {"distance_mm": None}
@@ -114,7 +146,7 @@ def inspect_table(path: Path, module: str | None, steps: Collection[str]) -> Par
         check = check_modules(report.table, skin, layout, {})
         more["module_side_mm"] = check.side * MM
         warnings += _module_warnings(check, layout.side)
-    return _row(report, path.stem, table.link, skin.normals, layout, warnings, **more)
+    return _row(report, path.stem, table.link, skin.normals, layout, warnings, faults, **more)
 
 
 def spread(values: FloatArray) -> Spread:
@@ -139,6 +171,7 @@ def _row(
     normals: FloatArray,
     layout: ModuleLayout | None,
     warnings: list[str],
+    faults: Sequence[str] = (),
     **more: Any,
 ) -> PartRow:
     from skinmap.geometry.proximity import nearest
@@ -151,9 +184,14 @@ def _row(
     replaced = int((np.arccos(np.clip(cosine, -1.0, 1.0)) > PLACEHOLDER).sum())
     distinct = len(np.unique(table.positions, axis=0))
     gap, _ = nearest(np.unique(table.positions, axis=0), 1)
-    notes = list(warnings)
+    notes = [*faults, *warnings]
     if len(report.rebuilt):
         notes.append(f"{len(report.rebuilt)} taxels shared a place and were rebuilt")
+    if len(table.unwired):
+        notes.append(
+            f"{len(table.unwired)} with a place and no channel: "
+            f"rows {_few(np.flatnonzero(table.ids == NO_ID).tolist())}"
+        )
     if len(report.unplaced):
         notes.append(f"{len(report.unplaced)} taxels still share a place with others")
     if report.unit != "m":
@@ -172,23 +210,74 @@ def _row(
         coincident=int(shared.sum()),
         rebuilt=len(report.rebuilt),
         normals_repaired=replaced,
+        unwired=len(table.unwired),
         thermal=pads,
         unit=report.unit,
         pitch_mm=spread(gap[:, 0] * MM),
-        verdict=_verdict(notes),
+        verdict=FAULTY if faults else _verdict(notes),
         warnings=notes,
         **more,
     )
 
 
-def _fit_warnings(found: SkinFit) -> list[str]:
+def _standing(skin: Skin, mesh: TriangleMesh, found: SkinFit, cover: float) -> Standing:
+    judged = judge_standing(skin, mesh, found, cover)
+    return Standing(
+        why=judged.why,
+        far=judged.far,
+        cover_mm=cover * MM,
+        low_mm=judged.low * MM,
+        high_mm=judged.high * MM,
+        move_mm=None if np.isnan(judged.shift) else judged.shift * MM,
+    )
+
+
+def _fit_warnings(found: SkinFit, standing: Standing) -> list[str]:
     warnings = []
     if found.inward.any():
         warnings.append(f"{found.inward.sum()} normals point into the body")
-    far = int((found.distance > FAR).sum())
-    if far:
-        warnings.append(f"{far} taxels are more than {FAR * MM:.0f} mm off the link: frame or unit")
+    if standing.why == "on it":
+        return warnings
+    steady = (
+        f"the skin stands a steady {np.median(found.distance) * MM:.1f} mm off the link "
+        f"({standing.low_mm:.0f} to {standing.high_mm:.0f})"
+    )
+    if standing.why == "a frame":
+        there = f" and its cover of {standing.cover_mm:g} mm" if standing.cover_mm else ""
+        warnings.append(
+            f"{standing.far} taxels are more than {FAR * MM:.0f} mm off the link{there}: "
+            "frame or unit"
+        )
+    elif standing.why == "a cover":
+        said = f", not {standing.cover_mm:g}" if standing.cover_mm else ""
+        warnings.append(f"{steady}{said}: a cover? cover_mm says so in the manifest")
+    else:
+        warnings.append(
+            f"{steady}: a cover (cover_mm says so), or its frame is {standing.move_mm:.0f} mm off"
+        )
     return warnings
+
+
+def _same_place(robot: Robot, name: str) -> list[str]:
+    """Other parts, or pieces of this one, that stand where it stands: the pose is missing."""
+    link, own = robot.part(name).link, robot.repair(name).table
+    warnings = []
+    shells = [own.positions[own.pieces == k] for k in range(int(own.pieces.max(initial=-1)) + 1)]
+    for k, shell in enumerate(shells):
+        if any(_coincide(shell, other) for other in shells[:k]):
+            warnings.append(f"piece {k + 1} stands where another piece stands: give it a pose")
+    for other in robot.parts[: robot.parts.index(name)]:
+        if robot.part(other).link == link and _coincide(
+            own.positions, robot.repair(other).table.positions
+        ):
+            warnings.append(f"stands where part {other} stands: give it a pose")
+    return warnings
+
+
+def _coincide(one: FloatArray, other: FloatArray) -> bool:
+    """Whether most points (n, 3) lie at points (m, 3)."""
+    gap, _ = cKDTree(other).query(one)
+    return bool(np.median(gap) < COINCIDENT)
 
 
 def _module_warnings(check: ModuleCheck, side: float | None) -> list[str]:
@@ -225,8 +314,12 @@ def _verdict(warnings: list[str]) -> str:
         verdict = "check the module numbers against the hardware"
     if any("another skin's" in text for text in warnings):
         verdict = "name the drawing that belongs to the table"
-    if any("normals point" in text or "off the link" in text for text in warnings):
+    if any("a cover" in text for text in warnings):
+        verdict = "name the cover, or check the frame"
+    if any("normals point" in text or "frame or unit" in text for text in warnings):
         verdict = "check frame and unit"
+    if any("give it a pose" in text for text in warnings):
+        verdict = "give each shape its pose"
     if any("still share" in text for text in warnings):
         verdict = "name the module layout"
     return verdict

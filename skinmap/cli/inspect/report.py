@@ -45,7 +45,7 @@ def part_picture(robot: Robot, name: str) -> bytes:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize, to_rgba
 
-    skin, mesh = robot.skin(name), robot.mesh(robot.part(name).link)
+    skin, mesh = robot.skin(name), robot.mesh_under(name)
     found = measure_fit(skin, mesh)
     figure = plain_figure((10.0, 4.9))
     axes = figure.subplots(1, 2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from msgspec import UNSET, UnsetType
 
@@ -75,6 +76,32 @@ class RigidFit:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Standing:
+    """How a skin stands to its link.
+
+    Attributes
+    ----------
+    why
+        "on it" where all taxels stand where the manifest says, else what explains it.
+    far
+        Taxels more than 5 mm from where they should be.
+    cover_mm
+        Thickness of the cover that the manifest names.
+    low_mm, high_mm
+        5th and 95th percentile of the distances from the link.
+    move_mm
+        A rigid move that lays the skin on the link; null where none does or none was asked for.
+    """
+
+    why: Literal["on it", "a cover", "a frame", "a cover or a frame"]
+    far: int
+    cover_mm: float
+    low_mm: float
+    high_mm: float
+    move_mm: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class PartRow:
     """One part, or a bare table.
 
@@ -94,6 +121,8 @@ class PartRow:
         Taxels that shared a place and were set beside each other.
     normals_repaired
         Stored normals that were more than 20 degrees off.
+    unwired
+        Taxels with a place and no channel.
     thermal
         Sensors of temperature, which are no taxels.
     unit
@@ -102,6 +131,8 @@ class PartRow:
         Distance to the nearest taxel.
     distance_mm
         To the mesh of the link; null for a bare table, which has no body.
+    standing
+        Whether it stands where the manifest says, and why not; not for a bare table.
     frame
         That positions are in; not for a bare table.
     normal_angle_deg
@@ -133,10 +164,12 @@ class PartRow:
     coincident: int
     rebuilt: int
     normals_repaired: int
+    unwired: int
     thermal: int
     unit: str
     pitch_mm: Spread
     distance_mm: Spread | None
+    standing: Standing | UnsetType = UNSET
     frame: str | UnsetType = UNSET
     normal_angle_deg: AngleSpread | UnsetType = UNSET
     inward: int | UnsetType = UNSET

@@ -5,34 +5,43 @@ from __future__ import annotations
 import importlib
 import math
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace as replace_fields
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
+import numpy as np
+from scipy.spatial.transform import Rotation
 
 import skinmap
+from skinmap.arrays import FloatArray
 from skinmap.errors import (
     DataFormatError,
     ForbiddenPathError,
     MissingFileError,
     UnknownNameError,
 )
+from skinmap.geometry.mesh import TriangleMesh
 from skinmap.io.robots.mesh_body import MeshBody
-from skinmap.io.robots.urdf import UrdfBody
+from skinmap.io.robots.urdf import UrdfBody, read_mesh
+from skinmap.io.taxels.pieces import joined, placed, with_ids
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.io.text import is_file, read_text
 from skinmap.io.units import UNITS
 from skinmap.skin.layouts import module_layout
-from skinmap.skin.repair import replace
 from skinmap.skin.robot import AUTO, Body, Part, Robot
 from skinmap.skin.taxels import TaxelTable
 from skinmap.validation import checked, toml_table
 
 MODEL_PACKAGES = ("icub-models",)
 MAX_DEGREES = 36_000  # a hundred turns
+MAX_POSE_MM = 1e5  # a hundred metres: no part stands further from its link
+MAX_COVER_MM = 1e3
+
+
+Triple = tuple[float, float, float]
 
 
 class _Robot(msgspec.Struct, forbid_unknown_fields=True):
@@ -45,17 +54,38 @@ class _Robot(msgspec.Struct, forbid_unknown_fields=True):
     pose_deg: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
+class _Pose(msgspec.Struct, forbid_unknown_fields=True):
+    """A table `pose`: where a shape stands, turned about the fixed axes x, y, z and moved."""
+
+    xyz_mm: Triple = (0.0, 0.0, 0.0)
+    rpy_deg: Triple = (0.0, 0.0, 0.0)
+
+
+class _Piece(msgspec.Struct, forbid_unknown_fields=True):
+    """A table `[[part.piece]]`: a shape at its place, one of several that make a part."""
+
+    taxels: str
+    pose: _Pose | None = None
+    ids: str | None = None
+
+
 class _Part(msgspec.Struct, forbid_unknown_fields=True):
     """A table `[[part]]`."""
 
     name: str
     link: str
-    taxels: str
+    taxels: str | None = None
     format: str | None = None
     units: str = "m"
     module: str | None = None
     drawing: str | None = None
     frame: str = AUTO
+    pose: _Pose | None = None
+    ids: str | None = None
+    piece: list[_Piece] = msgspec.field(default_factory=list)
+    ring: bool = False
+    cover_mm: float = 0.0
+    cover: str | None = None
 
 
 class _Manifest(msgspec.Struct, forbid_unknown_fields=True):
@@ -95,7 +125,7 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     Parameters
     ----------
     robot : str or Path
-        "icub", "kaspar", "baxter-forearm", or a manifest (.toml).
+        "icub", "kaspar", "baxter-forearm", "ur10e-cyskin", or a manifest (.toml).
     allow_outside : bool
         Whether a manifest may read beyond its own folder and installed packages: one from a
         stranger must not open whatever it names.
@@ -196,14 +226,53 @@ def _part(entry: _Part, path: Path, inside: Path | None) -> Part:
     layout = None
     if entry.module is not None:
         layout = module_layout(_layout_name(entry.module, path, inside))
+    if not 0.0 <= entry.cover_mm <= MAX_COVER_MM:
+        raise DataFormatError(
+            f"part {entry.name!r}: cover_mm must be from 0 to {MAX_COVER_MM:g}, "
+            f"got {entry.cover_mm:g}",
+            path,
+        )
+    pieces = _pieces(entry, path)
+    files = tuple(beside(path, piece.taxels, inside) for piece in pieces)
     return Part(
         entry.name,
         entry.link,
-        _reader(beside(path, entry.taxels, inside), entry.format, _metres(entry.units)),
+        _reader(pieces, files, entry.format, path, inside, _metres(entry.units)),
         layout,
         entry.frame,
         None if entry.drawing is None else beside(path, entry.drawing, inside),
+        maps=files if all(file.suffix.lower() == ".json" for file in files) else (),
+        ring=entry.ring,
+        cover=entry.cover_mm * 1e-3,
+        cover_mesh=_cover(entry, path, inside),
     )
+
+
+def _pieces(entry: _Part, path: Path) -> list[_Piece]:
+    """The tables of a part: its own one, or its pieces."""
+    if entry.taxels is not None and not entry.piece:
+        return [_Piece(entry.taxels, entry.pose, entry.ids)]
+    if entry.taxels is None and entry.piece and entry.pose is None and entry.ids is None:
+        return entry.piece
+    raise DataFormatError(
+        f"part {entry.name!r} needs either 'taxels' (with 'pose' and 'ids' where wanted) or "
+        "[[part.piece]] tables that have them",
+        path,
+    )
+
+
+def _cover(entry: _Part, path: Path, inside: Path | None) -> Callable[[], TriangleMesh] | None:
+    """What reads the mesh of a part's cover, in the frame of its link [m]."""
+    if entry.cover is None:
+        return None
+    if entry.cover_mm:
+        raise DataFormatError(
+            f"part {entry.name!r} has 'cover_mm' and 'cover': a distance or a mesh, not both", path
+        )
+    file = beside(path, entry.cover, inside)
+    if not is_file(file):
+        raise MissingFileError(file, "a mesh of a cover")
+    return lambda: TriangleMesh(*read_mesh(file))
 
 
 def _layout_name(module: str, path: Path, inside: Path | None) -> str:
@@ -216,12 +285,48 @@ def _layout_name(module: str, path: Path, inside: Path | None) -> str:
     return str(file)
 
 
-def _reader(path: Path, format: str | None, scale: float) -> Callable[[], TaxelTable]:
+def _reader(
+    pieces: Sequence[_Piece],
+    files: Sequence[Path],
+    format: str | None,
+    path: Path,
+    inside: Path | None,
+    scale: float,
+) -> Callable[[], TaxelTable]:
+    """What reads a part: its tables, each at its place, one after the other."""
+    numbers = [None if piece.ids is None else beside(path, piece.ids, inside) for piece in pieces]
+    poses = [_transform(piece.pose, path) for piece in pieces]
+
     def read() -> TaxelTable:
-        table = read_taxels(path, format)
-        return replace(table, positions=table.positions * scale)
+        tables = [
+            placed(read_taxels(file, format), scale, T_link_piece)
+            for file, T_link_piece in zip(files, poses, strict=True)
+        ]
+        named = [
+            table if ids is None else with_ids(table, ids)
+            for table, ids in zip(tables, numbers, strict=True)
+        ]
+        return named[0] if len(named) == 1 else joined(named)
 
     return read
+
+
+def _transform(pose: _Pose | None, path: Path) -> FloatArray:
+    """T_link_piece (4, 4) of a pose as the manifest writes it."""
+    matrix = np.eye(4)
+    if pose is None:
+        return matrix
+    if not max(map(abs, pose.xyz_mm)) <= MAX_POSE_MM or not max(map(abs, pose.rpy_deg)) <= (
+        MAX_DEGREES
+    ):
+        raise DataFormatError(
+            f"a pose of {list(pose.xyz_mm)} mm and {list(pose.rpy_deg)} deg: "
+            f"beyond {MAX_POSE_MM:g} mm or {MAX_DEGREES} deg",
+            path,
+        )
+    matrix[:3, :3] = Rotation.from_euler("xyz", pose.rpy_deg, degrees=True).as_matrix()
+    matrix[:3, 3] = np.asarray(pose.xyz_mm) * 1e-3
+    return matrix
 
 
 def _pose(angles_deg: Mapping[str, object], body: Body, path: Path) -> dict[str, float]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from skinmap.errors import UnknownNameError
+from skinmap.io.taxels.cyskin import read_cyskin_taxels
 from skinmap.io.taxels.icub import read_icub
 from skinmap.io.taxels.skinware import read_skinware
 from skinmap.io.taxels.table import read_csv
@@ -17,11 +18,14 @@ from skinmap.skin.taxels import TaxelTable
 Reader = Callable[[Path], TaxelTable]
 readers: Registry[Reader] = Registry("taxel format", "skinmap.readers")
 readers.register("csv")(read_csv)
+readers.register("cyskin")(read_cyskin_taxels)
 readers.register("icub")(read_icub)
 readers.register("skinware")(read_skinware)
 readers.register("urdf")(read_tactile_urdf)
 # `skin.calib` is the name that Skinware gives its database.
-SUFFIXES = {".csv": "csv", ".txt": "icub", ".calib": "skinware", ".urdf": "urdf"}
+SUFFIXES = {
+    ".csv": "csv", ".txt": "icub", ".json": "cyskin", ".calib": "skinware", ".urdf": "urdf",
+}  # fmt: skip
 
 
 def read_taxels(path: Path, format: str | None = None) -> TaxelTable:

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from calibration.commands.batch import read_batch
 from calibration.commands.options import PatchFiles
 from calibration.commands.patch_task import PatchTask, load_link
@@ -21,8 +23,17 @@ from calibration.files.tables import (
     read_touches,
 )
 from skinmap.io.flat_maps.drawing import read_drawing
+from skinmap.io.flat_maps.tactile_maps import read_tactile_maps
 from skinmap.io.robots.manifest import data_folder, load_robot
 from skinmap.io.robots.urdf import UrdfBody, read_mesh
+from skinmap.io.taxels.cyskin import (
+    CySkin,
+    TactileMap,
+    read_cyskin,
+    read_cyskin_taxels,
+    write_cyskin,
+)
+from skinmap.io.taxels.cyskin_faults import file_faults
 from skinmap.io.taxels.export import write_icub, write_tactile_urdf
 from skinmap.io.taxels.icub import read_icub
 from skinmap.io.taxels.readers import read_taxels
@@ -78,6 +89,22 @@ link = "tip"
 taxels = "left_hand.csv"
 units = "m"
 format = "csv"
+cover_mm = 3
+ring = true
+[part.pose]
+xyz_mm = [1, 2, 3.5]
+rpy_deg = [0, 90, 10]
+[[part]]
+name = "two"
+link = "tip"
+cover = "hand.ply"
+[[part.piece]]
+taxels = "left_hand.csv"
+ids = "hand.ids"
+[[part.piece]]
+taxels = "left_hand.csv"
+ids = "hand.ids"
+pose = { xyz_mm = [0, 0, 100] }
 """
 BOARD = "channel,x,y\n" + "".join(f"{row},{row}.5,{row % 3}\n" for row in range(12))
 ANCHORS = "channel,x,y,z,sigma\n" + "".join(f"{row},{row}.5,0,1e-3,0.1\n" for row in range(12))
@@ -118,6 +145,23 @@ def skinware() -> bytes:
     ]
     lines = [f"0 {uid} {row} 1750000 3" for uid, row in zip(one.channels, rows, strict=True)]
     return ("\n".join([str(len(lines)), *lines]) + "\n").encode()
+
+
+def cyskin() -> bytes:
+    """The hand as a CySkin file with a map of it."""
+    one = table()
+    rows = np.arange(len(one))
+    faces = np.stack([rows[:-2], rows[1:-1], rows[2:]], axis=1)
+    maps = (TactileMap("hand_isomap", "isomap", one.channels, one.positions[:, :2], faces),)
+    skin = CySkin("hand", one.channels + 16, one.positions, one.normals, faces, maps)
+    return written(lambda path: write_cyskin(skin, path))
+
+
+def walk_cyskin(path: Path) -> None:
+    """Read a CySkin file in each of the ways, and look for its faults."""
+    file_faults(read_cyskin(path), path.name)
+    read_cyskin_taxels(path)
+    read_tactile_maps([path])
 
 
 def tactile() -> bytes:
@@ -178,7 +222,12 @@ def own(path: Path) -> TaxelTable:
     return read_taxels(path)
 
 
-ROBOT = {"one.urdf": lambda: URDF, "hand.ply": lambda: PLY, "left_hand.csv": HAND.read_bytes}
+ROBOT = {
+    "one.urdf": lambda: URDF,
+    "hand.ply": lambda: PLY,
+    "left_hand.csv": HAND.read_bytes,
+    "hand.ids": lambda: b"\n".join(b"%d" % k for k in range(16, 64)),
+}
 ON_BOARD = {"board.csv": BOARD.encode}
 CAL = "calibration.files.tables"
 
@@ -187,6 +236,9 @@ TARGETS = [
            ("skinmap.io.taxels.table.read_csv", "skinmap.io.taxels.readers.read_taxels")),
     Target("taxels-icub", "t.txt", lambda: [written(lambda p: write_icub(table(), p, name="h"))],
            read_icub, ("skinmap.io.taxels.icub.read_icub",)),
+    Target("taxels-cyskin", "t.json", lambda: [cyskin()], walk_cyskin,
+           ("skinmap.io.taxels.cyskin.read_cyskin", "skinmap.io.taxels.cyskin.read_cyskin_taxels",
+            "skinmap.io.flat_maps.tactile_maps.read_tactile_maps")),
     Target("taxels-skinware", "t", lambda: [skinware()], read_skinware,
            ("skinmap.io.taxels.skinware.read_skinware",)),
     Target("taxels-urdf", "t.urdf", lambda: [tactile()], read_tactile_urdf,

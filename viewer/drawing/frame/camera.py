@@ -15,6 +15,7 @@ from viewer.drawing.body.occlusion import Blocks
 VIEW_ANGLE = 22.0  # vertical [deg]: long enough a lens that limbs keep their proportions
 AZIMUTHS = np.arange(-180.0, 180.0, 15.0)
 ELEVATIONS = (12.0, 35.0, -20.0)
+STILL_ELEVATIONS = (*ELEVATIONS, 60.0, -45.0)
 FACING = 0.2  # cosine between a normal and the way to the camera: flatter is not seen
 CLEAR = 6e-3  # a ray starts this far above the taxel, clear of the cover it lies in [m]
 TURN_COST = 0.12  # of half a turn away from the front, in targets seen from straight above
@@ -99,6 +100,36 @@ def best_view(targets: Sequence[Target], body: Blocks, front: View, now: View) -
     ]
     best = max(views, key=worth)
     return best if worth(best) > worth(now) + RESTLESS else now
+
+
+def still_view(targets: Sequence[Target], body: Blocks, front: View, now: View) -> View:
+    """The view of a picture that stays: from where most targets are seen, nearest to the front.
+
+    Nothing moves in it, so that no turn is too far; the view of now is kept where no other shows
+    more.
+    """
+
+    def seen(view: View) -> int:
+        return sum(sees(body, target, view.direction) for target in targets)
+
+    def turned(view: View) -> float:
+        turn = abs((view.azimuth - front.azimuth + 180.0) % 360.0 - 180.0) / 180.0
+        return TURN_COST * turn + RISE_COST * abs(view.elevation - front.elevation) / 90.0
+
+    def faced(view: View) -> float:
+        return float(sum(target.normals.mean(axis=0) @ view.direction for target in targets))
+
+    views = [
+        View(front.azimuth + float(a), elevation)
+        for elevation in STILL_ELEVATIONS
+        for a in AZIMUTHS
+    ]
+    counts = [seen(view) for view in views]
+    most = max(counts, default=0)
+    if seen(now) >= most:
+        return now
+    best = [view for view, count in zip(views, counts, strict=True) if count == most]
+    return max(best, key=lambda view: faced(view) / len(targets) - turned(view))
 
 
 def silhouette(points: FloatArray) -> FloatArray:

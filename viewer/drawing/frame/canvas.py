@@ -223,6 +223,8 @@ class Canvas:
     def draw(self, scene: Shown, step: float, *, samples: int = 0) -> NDArray[np.uint8]:
         """One picture (h, w, 3) to keep, smoothed by so many samples per pixel."""
         self.update(scene, step)
+        if samples and self.framing.settle():
+            self.update(scene, step)
         window: Any = self.plotter.render_window
         if samples:
             window.SetMultiSamples(samples)

@@ -18,6 +18,7 @@ from viewer.drawing.frame.camera import (
     fit,
     project,
     sees,
+    still_view,
 )
 from viewer.drawing.words.label_places import Coverage
 
@@ -77,6 +78,14 @@ class Framing:
         self._targets = targets
         if self.mode == "auto" and targets:
             self.goal = best_view(targets, self._body, self.front, self.goal)
+
+    def settle(self) -> bool:
+        """Turn to where most targets are seen, for a picture that stays; whether it turned."""
+        if self.mode != "auto" or not self._targets:
+            return False
+        before = self.view
+        self.view = self.goal = still_view(self._targets, self._body, self.front, self.goal)
+        return self.view != before
 
     def look(self, view: View, mode: Mode) -> None:
         """Turn to a view, and go on in a mode."""

@@ -104,6 +104,8 @@ class TouchView:
     ) -> None:
         """Place the labels in the picture; `look` finds out anew which centres are hidden.
 
+        The label of a hidden touch ends at the nearest outline of the body and says "behind".
+
         Without it they stay as they were found last, but what turned away is hidden at once.
         Those of touches that are no longer heard of are faded.
         """
@@ -115,22 +117,22 @@ class TouchView:
         sizes = np.array([len(touch.taxels) for touch in self._touches])
         chosen = np.sort(np.argsort(-sizes, kind="stable")[:LABELS])
         tint = pale if faded else str
-        labels = [
-            Label(
-                names[row],
-                caption(self._touches[row]),
-                tint(class_colour(self._touches[row].label)),
-                (float(places[row, 0]), float(places[row, 1])),
-                self._hidden.get(names[row], False) or self._turned_away(row),
-            )
-            for row in chosen.tolist()
-        ]
+        busy = framing.busy(moving=moving) if len(chosen) else None
+        labels = []
+        for row in chosen.tolist():
+            hidden = self._hidden.get(names[row], False) or self._turned_away(row)
+            anchor = (float(places[row, 0]), float(places[row, 1]))
+            words = caption(self._touches[row])
+            if hidden and busy is not None:  # a line to it would point through the body
+                anchor, words = busy.outline(anchor), f"{words}, behind"
+            colour = tint(class_colour(self._touches[row].label))
+            labels.append(Label(names[row], words, colour, anchor, hidden))
         reach = self.labels.font_px
         tips = [
             (float(x) - reach, float(y) - reach, float(x) + reach, float(y) + reach)
             for x, y in project(self.renderer, self._tips)
         ]
-        self.labels.show(labels, [*avoid, *tips], framing.busy(moving=moving) if labels else None)
+        self.labels.show(labels, [*avoid, *tips], busy)
 
     def _turned_away(self, row: int) -> bool:
         """Whether the skin under a touch faces away from the camera."""

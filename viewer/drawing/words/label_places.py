@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skinmap.arrays import FloatArray
+from skinmap.arrays import BoolArray, FloatArray
 
 Box = tuple[float, float, float, float]  # left, bottom, right, top [px], y upwards
 
@@ -16,8 +16,11 @@ REACHES = (0.05, 0.09, 0.13, 0.17, 0.21, 0.26, 0.32)  # from anchor to box, in f
 COVERED = 1.2  # frame heights, where it lies wholly on the body
 AVOIDED = 2.0  # times that for title and colour bar
 SHARED = 4.0  # times that for another box
+CROSSED = 1.0  # frame heights, where its line runs wholly under other boxes
+THROUGH = 4.0  # and where the line of a hidden touch runs wholly over the body
 MOVED = 1.0  # per pixel away from its last place, up to MOST of the frame's height
 MOST = 0.2
+STEPS = 24  # points of a line that are looked at
 
 
 class Coverage:
@@ -41,6 +44,33 @@ class Coverage:
         taken = np.zeros((columns + 1, rows + 1))
         taken[place[inside, 0] + 1, place[inside, 1] + 1] = 1.0
         self._sums = taken.cumsum(axis=0).cumsum(axis=1)
+        self._taken = taken[1:, 1:] > 0.0
+        self._free: FloatArray | None = None
+
+    def outline(self, point: tuple[float, float]) -> tuple[float, float]:
+        """Where the outline of what is drawn lies nearest to a point of it [px].
+
+        Cells between the points of a surface are not free: those beside a covered one count as
+        covered.
+        """
+        if self._free is None:
+            from scipy.ndimage import binary_dilation
+
+            open_cells = np.argwhere(~binary_dilation(self._taken, np.ones((3, 3)), border_value=0))
+            self._free = np.asarray((open_cells + 0.5) * self.cell, np.float64)
+        free = self._free
+        if len(free) == 0:
+            return point
+        best = free[np.argmin(((free - point) ** 2).sum(axis=1))]
+        way = best + np.linspace(0.0, 1.0, STEPS)[:, None] * (np.array(point) - best)
+        first = int(np.argmax(self.on(way)))
+        return float(way[first, 0]), float(way[first, 1])
+
+    def on(self, points: FloatArray) -> BoolArray:
+        """(...) whether something is drawn at points (..., 2) [px]."""
+        limit = np.array(self._taken.shape) - 1
+        column, row = np.moveaxis(np.clip((points / self.cell).astype(int), 0, limit), -1, 0)
+        return np.asarray(self._taken[column, row])
 
     def under(self, boxes: FloatArray) -> FloatArray:
         """(n,) covered area under boxes (n, 4) [px2]."""
@@ -66,6 +96,7 @@ def place_boxes(
     avoid: Sequence[Box] = (),
     before: Sequence[Box | None] = (),
     busy: Coverage | None = None,
+    hidden: Sequence[bool] = (),
 ) -> list[Box]:
     """A box for each anchor, one after the other, where it costs least.
 
@@ -83,6 +114,8 @@ def place_boxes(
         Where each box was in the last picture: it stays there while that is good enough.
     busy : Coverage, optional
         What the picture shows under the boxes: boxes go where there is little of it.
+    hidden : sequence of bool
+        Whose lines must not cross what the picture shows.
     """
     height = frame[3] - frame[1]
     avoided = np.array(avoid).reshape(-1, 4)
@@ -94,6 +127,10 @@ def place_boxes(
         if busy is not None:
             area += busy.under(boxes)
         cost = COVERED * height * area / size.prod() + np.linalg.norm(middle - anchor, axis=1)
+        lines = leaders(anchor, boxes)
+        cost += CROSSED * height * inside(lines, placed)
+        if busy is not None and i < len(hidden) and hidden[i]:
+            cost += THROUGH * height * busy.on(lines).mean(axis=1)
         last = before[i] if i < len(before) else None
         if last is not None:
             was = np.array([last[0] + last[2], last[1] + last[3]]) / 2
@@ -101,6 +138,20 @@ def place_boxes(
             cost += MOVED * np.minimum(moved, MOST * height)
         placed = np.vstack([placed, boxes[np.argmin(cost)]])
     return [(left, bottom, right, top) for left, bottom, right, top in placed.tolist()]
+
+
+def leaders(anchor: FloatArray, boxes: FloatArray) -> FloatArray:
+    """(n, k, 2) points of the lines from an anchor to the nearest place of boxes (n, 4) [px]."""
+    ends = np.clip(anchor, boxes[:, :2], boxes[:, 2:])
+    share = np.linspace(0.0, 1.0, STEPS)[:, None]
+    return np.asarray(anchor + share * (ends[:, None] - anchor))
+
+
+def inside(lines: FloatArray, boxes: FloatArray) -> FloatArray:
+    """(n,) share of the points of lines (n, k, 2) that lie in any of boxes (m, 4)."""
+    at = lines[:, :, None]
+    within = np.logical_and(at >= boxes[:, :2], at <= boxes[:, 2:]).all(axis=3)
+    return np.asarray(np.any(within, axis=2).mean(axis=1))
 
 
 def candidates(anchor: FloatArray, size: FloatArray, frame: Box) -> FloatArray:

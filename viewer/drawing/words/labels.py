@@ -31,7 +31,7 @@ class Label:
     anchor : (float, float)
         [px], y upwards.
     hidden : bool
-        Whether something stands before what it names: its anchor is drawn hollow.
+        Whether something stands before what it names: its anchor, beside it, is drawn hollow.
     """
 
     key: str
@@ -100,7 +100,8 @@ class LabelLayer:
         anchors = np.array([label.anchor for label in labels]).reshape(-1, 2)
         known = {label.key: box for label, box in zip(self._labels, self.boxes, strict=True)}
         before = [known.get(label.key) for label in labels]
-        self.boxes = place_boxes(anchors, sizes, frame, avoid, before, busy)
+        hidden = [label.hidden for label in labels]
+        self.boxes = place_boxes(anchors, sizes, frame, avoid, before, busy, hidden)
         self._labels = tuple(labels)
         left, bottom = self.renderer.GetOrigin()
         for text, box in zip(self._texts, self.boxes, strict=False):

@@ -1,0 +1,442 @@
+"""CySkin files (JSON, version 2): a skin with its triangles, and flat maps of it.
+
+    {"info": {"file_version": "2", "type": ..., "name": ...},
+     "skin": {"n_taxels": n, "n_faces": m,
+              "parent_frames": [{"key", "id", "type", "name", "tf_matrix": 16, by columns}],
+              "taxels": [{"id", "x": [x, y, z], "n": [nx, ny, nz], "type", "cut"}],
+              "faces": [[i, j, k]]},
+     "tactile_maps": [{"key", "name", "type", "taxels": [{"id", "x": [x, y]}], "faces"}]}
+
+Metres. A file may hold a skin alone or maps alone; maps may also be a dict. A map matches its skin
+by row. The id of a taxel is 16 times its module and its slot there; two taxels cannot share one:
+they have a place and no channel. `skinmap.io.taxels.cyskin_faults` says what else is wrong.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+from scipy.spatial import cKDTree
+
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
+from skinmap.errors import DataFormatError, InvalidArrayError
+from skinmap.io.text import MAX_CHANNEL, read_text
+from skinmap.skin.taxels import NO_ID, TaxelTable
+from skinmap.validation import checked
+
+VERSION = "2"
+SLOTS = 16  # ids of a module
+ALONE = 4  # a module of one taxel where most have so many is a number that stands for none
+PLACEHOLDERS = ("", "tbd", "todo", "none", "unknown")  # names of frames that name no link
+
+Place = Annotated[list[float], msgspec.Meta(min_length=3, max_length=3)]
+Spot = Annotated[list[float], msgspec.Meta(min_length=2, max_length=3)]  # on a map; a third is zero
+Corners = Annotated[list[int], msgspec.Meta(min_length=3, max_length=3)]
+Number = Annotated[int, msgspec.Meta(ge=-MAX_CHANNEL, le=MAX_CHANNEL)]
+
+
+class _Info(msgspec.Struct):
+    """`info`."""
+
+    file_version: str | int
+    name: str = ""
+    type: str = ""
+
+
+class _Frame(msgspec.Struct):
+    """One of `parent_frames`."""
+
+    tf_matrix: Annotated[list[float], msgspec.Meta(min_length=16, max_length=16)]
+    name: str = ""
+    type: str = ""
+
+
+class _Taxel(msgspec.Struct):
+    """One of `taxels` of the skin."""
+
+    id: Number
+    x: Place
+    n: Place = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
+
+
+class _Spot(msgspec.Struct):
+    """One of `taxels` of a map."""
+
+    x: Spot
+    id: Number = NO_ID
+
+
+class _Skin(msgspec.Struct):
+    """`skin`."""
+
+    taxels: Annotated[list[_Taxel], msgspec.Meta(min_length=1)]
+    faces: list[Corners] = msgspec.field(default_factory=list)
+    parent_frames: list[_Frame] = msgspec.field(default_factory=list)
+    n_taxels: int | None = None
+    n_faces: int | None = None
+
+
+class _Map(msgspec.Struct):
+    """One of `tactile_maps`."""
+
+    taxels: list[_Spot]
+    faces: list[Corners] = msgspec.field(default_factory=list)
+    name: str = ""
+    type: str = ""
+    key: Any = None
+    n_taxels: int | None = None
+    n_faces: int | None = None
+
+
+class _File(msgspec.Struct):
+    """A whole file."""
+
+    info: _Info
+    skin: _Skin | None = None
+    tactile_maps: list[_Map] | dict[str, _Map] | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TactileMap:
+    """A flat map of a skin, row by row as the skin has its taxels.
+
+    Attributes
+    ----------
+    name, kind : str
+        `isomap`, `flat_mesh` or `flat_sensors_placement` are the kinds that are known.
+    ids : (n,) int
+    uv : (n, 2) float
+        [m].
+    faces : (m, 3) int
+        Rows.
+    key : str
+    stated : tuple of int or None
+        `n_taxels` and `n_faces`.
+    """
+
+    name: str
+    kind: str
+    ids: IntArray
+    uv: FloatArray
+    faces: IntArray
+    key: str = ""
+    stated: tuple[int | None, int | None] = (None, None)
+
+    def __post_init__(self) -> None:
+        uv = check_finite(self.uv, "uv", (None, 2))
+        freeze(self, ids=_whole(self.ids, (len(uv),)), uv=uv, faces=_whole(self.faces, (-1, 3)))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ParentFrame:
+    """What a file says of the frame that the skin is mounted to: mostly nothing.
+
+    Attributes
+    ----------
+    name : str
+    transform : (4, 4) float
+        As written, whether it is a rigid motion or not.
+    """
+
+    name: str
+    transform: FloatArray
+
+    @property
+    def placeholder(self) -> bool:
+        """Whether it names no link."""
+        return self.name.strip().lower() in PLACEHOLDERS
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CySkin:
+    """A CySkin file.
+
+    Attributes
+    ----------
+    name : str
+        `info.name`, which need not be true.
+    ids : (n,) int
+        Of the taxels, as the file has them; n is 0 where it holds maps only.
+    positions, normals : (n, 3) float
+        In the skin's own frame [m].
+    faces : (m, 3) int
+        Rows, counter-clockwise seen from outside where the file is right.
+    maps : tuple of TactileMap
+    frames : tuple of ParentFrame
+    stated : tuple of int or None
+        `n_taxels` and `n_faces` of the skin.
+    """
+
+    name: str
+    ids: IntArray
+    positions: FloatArray
+    normals: FloatArray
+    faces: IntArray
+    maps: tuple[TactileMap, ...] = ()
+    frames: tuple[ParentFrame, ...] = ()
+    stated: tuple[int | None, int | None] = field(default=(None, None))
+
+    def __post_init__(self) -> None:
+        positions = check_finite(self.positions, "positions", (None, 3))
+        freeze(
+            self,
+            ids=_whole(self.ids, (len(positions),)),
+            positions=positions,
+            normals=check_finite(self.normals, "normals", (len(positions), 3)),
+            faces=_whole(self.faces, (-1, 3)),
+        )
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @property
+    def connected(self) -> BoolArray:
+        """(n,) which taxels have a channel of their own (see `has_channel`)."""
+        return has_channel(self.ids)
+
+    def table(self) -> TaxelTable:
+        """The taxels as a table: the channel is the row, the module the nearest that has room."""
+        n = len(self)
+        link = next((frame.name for frame in self.frames if not frame.placeholder), "")
+        connected = self.connected
+        return TaxelTable(
+            np.arange(n),
+            modules_of(self.ids, connected, self.positions),
+            self.positions,
+            self.normals,
+            link=link,
+            ids=np.where(connected, self.ids, NO_ID),
+        )
+
+
+def has_channel(ids: IntArray) -> BoolArray:
+    """(n,) whether each id names one taxel alone.
+
+    It does not where several taxels bear it, where it is negative, and where it is the only one
+    of its module while modules have several: such numbers are written for taxels that are not
+    wired.
+    """
+    _, row, count = np.unique(ids, return_inverse=True, return_counts=True)
+    once = (count[row.ravel()] == 1) & (ids >= 0)
+    if not once.any():
+        return np.asarray(once)
+    _, row, size = np.unique(ids[once] // SLOTS, return_inverse=True, return_counts=True)
+    if np.median(size) >= ALONE:
+        once[once] = size[row.ravel()] > 1
+    return np.asarray(once)
+
+
+def modules_of(ids: IntArray, connected: BoolArray, positions: FloatArray) -> IntArray:
+    """(n,) module of each taxel; one without a channel goes to the nearest module with room."""
+    modules = ids // SLOTS
+    if connected.all() or not connected.any():
+        return np.asarray(np.where(connected, modules, 0))
+    names, row, size = np.unique(modules[connected], return_inverse=True, return_counts=True)
+    centres = np.stack(
+        [np.bincount(row.ravel(), positions[connected, axis]) / size for axis in range(3)], axis=1
+    )
+    room = size < size.max()
+    choice, centres = (names[room], centres[room]) if room.any() else (names, centres)
+    lost = ~connected
+    modules[lost] = choice[cKDTree(centres).query(positions[lost])[1]]
+    return np.asarray(modules)
+
+
+def read_cyskin(path: Path) -> CySkin:
+    """Read a CySkin file; what is doubtful in it is kept (see `cyskin_faults`).
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, no JSON, another version, a key or number that is wrong (says where), or
+        neither a skin nor maps.
+    """
+    fail = partial(DataFormatError, path=path)
+    try:
+        document = json.loads(read_text(path), parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise fail(f"not JSON: {str(error)[:200]}") from None
+    told = checked(document, _File, what="the file", fail=fail)
+    if str(told.info.file_version).strip() != VERSION:
+        raise fail(f"CySkin version {str(told.info.file_version)[:20]!r}; version 2 is read")
+    maps = told.tactile_maps or []
+    keyed = list(maps.items()) if isinstance(maps, Mapping) else [(None, one) for one in maps]
+    if told.skin is None and not keyed:
+        raise fail("neither a skin nor tactile maps in it")
+    try:
+        found = tuple(_map(one, key) for key, one in keyed)
+        return _skin(told.info.name, told.skin, found)
+    except InvalidArrayError as error:
+        raise fail(str(error)) from None
+
+
+def read_cyskin_taxels(path: Path) -> TaxelTable:
+    """The taxels of a CySkin file as a table: `read_cyskin(path).table()`.
+
+    Raises
+    ------
+    DataFormatError
+        As for `read_cyskin`, or a file of maps only.
+    """
+    found = read_cyskin(path)
+    if len(found) == 0:
+        raise DataFormatError("tactile maps only, no skin: its taxels have no place", path)
+    try:
+        return found.table()
+    except InvalidArrayError as error:
+        raise DataFormatError(str(error), path) from None
+
+
+def _refuse_constant(word: str) -> float:
+    raise ValueError(f"{word} is no number")
+
+
+def _skin(name: str, told: _Skin | None, maps: tuple[TactileMap, ...]) -> CySkin:
+    if told is None:
+        none = np.zeros((0, 3))
+        return CySkin(name, np.zeros(0, np.int64), none, none, np.zeros((0, 3), np.int64), maps)
+    return CySkin(
+        name,
+        np.array([taxel.id for taxel in told.taxels], np.int64),
+        np.array([taxel.x for taxel in told.taxels], float),
+        np.array([taxel.n for taxel in told.taxels], float),
+        _faces(told.faces, len(told.taxels), "skin"),
+        maps,
+        tuple(
+            ParentFrame(frame.name, np.array(frame.tf_matrix, float).reshape(4, 4).T)
+            for frame in told.parent_frames
+        ),
+        (told.n_taxels, told.n_faces),
+    )
+
+
+def _map(told: _Map, key: str | None) -> TactileMap:
+    label = told.name or (key or "tactile map")
+    return TactileMap(
+        label,
+        told.type,
+        np.array([spot.id for spot in told.taxels], np.int64),
+        np.array([spot.x[:2] for spot in told.taxels], float).reshape(-1, 2),
+        _faces(told.faces, len(told.taxels), label),
+        str(told.key if key is None else key),
+        (told.n_taxels, told.n_faces),
+    )
+
+
+def _faces(rows: list[list[int]], count: int, of: str) -> IntArray:
+    try:
+        faces = np.array(rows, np.int64).reshape(-1, 3)
+    except OverflowError:
+        raise InvalidArrayError(f"a face of {of!r} names a row beyond all numbers") from None
+    wrong = ((faces < 0) | (faces >= count)).any(axis=1)
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise InvalidArrayError(
+            f"face {row} of {of!r} names rows {faces[row].tolist()}; it has {count} taxels"
+        )
+    return faces
+
+
+def _whole(values: Any, shape: tuple[int, ...]) -> IntArray:
+    return np.asarray(values, np.int64).reshape(shape)
+
+
+def write_cyskin(found: CySkin, path: Path) -> None:
+    """Write a CySkin file so that reading it gives the same numbers back, bit by bit."""
+    document: dict[str, Any] = {
+        "info": {
+            "file_version": VERSION,
+            "type": "rigid_body",
+            "name": found.name,
+            "application": "",
+            "description": "",
+        }
+    }
+    if len(found):
+        frames = [
+            {
+                "key": key,
+                "id": key,
+                "type": "",
+                "name": frame.name,
+                "tf_matrix": frame.transform.T.ravel().tolist(),
+            }
+            for key, frame in enumerate(found.frames)
+        ]
+        document["skin"] = {
+            "n_taxels": len(found),
+            "n_faces": len(found.faces),
+            "parent_frames": frames,
+            "taxels": [
+                {"id": number, "x": place, "n": normal, "type": "pressure", "cut": 0}
+                for number, place, normal in zip(
+                    found.ids.tolist(),
+                    found.positions.tolist(),
+                    found.normals.tolist(),
+                    strict=True,
+                )
+            ],
+            "faces": found.faces.tolist(),
+        }
+    document["tactile_maps"] = [_written_map(one, key) for key, one in enumerate(found.maps)]
+    path.write_text(json.dumps(document, separators=(",", ":")) + "\n", encoding="utf-8")
+
+
+def _written_map(one: TactileMap, key: int) -> dict[str, Any]:
+    return {
+        "key": key,
+        "name": one.name,
+        "type": one.kind,
+        "description": [],
+        "n_taxels": len(one.ids),
+        "n_faces": len(one.faces),
+        "taxels": [
+            {"id": number, "x": place, "type": "pressure", "cut": 0}
+            for number, place in zip(one.ids.tolist(), one.uv.tolist(), strict=True)
+        ],
+        "faces": one.faces.tolist(),
+    }
+
+
+def map_fits(found: CySkin, one: TactileMap) -> bool:
+    """Whether a map can be of this skin: as many rows, and the ids or the triangles agree."""
+    if len(one.ids) != len(found):
+        return False
+    same_ids = bool((one.ids == found.ids).mean() > 0.5)
+    return same_ids or np.array_equal(one.faces, found.faces)
+
+
+def columns_of(recorded: Sequence[int] | IntArray, table: TaxelTable) -> tuple[IntArray, ...]:
+    """Columns of a recording by the taxels of a table, and what does not fit.
+
+    Parameters
+    ----------
+    recorded : (k,) int
+        Id of each recorded column.
+    table : TaxelTable
+        With ids.
+
+    Returns
+    -------
+    columns : (n,) int
+        Column of each taxel, -1 for one that was not recorded.
+    unplaced : (u,) int
+        Recorded ids that no taxel bears.
+    twice : (t,) int
+        Recorded ids that stand for several columns: they are no taxel's.
+    """
+    ids = np.asarray(recorded, np.int64)
+    names, first, count = np.unique(ids, return_index=True, return_counts=True)
+    once, twice = names[count == 1], names[count > 1]
+    columns = np.full(len(table), -1, np.int64)
+    row = np.minimum(np.searchsorted(once, table.ids), max(len(once) - 1, 0))
+    known = (once[row] == table.ids) & (table.ids != NO_ID) if len(once) else np.zeros(0, bool)
+    columns[known] = first[count == 1][row[known]]
+    return columns, np.setdiff1d(once, table.ids), twice
