@@ -82,13 +82,10 @@ def work(settings: Settings) -> EvaluateResult:
 
 
 def _gestures(settings: Settings) -> tuple[str, ...]:
-    from skinmap.touch.gestures import FOUR, GESTURES
+    from skinmap.touch.gestures import gesture_set
     from skinmap.touch.simulator import check_gestures
 
-    sets = {"four": FOUR, "eight": tuple(GESTURES)[:8], "all": tuple(GESTURES)}
-    if settings.gestures in sets:
-        return tuple(sets[settings.gestures])
-    names = tuple(name.strip() for name in settings.gestures.split(","))
+    names = gesture_set([name.strip() for name in settings.gestures.split(",")])
     check_gestures(names)
     return names
 
