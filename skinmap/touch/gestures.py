@@ -164,7 +164,7 @@ LONG_ON_SKIN = {"forearm": 0.45, "edge": 0.45, "cylinder": 0.45}
 
 
 def gesture_set(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of gestures, with `four`, `eight`, `all` (that stay) and `time` written out; four by default."""
+    """Names of gestures; `four` (the default), `eight`, `all` (that stay), `time` written out."""
     sets = {"four": FOUR, "eight": EIGHT, "all": tuple(GESTURES), "time": TIME}
     wanted = [one for name in names or ("four",) for one in sets.get(name, (name,))]
     return tuple(dict.fromkeys(wanted))

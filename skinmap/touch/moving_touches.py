@@ -1,13 +1,13 @@
-"""Touches in time laid on a skin: the loads of a few poses on the way, and the course through them.
+"""Touches in time laid on a skin: the loads of poses on the way, and the course through them.
 
-A hand goes along the surface itself (`geometry.point_surface`), so strokes follow the body and cross
-the gaps between patches. Its footprint is computed every few millimetres or degrees, on the same
-bed of springs as that of still touches, and in between is mixed of its neighbours.
+A hand goes along the surface itself (`geometry.point_surface`), so strokes follow the body and
+cross the gaps between patches. Its footprint is computed every few millimetres or degrees, on the
+same bed of springs as that of still touches, and in between is mixed of its neighbours.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +19,8 @@ from skinmap.geometry.point_surface import STEP, PointSurface, Way
 from skinmap.geometry.triangles import unit
 from skinmap.skin.skin import Skin
 from skinmap.touch.elastic_bed import Foam, bed_loads
-from skinmap.touch.hands import Body, Draw
-from skinmap.touch.time_gestures import TIME_GESTURES, Course, TimeGesture, Timing, turned
+from skinmap.touch.hands import Body
+from skinmap.touch.time_gestures import Course, TimeGesture, turned
 from skinmap.touch.true_motion import TrueMotion
 
 POSES = 4e-3  # between two footprints of a way [m]
@@ -28,7 +28,6 @@ TURN = np.radians(9.0)  # and of a twist
 LEAST_SHARE = 0.5  # of the way that was wanted
 FELT = 0.15  # load that any taxel tells from noise
 ALWAYS = 0.85  # share of the poses in which it is felt
-EVERY_BEAT = 0.06  # of taxels in counts: a beat is felt at least so strongly, as a load
 FAR = 0.02  # what lies further from all bodies of a pose bears no load [m]
 OPPOSED = -0.3  # cosine of the normals under thumb and fingers at most
 GRIP = (0.025, 0.11)  # across a limb, for an adult's hand [m]
@@ -70,46 +69,62 @@ class Laid:
     motion: TrueMotion
 
 
-def lay(ground: Ground, name: str, draw: Draw, timing: Timing, foam: Foam) -> Laid | None:
+# Loads (n,) at full press of a hand at a spot (3,), its x along a heading (3,), turned by an angle
+# [rad]; of what presses on the opposed side where the last is true.
+Press = Callable[[FloatArray, FloatArray, float, bool], FloatArray]
+
+
+def bed_press(ground: Ground, gesture: TimeGesture, foam: Foam) -> Press:
+    """Our own bed of springs."""
+
+    def press(spot: FloatArray, heading: FloatArray, angle: float, other: bool) -> FloatArray:
+        bodies = gesture.other if other else gesture.bodies
+        return footprint(ground, turned(bodies, angle), spot, heading, foam)
+
+    return press
+
+
+def lay(
+    ground: Ground, gesture: TimeGesture, press: Press, hand: float, *, rng: np.random.Generator
+) -> Laid | None:
     """A touch in time at a place drawn at random; None where it does not fit."""
-    gesture = TIME_GESTURES[name](draw, timing)
-    start = int(draw.rng.integers(len(ground.skin)))
-    heading = _tangent(ground.skin.normals[start], float(draw.rng.uniform(0.0, 2.0 * np.pi)))
+    start = int(rng.integers(len(ground.skin)))
+    heading = _tangent(ground.skin.normals[start], float(rng.uniform(0.0, 2.0 * np.pi)))
     if gesture.other:
-        return _grip(ground, gesture, start, heading, draw, foam)
+        return _grip(ground, gesture, start, heading, hand, press)
     if gesture.way > 0:
-        return _moving(ground, gesture, start, heading, foam)
-    return _staying(ground, gesture, start, heading, foam)
+        return _moving(ground, gesture, start, heading, press)
+    return _staying(ground, gesture, start, heading, press)
 
 
 def _moving(
-    ground: Ground, gesture: TimeGesture, start: int, heading: FloatArray, foam: Foam
+    ground: Ground, gesture: TimeGesture, start: int, heading: FloatArray, press: Press
 ) -> Laid | None:
     way = ground.surface.walk(ground.skin.positions[start], heading, gesture.way, bend=gesture.bend)
     if way.length < LEAST_SHARE * gesture.way:
         return None
     course = gesture.course(way.length)
-    laid = along_way(ground, gesture.bodies, way, course, foam)
+    laid = along_way(way, course, press)
     felt = (laid.loads > FELT).any(axis=1)
     return laid if felt.mean() >= ALWAYS else None
 
 
-def along_way(ground: Ground, bodies: Sequence[Body], way: Way, course: Course, foam: Foam) -> Laid:
-    """Bodies that go along a way as a course says."""
-    count = max(2, int(np.ceil(course.along.max(initial=0.0) / POSES)) + 1)
-    at = np.linspace(0.0, max(float(course.along.max(initial=0.0)), POSES), count)
+def along_way(way: Way, course: Course, press: Press) -> Laid:
+    """A hand that goes along a way as a course says."""
+    far = float(course.along.max(initial=0.0))
+    count = max(2, int(np.ceil(far / POSES)) + 1)
+    at = np.linspace(0.0, max(far, POSES), count)
     rows = np.minimum(np.rint(at / STEP).astype(np.int64), len(way.points) - 1)
-    loads = np.array(
-        [footprint(ground, bodies, way.points[k], way.headings[k], foam) for k in rows.tolist()]
-    )
+    loads = [press(way.points[k], way.headings[k], 0.0, False) for k in rows.tolist()]
     place = course.along / (at[1] - at[0])
     lengths = STEP * np.arange(len(way.points))
     spots = np.column_stack([np.interp(course.along, lengths, one) for one in way.points.T])
-    return Laid(loads, _between(place, count) * course.press[:, None], _truth(course, spots))
+    weights = _between(place, count) * course.press[:, None]
+    return Laid(np.array(loads), weights, _truth(course, spots))
 
 
 def _staying(
-    ground: Ground, gesture: TimeGesture, start: int, heading: FloatArray, foam: Foam
+    ground: Ground, gesture: TimeGesture, start: int, heading: FloatArray, press: Press
 ) -> Laid | None:
     course = gesture.course(0.0)
     spot, normal, _ = ground.surface.project(ground.skin.positions[start])
@@ -117,18 +132,9 @@ def _staying(
     whole = float(np.abs(course.turned).max(initial=0.0))
     count = 1 + int(np.ceil(whole / TURN))
     angles = np.linspace(0.0, 1.0, count) * float(course.turned[-1])
-    loads = np.array(
-        [
-            footprint(ground, turned(gesture.bodies, float(angle)), spot, heading, foam)
-            for angle in angles
-        ]
-    )
-    felt = loads > FELT
+    loads = np.array([press(spot, heading, angle, False) for angle in angles.tolist()])
     least = 3 if count > 1 else 1  # one taxel does not show how it turns
-    if felt.sum(axis=1).min() < least:
-        return None
-    weakest = course.press.max(initial=0.0) * 0.7 * loads.max()
-    if weakest < EVERY_BEAT * 2.0:
+    if (loads > FELT).sum(axis=1).min() < least or loads.max() < 2.0 * FELT:
         return None
     place = np.zeros(len(course.press))
     if count > 1:
@@ -141,15 +147,15 @@ def _grip(
     gesture: TimeGesture,
     start: int,
     heading: FloatArray,
-    draw: Draw,
-    foam: Foam,
+    hand: float,
+    press: Press,
 ) -> Laid | None:
     """Thumb on one side of a limb, fingers on the other."""
     skin = ground.skin
     away = skin.positions - skin.positions[start]
     gap = np.linalg.norm(away, axis=1)
     opposed = skin.normals @ skin.normals[start] < OPPOSED
-    opposed &= (gap > GRIP[0]) & (gap < GRIP[1] * draw.hand)
+    opposed &= (gap > GRIP[0]) & (gap < GRIP[1] * hand)
     opposed &= away @ skin.normals[start] < -0.5 * gap
     if not opposed.any():
         return None
@@ -158,8 +164,8 @@ def _grip(
     course = gesture.course(0.0)
     far = unit(heading - (heading @ skin.normals[end]) * skin.normals[end])
     sides = [
-        footprint(ground, gesture.bodies, skin.positions[start], heading, foam),
-        footprint(ground, gesture.other, skin.positions[end], far, foam),
+        press(skin.positions[start], heading, 0.0, False),
+        press(skin.positions[end], far, 0.0, True),
     ]
     if min(float(side.max()) for side in sides) < 2.0 * FELT:
         return None

@@ -31,7 +31,7 @@ from skinmap.skin.skin import Skin
 from skinmap.touch.elastic_bed import bed_loads, contact_width
 from skinmap.touch.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad
 from skinmap.touch.hands import HANDS, Body, Draw
-from skinmap.touch.moving_touches import Ground, lay
+from skinmap.touch.moving_touches import Ground, bed_press, lay
 from skinmap.touch.recording import Recording
 from skinmap.touch.sensing import Sensing, Sensors
 from skinmap.touch.subjects import (
@@ -43,7 +43,7 @@ from skinmap.touch.subjects import (
     Subject,
     draw_subjects,
 )
-from skinmap.touch.time_gestures import Timing
+from skinmap.touch.time_gestures import TIME_GESTURES, Timing
 from skinmap.touch.true_motion import TrueMotion
 from skinmap.touch.variety import DEFAULT, check_variety, draw_foam, draw_sensing, uses_pads
 
@@ -279,7 +279,10 @@ def _place_in_time(
     for _ in range(TRIES):
         size = subject.hand * rng.uniform(0.97, 1.03)
         foam = draw_foam(stage.variety, stage.sensors.sensing.foam, rng)
-        laid = lay(stage.ground, name, Draw(rng, stage.variety, size, subject.force), timing, foam)
+        draw = Draw(rng, stage.variety, size, subject.force)
+        gesture = TIME_GESTURES[name](draw, timing)
+        press = bed_press(stage.ground, gesture, foam)
+        laid = lay(stage.ground, gesture, press, size, rng=rng)
         if laid is not None:
             return Placed(name, laid.loads, subject, laid.weights, laid.motion)
     return None

@@ -1,16 +1,16 @@
 """Which way a touch moves and how fast: from its centre, rolled out along the surface.
 
-The centre is that of the load of all contacts of a touch, so it goes on evenly where contacts part,
-join or cross a gap. Its steps are laid into a plane whose axes are carried along by the least rotation
-between the normals: a geodesic becomes a straight line, and the velocity is the slope of a line
-through the last places. docs/motion.md has the formulas and what the errors were fitted on.
+The centre is that of the load of all contacts of a touch, so it goes on evenly where contacts
+part, join or cross a gap. Its steps are laid into a plane whose axes are carried along by the least
+rotation between the normals: a geodesic becomes a straight line, and the velocity is the slope of a
+line through the last places. docs/motion.md has the formulas and what the errors were fitted on.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,7 +24,7 @@ from skinmap.skin.skin import Skin
 from skinmap.summary import Summary
 
 Triple = tuple[float, float, float]
-Heading = Literal["still", "up", "down", "round left", "round right"]
+Heading = Literal["still", "up", "down", "round left", "round right", "to and fro"]
 WINDOW = 0.2  # a velocity is taken from the places of so long at least [s]
 LONGEST = 0.8  # and at most [s]
 PITCHES = (
@@ -37,6 +37,8 @@ FASTEST = 1.0  # nobody strokes quicker: a step beyond is a contact that came or
 FREE = 0.22  # residuals that are free of each other on the way of one spacing
 WOBBLE = 0.12  # by which the lattice misplaces a centre, in spacings: the least error of a place
 STEEP = 0.35  # of what is up, less is left in the skin's plane: its long axis tells instead
+SHORT = 15e-3  # a shorter way has no heading [m]
+STRAIGHT = 0.5  # of the way, a touch that comes less far goes to and fro
 OPPOSED = 0.05  # shorter mean normals are of contacts that face away from each other
 LAID = 1e-3  # steps are laid into the plane when they are so long: noise adds no way [m]
 
@@ -91,6 +93,25 @@ class Motion(Summary):
         }
 
 
+@dataclass(frozen=True, slots=True)
+class Course:
+    """How a touch went on, from its beginning on.
+
+    Attributes
+    ----------
+    heading : str
+        As of `Motion`, or "to and fro".
+    speed : float
+        While it moved evenly [m/s].
+    length : float
+        Of the way [m].
+    """
+
+    heading: Heading = "still"
+    speed: float = 0.0
+    length: float = 0.0
+
+
 class RolledWay:
     """The way of one touch, rolled out into a plane as it comes.
 
@@ -105,6 +126,8 @@ class RolledWay:
     ----------
     length : float
         [m].
+    gone : list of 2 float
+        How far up and to the right it has come [m].
     speeds : deque of float
         While it moved, the last ones [m/s].
     """
@@ -112,6 +135,7 @@ class RolledWay:
     def __init__(self, spacing: float, window: float = WINDOW) -> None:
         self.spacing, self.window = spacing, window
         self.length = 0.0
+        self.gone = [0.0, 0.0]  # up and to the right, in sum [m]
         self.speeds: deque[float] = deque(maxlen=PLACES)
         self._heaviest = 0.0
         # Time, place in the plane and way so far, row by row; the last rows are what counts.
@@ -147,6 +171,19 @@ class RolledWay:
         self._rows[self._count] = time, x, y, self.length
         self._count += 1
         self._velocity = None
+
+    @property
+    def at(self) -> tuple[float, float]:
+        """Place in the plane up to which it is laid [m]."""
+        return self._at
+
+    def step_to(self, before: tuple[float, float]) -> Triple | None:
+        """The step since an earlier place, in the link's frame [m]; None where there was none."""
+        x, y = self._at[0] - before[0], self._at[1] - before[1]
+        if x == 0.0 and y == 0.0:
+            return None
+        a, b = self._axes
+        return x * a[0] + y * b[0], x * a[1] + y * b[1], x * a[2] + y * b[2]
 
     def velocity(self) -> tuple[FloatArray, float]:
         """Velocity (3,) and its standard error [m/s]: a line through the last places.
@@ -279,18 +316,30 @@ class MotionBook:
         self._spacing = [median_spacing(one.positions) for one in skins]
         self._axes = [_axes_of(one) for one in skins]
 
-    def update(self, time: float, tracks: Sequence[Track]) -> None:
-        """Take the contacts of a sample."""
-        groups: dict[int, list[Track]] = {}
-        for track in tracks:
-            if len(track.taxels):
-                groups.setdefault(track.touch, []).append(track)
+    def update(self, time: float, groups: Mapping[int, Sequence[Track]]) -> None:
+        """Take the contacts of a sample, by the number of what is followed."""
         for number, members in groups.items():
             if number not in self.ways:
                 self.ways[number] = RolledWay(self._spacing[members[0].part], self.window)
-            self.ways[number].add(time, *_middle(members))
+            centre, normal, load = _middle(members)
+            way = self.ways[number]
+            before = way.at
+            way.add(time, centre, normal, load)
+            step = way.step_to(before)
+            if step is not None:
+                up, right = self._axes_at(members[0].part, normal)
+                way.gone[0] += dot(step, up)
+                way.gone[1] += dot(step, right)
 
-    def motion(self, number: int, part: int, normal: FloatArray) -> Motion | None:
+    def motion(
+        self,
+        number: int,
+        part: int,
+        normal: FloatArray,
+        *,
+        presses: int = 1,
+        period: float = float("nan"),
+    ) -> Motion | None:
         """How a touch moves now; None where nobody follows it."""
         way = self.ways.get(number)
         if way is None:
@@ -298,12 +347,29 @@ class MotionBook:
         velocity, error = way.velocity()
         x, y, z = velocity.tolist()
         n = (float(normal[0]), float(normal[1]), float(normal[2]))
-        up = self._up_at(part, n)
-        right = (
-            up[1] * n[2] - up[2] * n[1], up[2] * n[0] - up[0] * n[2], up[0] * n[1] - up[1] * n[0]
-        )  # fmt: skip
+        up, right = self._axes_at(part, n)
         rise, aside, speed = dot((x, y, z), up), dot((x, y, z), right), math.hypot(x, y, z)
-        return Motion(velocity, error, rise, aside, heading(rise, aside, speed, error), way.length)
+        word = heading(rise, aside, speed, error)
+        return Motion(velocity, error, rise, aside, word, way.length, presses, period)
+
+    def course(self, number: int) -> Course:
+        """How a touch has gone so far."""
+        way = self.ways.get(number)
+        if way is None:
+            return Course()
+        speed, (up, right) = way.speed, way.gone
+        if way.length < SHORT or speed <= 0:
+            return Course(speed=speed, length=way.length)
+        word: Heading = heading(up, right, 1.0, 0.0)
+        if math.hypot(up, right) < STRAIGHT * way.length:
+            word = "to and fro"
+        return Course(word, speed, way.length)
+
+    def join(self, number: int, into: int) -> None:
+        """A touch turned out to be part of another one."""
+        if number in self.ways and into not in self.ways:
+            self.ways[into] = self.ways[number]
+        self.ways.pop(number, None)
 
     def drop(self, number: int) -> None:
         """Forget a touch that is over."""
@@ -312,6 +378,12 @@ class MotionBook:
     def forget(self) -> None:
         """The clock began anew."""
         self.ways.clear()
+
+    def _axes_at(self, part: int, normal: Triple) -> tuple[Triple, Triple]:
+        """Unit directions in the skin: up, and to the right as one sees who looks at it."""
+        u, n = self._up_at(part, normal), normal
+        right = u[1] * n[2] - u[2] * n[1], u[2] * n[0] - u[0] * n[2], u[0] * n[1] - u[1] * n[0]
+        return u, right
 
     def _up_at(self, part: int, normal: Triple) -> Triple:
         """Unit direction in the skin that is up, or along the part where none is."""
