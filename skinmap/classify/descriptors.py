@@ -108,7 +108,7 @@ class ContactGeometry:
         self.moving = bool(motion)
 
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
-        """Find out whether motion helps, where nobody said."""
+        """Find out whether motion helps, unless that was said."""
         del rng
         if self.motion is None:
             self.moving = False

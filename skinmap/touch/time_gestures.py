@@ -202,7 +202,7 @@ def _beats(timing: Timing, count: int, period: float, share: float) -> Course:
     """Presses in a rhythm, each of its own strength."""
     rng = timing.rng
     starts = period * (np.arange(count) + np.clip(rng.normal(0.0, 0.05, count), -0.12, 0.12))
-    starts -= starts[0]
+    starts = np.asarray(starts - starts[0], np.float64)
     lasting = np.clip(period * share * rng.uniform(0.85, 1.15, count), 0.05, None)
     time = timing.times(float(starts[-1] + lasting[-1]))
     press = np.zeros(len(time))
@@ -211,7 +211,7 @@ def _beats(timing: Timing, count: int, period: float, share: float) -> Course:
         beat = np.minimum((time - start) / ramp, (start + long - time) / ramp)
         press = np.maximum(press, rng.uniform(0.7, 1.0) * np.clip(beat, 0.0, 1.0))
     still = np.zeros(len(time))
-    return Course(time, press, still, still, starts, starts + lasting)
+    return Course(time, press, still, still, starts, np.asarray(starts + lasting, np.float64))
 
 
 def tap(draw: Draw, timing: Timing) -> TimeGesture:

@@ -184,8 +184,8 @@ def evaluate_in_time(
     found = run_tasks(_train, trainings, workers=workers, progress=progress)
     named: dict[tuple[Features, str, float], list[tuple[str, str, float]]] = {}
     stays: list[list[bool]] = [[], []]
-    for number, (task, rows) in enumerate(zip(trainings, found, strict=True)):
-        for (world, share), touches in rows.items():
+    for number, (task, one) in enumerate(zip(trainings, found, strict=True)):
+        for (world, share), touches in one.items():
             if task.features is None:
                 stays[number % 4 - 2] += [true == name for true, name, _ in touches]
             else:

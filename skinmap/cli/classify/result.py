@@ -165,7 +165,7 @@ class LiveTouch:
     peak: float
     centre_mm: list[float]
     contacts: int
-    heading: Literal["still", "up", "down", "round left", "round right", "to and fro"]
+    heading: str
     speed_mm_s: float
     presses: int
     period_s: float | None

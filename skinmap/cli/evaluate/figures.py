@@ -107,7 +107,7 @@ def patches_figure(result: CrossPatchResult, path: Path) -> None:
 
 
 def time_figure(result: TimeResult, path: Path) -> None:
-    """Accuracy against the share of a touch that was seen, and by gesture with and without motion."""
+    """Accuracy against the share of a touch seen, and by gesture with and without motion."""
     figure = plain_figure((11.0, 4.6))
     course, bars = figure.subplots(1, 2, width_ratios=(1.0, 1.4))
     for number, key in enumerate(dict.fromkeys((r.features, r.tested_on) for r in result.rows)):
@@ -125,7 +125,7 @@ def time_figure(result: TimeResult, path: Path) -> None:
         bars.bar(place + 0.38 * (shift - 0.5), values, 0.36, color=colour, label=row.features)
     bars.set_xticks(place, result.gestures, rotation=30, ha="right")
     bars.set_ylim(0.0, 100.0)
-    bars.legend(fontsize=8, frameon=False, loc="lower right")
+    bars.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     for axis in (course, bars):
         axis.spines[["top", "right"]].set_visible(False)
     figure.suptitle(f"{result.robot}: touches in time, parts and people left out")

@@ -511,15 +511,15 @@ class StrokesRow:
     strokes
         How many.
     speed
-        Error of the speed as a share of it.
+        Error of the speed as a share of it; this and the others are null without strokes.
     speed_bias
-        The same with its sign.
+        The same with its sign, or null.
     direction_deg
-        Angle between velocities and true ones.
+        Angle between velocities and true ones, or null.
     length
-        Error of the length of the way, as a share of it.
+        Error of the length of the way, as a share of it, or null.
     within
-        Share of the velocities that are wrong by no more than twice their stated error.
+        Share of the velocities that are wrong by no more than twice their stated error, or null.
     """
 
     physics: str
@@ -550,7 +550,7 @@ class TimeResult:
     strokes
         Direction and speed, by physics.
     presses_right
-        Share of taps and pats whose presses were counted right, by physics.
+        Share of taps and pats whose presses were counted right, by physics; null without any.
     still_alone, still_together
         Share of the four still gestures named right by a classifier of these alone, and of all.
     gained_points

@@ -340,7 +340,7 @@ class MotionBook:
         presses: int = 1,
         period: float = float("nan"),
     ) -> Motion | None:
-        """How a touch moves now; None where nobody follows it."""
+        """How a touch moves now; None of one that is not followed."""
         way = self.ways.get(number)
         if way is None:
             return None

@@ -43,7 +43,7 @@ class NamedTouch(Summary):
     path : (p, 3) float or None
         Where its centre has been, oldest first, along the surface, in the link's frame [m].
     motion : Motion or None
-        Which way it moves and how fast, its way and rhythm; None where nobody follows it.
+        Which way it moves and how fast, its way and rhythm; None of one that is not followed.
     """
 
     part: str
