@@ -28,6 +28,7 @@ from skinmap.touch.codebook import (
 from skinmap.touch.contact_geometry import contact_geometry
 from skinmap.touch.contacts import check_pressures, pool_event, pressed
 from skinmap.touch.histogram import Mode, PatchSamples, StructureHistogram
+from skinmap.touch.motion_features import in_time, motion_features
 from skinmap.touch.nearest_structure import Coverage, adopt_nearest, coverage
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.pressure_course import course
@@ -42,18 +43,24 @@ Distance = Literal["euclidean", "geodesic"]
 Search = Literal["plain", "compiled"]
 Precision = Literal["float64", "float32"]
 logger = logging.getLogger(__name__)
+HELP_FOLDS = 3
+HELPS = 0.75  # motion is looked at where it leaves no more of the errors than this
 CANDIDATES = (2, 4, 8, 16)
 FOLDS = 4
 
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Touch:
-    """One touch: its skin, samples (k, n) of 0 to 255 counts, and label and person if known."""
+    """One touch: its skin, samples (k, n) of 0 to 255 counts, and label and person if known.
+
+    `rate` are its samples a second.
+    """
 
     skin: PreparedSkin
     samples: NDArray[np.uint8]
     label: str = ""
     person: int = NOBODY
+    rate: float = 50.0
 
 
 def recorded_touches(skin: PreparedSkin, recording: Recording) -> list[Touch]:
@@ -63,7 +70,9 @@ def recorded_touches(skin: PreparedSkin, recording: Recording) -> list[Touch]:
     """
     rest, beside = recording.rest(), skin.geometry.beside
     return [
-        Touch(skin, felt(samples, rest, beside), label, int(recording.subjects[event]))
+        Touch(
+            skin, felt(samples, rest, beside), label, int(recording.subjects[event]), recording.rate
+        )
         for event, label, samples in recording.touches()
     ]
 
@@ -79,19 +88,47 @@ class Descriptor(Protocol):
 
 
 class ContactGeometry:
-    """One row a touch: lengths, areas and counts of the pooled contacts, and their course."""
+    """One row a touch: lengths, areas and counts of the contacts, and how they go on in time.
 
-    # Nothing here is learnt, so a touch is measured once however many classifiers look at it.
-    _known: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
+    Parameters
+    ----------
+    motion : bool, optional
+        Whether the numbers of `motion_features` are among them. By default they are where the
+        training touches go on in time, and held-out ones are named better by it: touches that
+        all stay where they are named as before.
+    """
+
+    optional_arrays = True  # models of before knew nothing of motion
+    # What is measured is not learnt, so each touch is once, however many classifiers look at it.
+    _still: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
+    _moving: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
+
+    def __init__(self, *, motion: bool | None = None) -> None:
+        self.motion = motion
+        self.moving = bool(motion)
 
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
-        """Nothing to learn."""
+        """Find out whether motion helps, unless that was said."""
+        del rng
+        if self.motion is None:
+            self.moving = False
+            self.moving = self._motion_helps(touches)
 
     def describe(self, touch: Touch) -> FloatArray:
-        """(1, 30) numbers, `FEATURES` and `COURSE` in turn; (0, 30) where nothing is touched."""
-        row = self._known.get(touch)
+        """(1, d) numbers: `FEATURES`, `COURSE` and, with motion, `MOTION_FEATURES` in turn.
+
+        (0, d) where nothing is touched.
+        """
+        row = self._still.get(touch)
         if row is None:
-            row = self._known[touch] = self._measure(touch)
+            row = self._still[touch] = self._measure(touch)
+        return np.concatenate([row, self._motion(touch)[: len(row)]], 1) if self.moving else row
+
+    def _motion(self, touch: Touch) -> FloatArray:
+        row = self._moving.get(touch)
+        if row is None:
+            found = motion_features(touch.skin.geometry, touch.samples, touch.rate)
+            row = self._moving[touch] = found[None]
         return row
 
     @staticmethod
@@ -101,6 +138,37 @@ class ContactGeometry:
         still = contact_geometry(geometry, pool_event(touch.samples))
         row = np.concatenate([still, course(geometry, touch.samples)])[None]
         return row if row[0, 0] > 0 else row[:0]
+
+    def _motion_helps(self, touches: Sequence[Touch]) -> bool:
+        """Whether touches go on in time, and held-out ones are named better by their motion."""
+        from sklearn.model_selection import StratifiedKFold, cross_val_score
+
+        from skinmap.classify.rbf_machine import RbfMachine
+
+        used = [touch for touch in touches if len(self.describe(touch))]
+        labels = np.array([touch.label for touch in used])
+        kinds, count = np.unique(labels, return_counts=True)
+        if len(kinds) < 2 or count.min() < HELP_FOLDS:
+            return False
+        motion = np.concatenate([self._motion(touch) for touch in used])
+        goes_on = in_time(motion)
+        if max(goes_on[labels == kind].mean() for kind in kinds) < 0.5:
+            return False
+        still = np.concatenate([self.describe(touch) for touch in used])
+        split = StratifiedKFold(HELP_FOLDS, shuffle=True, random_state=0)
+        without, using = (
+            float(cross_val_score(RbfMachine(), rows, labels, cv=split).mean())
+            for rows in (still, np.concatenate([still, motion], axis=1))
+        )
+        return 1.0 - using <= HELPS * (1.0 - without)
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """What a model file keeps."""
+        return {"moving": np.array(self.moving)}
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Take what `to_arrays` gave."""
+        self.moving = bool(arrays["moving"])
 
 
 class Histograms:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,8 @@ INPUT_KINDS: Mapping[str, Callable[[], Descriptor]] = {
     "raw": RawSamples,
     "histogram": Histograms,
     "image": PaperImages,
-    "contact-geometry": ContactGeometry,
+    "contact-geometry": partial(ContactGeometry, motion=False),
+    "contact-motion": partial(ContactGeometry, motion=True),
 }
 
 

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.classify.classifier import TouchClassifier
+from skinmap.classify.classifier import Prediction, TouchClassifier
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.events import ContactEvent, TouchEvent, taken
-from skinmap.live.contacts.touch_history import TouchBook
+from skinmap.live.contacts.touch_history import Entry, TouchBook
 from skinmap.live.moment import Moment
 from skinmap.live.namer import Namer
 from skinmap.live.response.pressures import Response, Responses
@@ -135,6 +135,7 @@ class TouchLoop(Summary):
         self._gate = RestGate(self._skin, info.rate)
         self._tracker = ContactTracker(self._skin)
         self._book = TouchBook(self._skin)
+        self._book.revise = self._revised
         self._namer: Namer | None = None
         self._new_namer = partial(Namer, self._skin, rule=rule, rate=info.rate, pace=pace)
         if classifier is not None:
@@ -282,27 +283,39 @@ class TouchLoop(Summary):
         for row, now in enumerate(times.tolist()):
             self._tracker.update(now, touched[row], None if forces is None else forces[row])
             tracks = self._tracker.tracks
+            self._keep_book(now)
+            self._book.follow(now, tracks)
             if self._namer is not None:
-                self._namer.push(now, touched[row], tracks)
-            self._keep_book()
+                self._namer.push(now, touched[row], tracks, self._book.lasting)
             # Which samples come together is the clock's doing: only live ones are named by that.
             due = not live or row == last or row % NAMED == NAMED - 1
             if self._namer is not None and tracks and due:
                 self._namer.name(now, tracks, live=live, speed=self.source.speed)
-                self._keep_book()
+                self._keep_book(now)
         self.counts.used += len(times)
         self._last = (float(times[-1]), pressures[-1], dense[-1])
 
-    def _keep_book(self) -> None:
+    def _revised(self, entry: Entry) -> Prediction | None:
+        if self._namer is None:
+            return None
+        return self._namer.revise(entry.identity, entry.part, entry.began, entry.seen)
+
+    def _keep_book(self, now: float) -> None:
         labels = None if self._namer is None else self._namer.labels
-        for touch in self._book.update(self._tracker.tracks, labels, self._tracker.swallowed):
-            if self._namer is not None:
+        tracks, swallowed = self._tracker.tracks, self._tracker.swallowed
+        over = self._book.update(tracks, labels, swallowed, time=now)
+        if self._namer is not None:
+            for touch, new in self._book.parted.items():
+                self._namer.rename(touch, new)
+            for touch in over:
                 self._namer.drop(touch)
 
     def _begin_anew(self) -> None:
         """The clock jumped: what was touched before is over."""
         self._tracker.forget()
         self._book.update([])
+        self._book.motions.forget()
+        self._book.pieces.forget()
         if self._namer is not None:
             self._namer.forget()
 

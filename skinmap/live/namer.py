@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -60,6 +60,9 @@ class Namer:
         self._felt: FloatArray = np.full(len(skin), -np.inf)
         self._first: IntArray = np.full(len(skin.parts), -1, np.int64)
         self._done: FloatArray = np.full(len(skin.parts), -np.inf)
+        self._stamps: FloatArray = np.full(MEMORY, -np.inf)
+        self._touch_of: IntArray = np.full(len(skin), -1, np.int64)
+        self._lasting: Mapping[int, int] = {}
         self._count = 0  # samples kept so far; the newest stands at (count - 1) % MEMORY
         self._slot = -np.inf
         self._rests = -np.inf  # until when naming has had its share, by `perf_counter`
@@ -70,20 +73,40 @@ class Namer:
         sample[0, skin.mesh.faces[0]] = 100
         name_touches(self.classifier, skin, sample, rule=self.rule)
 
-    def push(self, time: float, pressures: FloatArray, tracks: Sequence[Track]) -> None:
-        """Keep a sample (N,); of more than the pace the newest one."""
-        if not tracks:
+    @property
+    def in_time(self) -> bool:
+        """Whether the classifier looks at how touches go on, and not only at where they are."""
+        return bool(getattr(self.classifier.descriptor, "moving", False))
+
+    def push(
+        self,
+        time: float,
+        pressures: FloatArray,
+        tracks: Sequence[Track],
+        lasting: Mapping[int, int] | None = None,
+    ) -> None:
+        """Keep a sample (N,); of more than the pace the newest one.
+
+        `lasting` are the parts of the touches that are not over: where they have been counts for
+        as long, if the classifier looks at how touches go on.
+        """
+        self._lasting = lasting if lasting and self.in_time else {}
+        if not tracks and not self._lasting:
             self._slot = -np.inf
             self._first.fill(-1)
             return
         if not self._slot <= time < self._slot + self._period:
             self._slot = time
             self._count += 1
-        np.rint(pressures, out=self._history[(self._count - 1) % MEMORY], casting="unsafe")
+        newest = (self._count - 1) % MEMORY
+        np.rint(pressures, out=self._history[newest], casting="unsafe")
+        self._stamps[newest] = time
         touched = np.zeros(len(self._first), bool)
+        touched[list(self._lasting.values())] = True
         for track in tracks:
             touched[track.part] = True
             self._felt[track.taxels] = time
+            self._touch_of[track.taxels] = track.touch
             if self._first[track.part] < 0:
                 self._first[track.part] = self._count - 1
         self._first[~touched] = -1
@@ -127,9 +150,32 @@ class Namer:
             ended = clock.perf_counter()
             self._rests = ended + (ended - started) * (1.0 / SHARE - 1.0)
 
+    def rename(self, touch: int, new: int) -> None:
+        """What was felt of a touch was felt of another one."""
+        self._touch_of[self._touch_of == touch] = new
+
     def drop(self, touch: int) -> None:
         """Forget the label of a touch that is over."""
         self.labels.pop(touch, None)
+
+    def revise(self, touch: int, part: int, began: float, ended: float) -> Prediction | None:
+        """Name a touch that is over from all of it; None where too little of it is kept."""
+        if not self.in_time:
+            return None
+        name = self.skin.parts[part]
+        columns = self.skin.slices[name]
+        rows = np.arange(max(0, self._count - MEMORY), self._count) % MEMORY
+        stamps = self._stamps[rows]
+        rows = rows[(stamps >= began) & (stamps <= ended)]
+        own = self._touch_of[columns] == touch
+        if len(rows) < 2 or not own.any():
+            return None
+        samples = np.where(own, self._history[rows, columns], 0).astype(np.uint8)
+        found = name_touches(self.classifier, self.skin.skins[name], samples, rule=self.rule)
+        if not found:
+            return None
+        self.named += 1
+        return max(found, key=lambda one: int(one.taxels.sum())).prediction
 
     def _name_part(self, time: float, part: int, tracks: list[Track]) -> None:
         name = self.skin.parts[part]
@@ -138,6 +184,8 @@ class Namer:
         rows = np.arange(first, self._count) % MEMORY
         samples = self._history[rows, columns]
         over = time - self._felt[columns] >= QUIET
+        if self._lasting:
+            over &= ~np.isin(self._touch_of[columns], list(self._lasting))
         samples[:, over] = 0
         found = name_touches(
             self.classifier, self.skin.skins[name], samples, rule=self.rule, ended=False

@@ -18,10 +18,14 @@ from skinmap.physics.bodies import PRESSERS, Presser
 from skinmap.physics.engine import import_mujoco
 from skinmap.physics.pressing import STEP, Pressed, mount_frame, press
 from skinmap.physics.spring_bed import SpringBed, spring_bed
+from skinmap.physics.touches_in_time import person as as_subject
+from skinmap.physics.touches_in_time import press_in_time
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
 from skinmap.skin.skin import Skin
+from skinmap.touch.gestures import TIME
 from skinmap.touch.recording import Recording
 from skinmap.touch.sensing import FULL_SCALE, Sensing, Sensors
+from skinmap.touch.true_motion import TrueMotion
 
 FOUR = tuple(PRESSERS)[:4]
 SUBJECTS = 10
@@ -123,8 +127,8 @@ def simulate(
     """
     import_mujoco()
     for name in gestures:
-        if name not in PRESSERS:
-            raise UnknownNameError("gesture that MuJoCo presses", name, PRESSERS)
+        if name not in PRESSERS and name not in TIME:
+            raise UnknownNameError("gesture that MuJoCo presses", name, [*PRESSERS, *TIME])
     ground = make_ground(skin, find_variant(variant), rng=rng)
     people = draw_people(subjects, ground.variant, rng=rng)
     player = _Player(ground, Sensors(skin, sensing or Sensing(), rng=rng), rng)
@@ -134,6 +138,9 @@ def simulate(
         if progress is not None:
             progress(skin.part)
         person = people[int(rng.integers(len(people)))]
+        if name in TIME:
+            missed[name] += missed[name] >= MISSES or not player.touch_in_time(name, person)
+            continue
         place = find_place(ground, name, person, rng=rng) if missed[name] < MISSES else None
         if place is None:
             missed[name] += 1
@@ -263,17 +270,51 @@ class _Player:
         self._subjects: list[int] = []
         self._forces: list[FloatArray] = []
         self._places: list[FloatArray] = []
+        self._motions: list[TrueMotion | None] = []
+
+    def touch_in_time(self, name: str, person: Person) -> bool:
+        """A touch that goes on in time; whether there was a place for it."""
+        ground, rng, rate = self._ground, self._rng, self._sensors.sensing.rate
+        subject = as_subject(person.number, person.hand, person.pace, rng)
+        made = press_in_time(
+            name, ground.bed, ground.feel, ground.foam, person.flesh, ground.variant, subject,
+            rate=rate, rng=rng,
+        )  # fmt: skip
+        if made is None:
+            return False
+        laid, poses = made
+        tremor = 1.0 + TREMOR * rng.standard_normal((len(laid.weights), 1))
+        weights = tremor * laid.weights
+        whole = np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)
+        centres = np.where(whole > 1e-6, weights / whole @ poses.centres, np.nan)
+        began = sum(map(len, self._blocks)) / rate
+        self._play(name, person, FULL_PRESSURE * (weights @ laid.loads), weights @ poses.forces,
+                   centres, laid.motion.shifted(began))  # fmt: skip
+        return True
 
     def touch(self, name: str, place: Place, person: Person) -> None:
         rate = self._sensors.sensing.rate
         pressed = press_place(self._ground, place, person, rate=rate, rng=self._rng)
         loads = taxel_loads(self._ground, pressed)
+        self._play(name, person, loads, pressed.forces, pressed.centres)
+
+    def _play(
+        self,
+        name: str,
+        person: Person,
+        loads: FloatArray,
+        forces: FloatArray,
+        centres: FloatArray,
+        motion: TrueMotion | None = None,
+    ) -> None:
+        rate = self._sensors.sensing.rate
+        self._motions.append(motion)
         rest = np.zeros((round(GAP * rate), loads.shape[1]))
         for block, event in ((loads, len(self._labels)), (rest, -1)):
             self._blocks.append(self._sensors.read(block, rng=self._rng))
             self._events.append(np.full(len(block), event))
-        self._forces += [pressed.forces, np.zeros(len(rest))]
-        self._places += [pressed.centres, np.full((len(rest), 3), np.nan)]
+        self._forces += [forces, np.zeros(len(rest))]
+        self._places += [centres, np.full((len(rest), 3), np.nan)]
         self._labels.append(name)
         self._subjects.append(person.number)
 
@@ -289,4 +330,5 @@ class _Player:
             np.array(self._subjects, np.int64),
             forces=np.concatenate([np.zeros(0), *self._forces]),
             places=np.concatenate([np.zeros((0, 3)), *self._places]),
+            motions=tuple(self._motions) if any(self._motions) else (),
         )

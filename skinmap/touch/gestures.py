@@ -155,6 +155,8 @@ GESTURES: dict[str, Gesture] = {
 }
 FOUR = tuple(GESTURES)[:4]  # the touches of the first paper
 EIGHT = tuple(GESTURES)[:8]  # those of both papers
+# Touches in time, see `time_gestures`.
+TIME = ("stroke", "pat", "tap", "rub", "slide", "twist", "squeeze", "hold")
 # The least share of a touch that must lie over taxels: a hand is put where the robot has skin,
 # long things stick out beyond it.
 ON_SKIN = 0.7
@@ -162,7 +164,7 @@ LONG_ON_SKIN = {"forearm": 0.45, "edge": 0.45, "cylinder": 0.45}
 
 
 def gesture_set(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of gestures, with `four`, `eight` and `all` written out; the four where none came."""
-    sets = {"four": FOUR, "eight": EIGHT, "all": tuple(GESTURES)}
+    """Names of gestures; `four` (the default), `eight`, `all` (that stay), `time` written out."""
+    sets = {"four": FOUR, "eight": EIGHT, "all": tuple(GESTURES), "time": TIME}
     wanted = [one for name in names or ("four",) for one in sets.get(name, (name,))]
     return tuple(dict.fromkeys(wanted))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from skinmap.arrays import FloatArray, IntArray, check_finite, check_whole, free
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 from skinmap.summary import Summary, listed
 from skinmap.touch.rest import Rest, find_rest
+from skinmap.touch.true_motion import TrueMotion
 
 FORMAT = "skinmap-recording-1"
 
@@ -45,6 +46,9 @@ class Recording(Summary):
         True contact force [N] of each sample, where a physics engine knows it.
     places : (t, 3) float, optional
         Where that force acts, in the frame of the link [m]; NaN where nothing touches.
+    motions : tuple of TrueMotion or None
+        The true way, presses and speed of each event that goes on in time, where that is known;
+        empty where no event has one.
     robot : str
         What `skinmap.load_robot` loads the robot by; empty where the file does not say.
     sessions, people : (n_events,) tuple of str
@@ -74,6 +78,7 @@ class Recording(Summary):
     sessions: tuple[str, ...] = ()
     people: tuple[str, ...] = ()
     fingerprint: str = ""
+    motions: tuple[TrueMotion | None, ...] = ()
 
     def __post_init__(self) -> None:
         times = check_finite(self.times, "times", (None,))
@@ -117,6 +122,10 @@ class Recording(Summary):
                     f"places must have shape ({len(times)}, 3), got {places.shape}"
                 )
             freeze(self, places=places)
+        if self.motions and len(self.motions) != len(self.labels):
+            raise InvalidArrayError(
+                f"motions must be {len(self.labels)}, one an event, got {len(self.motions)}"
+            )
 
     @property
     def rate(self) -> float:
@@ -173,6 +182,10 @@ def save_recordings(recordings: list[Recording], path: Path) -> None:
             arrays[f"forces_{number}"] = recording.forces
         if recording.places is not None:
             arrays[f"places_{number}"] = recording.places
+        for event, motion in enumerate(recording.motions):
+            if motion is not None:
+                for name, array in motion.to_arrays().items():
+                    arrays[f"{name}_{number}_{event}"] = array
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     path.write_bytes(buffer.getvalue())
@@ -210,6 +223,7 @@ def load_recordings(path: Path) -> list[Recording]:
                     str(entry.get("robot", "")),
                     tuple(map(str, entry.get("sessions", ()))),
                     tuple(map(str, entry.get("people", ()))),
+                    motions=_motions(arrays, number, len(entry["labels"])),
                 )
                 for number, entry in enumerate(head["recordings"])
             ]
@@ -217,3 +231,15 @@ def load_recordings(path: Path) -> list[Recording]:
         if isinstance(error, DataFormatError):
             raise
         raise DataFormatError(f"not a Skinmap recording: {error}", path) from error
+
+
+def _motions(arrays: Mapping[str, Any], number: int, events: int) -> tuple[TrueMotion | None, ...]:
+    """Of each event of a recording; none where no event has one."""
+    names = ("presses", "way", "turned")
+    found = tuple(
+        TrueMotion.from_arrays({name: arrays[f"{name}_{number}_{event}"] for name in names})
+        if f"way_{number}_{event}" in arrays
+        else None
+        for event in range(events)
+    )
+    return found if any(one is not None for one in found) else ()

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,13 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.geometry.distances import bridged_graph
 from skinmap.geometry.log_map import log_map
+from skinmap.geometry.point_surface import PointSurface
 from skinmap.geometry.proximity import median_spacing
 from skinmap.skin.skin import Skin
 from skinmap.touch.elastic_bed import bed_loads, contact_width
-from skinmap.touch.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, Pad
+from skinmap.touch.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad
 from skinmap.touch.hands import HANDS, Body, Draw
+from skinmap.touch.moving_touches import Ground, bed_press, lay
 from skinmap.touch.recording import Recording
 from skinmap.touch.sensing import Sensing, Sensors
 from skinmap.touch.subjects import (
@@ -40,6 +43,8 @@ from skinmap.touch.subjects import (
     Subject,
     draw_subjects,
 )
+from skinmap.touch.time_gestures import TIME_GESTURES, Timing
+from skinmap.touch.true_motion import TrueMotion
 from skinmap.touch.variety import DEFAULT, check_variety, draw_foam, draw_sensing, uses_pads
 
 SENSING = Sensing()
@@ -55,7 +60,7 @@ FINGER_FELT, PIECES_FELT = 0.5, 0.4
 MISSES = 3  # touches that found no place before the part counts as too small for the gesture
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Stage:
     """What touches on one skin share: its graph, spacing, sensors, habitual places, variety."""
 
@@ -66,6 +71,12 @@ class Stage:
     habits: dict[str, tuple[Habit, ...]]
     variety: float = 0.0
 
+    @cached_property
+    def ground(self) -> Ground:
+        """What touches that go on in time are laid on."""
+        skin = self.skin
+        return Ground(skin, self.graph, PointSurface(skin.positions, skin.normals, self.spacing))
+
     @property
     def gains(self) -> FloatArray:
         """(n,) gain of each taxel."""
@@ -74,11 +85,17 @@ class Stage:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Placed:
-    """A gesture on the skin: the load (p, n) of each piece on each taxel at full press."""
+    """A gesture on the skin: the load (p, n) of each piece on each taxel at full press.
+
+    Of one that goes on in time these are its poses; `weights` (t, p) say how much of each there is
+    in each sample.
+    """
 
     label: str
     loads: FloatArray
     subject: Subject
+    weights: FloatArray | None = None
+    motion: TrueMotion | None = None
 
 
 def prepare(
@@ -184,8 +201,8 @@ def simulate(
 def check_gestures(names: Sequence[str]) -> None:
     """Refuse gestures that do not exist, and no gesture at all."""
     for name in names:
-        if name not in GESTURES:
-            raise UnknownNameError("gesture", name, GESTURES)
+        if name not in GESTURES and name not in TIME:
+            raise UnknownNameError("gesture", name, [*GESTURES, *TIME])
 
 
 def touch_loads(stage: Stage, pads: Sequence[Pad], uv: FloatArray) -> FloatArray:
@@ -224,6 +241,8 @@ def place(
     on_skin: float | None = None,
 ) -> Placed | None:
     """A gesture at a place where enough of it lies on the skin; None where it fits nowhere."""
+    if name in TIME:
+        return _place_in_time(stage, name, subject, rng=rng)
     enough = LONG_ON_SKIN.get(name, ON_SKIN) if on_skin is None else on_skin
     as_pads = uses_pads(stage.variety, rng)
     for _ in range(TRIES):
@@ -249,6 +268,23 @@ def place(
             continue
         loads = touch_loads(stage, pads, turned) * _follows(stage, pads, source)
         return Placed(name, subject.force * loads, subject)
+    return None
+
+
+def _place_in_time(
+    stage: Stage, name: str, subject: Subject, *, rng: np.random.Generator
+) -> Placed | None:
+    """A gesture that goes on in time; people make them anywhere, and with bodies alone."""
+    timing = Timing(stage.sensors.sensing.rate, rng, subject)
+    for _ in range(TRIES):
+        size = subject.hand * rng.uniform(0.97, 1.03)
+        foam = draw_foam(stage.variety, stage.sensors.sensing.foam, rng)
+        draw = Draw(rng, stage.variety, size, subject.force)
+        gesture = TIME_GESTURES[name](draw, timing)
+        press = bed_press(stage.ground, gesture, foam)
+        laid = lay(stage.ground, gesture, press, size, rng=rng)
+        if laid is not None:
+            return Placed(name, laid.loads, subject, laid.weights, laid.motion)
     return None
 
 
@@ -317,6 +353,7 @@ class Player:
         self._labels: list[str] = []
         self._subjects: list[int] = []
         self._owners: list[IntArray] = []
+        self._motions: list[TrueMotion | None] = []
 
     def touch(self, together: Sequence[Placed], starts: Sequence[float] = (0.0,)) -> None:
         """Play touches that overlap in time as one event; each starts at its own time [s]."""
@@ -329,6 +366,8 @@ class Player:
         for begin, one in zip(first, courses, strict=True):
             loads[begin : begin + len(one)] += one
         rest = np.zeros((round(GAP * rate), loads.shape[1]))
+        motion, began = together[0].motion, sum(map(len, self._blocks)) / rate
+        self._motions.append(None if motion is None else motion.shifted(began + first[0] / rate))
         for block, event in ((loads, len(self._labels)), (rest, -1)):
             self._blocks.append(sensors.read(block, rng=rng))
             self._events.append(np.full(len(block), event))
@@ -351,11 +390,15 @@ class Player:
             tuple(self._labels),
             np.array(self._subjects, np.int64),
             np.array(self._owners, np.int64).reshape(-1, n) if owners else None,
+            motions=tuple(self._motions) if any(self._motions) else (),
         )
 
 
 def loads_over_time(placed: Placed, rate: float, rng: np.random.Generator) -> FloatArray:
-    """Loads (t, n) of one touch: press, hold with a tremor, let go."""
+    """Loads (t, n) of one touch: press, hold with a tremor, let go; or its course in time."""
+    if placed.weights is not None:
+        shake = 1.0 + 0.05 * rng.standard_normal((len(placed.weights), 1))
+        return np.asarray((shake * placed.weights) @ placed.loads)
     pace = placed.subject.pace
     press, hold, release = pace * rng.uniform((0.08, 0.4, 0.08), (0.25, 0.9, 0.2))
     time = np.arange(0.0, press + hold + release, 1.0 / rate) + 0.5 / rate

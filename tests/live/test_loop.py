@@ -322,9 +322,9 @@ def test_a_model_that_reads_taxels_by_number_is_refused_elsewhere(icub, prepared
 
 def test_everything_that_is_kept_is_bounded(icub, prepared):
     """More than a thousand touches nobody asks for: what is kept for them has an end."""
-    step = np.arange(1050 * 7)
+    step = np.arange(1050 * 31)
     samples = np.zeros((len(step), N), np.uint8)
-    samples[step % 7 == 0, 10:12] = 90  # and quiet for 0.12 s, which ends a touch
+    samples[step % 31 == 0, 10:12] = 90  # and quiet for 0.6 s: the next is no second tap
     loop = TouchLoop(icub, Planted([block(step / RATE, samples)]), skins={PART: prepared(PART)})
     for _ in loop:
         pass

@@ -148,6 +148,7 @@ class _Run:
                     f"{touch.began:9.2f} s  {touch.part:18} {in_words(said):14} "
                     f"{touch.confidence:5.2f}  {touch.duration:6.2f} s  "
                     f"{touch.area * MM**2:7.0f} mm2  {touch.path_length * MM:6.1f} mm"
+                    f"{motion_words(touch)}"
                 )
 
     def summarise(self) -> None:
@@ -190,6 +191,16 @@ def health_lines(health: Mapping[str, Health]) -> Iterator[str]:
                 yield f"{part}: {len(channels)} {state} (channels {named}{more})"
 
 
+def motion_words(touch: TouchEvent) -> str:
+    """Where it went and how fast, or how often it was pressed; nothing of what stayed."""
+    said = ""
+    if touch.heading != "still":
+        said += f"  {touch.heading}, {touch.speed * MM:.0f} mm/s"
+    if touch.presses > 1:
+        said += f"  {touch.presses} times, {1.0 / touch.period:.1f} a second"
+    return said
+
+
 def touch_line(touch: TouchEvent) -> LiveTouch:
     """What is said of a touch that is over."""
     return LiveTouch(
@@ -205,6 +216,12 @@ def touch_line(touch: TouchEvent) -> LiveTouch:
         peak=touch.peak,
         centre_mm=(touch.centre * MM).tolist(),
         contacts=touch.contacts,
+        heading=touch.heading,
+        speed_mm_s=touch.speed * MM,
+        presses=touch.presses,
+        period_s=touch.period if touch.presses > 1 else None,
+        early_label=touch.early or None,
+        early_s=touch.early_after if touch.early else None,
     )
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
+from skinmap.arrays import BoolArray
 from skinmap.classify.classifier import NO_CONTACT, Prediction, TouchClassifier
 from skinmap.classify.naming import JOIN, all_right, name_touches, true_labels
 from skinmap.cli.classify.result import ClassifyResult, Health, NamedRow, NameSets
@@ -15,6 +18,7 @@ from skinmap.commands.options import open_robot
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.touch.grouping import GroupingRule
+from skinmap.touch.motion_features import MOTION_FEATURES, motion_features
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
 
@@ -98,6 +102,8 @@ def _name_events(
         person = int(recording.subjects[event])
         named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
         right += all_right(named, samples, label, owners)
+        moved = [_motion(skin, samples, one.taxels, rate) for one in named]
+        moved = moved or [_motion(skin, samples[:0], np.zeros(len(skin), bool), rate)]
         alone = None if classifier.coverage is None else (NO_CONTACT,)
         nothing = Prediction(NO_CONTACT, 1.0, alone)
         said = [one.prediction for one in named] or [nothing]
@@ -111,9 +117,27 @@ def _name_events(
                 confidence=one.confidence,
                 names=None if one.names is None else list(one.names),
                 recorded_label=recorded,
+                **moved[number],
             )
             rows.append(row)
     return rows, right
+
+
+def _motion(
+    skin: PreparedSkin, samples: NDArray[np.uint8], taxels: BoolArray, rate: float
+) -> dict[str, Any]:
+    """What a row says of how a touch went on."""
+    own = np.where(taxels, samples, 0).astype(np.uint8)
+    found = motion_features(skin.geometry, own, rate)
+    number = dict(zip(MOTION_FEATURES, found.tolist(), strict=True))
+    presses = int(number["presses"])
+    return {
+        "way_mm": number["way_mm"],
+        "speed_mm_s": number["speed_mm_s"],
+        "presses": presses,
+        "period_ms": number["period_ms"] if presses > 1 else None,
+        "twist_deg": number["turned_deg"],
+    }
 
 
 def check_model(

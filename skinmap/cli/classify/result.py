@@ -43,6 +43,12 @@ class NamedRow:
         them where no name is likely enough. Else null.
     recorded_label
         The name that it was recorded with.
+    way_mm, speed_mm_s
+        How far its centre went along the skin, and how fast; 0 where it stayed.
+    presses, period_ms
+        How often it was pressed, and the time between; the period is null of a single press.
+    twist_deg
+        How far the contact turned.
     """
 
     part: str
@@ -52,6 +58,11 @@ class NamedRow:
     confidence: float
     names: list[str] | None
     recorded_label: str
+    way_mm: float
+    speed_mm_s: float
+    presses: int
+    period_ms: float | None
+    twist_deg: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -129,6 +140,16 @@ class LiveTouch:
         Where it was last, in the link's frame.
     contacts
         That were part of it.
+    heading
+        Where it went in the part's axes: up, down, round left or right as one sees who looks at the
+        skin, to and fro, or still.
+    speed_mm_s
+        While it moved evenly; 0 where it stayed.
+    presses, period_s
+        How often it was pressed, and the mean time between; the period is null of a single press.
+    early_label, early_s
+        The name that it had while it went on, and how long after its beginning that stood; null
+        where it had none.
     """
 
     event: Literal["touch"] = "touch"
@@ -144,6 +165,12 @@ class LiveTouch:
     peak: float
     centre_mm: list[float]
     contacts: int
+    heading: str
+    speed_mm_s: float
+    presses: int
+    period_s: float | None
+    early_label: str | None
+    early_s: float | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -14,6 +14,7 @@ from skinmap.cli.evaluate.result import (
     KasparResult,
     PhysicsResult,
     RecordingsResult,
+    TimeResult,
 )
 from skinmap.commands.options import out_folder, outside_option, part_option, prints, seed_option
 from skinmap.commands.profiles import from_profile, profile_option
@@ -37,22 +38,22 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 @click.option(
     "--seeds",
     type=click.IntRange(1, 1000),
-    help="Repetitions.  [default: 5; baxter: 10, physics: 1]",
+    help="Repetitions.  [default: 5; baxter: 10, physics, time: 1]",
 )
 @click.option("--classifier", "names", multiple=True, help="Only this one; may be repeated.")
 @click.option(
     "--gestures",
     default="four",
     show_default=True,
-    metavar="four|eight|all|NAME,NAME...",
-    help="Touches to tell apart (recordings: all by default).",
+    metavar="four|eight|all|time|NAME,NAME...",
+    help="Touches to tell apart (recordings: all by default; time: time).",
 )
 @click.option(
     "--per-gesture",
     type=click.IntRange(min=1),
     default=20,
     show_default=True,
-    help="cross-patch, physics: touches of each gesture on each patch or part.",
+    help="cross-patch, physics, time: touches of each gesture on each patch or part.",
 )
 @click.option(
     "--places",
@@ -90,7 +91,7 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 @out_folder("pictures, evaluation.json and report.html")
 @seed_option
 @profile_option("classify")
-@prints(KasparResult, CrossPatchResult, PhysicsResult, RecordingsResult, BaxterResult)
+@prints(KasparResult, CrossPatchResult, PhysicsResult, RecordingsResult, BaxterResult, TimeResult)
 def command(
     recordings: tuple[Path, ...],
     protocol: str | None,
@@ -107,6 +108,7 @@ def command(
     Example:  skinmap evaluate --protocol kaspar --seeds 3 --json
               skinmap evaluate --protocol cross-patch --robot icub --seeds 1
               skinmap evaluate --protocol physics --seeds 1 --per-gesture 5
+              skinmap evaluate --protocol time --per-gesture 8
               skinmap evaluate touches.npz --robot icub
               skinmap evaluate monday.mcap tuesday.mcap --leave-out session --leaks
               skinmap evaluate --protocol kaspar --sweep --jobs 4 --resume kaspar.resume
@@ -115,7 +117,7 @@ def command(
 
     chosen, files = _protocol(protocol, recordings)
     spread = worker_options(options)
-    options["seeds"] = options["seeds"] or {"baxter": 10, "physics": 1}.get(chosen, 5)
+    options["seeds"] = options["seeds"] or {"baxter": 10, "physics": 1, "time": 1}.get(chosen, 5)
     if chosen in OWN_CLASSIFIERS and from_profile("names"):
         options["names"] = ()  # a profile's classifier is one of those that are compared anyway
     options["sweep"] = options["sweep"] or out is not None

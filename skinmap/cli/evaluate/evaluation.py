@@ -28,6 +28,7 @@ from skinmap.cli.evaluate.result import (
     RecordingsResult,
     SplitSpread,
     SweepRow,
+    TimeResult,
 )
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from skinmap.touch.subjects import Places
 
 TUNING_STEPS = 6  # about; only the bar shows it
-PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics")
+PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,19 +79,17 @@ def work(settings: Settings) -> EvaluateResult:
         "baxter": _baxter,
         "cross-patch": _cross_patch,
         "physics": _physics,
+        "time": _time,
         "recordings": _recordings,
     }
     return runners[settings.protocol](settings)
 
 
 def _gestures(settings: Settings) -> tuple[str, ...]:
-    from skinmap.touch.gestures import FOUR, GESTURES
+    from skinmap.touch.gestures import gesture_set
     from skinmap.touch.simulator import check_gestures
 
-    sets = {"four": FOUR, "eight": tuple(GESTURES)[:8], "all": tuple(GESTURES)}
-    if settings.gestures in sets:
-        return tuple(sets[settings.gestures])
-    names = tuple(name.strip() for name in settings.gestures.split(","))
+    names = gesture_set([name.strip() for name in settings.gestures.split(",")])
     check_gestures(names)
     return names
 
@@ -290,6 +289,15 @@ def _physics_row(one: Judged) -> PhysicsRow:
         ece=one.ece,
         confusion=confusion,
     )
+
+
+def _time(settings: Settings) -> TimeResult:
+    from skinmap.cli.evaluate.in_time import work as in_time
+    from skinmap.touch.gestures import TIME
+
+    if settings.names:
+        raise click.UsageError("--protocol time judges the default classifier: no --classifier")
+    return in_time(settings, TIME if settings.gestures == "four" else _gestures(settings))
 
 
 def _patches(robot: str, parts: tuple[str, ...]) -> list[Patch]:

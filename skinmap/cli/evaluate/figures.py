@@ -7,7 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from skinmap.cli.evaluate.result import CrossPatchResult, KasparResult, RecordingsResult, SweepRow
+from skinmap.cli.evaluate.result import (
+    CrossPatchResult,
+    KasparResult,
+    RecordingsResult,
+    SweepRow,
+    TimeResult,
+)
 from skinmap.report.figure import plain_figure, save_figure
 from skinmap.report.result import given
 
@@ -97,6 +103,32 @@ def patches_figure(result: CrossPatchResult, path: Path) -> None:
         f"{result.robot}: touches named right on each patch [%]\n{how} (simulated)", fontsize=11
     )
     figure.colorbar(image, ax=axis, pad=0.01)
+    save_figure(figure, path)
+
+
+def time_figure(result: TimeResult, path: Path) -> None:
+    """Accuracy against the share of a touch seen, and by gesture with and without motion."""
+    figure = plain_figure((11.0, 4.6))
+    course, bars = figure.subplots(1, 2, width_ratios=(1.0, 1.4))
+    for number, key in enumerate(dict.fromkeys((r.features, r.tested_on) for r in result.rows)):
+        own = [row for row in result.rows if (row.features, row.tested_on) == key]
+        seen, mean = [100 * row.seen for row in own], [100 * row.mean for row in own]
+        course.plot(seen, mean, "o-", color=COLOURS[number % 5], label=", ".join(key))
+    course.set_xlabel("seen of the touch [%]")
+    course.set_ylabel("mean of the classes [%], simulated")
+    course.set_ylim(0.0, 100.0)
+    course.legend(fontsize=8, frameon=False)
+    whole = [row for row in result.rows if row.seen == 1.0 and row.tested_on == "ours"]
+    place = np.arange(len(result.gestures))
+    for shift, (row, colour) in enumerate(zip(whole, (GREY, BLUE), strict=False)):
+        values = [100.0 * row.per_class.get(name, 0.0) for name in result.gestures]
+        bars.bar(place + 0.38 * (shift - 0.5), values, 0.36, color=colour, label=row.features)
+    bars.set_xticks(place, result.gestures, rotation=30, ha="right")
+    bars.set_ylim(0.0, 100.0)
+    bars.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    for axis in (course, bars):
+        axis.spines[["top", "right"]].set_visible(False)
+    figure.suptitle(f"{result.robot}: touches in time, parts and people left out")
     save_figure(figure, path)
 
 

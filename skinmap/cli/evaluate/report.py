@@ -15,6 +15,7 @@ from skinmap.cli.evaluate.result import (
     PhysicsResult,
     RecordingsResult,
     SweepRow,
+    TimeResult,
 )
 from skinmap.report.image import media
 from skinmap.report.page import lines_page
@@ -32,6 +33,8 @@ def lines(result: EvaluateResult) -> Iterator[str | Table]:
         return _cross_patch(result)
     if isinstance(result, PhysicsResult):
         return _physics(result)
+    if isinstance(result, TimeResult):
+        return _time(result)
     return _baxter(result) if isinstance(result, BaxterResult) else _recordings(result)
 
 
@@ -50,6 +53,9 @@ def write(result: EvaluateResult, stage: Path) -> Iterator[str]:
     elif isinstance(result, CrossPatchResult):
         figures.patches_figure(result, stage / "patches.png")
         yield "patches.png"
+    elif isinstance(result, TimeResult):
+        figures.time_figure(result, stage / "time.png")
+        yield "time.png"
     elif isinstance(result, RecordingsResult):
         figures.leak_figure(result, stage / "leak.png")
         yield "leak.png"
@@ -143,6 +149,40 @@ def _physics(result: PhysicsResult) -> Iterator[str | Table]:
         for row in result.rows
     ]  # fmt: skip
     yield Table(["trained on", "tested on", "mean", "ece", *result.gestures], rows)
+
+
+def _time(result: TimeResult) -> Iterator[str | Table]:
+    yield (
+        f"{result.robot}, {len(result.parts)} parts in two hands, each touched by people of its "
+        f"own, {len(result.seeds)} seeds (simulated); accuracy in % of touches"
+    )
+    rows: Rows = [
+        [
+            row.features, row.tested_on, f"{100 * row.seen:.0f} %", _percent(row.mean),
+            *(_percent(row.per_class.get(name)) for name in result.gestures),
+        ]
+        for row in result.rows
+    ]  # fmt: skip
+    yield Table(["features", "tested on", "seen", "mean", *result.gestures], rows)
+    yield (
+        f"\nmotion adds {result.gained_points:.1f} points; half of a touch gives "
+        f"{100 * result.half_seen:.0f} % of the accuracy of all of it; still gestures: "
+        f"{_percent(result.still_alone)} alone, {_percent(result.still_together)} beside these"
+    )
+    yield "\nstrokes of 5 cm or more, medians of the errors"
+    rows = [
+        [
+            row.physics, row.strokes, _percent(row.speed), _percent(row.speed_bias),
+            "" if row.direction_deg is None else f"{row.direction_deg:.1f}",
+            _percent(row.length), _percent(row.within),
+            _percent(result.presses_right.get(row.physics)),
+        ]
+        for row in result.strokes
+    ]  # fmt: skip
+    heads = ["speed %", "bias %", "direction deg", "way %", "within 2 errors %", "taps counted %"]
+    yield Table(["physics", "strokes", *heads], rows)
+    for name, why in result.skipped.items():
+        yield f"{name} was left out: {why}"
 
 
 def _recordings(result: RecordingsResult) -> Iterator[str | Table]:

@@ -66,7 +66,8 @@ def sensing_options(command: Any) -> Any:
     "--gesture",
     "gestures",
     multiple=True,
-    help="Only this gesture; may be repeated. Or four (the default), eight or all.",
+    help="Only this gesture; may be repeated. Or four (the default), eight, all, or time: "
+    "strokes, pats, taps, rubs and more, with their true motion.",
 )
 @click.option(
     "--pairs",

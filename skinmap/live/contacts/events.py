@@ -65,6 +65,20 @@ class TouchEvent(Summary):
         Contacts that were part of it.
     names : tuple of str, optional
         Names that hold the truth as often as was promised, where that was asked for.
+    heading : str
+        Where it went in the part's axes: "up", "down", "round left", "round right", "to and fro"
+        or "still".
+    speed : float
+        While it moved evenly [m/s]; 0 where it stayed.
+    presses : int
+        How often it was pressed: several of taps and pats.
+    period : float
+        Mean time between their beginnings [s]; NaN of a single one.
+    early : str
+        The name that it had while it still went on; empty where it had none. All of it may tell
+        better.
+    early_after : float
+        How long after its beginning that name stood [s].
     """
 
     identity: int
@@ -79,6 +93,12 @@ class TouchEvent(Summary):
     centre: FloatArray
     contacts: int
     names: tuple[str, ...] | None = None
+    heading: str = "still"
+    speed: float = 0.0
+    presses: int = 1
+    period: float = float("nan")
+    early: str = ""
+    early_after: float = float("nan")
 
     def __post_init__(self) -> None:
         freeze(self, centre=np.asarray(self.centre, np.float64))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.live.contacts.contact_motion import Motion
 from skinmap.summary import Summary
 
 UNNAMED = "touch"  # what a touch is called while nobody has named it
@@ -41,6 +42,8 @@ class NamedTouch(Summary):
         [N], where the response is calibrated by loads.
     path : (p, 3) float or None
         Where its centre has been, oldest first, along the surface, in the link's frame [m].
+    motion : Motion or None
+        Which way it moves and how fast, its way and rhythm; None of one that is not followed.
     """
 
     part: str
@@ -56,6 +59,7 @@ class NamedTouch(Summary):
     mean: float = float("nan")
     force: float | None = None
     path: FloatArray | None = None
+    motion: Motion | None = None
 
     def __post_init__(self) -> None:
         freeze(self, taxels=self.taxels, centre=self.centre)

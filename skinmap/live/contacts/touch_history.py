@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.classify.classifier import Prediction
+from skinmap.classify.classifier import NO_CONTACT, Prediction
+from skinmap.classify.rejection import UNKNOWN
+from skinmap.live.contacts.contact_motion import Motion, MotionBook
 from skinmap.live.contacts.events import TouchEvent
 from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.contacts.named_touch import UNNAMED, NamedTouch
@@ -17,6 +19,11 @@ from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts import POOL_SHARE
 
 EVENTS = 1000  # touches that are over and wait to be taken at most
+PAUSE = 0.5  # between two presses of a pat or of taps at most [s]
+BEAT = 0.45  # a longer press is none of a pat [s]
+TOGETHER = 0.1  # the fingers of a hand that pats land within this time [s]
+SAME_PLACE = 0.04  # where the next press of a pat lands [m]
+UNSURE = (UNKNOWN, NO_CONTACT, UNNAMED)
 NOBODY = Prediction(UNNAMED, float("nan"))
 
 
@@ -36,6 +43,17 @@ class Entry:
     pressed: bool = True
     name: Prediction = NOBODY
     contacts: set[int] = field(default_factory=set)
+    early: tuple[str, float] = ("", float("nan"))
+    presses: int = 1
+    pressed_at: float = float("nan")  # when the last of them began
+    released_at: float = float("nan")  # and when the one before was over
+    named_at: float = float("nan")  # since when its name has stood
+
+    @property
+    def period(self) -> float:
+        """Mean time between its presses [s]; NaN of a single one."""
+        count = self.presses - 1
+        return (self.pressed_at - self.began) / count if count > 0 else float("nan")
 
 
 class TouchBook:
@@ -49,11 +67,24 @@ class TouchBook:
     ----------
     ended : deque of TouchEvent
         Touches that are over, oldest first; whoever reads takes them out.
+    motions, pieces : MotionBook
+        How each moves, and each of several contacts of one.
+    paused : dict of int to Entry
+        Short presses that are over, and may be the beginning of a pat: the next one at the same
+        place goes on with their touch.
+    parted : dict of int to int
+        Touches that the last sample showed to be over when another one began, and that one.
+    revise : callable
+        Gives a touch that is over its last name.
     """
 
     def __init__(self, skin: JoinedSkin) -> None:
         self.skin = skin
+        self.motions, self.pieces = MotionBook(skin), MotionBook(skin)
         self.entries: dict[int, Entry] = {}
+        self.paused: dict[int, Entry] = {}
+        self.parted: dict[int, int] = {}
+        self.revise: Callable[[Entry], Prediction | None] = lambda _: None
         self.ended: deque[TouchEvent] = deque(maxlen=EVENTS)
 
     def update(
@@ -61,13 +92,18 @@ class TouchBook:
         tracks: Sequence[Track],
         labels: Mapping[int, Prediction] | None = None,
         swallowed: Mapping[int, int] | None = None,
+        *,
+        time: float = float("inf"),
     ) -> list[int]:
         """Take the contacts of the next sample; the numbers of touches that are over now.
 
-        `swallowed` contacts were part of another one from the beginning.
+        `swallowed` contacts were part of another one from the beginning. Without a `time` [s] no
+        press waits for the next one.
         """
-        if not tracks and not self.entries:
+        if not tracks and not self.entries and not self.paused:
             return []
+        self._resume(tracks)
+        over = self._part_long_ones(tracks)
         alive = {track.touch for track in tracks}
         belongs = {track.identity: track.touch for track in tracks}
         for one, other in (swallowed or {}).items():
@@ -83,41 +119,138 @@ class TouchBook:
             entry = self.entries[number]
             entry.area, entry.heaviest = max(entry.area, area), max(entry.heaviest, load)
             entry.pressed = load >= POOL_SHARE * entry.heaviest
-        over = []
         for number, entry in list(self.entries.items()):
             if number in alive:
                 # What lets go says little: the last finger of a hand is no poke.
                 if labels and number in labels and (entry.pressed or entry.name is NOBODY):
+                    if entry.name.label != labels[number].label:
+                        entry.named_at = entry.seen
                     entry.name = labels[number]
                 continue
-            over.append(number)
             del self.entries[number]
             heir = {belongs[one] for one in entry.contacts if one in belongs}
             if heir:  # it turned out to be part of another touch
                 self._fold(entry, self.entries[min(heir)])
+                self.motions.join(number, min(heir))
+                over.append(number)
+            elif entry.seen - entry.pressed_at <= BEAT and time - entry.seen <= PAUSE:
+                self.paused[number] = entry
             else:
-                self.ended.append(self._event(entry))
+                over.append(self._end(entry))
+        for number, entry in list(self.paused.items()):
+            if not time - entry.seen <= PAUSE:
+                del self.paused[number]
+                over.append(self._end(entry))
         return over
+
+    def follow(self, time: float, tracks: Sequence[Track]) -> None:
+        """Follow the motion of the contacts of a sample."""
+        groups = _by_touch(tracks)
+        self.motions.update(time, groups)
+        several = [one for own in groups.values() if len(own) > 1 for one in own]
+        self.pieces.update(time, {one.identity: [one] for one in several})
+
+    @property
+    def lasting(self) -> dict[int, int]:
+        """The part of each touch that is not over, those between two presses too."""
+        every = {**self.paused, **self.entries}
+        return {number: entry.part for number, entry in every.items()}
+
+    def _resume(self, tracks: Sequence[Track]) -> None:
+        """Give new contacts to touches that were pressed shortly before at the same place."""
+        for track in tracks:
+            if track.touch in self.entries or not len(track.taxels):
+                continue
+            for number, entry in [*self.paused.items(), *self.entries.items()]:
+                begun = entry.presses > 1 and 0.0 <= track.began - entry.pressed_at <= TOGETHER
+                if entry.part != track.part or not (number in self.paused or begun):
+                    continue
+                if float(np.linalg.norm(track.centre - entry.centre)) > SAME_PLACE:
+                    continue
+                track.touch = number
+                if number in self.paused:
+                    self.entries[number] = self.paused.pop(number)
+                    entry.presses, entry.pressed_at = entry.presses + 1, track.began
+                    entry.released_at = entry.seen
+                    self.motions.drop(number)  # each press has a way of its own
+                break
+
+    def _part_long_ones(self, tracks: Sequence[Track]) -> list[int]:
+        """Presses that last are none of a pat: each becomes a touch of its own again.
+
+        The numbers of those that they were taken for, which are over.
+        """
+        self.parted, over = {}, []
+        for number, entry in list(self.entries.items()):
+            if entry.presses == 1 or not entry.seen - entry.pressed_at > BEAT:
+                continue
+            own = [one for one in tracks if one.touch == number and len(one.taxels)]
+            if not own:
+                continue
+            new = min(one.identity for one in own)
+            if new == number:
+                continue
+            for one in own:
+                one.touch = new
+            began, contacts = entry.pressed_at, {one.identity for one in own}
+            self.entries[new] = Entry(
+                new, entry.part, began, entry.seen, own[0].centre, peak=own[0].peak,
+                pressed_at=began, contacts=contacts,
+            )  # fmt: skip
+            self.parted[number] = new
+            self.motions.join(number, new)
+            del self.entries[number]
+            entry.contacts -= contacts
+            period, entry.presses = entry.period, entry.presses - 1
+            entry.seen = entry.released_at
+            entry.pressed_at = entry.began + (entry.presses - 1) * period
+            over.append(self._end(entry))
+        return over
+
+    def _end(self, entry: Entry) -> int:
+        early, since = entry.name.label, entry.named_at - entry.began
+        entry.early = (early, since) if early not in UNSURE else ("", float("nan"))
+        last = self.revise(entry)
+        if last is not None:
+            entry.name = last
+        self.ended.append(self._event(entry))
+        self.motions.drop(entry.identity)
+        for contact in entry.contacts:
+            self.pieces.drop(contact)
+        return entry.identity
 
     def show(self, tracks: Sequence[Track]) -> tuple[tuple[NamedTouch, ...], ...]:
         """The touches that are felt now, and their contacts one by one."""
-        groups: dict[int, list[Track]] = {}
-        for track in tracks:
-            if len(track.taxels):
-                groups.setdefault(track.touch, []).append(track)
         touches, contacts = [], []
-        for number, members in groups.items():
+        for number, members in _by_touch(tracks).items():
             entry = self.entries[number]
-            single = [self._named([one], one.identity, one.began, entry.name) for one in members]
+            whole = self.motions.motion(
+                number, entry.part, members[0].normal, presses=entry.presses,
+                period=entry.period,
+            )  # fmt: skip
+            own = [
+                whole if len(members) == 1
+                else self.pieces.motion(one.identity, one.part, one.normal)
+                for one in members
+            ]  # fmt: skip
+            single = [
+                self._named([one], one.identity, one.began, entry.name, motion)
+                for one, motion in zip(members, own, strict=True)
+            ]
             contacts += single
             if len(members) == 1 and members[0].identity == number:
                 touches += single
             else:
-                touches.append(self._named(members, number, entry.began, entry.name))
+                touches.append(self._named(members, number, entry.began, entry.name, whole))
         return tuple(touches), tuple(contacts)
 
     def _named(
-        self, members: list[Track], number: int, began: float, name: Prediction
+        self,
+        members: list[Track],
+        number: int,
+        began: float,
+        name: Prediction,
+        motion: Motion | None,
     ) -> NamedTouch:
         """One or several contacts as a touch; the oldest says where it is."""
         lead = members[0]
@@ -139,6 +272,7 @@ class TouchBook:
             sum(one.load for one in members) / len(taxels),
             None if force != force else force,  # NaN: nobody knows
             None if lead.stroke is None else lead.stroke.points,
+            motion,
         )
 
     def _add(self, track: Track) -> None:
@@ -147,6 +281,7 @@ class TouchBook:
             entry = self.entries[track.touch] = Entry(
                 track.touch, track.part, track.began, track.seen, track.centre
             )
+            entry.pressed_at = track.began
         if track.seen > entry.seen or not entry.contacts:
             entry.centre, entry.seen = track.centre, track.seen
         entry.began = min(entry.began, track.began)
@@ -157,6 +292,8 @@ class TouchBook:
 
     @staticmethod
     def _fold(entry: Entry, into: Entry) -> None:
+        if entry.presses > into.presses:
+            into.presses, into.pressed_at = entry.presses, entry.pressed_at
         into.began = min(into.began, entry.began)
         into.area, into.peak = max(into.area, entry.area), max(into.peak, entry.peak)
         into.length = max(into.length, entry.length)
@@ -164,6 +301,7 @@ class TouchBook:
         into.contacts |= entry.contacts
 
     def _event(self, entry: Entry) -> TouchEvent:
+        gone = self.motions.course(entry.identity)
         return TouchEvent(
             entry.identity,
             self.skin.parts[entry.part],
@@ -177,4 +315,18 @@ class TouchBook:
             entry.centre,
             len(entry.contacts),
             entry.name.names,
+            gone.heading,
+            gone.speed,
+            entry.presses,
+            entry.period,
+            *entry.early,
         )
+
+
+def _by_touch(tracks: Sequence[Track]) -> dict[int, list[Track]]:
+    """The contacts that are felt, by the number of their touch."""
+    groups: dict[int, list[Track]] = {}
+    for track in tracks:
+        if len(track.taxels):
+            groups.setdefault(track.touch, []).append(track)
+    return groups

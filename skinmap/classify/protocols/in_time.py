@@ -1,0 +1,235 @@
+"""Touches in time: named with and without their motion, whole and while they still go on.
+
+Parts are left out: the skins are dealt into two hands, one trains while the other tests, and mirror
+images never stand on both sides. Each part is touched by people of its own, so people are left out
+as well. The judge that can fail is the same classifier without motion, and a second physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from skinmap.classify.classifier import TouchClassifier
+from skinmap.classify.descriptors import ContactGeometry, Touch, recorded_touches
+from skinmap.classify.evaluate import likeliest
+from skinmap.classify.protocols.physics import OURS, Judged, judged
+from skinmap.classify.rbf_machine import RbfMachine
+from skinmap.errors import InvalidArrayError
+from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.workers import ONE, Workers
+from skinmap.touch.gestures import FOUR, TIME
+from skinmap.touch.motion_features import MOTION_FEATURES, motion_features
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.recording import Recording
+from skinmap.touch.simulator import simulate
+
+SEEN = (0.25, 0.5, 0.75, 1.0)  # shares of a touch that are judged
+PRESSES = MOTION_FEATURES.index("presses")
+COUNTED = ("tap", "pat")
+Features = Literal["contact geometry", "and motion"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Played:
+    """A skin, what was recorded on it, and in which physics."""
+
+    skin: PreparedSkin
+    physics: str
+    recording: Recording
+
+    def touches(self, gestures: Sequence[str]) -> list[Touch]:
+        """Those of some gestures."""
+        every = recorded_touches(self.skin, self.recording)
+        return [touch for touch in every if touch.label in gestures]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SeenRow:
+    """What a training is worth on one physics.
+
+    Attributes
+    ----------
+    features : str
+        What is looked at.
+    seen : float
+        Share of each touch that was shown.
+    judged : Judged
+    """
+
+    features: Features
+    seen: float
+    judged: Judged
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class InTime:
+    """All that the protocol finds.
+
+    Attributes
+    ----------
+    rows : list of SeenRow
+    counted : mapping of str to float
+        Share of taps and pats whose presses were counted right, by physics.
+    still_alone, still_together : float
+        Share of still touches named right by a classifier of these alone, and of all.
+    """
+
+    rows: list[SeenRow]
+    counted: Mapping[str, float]
+    still_alone: float
+    still_together: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Playing:
+    skin: PreparedSkin
+    physics: str
+    gestures: tuple[str, ...]
+    per_gesture: int
+    seed: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Training:
+    features: Features | None  # what the classifier chooses, where None
+    train: tuple[Touch, ...]
+    test: Mapping[str, tuple[Touch, ...]]
+    shares: tuple[float, ...]
+    seed: int
+
+
+def play(
+    skins: Mapping[str, PreparedSkin],
+    physics: Sequence[str],
+    gestures: Sequence[str],
+    per_gesture: int,
+    seed: int,
+    *,
+    workers: Workers = ONE,
+    progress: Callable[[str], None] | None = None,
+) -> list[Played]:
+    """Touches on each skin, of ours with the four that stay, in each physics.
+
+    Raises
+    ------
+    MissingLibraryError
+        MuJoCo is asked for, and not installed.
+    """
+    tasks = [
+        _Playing(
+            skin,
+            one,
+            (*gestures, *FOUR) if one == OURS else tuple(gestures),
+            per_gesture if one == OURS else max(2, per_gesture // 4),
+            (seed, row, column),
+        )
+        for row, one in enumerate(physics)
+        for column, skin in enumerate(skins.values())
+    ]
+    made = run_tasks(_play, tasks, workers=workers, progress=progress)
+    return [Played(task.skin, task.physics, one) for task, one in zip(tasks, made, strict=True)]
+
+
+def _play(task: _Playing) -> Recording:
+    rng, skin = task_rng(task.seed), task.skin.skin
+    if task.physics == OURS:
+        return simulate(skin, rng=rng, gestures=task.gestures, per_gesture=task.per_gesture)
+    from skinmap.physics.simulation import simulate as press
+
+    return press(
+        skin, rng=rng, variant=task.physics, gestures=task.gestures, per_gesture=task.per_gesture
+    )
+
+
+def evaluate_in_time(
+    played: Sequence[Played],
+    *,
+    gestures: Sequence[str] = TIME,
+    seed: int,
+    workers: Workers = ONE,
+    progress: Callable[[str], None] | None = None,
+) -> InTime:
+    """Train on one half of the parts, test on the other, both ways.
+
+    Raises
+    ------
+    InvalidArrayError
+        Fewer than two skins: none is left to test on.
+    """
+    parts = list(dict.fromkeys(one.skin.skin.part for one in played))
+    if len(parts) < 2:
+        raise InvalidArrayError(f"leaving parts out needs two parts, got {len(parts)}")
+    physics = list(dict.fromkeys(one.physics for one in played))
+
+    def of(kinds: Sequence[str], hand: int, test: bool, world: str = OURS) -> tuple[Touch, ...]:
+        chosen = [part for k, part in enumerate(parts) if (k % 2 == hand) == test]
+        own = [one for one in played if one.physics == world and one.skin.skin.part in chosen]
+        return tuple(touch for one in own for touch in one.touches(kinds))
+
+    trainings = []
+    for hand in (0, 1):
+        tests = {one: of(gestures, hand, True, one) for one in physics}
+        still = {OURS: of(FOUR, hand, True)}
+        learnt, four = of(gestures, hand, False), of(FOUR, hand, False)
+        trainings += [
+            _Training("contact geometry", learnt, {OURS: tests[OURS]}, SEEN, seed),
+            _Training("and motion", learnt, tests, SEEN, seed),
+            _Training(None, four, still, (1.0,), seed),
+            _Training(None, (*learnt, *four), still, (1.0,), seed),
+        ]
+    found = run_tasks(_train, trainings, workers=workers, progress=progress)
+    named: dict[tuple[Features, str, float], list[tuple[str, str, float]]] = {}
+    stays: list[list[bool]] = [[], []]
+    for number, (task, one) in enumerate(zip(trainings, found, strict=True)):
+        for (world, share), touches in one.items():
+            if task.features is None:
+                stays[number % 4 - 2] += [true == name for true, name, _ in touches]
+            else:
+                named.setdefault((task.features, world, share), []).extend(touches)
+    rows = [
+        SeenRow(features, share, judged(OURS, world, gestures, touches))
+        for (features, world, share), touches in named.items()
+    ]
+    alone, together = (float(np.mean(one)) for one in stays)
+    return InTime(rows, {one: _counted(played, one) for one in physics}, alone, together)
+
+
+def _train(task: _Training) -> dict[tuple[str, float], list[tuple[str, str, float]]]:
+    """True label, name and confidence of the touches of each physics and share."""
+    motion = None if task.features is None else task.features == "and motion"
+    model = TouchClassifier("contact-geometry", ContactGeometry(motion=motion), RbfMachine())
+    model.fit(task.train, rng=task_rng(task.seed))
+    found = {}
+    for world, touches in task.test.items():
+        for share in task.shares:
+            guesses = [
+                (touch.label, likeliest(model, beginning(touch, share))) for touch in touches
+            ]
+            found[world, share] = [(true, one.label, one.confidence) for true, one in guesses]
+    return found
+
+
+def beginning(touch: Touch, share: float) -> Touch:
+    """The first share of a touch's samples."""
+    if share >= 1.0:
+        return touch
+    count = max(1, round(share * len(touch.samples)))
+    return Touch(touch.skin, touch.samples[:count], touch.label, touch.person, touch.rate)
+
+
+def _counted(played: Sequence[Played], physics: str) -> float:
+    """Share of taps and pats whose presses are counted right."""
+    right = []
+    for one in played:
+        if one.physics != physics or not one.recording.motions:
+            continue
+        touches = recorded_touches(one.skin, one.recording)
+        for touch, truth in zip(touches, one.recording.motions, strict=True):
+            if truth is not None and touch.label in COUNTED:
+                row = motion_features(one.skin.geometry, touch.samples, touch.rate)
+                right.append(row[PRESSES] == len(truth.onsets))
+    return float(np.mean(right)) if right else float("nan")

@@ -1,0 +1,430 @@
+"""Which way a touch moves and how fast: from its centre, rolled out along the surface.
+
+The centre is that of the load of all contacts of a touch, so it goes on evenly where contacts
+part, join or cross a gap. Its steps are laid into a plane whose axes are carried along by the least
+rotation between the normals: a geodesic becomes a straight line, and the velocity is the slope of a
+line through the last places. docs/motion.md has the formulas and what the errors were fitted on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from skinmap.arrays import FloatArray, freeze
+from skinmap.geometry.proximity import median_spacing
+from skinmap.live.contacts.followed_contact import DRAWING, Track
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.skin.skin import Skin
+from skinmap.summary import Summary
+
+Triple = tuple[float, float, float]
+Heading = Literal["still", "up", "down", "round left", "round right", "to and fro"]
+WINDOW = 0.2  # a velocity is taken from the places of so long at least [s]
+LONGEST = 0.8  # and at most [s]
+PITCHES = (
+    2.5  # and from a way of so many spacings: over one the lattice makes the centre go unevenly
+)
+PLACES = 256  # that are kept
+EVEN = 0.7  # of the upper speeds: less is landing, turning or leaving
+STILL = 8e-3  # slower is still: a resting finger trembles [m/s]
+FASTEST = 1.0  # nobody strokes quicker: a step beyond is a contact that came or went [m/s]
+FREE = 0.22  # residuals that are free of each other on the way of one spacing
+WOBBLE = 0.12  # by which the lattice misplaces a centre, in spacings: the least error of a place
+STEEP = 0.35  # of what is up, less is left in the skin's plane: its long axis tells instead
+SHORT = 15e-3  # a shorter way has no heading [m]
+STRAIGHT = 0.5  # of the way, a touch that comes less far goes to and fro
+OPPOSED = 0.05  # shorter mean normals are of contacts that face away from each other
+LAID = 1e-3  # steps are laid into the plane when they are so long: noise adds no way [m]
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Motion(Summary):
+    """How a touch moves now, and how it has moved.
+
+    Attributes
+    ----------
+    velocity : (3,) float
+        Along the skin, in the link's frame [m/s].
+    error : float
+        Standard error of the velocity in any direction [m/s]; inf while too little is known.
+    up, right : float
+        The velocity in the part's axes: up as the robot at rest has it (along the part where
+        that is out of the skin), and to the right as one sees who looks at the skin [m/s].
+    heading : {"still", "up", "down", "round left", "round right"}
+        The same as a word.
+    length : float
+        Of the way so far [m].
+    presses : int
+        How often it was pressed: 1, or more of taps and pats.
+    period : float
+        Mean time between their beginnings [s]; NaN of a single press.
+    """
+
+    velocity: FloatArray
+    error: float
+    up: float
+    right: float
+    heading: Heading
+    length: float
+    presses: int = 1
+    period: float = float("nan")
+
+    def __post_init__(self) -> None:
+        freeze(self, velocity=self.velocity)
+
+    @property
+    def speed(self) -> float:
+        """[m/s]."""
+        return float(np.linalg.norm(self.velocity))
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "heading": self.heading,
+            "speed": f"{1e3 * self.speed:.0f} mm/s",
+            "length": f"{1e3 * self.length:.0f} mm",
+            "presses": self.presses,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """How a touch went on, from its beginning on.
+
+    Attributes
+    ----------
+    heading : str
+        As of `Motion`, or "to and fro".
+    speed : float
+        While it moved evenly [m/s].
+    length : float
+        Of the way [m].
+    """
+
+    heading: Heading = "still"
+    speed: float = 0.0
+    length: float = 0.0
+
+
+class RolledWay:
+    """The way of one touch, rolled out into a plane as it comes.
+
+    Parameters
+    ----------
+    spacing : float
+        Of the taxels [m].
+    window : float
+        Of the velocity, at least [s].
+
+    Attributes
+    ----------
+    length : float
+        [m].
+    gone : list of 2 float
+        How far up and to the right it has come [m].
+    speeds : deque of float
+        While it moved, the last ones [m/s].
+    """
+
+    def __init__(self, spacing: float, window: float = WINDOW) -> None:
+        self.spacing, self.window = spacing, window
+        self.length = 0.0
+        self.gone = [0.0, 0.0]  # up and to the right, in sum [m]
+        self.speeds: deque[float] = deque(maxlen=PLACES)
+        self._heaviest = 0.0
+        # Time, place in the plane and way so far, row by row; the last rows are what counts.
+        self._rows: FloatArray = np.zeros((2 * PLACES, 4))
+        self._count = 0
+        self._axes: tuple[Triple, Triple] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        self._centre: Triple = (0.0, 0.0, 0.0)
+        self._normal: Triple = (0.0, 0.0, 0.0)
+        self._at = (0.0, 0.0)
+        self._velocity: tuple[FloatArray, float] | None = None
+
+    def add(self, time: float, centre: Triple, normal: Triple, load: float) -> None:
+        """Follow the centre [m] of a touch whose skin faces along a normal."""
+        self._heaviest = max(self._heaviest, load)
+        if self._count == 0:
+            self._axes = _any_axes(normal)
+            self._centre, self._normal = centre, normal
+        elif load < DRAWING * self._heaviest:
+            return  # what lets go draws no way
+        x, y = self._rolled(centre, normal)
+        step = math.hypot(x - self._at[0], y - self._at[1])
+        past = time - float(self._rows[self._count - 1, 0]) if self._count else 0.0
+        if past > 0 and step > FASTEST * past + 0.5 * self.spacing:
+            # A contact came or went: the plane is moved on instead.
+            x, y = self._at
+            self._begin_at(centre, normal, self._at)
+        elif step >= LAID:
+            self.length += step
+            self._begin_at(centre, normal, (x, y))
+        if self._count == len(self._rows):
+            self._rows[:PLACES] = self._rows[PLACES:]
+            self._count = PLACES
+        self._rows[self._count] = time, x, y, self.length
+        self._count += 1
+        self._velocity = None
+
+    @property
+    def at(self) -> tuple[float, float]:
+        """Place in the plane up to which it is laid [m]."""
+        return self._at
+
+    def step_to(self, before: tuple[float, float]) -> Triple | None:
+        """The step since an earlier place, in the link's frame [m]; None where there was none."""
+        x, y = self._at[0] - before[0], self._at[1] - before[1]
+        if x == 0.0 and y == 0.0:
+            return None
+        a, b = self._axes
+        return x * a[0] + y * b[0], x * a[1] + y * b[1], x * a[2] + y * b[2]
+
+    def velocity(self) -> tuple[FloatArray, float]:
+        """Velocity (3,) and its standard error [m/s]: a line through the last places.
+
+        The window goes back until the way in it is `PITCHES` spacings. Its residuals are as the
+        lattice repeats, not from sample to sample: there are as many free ones as spacings
+        on the way.
+        """
+        if self._velocity is None:
+            slope, error = self._slope()
+            a, b = self._axes
+            found = [slope[0] * one + slope[1] * other for one, other in zip(a, b, strict=True)]
+            self._velocity = np.array(found), error
+            speed = math.hypot(*slope)
+            if speed > STILL and speed > 2.0 * error:
+                self.speeds.append(speed)
+        return self._velocity
+
+    @property
+    def speed(self) -> float:
+        """While it moved evenly [m/s]: the middle of the upper speeds; 0 where it stayed."""
+        if not self.speeds:
+            return 0.0
+        speeds = np.array(self.speeds)
+        return float(np.median(speeds[speeds >= EVEN * np.percentile(speeds, 90)]))
+
+    def _slope(self) -> tuple[tuple[float, float], float]:
+        """Slope in the plane and its standard error."""
+        rows = self._rows[max(0, self._count - PLACES) : self._count]
+        unknown = (0.0, 0.0), float("inf")
+        if len(rows) < 3:
+            return unknown
+        now, way = rows[-1, 0], rows[-1, 3]
+        first = min(
+            int(rows[:, 3].searchsorted(way - PITCHES * self.spacing)),
+            int(rows[:, 0].searchsorted(now - self.window)),
+        )
+        first = max(first, int(rows[:, 0].searchsorted(now - LONGEST)))
+        if len(rows) - first < 3:
+            return unknown
+        rows = rows[first:]
+        slope, away, spread = _line(rows)
+        keep = away <= 9.0 * np.median(away) + (0.1 * self.spacing) ** 2
+        if not keep.all() and np.count_nonzero(keep) >= 3:
+            # Once more without what lies far off: a landing, a contact that came.
+            slope, away, spread = _line(rows[keep])
+        variance = max(float(away.mean()) / 2.0, (WOBBLE * self.spacing) ** 2)
+        free = max(1.0, FREE * (way - float(rows[0, 3])) / self.spacing)
+        error = math.sqrt(variance / (free * spread)) if spread > 0 else float("inf")
+        return slope, error
+
+    def _rolled(self, centre: Triple, normal: Triple) -> tuple[float, float]:
+        """Place in the plane of a centre one step further."""
+        step = (
+            centre[0] - self._centre[0], centre[1] - self._centre[1], centre[2] - self._centre[2]
+        )  # fmt: skip
+        length = math.hypot(*step)
+        if length == 0:
+            return self._at
+        a, b = self._axes
+        c, d = self._carried(normal)
+        x, y = dot(a, step) + dot(c, step), dot(b, step) + dot(d, step)
+        flat = math.hypot(x, y)
+        if flat == 0:
+            return self._at
+        scale = length / flat
+        return self._at[0] + scale * x, self._at[1] + scale * y
+
+    def _begin_at(self, centre: Triple, normal: Triple, at: tuple[float, float]) -> None:
+        self._axes = self._carried(normal)
+        self._centre, self._normal, self._at = centre, normal, at
+
+    def _carried(self, normal: Triple) -> tuple[Triple, Triple]:
+        """The plane's axes turned by the least rotation to another normal."""
+        before = self._normal
+        scale = 1.0 / max(1.0 + dot(before, normal), 1e-9)
+        m = (
+            (before[0] + normal[0]) * scale,
+            (before[1] + normal[1]) * scale,
+            (before[2] + normal[2]) * scale,
+        )
+
+        def turned(axis: Triple) -> Triple:
+            along = dot(axis, normal)
+            return axis[0] - along * m[0], axis[1] - along * m[1], axis[2] - along * m[2]
+
+        return turned(self._axes[0]), turned(self._axes[1])
+
+
+def _line(rows: FloatArray) -> tuple[tuple[float, float], FloatArray, float]:
+    """Slope of a line through places over times (k, >= 3), squared residuals and variance of t."""
+    mean = rows[:, :3].sum(axis=0) / len(rows)
+    t, x, y = (rows[:, :3] - mean).T
+    spread = float(t @ t)
+    if spread <= 0:
+        return (0.0, 0.0), x * x + y * y, 0.0
+    u, v = float(t @ x) / spread, float(t @ y) / spread
+    dx, dy = x - u * t, y - v * t
+    return (u, v), dx * dx + dy * dy, spread / len(rows)
+
+
+def dot(one: Triple, other: Triple) -> float:
+    """Product of two vectors of three numbers."""
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+
+
+def _any_axes(normal: Triple) -> tuple[Triple, Triple]:
+    """Two unit vectors across a normal and each other."""
+    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    first = np.cross(normal, helper)
+    first /= np.linalg.norm(first)
+    one, other = first.tolist(), np.cross(normal, first).tolist()
+    return (one[0], one[1], one[2]), (other[0], other[1], other[2])
+
+
+class MotionBook:
+    """The motion of each touch.
+
+    Parameters
+    ----------
+    skin : JoinedSkin
+    window : float
+        A velocity is taken from the places of so long at least [s].
+    """
+
+    def __init__(self, skin: JoinedSkin, *, window: float = WINDOW) -> None:
+        self.skin, self.window = skin, window
+        self.ways: dict[int, RolledWay] = {}
+        skins = [one.skin for one in skin.skins.values()]
+        self._spacing = [median_spacing(one.positions) for one in skins]
+        self._axes = [_axes_of(one) for one in skins]
+
+    def update(self, time: float, groups: Mapping[int, Sequence[Track]]) -> None:
+        """Take the contacts of a sample, by the number of what is followed."""
+        for number, members in groups.items():
+            if number not in self.ways:
+                self.ways[number] = RolledWay(self._spacing[members[0].part], self.window)
+            centre, normal, load = _middle(members)
+            way = self.ways[number]
+            before = way.at
+            way.add(time, centre, normal, load)
+            step = way.step_to(before)
+            if step is not None:
+                up, right = self._axes_at(members[0].part, normal)
+                way.gone[0] += dot(step, up)
+                way.gone[1] += dot(step, right)
+
+    def motion(
+        self,
+        number: int,
+        part: int,
+        normal: FloatArray,
+        *,
+        presses: int = 1,
+        period: float = float("nan"),
+    ) -> Motion | None:
+        """How a touch moves now; None of one that is not followed."""
+        way = self.ways.get(number)
+        if way is None:
+            return None
+        velocity, error = way.velocity()
+        x, y, z = velocity.tolist()
+        n = (float(normal[0]), float(normal[1]), float(normal[2]))
+        up, right = self._axes_at(part, n)
+        rise, aside, speed = dot((x, y, z), up), dot((x, y, z), right), math.hypot(x, y, z)
+        word = heading(rise, aside, speed, error)
+        return Motion(velocity, error, rise, aside, word, way.length, presses, period)
+
+    def course(self, number: int) -> Course:
+        """How a touch has gone so far."""
+        way = self.ways.get(number)
+        if way is None:
+            return Course()
+        speed, (up, right) = way.speed, way.gone
+        if way.length < SHORT or speed <= 0:
+            return Course(speed=speed, length=way.length)
+        word: Heading = heading(up, right, 1.0, 0.0)
+        if math.hypot(up, right) < STRAIGHT * way.length:
+            word = "to and fro"
+        return Course(word, speed, way.length)
+
+    def join(self, number: int, into: int) -> None:
+        """A touch turned out to be part of another one."""
+        if number in self.ways and into not in self.ways:
+            self.ways[into] = self.ways[number]
+        self.ways.pop(number, None)
+
+    def drop(self, number: int) -> None:
+        """Forget a touch that is over."""
+        self.ways.pop(number, None)
+
+    def forget(self) -> None:
+        """The clock began anew."""
+        self.ways.clear()
+
+    def _axes_at(self, part: int, normal: Triple) -> tuple[Triple, Triple]:
+        """Unit directions in the skin: up, and to the right as one sees who looks at it."""
+        u, n = self._up_at(part, normal), normal
+        right = u[1] * n[2] - u[2] * n[1], u[2] * n[0] - u[0] * n[2], u[0] * n[1] - u[1] * n[0]
+        return u, right
+
+    def _up_at(self, part: int, normal: Triple) -> Triple:
+        """Unit direction in the skin that is up, or along the part where none is."""
+        for axis in self._axes[part]:
+            along = dot(axis, normal)
+            flat = tuple(one - along * other for one, other in zip(axis, normal, strict=True))
+            size = math.hypot(*flat)
+            if size >= STEEP:
+                return flat[0] / size, flat[1] / size, flat[2] / size
+        return _any_axes(normal)[0]
+
+
+def _middle(members: Sequence[Track]) -> tuple[Triple, Triple, float]:
+    """Centre, normal and load of some contacts together."""
+    whole = sum(one.load for one in members)
+    centre = normal = (0.0, 0.0, 0.0)
+    for one in members:
+        share = one.load / whole if whole > 0 else 1.0 / len(members)
+        (x, y, z), (a, b, c) = one.centre.tolist(), one.normal.tolist()
+        centre = (centre[0] + share * x, centre[1] + share * y, centre[2] + share * z)
+        normal = (normal[0] + share * a, normal[1] + share * b, normal[2] + share * c)
+    size = math.hypot(*normal)
+    if size < OPPOSED:  # both sides of a limb: no plane is theirs
+        a, b, c = members[0].normal.tolist()
+        return centre, (a, b, c), whole
+    return centre, (normal[0] / size, normal[1] / size, normal[2] / size), whole
+
+
+def heading(up: float, right: float, speed: float, error: float) -> Heading:
+    """A velocity [m/s] as a word; slower than `STILL` or than twice its error is still."""
+    if speed < STILL or not speed > 2.0 * error:
+        return "still"
+    if abs(up) >= abs(right):
+        return "up" if up > 0 else "down"
+    return "round right" if right > 0 else "round left"
+
+
+def _axes_of(skin: Skin) -> tuple[Triple, ...]:
+    """What is up on a part, where that is known, and the direction in which it is longest."""
+    away = skin.positions - skin.positions.mean(axis=0)
+    longest = np.linalg.svd(away, full_matrices=False)[2][0]
+    longest = longest * np.sign(longest[int(np.argmax(np.abs(longest)))])
+    found = [longest] if skin.up is None else [skin.up, longest]
+    return tuple((float(a), float(b), float(c)) for a, b, c in found)
