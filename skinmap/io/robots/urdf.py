@@ -248,7 +248,8 @@ def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
     if path.suffix.lower() == ".dae":
         read_xml(path, "a COLLADA mesh", MAX_MESH_BYTES)  # COLLADA is XML with all its doors
     try:
-        mesh = trimesh.load_mesh(str(path), process=merge)
+        with np.errstate(over="ignore", invalid="ignore"):  # merging casts to whole numbers
+            mesh = trimesh.load_mesh(str(path), process=merge)
         vertices = np.asarray(mesh.vertices, np.float64)
         faces = np.asarray(mesh.faces, np.int64)
     except Exception as error:  # each format has its own kinds of failure
