@@ -106,8 +106,8 @@ def undisturbed() -> Iterator[None]:
     finally:
         for kind, handler in before.items():
             signal.signal(kind, signal.SIG_DFL if handler is None else handler)
-        for kind in came[:1]:
-            signal.raise_signal(kind)
+        for first in came[:1]:
+            signal.raise_signal(first)
 
 
 @contextmanager
