@@ -93,14 +93,21 @@ def _wrench_arrays(path: Path) -> dict[str, FloatArray]:
     arrays = read_arrays(path, "touches with wrenches (.npz or .csv)")
     _need(arrays, WRENCH, path)
     try:
-        found = {name: np.array(arrays[name], np.float64) for name in arrays}
+        with np.errstate(over="raise", invalid="raise"):  # of longer floats than ours, of no number
+            found = {name: _real(arrays[name]) for name in arrays}
         _ = found["frames"][..., :3, 3]
-    except (ValueError, TypeError, IndexError) as error:
+    except (ValueError, TypeError, IndexError, FloatingPointError) as error:
         raise DataFormatError(f"arrays must be numbers: {error}", path) from error
     taxels = found.get("taxels")
     if taxels is not None and (taxels.ndim != 2 or taxels.shape[1] != 3):
         raise DataFormatError(f"taxels must have shape (n, 3), got {taxels.shape}", path)
     return found
+
+
+def _real(values: NDArray[Any]) -> FloatArray:
+    if values.dtype.kind == "c":
+        raise ValueError("complex ones came")
+    return np.array(values, np.float64)
 
 
 def _wrench_rows(path: Path) -> dict[str, FloatArray]:

@@ -228,8 +228,9 @@ def _from_recording(
     path: Path, robot: Robot, parts: Sequence[str], threshold: float
 ) -> PlaneEvidence:
     from skinmap.io.recordings.mcap_track import read_track
+    from skinmap.io.recordings.recorded_stream import warn_of_loss
 
-    track = read_track(path)
+    track = warn_of_loss(read_track(path), path)
     if not track.joints:
         raise DataFormatError(
             "holds no joint angles; record them with it, or give an .npz of presses", path

@@ -120,8 +120,9 @@ def read_touches(path: Path, probes: Mapping[str, Probe]) -> tuple[list[TouchFil
     """
     if path.suffix.lower() == ".mcap":
         from skinmap.io.recordings.mcap_track import read_track
+        from skinmap.io.recordings.recorded_stream import warn_of_loss
 
-        track = read_track(path)
+        track = warn_of_loss(read_track(path), path)
     else:
         from skinmap.io.recordings.learning import track_of_arrays
 

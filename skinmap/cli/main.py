@@ -13,7 +13,7 @@ from importlib.metadata import entry_points
 import click
 
 from skinmap import __version__
-from skinmap.cli.interrupts import end_on_interrupt
+from skinmap.cli.interrupts import TerminatedError, end_on_interrupt
 from skinmap.commands.groups import NamedGroup
 from skinmap.commands.progress import QUIET
 from skinmap.errors import SkinError
@@ -127,6 +127,8 @@ def main() -> None:
         _fail(_one_line(error), 2, debug)
     except SkinError as error:
         _fail(str(error), 2, debug)
+    except TerminatedError:
+        _fail("terminated", 143, debug=False)
     except (KeyboardInterrupt, click.Abort):
         _fail("interrupted", 130, debug=False)
     except BrokenPipeError:  # the reader of our output went away: nothing is wrong

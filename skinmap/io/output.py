@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
+import signal
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from skinmap.errors import OutputError
+from skinmap.errors import OutputError, SkinError
+
+# What a disk or its file system says to a writer, and no reader ever hears.
+REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
@@ -21,7 +28,8 @@ def staged_folder(out: Path) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        `out` cannot be made or written to (found before any work is done).
+        `out` cannot be made or written to (found before any work is done), or became full or
+        read-only since.
     """
     made = not out.exists()
     try:
@@ -30,17 +38,17 @@ def staged_folder(out: Path) -> Iterator[Path]:
     except OSError as error:
         raise OutputError(f"cannot write to the folder {str(out)!r}: {error.strerror}") from None
     try:
-        yield stage
-        for path in sorted(path for path in stage.rglob("*") if path.is_file()):
-            target = out / path.relative_to(stage)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(path, target)
-    except BaseException:
+        with _refusals(out, stage):
+            yield stage
+        with _refusals(out, out), undisturbed():
+            for path in sorted(path for path in stage.rglob("*") if path.is_file()):
+                target = out / path.relative_to(stage)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                os.replace(path, target)
+    finally:
         shutil.rmtree(stage, ignore_errors=True)
-        if made and not any(out.iterdir()):
+        if made and out.is_dir() and not any(out.iterdir()):
             out.rmdir()
-        raise
-    shutil.rmtree(stage, ignore_errors=True)
 
 
 def check_folder(out: Path) -> None:
@@ -65,7 +73,7 @@ def staged_file(path: Path) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        The folder of `path` does not exist or cannot be written to.
+        The folder of `path` does not exist, cannot be written to, or became full.
     """
     try:
         handle, name = tempfile.mkstemp(prefix=".skinmap-", suffix=path.suffix, dir=path.parent)
@@ -76,11 +84,46 @@ def staged_file(path: Path) -> Iterator[Path]:
     try:
         if path.is_dir():
             raise OutputError(f"cannot write {str(path)!r}: it is a folder")
-        yield stage
-        stage.chmod(0o666 & ~_umask())
-        os.replace(stage, path)
+        with _refusals(path, stage):
+            yield stage
+        with _refusals(path, path):
+            stage.chmod(0o666 & ~_umask())
+            os.replace(stage, path)
     finally:
         stage.unlink(missing_ok=True)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Ctrl-C and a polite kill wait until this is over, which should be soon."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = {kind: signal.signal(kind, lambda kind, _: came.append(kind)) for kind in SIGNALS}
+    try:
+        yield
+    finally:
+        for kind, handler in before.items():
+            signal.signal(kind, signal.SIG_DFL if handler is None else handler)
+        for first in came[:1]:
+            signal.raise_signal(first)
+
+
+@contextmanager
+def _refusals(named: Path, place: Path) -> Iterator[None]:
+    """What the system refuses to whoever writes at a place, as a line that names the result."""
+    try:
+        yield
+    except SkinError:
+        raise
+    except OSError as error:
+        at = str(error.filename or error.filename2 or "")
+        ours = at.startswith(str(place)) or str(error.filename2 or "").startswith(str(place))
+        if error.errno in REFUSED or (ours and isinstance(error, PermissionError)):
+            reason = error.strerror or type(error).__name__
+            raise OutputError(f"cannot write {str(named)!r}: {reason}") from error
+        raise
 
 
 def _umask() -> int:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import threading
+import time
 from collections.abc import Callable, Collection
 from typing import Any, Protocol
 
@@ -10,6 +13,9 @@ from skinmap.errors import UnreachableError
 # One thread in the numeric libraries of each process: the processes share the cores already, and
 # sums keep their order.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+LOOK = 0.5  # seconds between a worker's looks after the process that started it
 
 
 class WorkersLostError(UnreachableError):
@@ -64,7 +70,11 @@ class LocalPool:
 
         if self._executor is None:
             self._executor = get_reusable_executor(
-                max_workers=self.size, reuse=True, env=dict.fromkeys(THREADS, "1")
+                max_workers=self.size,
+                reuse=True,
+                env=dict.fromkeys(THREADS, "1"),
+                initializer=end_with,
+                initargs=(os.getpid(),),
             )
         try:
             return self._executor.submit(call, task)
@@ -97,3 +107,14 @@ class LocalPool:
         if self._executor is not None:
             self._executor.shutdown(wait=True, kill_workers=True)
             self._executor = None
+
+
+def end_with(parent: int) -> None:
+    """Let this worker end soon after its parent does, even one that was killed without a word."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOK)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -8,12 +8,13 @@ import threading
 
 import pytest
 
-from skinmap.cli.interrupts import end_on_interrupt
+from skinmap.cli.interrupts import TerminatedError, end_on_interrupt
+from skinmap.cli.main import main
 
 SWALLOWS = """
 import os, signal
 try:
-    os.kill(os.getpid(), signal.SIGINT)
+    os.kill(os.getpid(), signal.KIND)
     for _ in range(1000):
         pass  # the handler runs between two steps of the interpreter
     came = False
@@ -24,7 +25,7 @@ except BaseException:
 
 @pytest.fixture
 def ours():
-    kinds = (signal.SIGINT, signal.SIGALRM)
+    kinds = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
     before = [signal.getsignal(kind) for kind in kinds]
     end_on_interrupt()
     yield
@@ -33,17 +34,27 @@ def ours():
         signal.signal(kind, handler)
 
 
-def test_interrupt_in_an_import_that_catches_everything_still_ends(ours, tmp_path, monkeypatch):
-    (tmp_path / "swallows.py").write_text(SWALLOWS)
+@pytest.mark.parametrize("kind", ["SIGINT", "SIGTERM"])
+def test_interrupt_in_an_import_that_catches_everything_still_ends(
+    ours, tmp_path, monkeypatch, kind
+):
+    (tmp_path / f"swallows_{kind}.py").write_text(SWALLOWS.replace("KIND", kind))
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(KeyboardInterrupt):  # after the import, not within
-        assert not importlib.import_module("swallows").came
+    with pytest.raises(TerminatedError if kind == "SIGTERM" else KeyboardInterrupt):  # after it
+        assert not importlib.import_module(f"swallows_{kind}").came
         threading.Event().wait(60)  # a deadline, for a handler that forgot it
 
 
 def test_interrupt_elsewhere_ends_at_once(ours):
     with pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)
+
+
+def test_a_polite_kill_is_another_exit_code(monkeypatch, capsys, ours):
+    monkeypatch.setattr("skinmap.cli.main.cli.main", lambda **_: signal.raise_signal(15))
+    with pytest.raises(SystemExit, match="143"):
+        main()
+    assert capsys.readouterr().err == "Error: terminated\n"
 
 
 def test_background_job_goes_on_ignoring_it():

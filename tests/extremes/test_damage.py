@@ -18,6 +18,7 @@ from damage.mutations import MEMBER, accidents, mutate, packed, spread
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from calibration.files.mount_files import read_wrenches
 from skinmap import archive
 from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.live.network.addresses import parse_address
@@ -236,6 +237,29 @@ def test_self_touch_of_strange_arrays_is_refused_with_a_line(tmp_path, file, mem
     with warnings.catch_warnings(), pytest.raises(DataFormatError, match=said):
         warnings.simplefilter("error")
         target.read(tmp_path / target.file)
+
+
+@pytest.mark.parametrize(
+    "forces",
+    [
+        pytest.param(
+            np.full((3, 3), np.longdouble("1e400")),
+            marks=pytest.mark.skipif(
+                np.finfo(np.longdouble).bits == 64, reason="no longer floats on this machine"
+            ),
+        ),
+        np.full((3, 3), 1j),
+        np.full((3, 3), np.frombuffer(b"\1\0\x80\x7f", "<f4")[0]),  # NaN that stops a machine
+        np.array([["a"] * 3] * 3),
+    ],
+    ids=["too long", "complex", "signalling", "text"],
+)
+def test_wrenches_that_no_float_holds_are_refused_with_a_line(tmp_path, forces):
+    arrays = {"points": np.eye(3), "frames": np.tile(np.eye(4), (3, 1, 1)), "moments": np.eye(3)}
+    np.savez(tmp_path / "w.npz", forces=forces, **arrays)
+    with warnings.catch_warnings(), pytest.raises(DataFormatError, match="must be numbers"):
+        warnings.simplefilter("error")
+        read_wrenches(tmp_path / "w.npz")
 
 
 def test_ports_of_thousands_of_digits_are_no_addresses():

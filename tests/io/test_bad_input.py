@@ -74,6 +74,13 @@ def test_urdf_of_the_tree_loads(urdf):
     np.testing.assert_allclose(body.poses({"ab": 0.5})["c"][:3, 3], [0, 0, 1])
 
 
+MORE = """<link name="d"/><link name="e"/>
+<joint name="cd" type="revolute"><parent link="c"/><child link="d"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="ce" type="revolute"><parent link="c"/><child link="e"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/><mimic joint="cd"/></joint>"""
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -96,11 +103,24 @@ def test_urdf_of_the_tree_loads(urdf):
         ("</robot>", "", "not a URDF file: .*robot"),
         ("robot", "robert", "not a URDF: <robert>"),
         (' name="r"', "", "not a URDF"),
+        ('"fixed"', '"fixt"', ":5: not a URDF: joint 'bc' has the type 'fixt'; the types are: rev"),
+        (' type="fixed"', "", "joint 'bc' has the type None"),
     ],
 )
 def test_urdf_that_is_no_tree_of_links_is_refused(urdf, old, new, message):
     with pytest.raises(DataFormatError, match=message):
         UrdfBody(urdf(old, new))
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_joints_of_several_numbers_stand_still_and_others_move(urdf, kind):
+    text = TREE.replace('type="fixed"', f'type="{kind}"').replace("</robot>", MORE + "</robot>")
+    body = UrdfBody(urdf(text=text))
+    assert list(body.joints) == ["ab", "cd"]
+    poses = body.poses({"cd": 0.5})
+    turned = [poses["c"][:3, :3].T @ poses[link][:3, :3] for link in "de"]
+    np.testing.assert_allclose(turned[0], turned[1])  # the second one mimics the first
+    assert abs(turned[0] - np.eye(3)).max() > 0.4  # sin of half a radian
 
 
 def chain(n: int) -> str:

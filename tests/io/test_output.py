@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import errno
+import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -77,3 +80,38 @@ def test_check_folder_refuses_a_file_on_the_way(tmp_path, below):
     (tmp_path / "f").write_text("")
     with pytest.raises(OutputError, match="cannot write to the folder"):
         check_folder(tmp_path / "f" / below)
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EFBIG, errno.EROFS, errno.EDQUOT, errno.EIO])
+def test_what_a_disk_refuses_is_a_line_and_leaves_what_was_there(tmp_path, code):
+    (tmp_path / "old.txt").write_text("before")
+    for staged, place in ((staged_file, tmp_path / "old.txt"), (staged_folder, tmp_path)):
+        said = f"cannot write '{place}': {os.strerror(code)}"
+        with pytest.raises(OutputError, match=said), staged(place):
+            raise OSError(code, os.strerror(code))
+    assert [path.name for path in tmp_path.iterdir()] == ["old.txt"]
+    assert (tmp_path / "old.txt").read_text() == "before"
+
+
+def test_what_is_no_refusal_of_a_disk_passes(tmp_path):
+    with pytest.raises(FileNotFoundError), staged_folder(tmp_path):
+        (tmp_path / "gone").read_text()
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_files_move_all_together_when_a_signal_comes_between(tmp_path, monkeypatch, kind):
+    move, before = os.replace, signal.signal(kind, signal.default_int_handler)
+
+    def interrupted(source, target):
+        move(source, target)
+        signal.raise_signal(kind)
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    try:
+        with pytest.raises(KeyboardInterrupt), staged_folder(tmp_path / "out") as stage:
+            for name in "abc":
+                (stage / name).write_text(name)
+        assert signal.getsignal(kind) is signal.default_int_handler
+    finally:
+        signal.signal(kind, before)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a", "b", "c"]

@@ -1,4 +1,4 @@
-"""Ctrl-C in mid-sweep: what is done is kept, and no process stays behind."""
+"""Ctrl-C or a kill in mid-sweep: what is done is kept, and no process stays behind."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 sys.path.append(str(Path(__file__).parent))
 from sweep_work import Draw, draw, same
@@ -21,8 +23,10 @@ import sys
 from pathlib import Path
 sys.path[:0] = [sys.argv[1]]
 from sweep_work import Draw, draw
+from skinmap.cli.interrupts import end_on_interrupt
 from skinmap.parallel.run import run_tasks
 from skinmap.parallel.workers import Workers, open_workers
+end_on_interrupt()
 caught = Path(sys.argv[2])
 tasks = [Draw(number, caught=caught if number == 3 else None) for number in range(8)]
 with open_workers(Workers(jobs=2), resume=Path(sys.argv[3]), sweep="draws") as workers:
@@ -30,7 +34,15 @@ with open_workers(Workers(jobs=2), resume=Path(sys.argv[3]), sweep="draws") as w
 """
 
 
-def test_an_interrupted_sweep_can_be_resumed_and_leaves_no_process(tmp_path):
+@pytest.mark.parametrize(
+    ("kind", "said_last"),
+    [
+        (signal.SIGINT, "KeyboardInterrupt"),
+        (signal.SIGTERM, "skinmap.cli.interrupts.TerminatedError"),
+        (signal.SIGKILL, ""),  # no word can be said, but its workers notice
+    ],
+)
+def test_an_interrupted_sweep_can_be_resumed_and_leaves_no_process(tmp_path, kind, said_last):
     caught, kept = tmp_path / "caught", tmp_path / "kept"
     os.mkfifo(caught)
     words = [sys.executable, "-c", SWEEP, str(Path(__file__).parent), str(caught), str(kept)]
@@ -42,10 +54,13 @@ def test_an_interrupted_sweep_can_be_resumed_and_leaves_no_process(tmp_path):
             assert running.stdout.readline() == "done\n"
         worker = int(caught.read_text())  # it stays in the fourth task until it is killed
         handle = os.pidfd_open(worker)
-        os.killpg(running.pid, signal.SIGINT)  # what a terminal sends
+        if kind == signal.SIGINT:
+            os.killpg(running.pid, kind)  # what a terminal sends
+        else:
+            running.send_signal(kind)  # what a person, a service or the system sends
         _, said = running.communicate(timeout=DEADLINE)
     assert running.returncode != 0
-    assert "KeyboardInterrupt" in said
+    assert said_last in said
     gone, _, _ = select.select([handle], [], [], DEADLINE)  # readable when the process has ended
     os.close(handle)
     assert gone

@@ -96,8 +96,9 @@ class Guard:
         # A browser always says where a WebSocket comes from; without Origin it is no page of ours.
         if (live and not origins) or any(origin != f"http://{hosts[0]}" for origin in origins):
             return Refusal(HTTPStatus.FORBIDDEN, "requests from other pages are refused")
-        given, _, name = path.partition("?")[0].removeprefix("/").partition("/")
-        if not hmac.compare_digest(given.encode(), self.token.encode()):
+        before, _, rest = path.partition("?")[0].partition("/")  # every path begins with a slash
+        given, _, name = rest.partition("/")
+        if before or not hmac.compare_digest(given.encode(), self.token.encode()):
             return Refusal(HTTPStatus.FORBIDDEN, "token wrong or missing: open the printed address")
         if live != (name == LIVE):
             return Refusal(HTTPStatus.NOT_FOUND, "nothing here")

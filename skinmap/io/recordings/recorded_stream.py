@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, SkinWarning, UnknownNameError
 from skinmap.skin.taxels import TaxelTable
 
 Kind = Literal["raw", "pressure"]
@@ -259,3 +261,19 @@ def nanoseconds_of(seconds: float) -> int:
         raise InvalidArrayError(f"a sample's time must lie in 0..{2**34} seconds, got {seconds}")
     whole = int(seconds)
     return whole * NS + round((seconds - whole) * NS)
+
+
+def warn_of_loss(track: RecordedStream, path: Path) -> RecordedStream:
+    """The same recording, with a warning where it was cut off or damaged: what it lost and where.
+
+    For whoever goes on with the samples that are left; `skinmap info` prints the same as facts.
+    """
+    loss = track.loss
+    if loss.recovered:
+        warnings.warn(
+            f"{str(path)!r} was cut off or damaged: {loss.seconds:.2f} s of samples are lost "
+            f"({'; '.join(loss.damage[:2]) or 'said by the file itself'})",
+            SkinWarning,
+            stacklevel=3,
+        )
+    return track

@@ -26,6 +26,7 @@ from skinmap.io.recordings.recorded_stream import (
     RecordedStream,
     StreamInfo,
     measured_rate,
+    warn_of_loss,
 )
 from skinmap.io.robots.manifest import builtin_named
 from skinmap.io.text import is_file
@@ -76,7 +77,7 @@ def load_recordings(path: str | Path) -> list[Recording]:
     check_suffix(path)
     if path.suffix.lower() == ".npz":
         return _load_npz(path)
-    return recordings_of(read_track(path), path)
+    return recordings_of(warn_of_loss(read_track(path), path), path)
 
 
 def _load_npz(path: Path) -> list[Recording]:

@@ -28,6 +28,7 @@ from skinmap.skin.joints import Joint, Kind
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".glb", ".gltf", ".off")
 MAX_MESH_BYTES = 512 * 2**20
 KINDS: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
+STILL = ("fixed", "floating", "planar")  # one number says nothing about the last two
 # Kept once read: files that say all themselves (a .gltf names others), and are slow to parse.
 WHOLE = (".stl", ".obj", ".ply", ".dae", ".glb", ".off")
 WORTH_KEEPING = 50_000  # [bytes]
@@ -67,6 +68,9 @@ class UrdfBody:
         from lxml import etree
 
         root = read_urdf(path)
+        for joint in children(root, "joint"):
+            if joint.get("type") in STILL:  # yourdfpy counts numbers of those that it never moves
+                joint.set("type", "fixed")
         self.path, self.inside = path, inside
         # yourdfpy warns about every material it does not know; none of them matters here.
         logging.getLogger("yourdfpy").setLevel(logging.ERROR)
@@ -244,7 +248,8 @@ def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
     if path.suffix.lower() == ".dae":
         read_xml(path, "a COLLADA mesh", MAX_MESH_BYTES)  # COLLADA is XML with all its doors
     try:
-        mesh = trimesh.load_mesh(str(path), process=merge)
+        with np.errstate(over="ignore", invalid="ignore"):  # merging casts to whole numbers
+            mesh = trimesh.load_mesh(str(path), process=merge)
         vertices = np.asarray(mesh.vertices, np.float64)
         faces = np.asarray(mesh.faces, np.int64)
     except Exception as error:  # each format has its own kinds of failure
@@ -286,7 +291,14 @@ def read_urdf(path: Path) -> Any:
         raise DataFormatError("not a URDF: no <link> with a name", path, root.sourceline)
     joints = _names(root, "joint", path)
     parents: dict[str, str] = {}
-    for joint in joints.values():
+    for name, joint in joints.items():
+        if (kind := joint.get("type")) not in (*KINDS, *STILL):
+            raise DataFormatError(
+                f"not a URDF: joint {name!r} has the type {kind!r}; the types are: "
+                f"{', '.join((*KINDS, *STILL))}",
+                path,
+                joint.sourceline,
+            )
         parent, child = _ends(joint, links, path)
         if child in parents:
             raise DataFormatError(

@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, UnknownNameError
-from skinmap.io.recordings.recorded_stream import Kind, RecordedStream, Samples, StreamInfo
+from skinmap.io.recordings.recorded_stream import (
+    Kind,
+    RecordedStream,
+    Samples,
+    StreamInfo,
+    warn_of_loss,
+)
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.skins import check_skin
 from skinmap.skin.fingerprint import fingerprint
@@ -59,7 +65,7 @@ def open_recording(
     path = Path(path)
     if path.suffix.lower() == ".npz":
         return _open_touches(path, robot, parts, speed=speed, loop=loop)
-    track = open_track(path, robot=robot, kind=kind)
+    track = warn_of_loss(open_track(path, robot=robot, kind=kind), path)
     info, values = track.info, track.values
     if parts is not None:
         info, columns = info.only(parts)

@@ -22,9 +22,12 @@ from calibration.files.tables import (
     read_points,
     read_touches,
 )
+from skinmap.geometry.mesh import TriangleMesh
 from skinmap.io.flat_maps.drawing import read_drawing
+from skinmap.io.flat_maps.surface_files import write_obj_with_uv
 from skinmap.io.flat_maps.tactile_maps import read_tactile_maps
 from skinmap.io.robots.manifest import data_folder, load_robot
+from skinmap.io.robots.mesh_file import write_mesh
 from skinmap.io.robots.urdf import UrdfBody, read_mesh
 from skinmap.io.taxels.cyskin import (
     CySkin,
@@ -187,25 +190,37 @@ def mesh(kind: str) -> bytes:
     return content.encode() if isinstance(content, str) else bytes(content)
 
 
-def walk_body(path: Path) -> None:
+def read_ply() -> tuple[np.ndarray, np.ndarray]:
+    """The tetrahedron."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "t.ply"
+        path.write_bytes(PLY)
+        return read_mesh(path)
+
+
+def walk_body(path: Path) -> object:
     """Read a body, pose it and read all its meshes."""
     body = UrdfBody(path)
-    body.poses(dict.fromkeys(body.joints, 0.5))
-    for link in body.links:
-        body.mesh(link)
+    poses = body.poses(dict.fromkeys(body.joints, 0.5))
+    return body.joints, poses, [body.mesh(link) for link in body.links]
 
 
-def walk_robot(path: Path) -> None:
+def walk_robot(path: Path) -> object:
     """Read a manifest, its body and the tables of its parts."""
     robot = load_robot(path)
-    for name in robot.parts:
-        robot.part(name).read()
+    return robot.name, robot.pose, {name: robot.part(name).read() for name in robot.parts}
 
 
-def covariances(path: Path) -> None:
+def covariances(path: Path) -> object:
     from viewer.inputs import read_covariances
 
-    read_covariances([f"left_hand={path}"], _icub(), ["left_hand"])
+    return read_covariances([f"left_hand={path}"], _icub(), ["left_hand"])
+
+
+def flat_map() -> bytes:
+    """A mesh with texture coordinates, as `flatten` writes it."""
+    places, faces = np.eye(3), np.array([[0, 1, 2]])
+    return written(lambda path: write_obj_with_uv(path, places, faces, places[:, :2], faces))
 
 
 @cache
@@ -256,6 +271,9 @@ TARGETS = [
             "skinmap.io.robots.manifest.read_manifest"), ROBOT),
     Target("urdf", "damaged.urdf", lambda: [URDF], walk_body,
            ("skinmap.io.robots.urdf.read_urdf",), ROBOT),
+    Target("mesh-written", "m.ply",
+           lambda: [written(lambda p: write_mesh(TriangleMesh(*read_ply()), p))], read_mesh),
+    Target("flat-map", "m.obj", lambda: [flat_map()], read_mesh),
     *(Target(f"mesh-{kind}", f"m.{kind}", lambda kind=kind: [mesh(kind)], read_mesh,
              ("skinmap.io.robots.urdf.read_mesh",)) for kind in MESHES),
     Target("link", "m.stl", lambda: [mesh("stl")], lambda p: load_link(p, 1e-3),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import shutil
 import tempfile
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,7 @@ from skinmap.classify.check import planted_touches
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.convolution import Network, load_network, network_bytes
 from skinmap.classify.model_file import load_classifier, save_classifier
+from skinmap.errors import DataFormatError
 from skinmap.io.recordings.channel_table import read_arrays as read_channels
 from skinmap.io.recordings.channel_table import read_table
 from skinmap.io.recordings.cost import read_cost
@@ -37,6 +40,7 @@ from skinmap.io.recordings.mcap_track import read_track, write_repaired
 from skinmap.io.recordings.readers import read_recordings
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.recordings.xdf import read_xdf
+from skinmap.parallel.resume import ResumeStore
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording, save_recordings
 
@@ -213,12 +217,37 @@ def marks(path: Path) -> Any:
 
 
 def samples(path: Path) -> Any:
-    """All values of a track, which is where damage of its content shows."""
-    return read_track(path).values[:]
+    """A track with all its values, which is where damage of its content shows."""
+    track = read_track(path)
+    return replace(track, values=track.values[:])
 
 
 def repaired(path: Path) -> Any:
-    return write_repaired(path, path.with_suffix(".whole"))
+    """What the repaired file holds, with what the damaged one had lost."""
+    track = write_repaired(path, path.with_suffix(".whole"))
+    return replace(samples(path.with_suffix(".whole")), loss=track.loss)
+
+
+def resumed(path: Path) -> Any:
+    """A result that is kept to resume a sweep, or None where it must be computed again."""
+    folder = path.with_name("sweep")
+    shutil.rmtree(folder, ignore_errors=True)
+    with ResumeStore(folder, "tests") as store:
+        store.keep("ab", {"sum": 1.5, "array": np.arange(5.0)})
+    next(folder.rglob("*.npz")).write_bytes(path.read_bytes())
+    with ResumeStore(folder, "tests") as store:
+        try:
+            return store.recall("ab")
+        except KeyError:
+            raise DataFormatError("computed again", path) from None
+
+
+def kept_result() -> bytes:
+    """The file of such a result."""
+    with tempfile.TemporaryDirectory() as name:
+        with ResumeStore(Path(name) / "sweep", "tests") as store:
+            store.keep("ab", {"sum": 1.5, "array": np.arange(5.0)})
+        return next(Path(name).rglob("*.npz")).read_bytes()
 
 
 def npy() -> bytes:
@@ -227,7 +256,7 @@ def npy() -> bytes:
     return buffer.getvalue()
 
 
-def kept(path: Path) -> None:
+def kept(path: Path) -> Any:
     """An entry of the cache: arrays, or dropped with a warning."""
     cache = Cache(path.parent / "cache")
     place = cache._path("wrap", "ab")
@@ -236,6 +265,7 @@ def kept(path: Path) -> None:
     found = cache.get("wrap", "ab")
     if found is not None and not all(isinstance(one, np.ndarray) for one in found.values()):
         raise AssertionError("the cache gave what is no array")
+    return found
 
 
 def both(name: str, *rest: Any) -> list[Target]:
@@ -310,5 +340,6 @@ TARGETS = [
     Target("cost", "CoST.csv", lambda: [corpus_of_touch()], read_cost,
            ("skinmap.io.recordings.cost.read_cost",)),
     Target("marks", "t.csv", lambda: [MARKS], marks, ("skinmap.io.recordings.marks.read_marks",)),
+    Target("resume", "r.npz", lambda: [kept_result()], resumed),
     Target("samples-npy", "s.npy", lambda: [npy()], lambda p: read_arrays(p, "samples")),
 ]  # fmt: skip

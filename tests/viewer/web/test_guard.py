@@ -63,8 +63,12 @@ def test_check_refuses_a_websocket_without_origin():
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "", "/secre/", "/secrets/", "/Secret/", "/live", "//secret/", "/%73ecret/", "*"]
-)
+    "path",
+    [
+        "/", "", "/secre/", "/secrets/", "/Secret/", "/live", "//secret/", "/%73ecret/", "*",
+        "secret/", "secret/live", "secret", "http://127.0.0.1:8080/secret/",
+    ],
+)  # fmt: skip
 def test_check_refuses_a_wrong_token(path):
     for upgrade in ({}, {"Upgrade": "websocket", "Origin": f"http://{OURS}"}):
         refused = ask(path, **upgrade)

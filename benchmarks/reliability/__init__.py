@@ -1,0 +1,1 @@
+"""What Skinmap survives: damaged files, signals, faults while it runs; docs/reliability.md."""

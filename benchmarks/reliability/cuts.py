@@ -1,0 +1,254 @@
+"""Every kind of file cut at a thousand places, and with one byte changed at a thousand places.
+
+`python -m benchmarks.reliability.cuts [--places 1000] [KIND...]` prints one JSON object. A file
+opens whole, opens with what was lost said, or is refused with an error of ours. Where its format
+has a checksum no number may differ without a word; where it has none that is counted as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import hashlib
+import json
+import resource
+import signal
+import sys
+import tempfile
+import time
+import warnings
+from collections import Counter
+from collections.abc import Mapping
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks import ROOT
+from skinmap.errors import SkinError, SkinWarning
+
+if TYPE_CHECKING:
+    from damage.target import Target
+
+PLACES = 1000
+LONGEST = 10  # seconds for one file of some kilobytes
+MOST_MB = 200.0  # more memory than the whole file took
+# Archives have a CRC-32 of each member, MCAP one of each chunk and of its index.
+CHECKED = (
+    "recording", "recording-archive", "learning", "mcap", "mcap-touches", "mcap-repair", "model",
+    "network", "response", "self-touch", "robot-touches", "presses", "self-touch-part", "wrenches",
+    "arrays", "cache", "resume",
+)  # fmt: skip
+OUTCOMES = ("whole", "said", "refused", "changed")
+
+
+class TooLongError(Exception):
+    """A damaged file that took longer than LONGEST."""
+
+
+def main() -> None:
+    """Print what came of each kind."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("kinds", nargs="*", help="all by default")
+    parser.add_argument("--places", type=int, default=PLACES)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    print(json.dumps(measure(places=given.places, seed=given.seed, kinds=given.kinds), indent=2))
+
+
+def measure(
+    *, places: int = PLACES, seed: int = 0, kinds: list[str] | None = None
+) -> dict[str, Any]:
+    """Counts of each kind, each in a process of its own, and their sums.
+
+    Parameters
+    ----------
+    places : int
+        At which a file is cut, and at which a byte of it is changed.
+    seed : int
+    kinds : list of str, optional
+        Names of targets of tests/extremes/damage; all that are damaged as files by default.
+    """
+    targets = load_targets()
+    names = kinds or [name for name, one in targets.items() if is_file(one)]
+    rows = {name: _apart(name, places, seed) for name in names}
+    return {
+        "places": places,
+        "kinds": rows,
+        "files": sum(row["files"] for row in rows.values()),
+        "faults": sum(len(row["faults"]) for row in rows.values()),
+        "most_mb": max(row["more_mb"] for row in rows.values()),
+        "longest_s": max(row["longest_s"] for row in rows.values()),
+    }
+
+
+def load_targets() -> dict[str, Target]:
+    """The targets of tests/extremes/damage by name."""
+    path = str(ROOT / "tests" / "extremes")
+    if path not in sys.path:
+        sys.path.insert(0, path)
+    from damage.catalogue import TARGETS
+
+    return dict(TARGETS)
+
+
+def is_file(target: Target) -> bool:
+    """Whether the target is a file as it lies on a disk: no message, no inside of an archive."""
+    return not target.inside and PurePath(target.file).name != "m"
+
+
+def _apart(name: str, places: int, seed: int) -> dict[str, Any]:
+    """`examine` in a process of its own, whose memory is its alone."""
+    ours, theirs = get_context("fork").Pipe()
+    process = get_context("fork").Process(target=_send, args=(theirs, name, places, seed))
+    process.start()
+    theirs.close()
+    try:
+        found: dict[str, Any] = ours.recv()
+    except EOFError:
+        process.join()
+        found = {"files": 0, "faults": [f"the process ended with {process.exitcode}"],
+                 "more_mb": 0.0, "longest_s": 0.0}  # fmt: skip
+    process.join()
+    return found
+
+
+def _send(pipe: Connection, name: str, places: int, seed: int) -> None:
+    target = load_targets()[name]
+    with tempfile.TemporaryDirectory() as folder:
+        found = examine(
+            target, Path(folder), places, rng=np.random.default_rng(seed), checked=name in CHECKED
+        )
+    pipe.send(found)
+
+
+def examine(
+    target: Target, folder: Path, places: int, *, rng: np.random.Generator, checked: bool
+) -> dict[str, Any]:
+    """Damage the originals of one target, and see what comes of each.
+
+    Returns
+    -------
+    dict
+        `files` that were tried, how many opened `whole`, had their losses `said`, were `refused`,
+        or gave other numbers without a word (`changed`; a fault where `checked`); `faults`, each
+        in a line; `more_mb` than the whole file took; `longest_s` of one file.
+    """
+    target.lay_out(folder)
+    counts, faults, longest = Counter[str](), list[str](), 0.0
+    originals = list(target.seeds())
+    wholes = [read(target, one, folder)[1] for one in originals]
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    each = -(-places // len(originals))
+    for original, whole in zip(originals, wholes, strict=True):
+        for how, data in damaged(original, each, rng=rng):
+            began = time.monotonic()
+            try:
+                outcome, found = read(target, data, folder)
+            except Exception as error:  # noqa: BLE001 - what else comes is what is looked for
+                faults.append(f"{how}: {type(error).__name__}: {error}"[:200])
+                continue
+            longest = max(longest, time.monotonic() - began)
+            if outcome == "whole" and found != whole:
+                outcome = "changed"
+                if checked:
+                    faults.append(f"{how}: another number, without a word")
+            counts[outcome] += 1
+    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    if (after - before) / 1024 > MOST_MB:
+        faults.append(f"{(after - before) / 1024:.0f} MB more than the whole file took")
+    return {
+        "bytes": [len(one) for one in originals],
+        "files": counts.total() + len(faults) - checked * counts["changed"],
+        **{name: counts[name] for name in OUTCOMES},
+        "checked": checked,
+        "faults": faults,
+        "more_mb": (after - before) / 1024,
+        "longest_s": longest,
+    }
+
+
+def damaged(data: bytes, places: int, *, rng: np.random.Generator) -> list[tuple[str, bytes]]:
+    """The data cut at so many places, and with one byte changed at so many; all where they fit."""
+    found = []
+    for place in _places(len(data), places, rng):
+        found.append((f"cut at {place}", data[:place]))
+    for place in _places(len(data), places, rng):
+        other = (data[place] + int(rng.integers(1, 256))) % 256
+        changed = data[:place] + bytes([other]) + data[place + 1 :]
+        found.append((f"{other:#04x} at {place}", changed))
+    return found
+
+
+def _places(size: int, places: int, rng: np.random.Generator) -> list[int]:
+    """Each byte once where there are so few, and again at random up to the number asked for."""
+    once = rng.permutation(size)[:places]
+    again = rng.integers(0, size, max(places - size, 0))
+    return [int(place) for place in np.concatenate([once, again])]
+
+
+def read(target: Target, data: bytes, folder: Path) -> tuple[str, str]:
+    """How a file opens, "whole", "said" or "refused", and a fingerprint of what it holds.
+
+    Raises
+    ------
+    Exception
+        Any error or warning that is not ours, and TooLongError.
+    """
+    path = folder / target.file
+    path.write_bytes(data)
+    before = signal.signal(signal.SIGALRM, _too_long)
+    signal.alarm(LONGEST)
+    try:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            try:
+                value = target.read(path)
+            except SkinError:
+                return "refused", ""
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+    foreign = [one for one in told if not issubclass(one.category, SkinWarning)]
+    if foreign:
+        raise RuntimeWarning(f"{foreign[0].category.__name__}: {foreign[0].message}")
+    lost = bool(told) or bool(getattr(getattr(value, "loss", None), "recovered", False))
+    return "said" if lost else "whole", fingerprint(value)
+
+
+def _too_long(*_: object) -> None:
+    raise TooLongError(f"longer than {LONGEST} s")
+
+
+def fingerprint(value: object) -> str:
+    """A hash of all numbers and texts in a value, however it is made up."""
+    digest = hashlib.sha256()
+    _feed(value, digest.update, 0)
+    return digest.hexdigest()
+
+
+def _feed(value: object, take: Any, depth: int) -> None:
+    take(f"<{depth}:{type(value).__name__}>".encode())
+    if isinstance(value, np.ndarray) and value.dtype.kind != "O":
+        take(f"{value.dtype}{value.shape}".encode())
+        take(np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, (str, bytes, int, float, complex, np.generic, type(None))):
+        take(repr(value).encode())
+    elif isinstance(value, Mapping):
+        for key in value:
+            take(repr(key).encode())
+            _feed(value[key], take, depth + 1)
+    elif isinstance(value, (list, tuple, set, frozenset, np.ndarray)):
+        for one in sorted(value, key=repr) if isinstance(value, (set, frozenset)) else value:
+            _feed(one, take, depth + 1)
+    elif dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            _feed(getattr(value, field.name), take, depth + 1)
+    elif depth < 8 and not isinstance(value, PurePath) and hasattr(value, "__dict__"):
+        _feed(vars(value), take, depth + 1)
+
+
+if __name__ == "__main__":
+    main()

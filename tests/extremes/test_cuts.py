@@ -1,0 +1,52 @@
+"""A few cuts and changed bytes of every kind of file; all of them are benchmarks/reliability."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damage.catalogue import TARGETS
+from damage.recordings import mcap
+
+import skinmap
+from benchmarks.reliability import cuts
+from skinmap.errors import SkinWarning
+
+FEW = 8  # cuts and as many changed bytes of each kind; `make soak` takes 1,000
+KINDS = [name for name, target in TARGETS.items() if cuts.is_file(target)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_cut_and_changed_files_open_whole_say_so_or_are_refused(tmp_path, kind):
+    found = cuts.examine(
+        TARGETS[kind], tmp_path, FEW, rng=np.random.default_rng(1), checked=kind in cuts.CHECKED
+    )
+    assert not found["faults"]
+    assert found["files"] >= 2 * FEW
+
+
+def test_every_kind_with_a_checksum_is_a_file():
+    assert set(cuts.CHECKED) <= set(KINDS)
+
+
+def test_a_reader_that_says_nothing_is_a_fault(tmp_path):
+    """The judge can fail: a recording whose losses nobody mentions, an error of Python's own."""
+    target = TARGETS["recording"]
+    blind = type(target)("blind", "t.bin", lambda: [b"abc"], lambda path: path.read_bytes())
+    found = cuts.examine(blind, tmp_path, 5, rng=np.random.default_rng(0), checked=True)
+    assert len(found["faults"]) == found["files"] == 10
+    clumsy = type(target)("clumsy", "t.bin", lambda: [b"7"], lambda path: int(path.read_bytes()))
+    found = cuts.examine(clumsy, tmp_path, 5, rng=np.random.default_rng(0), checked=False)
+    assert "ValueError: invalid literal" in found["faults"][0]
+
+
+def test_touches_of_a_cut_recording_come_with_a_warning_of_what_is_lost(tmp_path: Path):
+    path, whole = tmp_path / "t.mcap", mcap("pressure")
+    path.write_bytes(whole)
+    before = skinmap.load_recordings(path)[0]
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.warns(SkinWarning, match=r"t\.mcap' was cut off or damaged: 0\.\d\d s of samples"):
+        after = skinmap.load_recordings(path)[0]
+    assert 0 < len(after.times) < len(before.times)
+    np.testing.assert_array_equal(after.pressures, before.pressures[: len(after.times)])
