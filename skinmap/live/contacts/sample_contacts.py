@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts import ACTIVE
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -74,7 +74,7 @@ class Components:
             return self._gathered[0]
         beside = self._neighbours[index]
         self._active[index] = True
-        kept: BoolArray = self._active[beside].any(axis=1)
+        kept = np.asarray(self._active[beside].any(axis=1))
         self._active[index] = False
         if kept.all():
             self._gathered = index, beside  # most often asked for next
