@@ -203,3 +203,85 @@ def test_a_finger_whose_summit_weak_taxels_hide_keeps_its_number(sheet):
     seen = run(tracker, [*samples, *[hidden] * 10, *[both] * 10])
     assert seen == [[0, 1]] * 36
     assert told(tracker, *BOTH) == [("birth", 0, -1), ("birth", 1, -1)]
+
+
+def test_a_spike_of_one_taxel_is_no_contact(sheet):
+    """However high it is; with half as much all round it a light touch is felt there."""
+    tracker = ContactTracker(sheet)
+    spike = np.zeros(len(sheet))
+    spike[[100, 400]] = 14.0, 250.0
+    assert run(tracker, [spike] * 5) == [[]] * 5
+    light = spike.copy()
+    light[sheet.neighbours[400]] = 7.0
+    assert run(tracker, [light] * 5, 5) == [[]] * 5
+    light[400] = 13.0
+    assert run(tracker, [light] * 5, 10) == [[0]] * 5
+    assert told(tracker, *BOTH) == [("birth", 0, -1)]
+
+
+def test_two_that_land_as_one_piece_are_two(sheet):
+    """24 mm apart: active taxels join them, and the saddle lies at a third of the summits."""
+    tracker = ContactTracker(sheet)
+    both = press(sheet, [(0.05, 0.05), (0.074, 0.05)])
+    index = np.flatnonzero(both > 12)
+    assert tracker._components.label(index).max() == 0
+    assert run(tracker, [both] * 20) == [[0, 1]] * 20
+    # A finger that lies flat is a ridge: no saddle, one contact.
+    flat = press(sheet, [(x, 0.05) for x in np.linspace(0.05, 0.09, 9)], load=40.0)
+    assert run(ContactTracker(sheet), [flat] * 20) == [[0]] * 20
+
+
+def test_one_that_gets_a_deep_saddle_is_two_once_it_stays(sheet):
+    tracker = ContactTracker(sheet)
+    wide = press(sheet, [(0.05, 0.05), (0.064, 0.05), (0.078, 0.05)])
+    both = press(sheet, [(0.05, 0.05), (0.078, 0.05)])
+    both[(both > 10) & (both < 13)] = 13.0
+    seen = run(tracker, [wide] * 10 + [both] + [wide] * 40 + [both] * 40)
+    assert seen[:51] == [[0]] * 51
+    assert seen[-1] == [0, 1]
+    assert told(tracker, *BOTH) == [("birth", 0, -1), ("split", 1, 0)]
+
+
+def test_a_piece_that_a_weak_taxel_breaks_off_is_no_contact_of_its_own(sheet):
+    """Of a ridge 8 taxels long the sixth reads nothing, from the beginning or for a while."""
+    row = np.flatnonzero(np.abs(sheet.positions[:, 1] - 10 * 5e-3 * np.sqrt(0.75)) < 1e-6)[8:16]
+    ridge = np.zeros(len(sheet))
+    ridge[row] = 90.0
+    broken = ridge.copy()
+    broken[row[5]] = 0.0
+    assert run(ContactTracker(sheet), [broken] * 20) == [[0]] * 20
+    tracker = ContactTracker(sheet)
+    assert run(tracker, [ridge] * 5 + [broken] * 20) == [[0]] * 25
+    assert len(tracker.tracks[0].taxels) == 7
+    # Twice as far away it is something else.
+    broken[row[4:7]] = 0.0
+    broken[row[7] + np.arange(2)] = 90.0
+    assert run(ContactTracker(sheet), [broken] * 3) == [[0, 1]] * 3
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0])
+def test_islands_of_a_palm_are_one_contact(sheet, rate):
+    """They land one after the other and grow together, with taxels of little gain between."""
+    tracker = ContactTracker(sheet)
+    places = [(0.03 + 0.022 * k, 0.02 + 0.022 * m) for m in range(3) for k in range(5)]
+    order = [0, 4, 10, 14, 2, 12, 5, 9, 7, 1, 3, 11, 13, 6, 8]
+    seen = []
+    for step in range(round(2.0 * rate)):
+        landed = [places[k] for k in order[: 1 + round(step / rate / 0.02)]]
+        tracker.update(step / rate, press(sheet, landed))
+        seen.append(len(tracker.present))
+    assert max(seen) >= 3
+    assert seen[-1] == 1
+
+
+def test_two_hands_that_meet_stay_two(sheet):
+    """They were there at different times, so they are no islands of one palm."""
+    tracker = ContactTracker(sheet)
+    hand = np.array([(0.03 + 0.015 * k, 0.02 + 0.015 * m) for m in range(3) for k in range(2)])
+    gaps = np.concatenate([np.full(50, 0.07), np.linspace(0.07, 0.044, 20), np.full(30, 0.044)])
+    for step, gap in enumerate(gaps):
+        both = np.concatenate([hand, hand + [gap, 0.0]])
+        tracker.update(step / RATE, press(sheet, hand if step < 40 else both))
+    index = np.concatenate([track.taxels for track in tracker.present])
+    assert tracker._components.label(index).max() == 0
+    assert [track.identity for track in tracker.present] == [0, 1]

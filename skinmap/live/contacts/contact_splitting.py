@@ -12,6 +12,14 @@ from skinmap.live.contacts.sample_contacts import Components, basins
 from skinmap.live.robot_skin import JoinedSkin
 
 VALLEY = 0.7  # of the lower summit: contacts with less pressure than this between them are two
+LANDED = 0.5  # what lands as one with a saddle below this share of the lower summit is two
+PARTED = 0.25  # and so is what was one before: between the two a contact stays as it is
+ISLANDS = 0.1  # the same of the islands of one palm, which gains part
+GRIP = 0.5  # while a hand closes its islands land [s]
+PALM = 2e-3  # six fingertips' prints: a contact of this size is of a hand [m2]
+SPAN = 0.2  # of a hand [m]
+PRINT = 1.5e-4  # less than the print of a light fingertip [m2]
+NEAR = 16e-3  # from a contact: what is smaller than a print there is a piece of it [m]
 CLOSE = 0.015  # a fingertip's width: what lies further apart is two while both have a summit [m]
 HIDDEN = 0.5  # a contact without a summit is kept so long [s]
 
@@ -26,7 +34,9 @@ class Cutter:
     """
 
     def __init__(self, skin: JoinedSkin, components: Components) -> None:
-        self._positions, self._components = skin.positions, components
+        self._positions, self._areas = skin.positions, skin.areas
+        self._components = components
+        self.settled = SETTLED
         self._meeting: dict[tuple[int, int], float] = {}
 
     def forget(self, ended: set[int] | None = None) -> None:
@@ -75,10 +85,52 @@ class Cutter:
         goes = np.where(np.isin(owned, claimants), owned, goes)
         row = goes[np.searchsorted(tops, summit)]
         self._keep_flat(time, index, row, tracks, claimants, centres)
-        for younger, older in self._joined(time, beside, pressures, row, tracks, claimants):
+        for younger, older in self._joined(time, index, beside, pressures, row, tracks, claimants):
             row[row == younger] = older
             tracks[younger].into = tracks[older].identity
         return row
+
+    def fingers(self, index: IntArray, pressures: FloatArray, depth: float) -> IntArray:
+        """(k,) which contact each taxel of one component is part of, 0 where it is a single one.
+
+        Maxima of the pressure by their persistence: regions grow downhill from their summits and,
+        where two meet, are one unless the saddle lies below `depth` of the lower summit, the
+        summits are a fingertip apart and each region is as large as a print. Within that distance
+        straight lines and paths along the skin are the same.
+        """
+        one = np.zeros(len(index), np.int64)
+        areas = self._areas[index]
+        total = float(areas.sum())
+        if not 2.0 * PRINT <= total <= PALM:
+            return one
+        beside = self._components.local(index)
+        away = self._positions[index] - self._positions[index[pressures.argmax()]]
+        summit = pressures >= pressures[beside].max(axis=1)
+        if not (np.einsum("ij,ij->i", away, away)[summit] >= CLOSE * CLOSE).any():
+            return one
+        tops, region = np.unique(basins(beside, pressures), return_inverse=True)
+        size = np.bincount(region, areas).tolist()
+        height = pressures[tops].tolist()
+        places = self._positions[index[tops]]
+        root = list(range(len(tops)))
+        for saddle, a, b in _saddles(beside, pressures, region):
+            while root[a] != a:
+                a = root[a]
+            while root[b] != b:
+                b = root[b]
+            if a == b:
+                continue
+            high, low = (a, b) if height[a] >= height[b] else (b, a)
+            gap = places[a] - places[b]
+            deep = saddle <= depth * height[low] and min(size[a], size[b]) >= PRINT
+            if not (deep and float(gap @ gap) >= CLOSE * CLOSE):
+                root[low] = high
+                size[high] += size[low]
+        for number, parent in enumerate(root):
+            while root[parent] != parent:
+                parent = root[parent]
+            root[number] = parent
+        return np.asarray(np.unique(np.array(root)[region], return_inverse=True)[1])
 
     def _keep_flat(
         self,
@@ -101,7 +153,8 @@ class Cutter:
                 continue
             track.flat = time if np.isnan(track.flat) else track.flat
             gaps = np.linalg.norm(np.delete(centres, place, axis=0) - centres[place], axis=1)
-            if gaps.min() < CLOSE or time - track.began < SETTLED or time - track.flat >= HIDDEN:
+            landing = time - track.began < self.settled
+            if gaps.min() < CLOSE or landing or time - track.flat >= HIDDEN:
                 continue
             away = self._positions[index][:, None] - centres
             row[np.einsum("tcj,tcj->tc", away, away).argmin(axis=1) == place] = number
@@ -109,6 +162,7 @@ class Cutter:
     def _joined(
         self,
         time: float,
+        index: IntArray,
         beside: IntArray,
         pressures: FloatArray,
         row: IntArray,
@@ -121,6 +175,7 @@ class Cutter:
         pass_height = np.minimum(pressures[:, None], pressures[beside])
         joined = []
         by_age = sorted(claimants, key=lambda one: tracks[one].identity)
+        palm = float(self._areas[index].sum()) > PALM
         for place, older in enumerate(by_age):
             for younger in by_age[place + 1 :]:
                 pair = (tracks[older].identity, tracks[younger].identity)
@@ -130,17 +185,32 @@ class Cutter:
                 between = border & (row[:, None] == older) & (other == younger)
                 if not between.any():
                     continue
+                hand = palm and tracks[younger].began - tracks[older].began <= GRIP
+                valley, reach = (ISLANDS, SPAN) if hand else (VALLEY, CLOSE)
                 lower = min(pressures[row == older].max(), pressures[row == younger].max())
-                if pass_height[between].max() <= VALLEY * lower:
+                if pass_height[between].max() <= valley * lower:
                     self._meeting.pop(pair, None)
                     continue
                 since = self._meeting.setdefault(pair, time)
-                fresh = time - tracks[younger].began < SETTLED
+                fresh = time - tracks[younger].began < self.settled
                 gap = tracks[younger].centre - tracks[older].centre
-                close = float(gap @ gap) < CLOSE * CLOSE
-                if fresh or (close and time - since >= SETTLED):
+                close = float(gap @ gap) < reach * reach
+                if fresh or (close and time - since >= self.settled):
                     joined.append((younger, older))
         return joined
+
+
+def _saddles(
+    beside: IntArray, pressures: FloatArray, region: IntArray
+) -> list[tuple[float, int, int]]:
+    """Passes between neighbouring regions, (pressure, region, region), the highest first."""
+    other = region[beside]
+    taxel, place = np.nonzero(other > region[:, None])
+    height = np.minimum(pressures[taxel], pressures[beside[taxel, place]])
+    order = np.argsort(-height, kind="stable")
+    taxel, place = taxel[order], place[order]
+    a, b = region[taxel].tolist(), other[taxel, place].tolist()
+    return list(zip(height[order].tolist(), a, b, strict=True))
 
 
 def claim(

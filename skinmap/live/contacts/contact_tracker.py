@@ -12,14 +12,23 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.surface_path import SurfaceWalker
-from skinmap.live.contacts.contact_splitting import Cutter, claim
+from skinmap.live.contacts.contact_splitting import (
+    LANDED,
+    NEAR,
+    PARTED,
+    PRINT,
+    Cutter,
+    claim,
+)
 from skinmap.live.contacts.events import ContactEvent, Happening
-from skinmap.live.contacts.followed_contact import SETTLED, Track
+from skinmap.live.contacts.followed_contact import SAMPLES, SETTLED, Track
 from skinmap.live.contacts.sample_contacts import RELEASE, Components, measure
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts import ACTIVE
 
 BRIDGE = 0.1  # a contact that is not felt for so long is over [s]
+LOOK = 0.25  # between two looks at a contact for a saddle: it must be there twice [s]
+SLOWEST = 0.2  # between samples; what comes later comes after a gap [s]
 REACH = 0.025  # a contact that comes back without a taxel in common lies within this [m]
 MEASURES = 3.9e-3  # seconds between two measures of a contact: none of it changes quicker
 EVENTS = 1000  # that wait to be taken at most
@@ -57,7 +66,9 @@ class ContactTracker:
         self.swallowed: dict[int, int] = {}
         self._calm = False
         self._next = 0
-        self._measured = float("nan")
+        self._measured = self._last = float("nan")
+        self._settled = SETTLED
+        self._apart = False  # whether a piece lies apart from its contact
 
     @property
     def present(self) -> list[Track]:
@@ -71,9 +82,13 @@ class ContactTracker:
         """
         active = pressures > RELEASE
         active &= self._was | (pressures > ACTIVE)
-        index = np.flatnonzero(active)
+        index = self._components.accompanied(np.flatnonzero(active), pressures)
         self._was = active
         self.swallowed = {}
+        period = time - self._last
+        if 0.0 < period <= SLOWEST:
+            self._settled = self._cutter.settled = max(SETTLED, SAMPLES * period)
+        self._last = time
         if len(index) == 0 and not self.tracks:
             self._index, self._row = index, index
             return
@@ -113,22 +128,104 @@ class ContactTracker:
             for piece, claimants in claims.items():
                 inside = np.flatnonzero(component == piece)
                 if len(claimants) == 1:
-                    row[inside] = claimants[0]
+                    row[inside] = self._parted(time, claimants[0], index[inside], pressures[inside])
                 else:
                     self._calm = False
                     own = index[inside]
                     row[inside] = self._cutter.cut(
                         time, own, pressures[inside], self.tracks, claimants, self._owner[own]
                     )
-            self._adopt(time, orphans, component, index, pressures, row)
-            self._part(time, splinters, component, index, row)
-            held = row.copy()
-            for piece, parent in splinters.items():
-                held[(component == piece) & (row < 0)] = parent
+            held = row
+            if orphans or splinters or self._apart:
+                self._place_pieces(time, orphans, splinters, component, index, pressures, row)
+                held = row.copy()
+                for piece, parent in splinters.items():
+                    held[(component == piece) & (row < 0)] = parent
             self._own(index, held)
         for number, track in enumerate(self.tracks):
             track.taxels = index[row == number]
         return row
+
+    def _place_pieces(
+        self,
+        time: float,
+        orphans: list[int],
+        splinters: dict[int, int],
+        component: IntArray,
+        index: IntArray,
+        pressures: FloatArray,
+        row: IntArray,
+    ) -> None:
+        """Find the contacts of pieces that are nobody's or lie apart; `row` (k,) changes."""
+        areas = np.bincount(component, self.skin.areas[index])
+        large = [piece for piece in orphans if areas[piece] >= PRINT]
+        self._adopt(time, large, component, index, pressures, row)
+        # Not two new contacts of one finger: each small piece sees those before it.
+        for piece in orphans:
+            if areas[piece] < PRINT and not self._broken_off(component == piece, index, row):
+                self._adopt(time, [piece], component, index, pressures, row)
+        apart = {
+            piece: parent
+            for piece, parent in splinters.items()
+            if areas[piece] >= PRINT or not self._broken_off(component == piece, index, row)
+        }
+        self._part(time, apart, component, index, row)
+        self._apart = bool(apart)
+
+    def _parted(
+        self, time: float, number: int, taxels: IntArray, pressures: FloatArray
+    ) -> int | IntArray:
+        """Row in `tracks` of the taxels (k,) of one contact, in which a saddle may have settled."""
+        track = self.tracks[number]
+        if time - track.looked < LOOK:
+            self._calm &= not track.saddle
+            return number
+        part = self._cutter.fingers(taxels, pressures, PARTED)
+        before, track.saddle, track.looked = track.saddle, bool(part.any()), time
+        self._calm &= not track.saddle
+        if not (before and track.saddle):
+            return number
+        track.saddle = False
+        away = self.skin.positions[taxels] - track.centre
+        stays = part[np.einsum("ij,ij->i", away, away).argmin()]
+        row = np.full(len(taxels), number)
+        for other in np.unique(part[part != stays]).tolist():
+            own = part == other
+            row[own] = self._split(time, number, taxels[own])
+        return row
+
+    def _split(self, time: float, parent: int, taxels: IntArray) -> int:
+        """Row of a contact that parts from another one."""
+        row = self._begin(time, taxels, self.skin.positions[taxels].mean(axis=0))
+        self.tracks[row].touch = self.tracks[parent].touch
+        self._tell("split", self.tracks[row], time, self.tracks[parent].identity)
+        return row
+
+    def _broken_off(self, own: BoolArray, index: IntArray, row: IntArray) -> bool:
+        """Give a piece smaller than a print to the contact that it lies beside, if any.
+
+        Taxels of little gain break a finger's ridge.
+
+        Parameters
+        ----------
+        own : (k,) bool
+            Taxels of the piece.
+        index, row : (k,) int
+            All active taxels, and the contact of each so far; changed.
+        """
+        held = np.flatnonzero(row >= 0)
+        patch = self.skin.patch_of[index]
+        held = held[patch[held] == patch[own][0]]
+        if len(held) == 0:
+            return False
+        points = self.skin.positions[index]
+        away = points[own][:, None] - points[held]
+        gap = np.einsum("abj,abj->ab", away, away).min(axis=0)
+        nearest = int(gap.argmin())
+        if gap[nearest] > NEAR * NEAR:
+            return False
+        row[own] = row[held[nearest]]
+        return True
 
     def _adopt(
         self,
@@ -153,8 +250,13 @@ class ContactTracker:
             if number in taken:
                 row[own] = taken[number]
                 continue
-            row[own] = self._begin(time, index[own], centres[number])
-            self._tell("birth", self.tracks[-1], time)
+            taxels, load = index[own], pressures[own]
+            finger = self._cutter.fingers(taxels, load, LANDED)
+            for one in range(int(finger.max()) + 1):
+                mine = finger == one
+                centre = np.average(points[own][mine], 0, load[mine])
+                row[np.flatnonzero(own)[mine]] = self._begin(time, taxels[mine], centre)
+                self._tell("birth", self.tracks[-1], time)
 
     def _nearest(
         self, lost: Sequence[int], centres: FloatArray, patches: list[int]
@@ -201,12 +303,9 @@ class ContactTracker:
             track = self.tracks[parent]
             if np.isnan(track.apart):
                 track.apart = time
-            if time - track.apart >= SETTLED:
+            if time - track.apart >= self._settled:
                 own = component == piece
-                centre = self.skin.positions[index[own]].mean(axis=0)
-                row[own] = self._begin(time, index[own], centre)
-                self.tracks[-1].touch = track.touch
-                self._tell("split", self.tracks[-1], time, track.identity)
+                row[own] = self._split(time, parent, index[own])
 
     def _row_of(self, track: Track) -> int:
         return self.tracks.index(track)

@@ -11,6 +11,7 @@ from skinmap.geometry.surface_path import SurfaceWalker
 from skinmap.live.contacts.sample_contacts import Measured
 
 SETTLED = 0.1  # contacts that join or part do so in earnest after this time [s]
+SAMPLES = 1.5  # and never from one sample to the next, however slow the stream
 DRAWING = 0.25  # of its largest load: a contact that leaves draws no way
 STEP = 2e-3  # the noise of a resting finger moves its centre by less than this [m]
 POINTS = 512  # of a way kept; a longer one forgets its beginning, not its length
@@ -40,6 +41,10 @@ class Track:
         Since when a piece of it lies apart [s]; NaN where none does.
     flat : float
         Since when it has had no summit of its own [s]; NaN where it has one.
+    looked : float
+        When it was last looked for a saddle that parts it [s].
+    saddle : bool
+        Whether there was one then.
     into : int
         That took its place without a valley between, -1 else.
     """
@@ -63,6 +68,8 @@ class Track:
     touch: int = -1
     apart: float = float("nan")
     flat: float = float("nan")
+    looked: float = float("-inf")
+    saddle: bool = False
     into: int = -1
 
     def note(self, found: Measured, place: int, time: float, walker: SurfaceWalker) -> bool:

@@ -12,7 +12,10 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts import ACTIVE
 from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.rest import LOW
 
+SPIKE = 0.5  # of its pressure: a single active taxel is a spike unless some beside it read as much
+WITNESSES = 3  # as many, or all that there are
 RELEASE = 0.75 * ACTIVE  # a taxel that was active stays so down to here [counts]
 
 
@@ -57,11 +60,38 @@ class Components:
     def __init__(self, skin: JoinedSkin) -> None:
         self._neighbours = skin.neighbours
         self._place = np.full(len(skin) + 1, -1, np.int64)
+        self._gathered = np.zeros(0, np.int64), skin.neighbours[:0]
+        self._active = np.zeros(len(skin) + 1, np.bool_)
+        self._degree = (skin.neighbours < len(skin)).sum(axis=1)
+
+    def accompanied(self, index: IntArray, pressures: FloatArray) -> IntArray:
+        """(j,) the active taxels `index` (k,) without specks, by the pressures (N,) of all.
+
+        Noise makes spikes of single taxels; a touch is felt all round its strongest one. A taxel
+        in no triangle is believed alone.
+        """
+        if np.array_equal(index, self._gathered[0]):
+            return self._gathered[0]
+        beside = self._neighbours[index]
+        self._active[index] = True
+        kept = np.asarray(self._active[beside].any(axis=1))
+        self._active[index] = False
+        if kept.all():
+            self._gathered = index, beside  # most often asked for next
+            return index
+        single = np.flatnonzero(~kept)
+        own = index[single]
+        padded = np.append(pressures, 0.0)
+        level = np.maximum(LOW, SPIKE * pressures[own])
+        witnesses = (padded[beside[single]] > level[:, None]).sum(axis=1)
+        kept[single] = witnesses >= np.minimum(WITNESSES, self._degree[own])
+        return index[kept]
 
     def local(self, index: IntArray) -> IntArray:
         """(k, d) which of the taxels `index` (k,) stand beside each; itself where none does."""
         self._place[index] = np.arange(len(index))
-        beside = self._place[self._neighbours[index]]
+        known, beside = self._gathered
+        beside = self._place[beside if known is index else self._neighbours[index]]
         self._place[index] = -1
         return np.where(beside >= 0, beside, np.arange(len(index))[:, None])
 
@@ -190,19 +220,16 @@ def closest_on_faces(
     ws = np.stack([np.where(inside, w, zero), zero, on_ac, on_bc])
     # |p - (a + v ab + w ac)|^2 without |ap|^2, which the three share, plus that.
     gap = vs * vs * d00 + 2 * vs * ws * d01 + ws * ws * d11 - 2 * (vs * d20 + ws * d21)
-    best = gap.argmin(axis=0)
-    rows, columns = np.ogrid[: len(points), : candidates.shape[1]]
-    total = gap[best, rows, columns] + _dot(ap, ap)
-    own = total.argmin(axis=1)
+    own = (gap.min(axis=0) + _dot(ap, ap)).argmin(axis=1)
     row = np.arange(len(points))
-    which = best[row, own]
+    which = gap[:, row, own].argmin(axis=0)
     v, w = vs[which, row, own], ws[which, row, own]
     foot = a[row, own] + v[:, None] * ab[row, own] + w[:, None] * ac[row, own]
     return candidates[row, own], foot
 
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("...i,...i->...", one, other))
+    return np.asarray(np.einsum("cfi,cfi->cf", one, other))
 
 
 def centre_of_pressure(skin: PreparedSkin, pressures: FloatArray) -> FloatArray:
