@@ -149,9 +149,9 @@ class McapRecording:
         self._open(TOUCHES, "std_msgs/String", {})
         self._open(JOINT_STATES, TYPES[JOINT_STATES], {})
         if shows_robot:
-            for topic, kind in TYPES.items():
+            for topic, type_name in TYPES.items():
                 if topic != JOINT_STATES:
-                    self._open(topic, kind, {})
+                    self._open(topic, type_name, {})
 
     def _open(self, topic: str, kind: str, words: Mapping[str, str]) -> None:
         if kind not in self._schemas:

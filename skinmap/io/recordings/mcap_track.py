@@ -227,7 +227,11 @@ def read_head(found: Scan) -> dict[str, str]:
     copies = [table for table in tables if table.get("format") in FORMATS]
     if not copies:
         why = f" ({found.damage[0]})" if found.damage else ""
-        raise DataFormatError(f"not a Skinmap recording: it names no skin{why}", found.path)
+        raise DataFormatError(
+            f"not a Skinmap recording: it names no skin{why}; a bag of somebody else needs a "
+            f"mapping file {found.path.stem}.map.toml beside it (docs/ros2.md)",
+            found.path,
+        )
     return _agreed(copies, found)
 
 

@@ -15,7 +15,7 @@ from skinmap.live.sources.source import Source
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 
-FILES = (".npz", ".mcap", ".xdf", ".xdfz", ".log")
+FILES = (".npz", ".mcap", ".xdf", ".xdfz", ".log", ".db3")
 
 
 class OpenSource(Protocol):
