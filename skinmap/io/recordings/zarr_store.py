@@ -30,16 +30,18 @@ def write_zarr(track: RecordedStream, folder: Path) -> None:
             group.create_array(name, data=array)
     kind = track.values[:1].dtype
     count = len(track.times)
-    for part, width in zip(track.parts, track.info.widths, strict=True):
-        group.create_array(
+    stores = {
+        part: group.create_array(
             f"{part}/values",
             shape=(count, width),
             chunks=(max(min(BLOCK, count), 1), width),
             dtype=kind,
         )
+        for part, width in zip(track.parts, track.info.widths, strict=True)
+    }
     for start in range(0, count, BLOCK):
         rows = slice(start, min(start + BLOCK, count))
         values = track.values[rows]
         for part in track.parts:
-            group[f"{part}/values"][rows] = values[:, track.columns(part)]
+            stores[part][rows] = values[:, track.columns(part)]
     group.attrs.update(words)
