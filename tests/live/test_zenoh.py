@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def read_all(source, count: int):
 
 def test_every_sample_of_another_process_arrives(port, icub):
     command = [
-        sys.executable, "-m", "skinmap.cli.main", "simulate", "icub", "--part", PART,
+        str(Path(sys.executable).with_name("skinmap")), "simulate", "icub", "--part", PART,
         "--publish", f"zenoh:{port}", "--seconds", "15",
     ]  # fmt: skip
     child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
