@@ -15,10 +15,12 @@ from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
+    from skinmap.io.recordings.recorded_stream import RecordedStream
     from skinmap.skin.taxels import TaxelTable
 
 FORMATS = ("csv", "icub", "urdf", "ply", "vtp", "mjcf")
-RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log")
+FOLDERS = ("lerobot", "rosbag2", "zarr")  # of a recording
+RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 MCAP = ".mcap"
 
@@ -166,8 +168,8 @@ class ExportedRecording:
 @robot_argument
 @part_option
 @click.option(
-    "--format", "format", type=click.Choice(FORMATS),
-    help="Format to write taxels in.  [default: csv]",
+    "--format", "format", type=click.Choice([*FORMATS, *FOLDERS]),
+    help="Format to write taxels in (default: csv), or a folder of a recording.",
 )  # fmt: skip
 @click.option(
     "-o", "--out", "output", type=click.Path(path_type=Path), required=True, help="File to write."
@@ -195,7 +197,8 @@ def command(
 
     A recording (.mcap, .npz, .xdf, data.log) in place of the robot is written as arrays for
     machine learning: HDF5 or NPZ, by the suffix of the output. A cut or damaged .mcap is written
-    whole again, for all MCAP readers, with -o *.mcap.
+    whole again, for all MCAP readers, with -o *.mcap. Folders are written with --format lerobot
+    (a LeRobot data set), zarr, or rosbag2 (with a cloud of the taxels for every sample).
 
     \b
     Example:  skinmap export icub --part torso --format icub -o torso.txt
@@ -203,20 +206,34 @@ def command(
     Example:  skinmap export torso.txt --format csv -o torso.csv
     Example:  skinmap export touch.mcap -o touch.h5
     Example:  skinmap export cut.mcap -o whole.mcap
+    Example:  skinmap export touch.mcap --format lerobot -o dataset
     """
-    if Path(robot).suffix.lower() in RECORDINGS or (Path(robot) / "data.log").exists():
-        if format or parts or unrepaired or read_as:
-            raise click.UsageError("a recording is written whole, in the format that -o ends in")
-        present(export_recording(Path(robot), output), _recording_lines, as_json=as_json)
+    if _is_recording(Path(robot)):
+        if format in FORMATS or parts or unrepaired or read_as:
+            raise click.UsageError(
+                f"a recording is written whole, in the format that -o ends in, or with --format "
+                f"{', '.join(FOLDERS)}"
+            )
+        result = export_recording(Path(robot), output, format)
+        present(result, _recording_lines, as_json=as_json)
         return
+    if format in FOLDERS:
+        raise click.UsageError(f"{format} is for recordings; {robot} is none")
     if format == "mjcf":
         if unrepaired or read_as:
             raise click.UsageError("mjcf is of a whole robot; leave out --unrepaired and --read-as")
         present(export_model(robot, parts, output), _model_lines, as_json=as_json)
         return
     name, part, table = _table(robot, parts, unrepaired, read_as)
-    result = export_taxels(table, output, format or "csv", name, part)
-    present(result, _taxel_lines, as_json=as_json)
+    taxels = export_taxels(table, output, format or "csv", name, part)
+    present(taxels, _taxel_lines, as_json=as_json)
+
+
+def _is_recording(path: Path) -> bool:
+    from skinmap.io.ros2.bag import is_bag
+
+    known = path.suffix.lower() in RECORDINGS or (path / "data.log").exists()
+    return known or is_bag(path)
 
 
 def export_taxels(
@@ -261,35 +278,67 @@ def export_model(robot: str, parts: tuple[str, ...], output: Path) -> ExportedMo
     )
 
 
-def export_recording(path: Path, output: Path) -> ExportedRecording:
-    """Write a recording as arrays."""
-    from skinmap.errors import UnknownNameError
-    from skinmap.io.output import staged_file
-    from skinmap.io.recordings import learning
+def export_recording(path: Path, output: Path, format: str | None = None) -> ExportedRecording:
+    """Write a recording as arrays, a data set or a bag."""
     from skinmap.live.sources.open_recording import open_track
 
     suffix = output.suffix.lower()
-    formats = [*WRITERS, *([MCAP] if path.suffix.lower() == MCAP else [])]
-    if suffix not in formats:
-        raise UnknownNameError("format of a recording for files ending in", suffix, formats)
-    if suffix == MCAP:
-        from skinmap.io.recordings.mcap_track import write_repaired
-
-        with staged_file(output) as stage:
-            track = write_repaired(path, stage)
-    else:
+    if format is not None:
         track = open_track(path)
-        with staged_file(output) as stage:
-            getattr(learning, WRITERS[suffix])(track, stage)
+        _write_folder(track, output, format)
+    elif suffix == MCAP and path.suffix.lower() == MCAP:
+        track = _repaired(path, output)
+    else:
+        track = _written_arrays(path, output, suffix)
     pairs = zip(track.parts, track.info.widths, strict=True)
     return ExportedRecording(
         robot=track.info.robot,
-        format=suffix[1:],
+        format=format or suffix[1:],
         kind=track.kind,
         samples=len(track.times),
         parts=[ChannelsOfPart(name=part, channels=width) for part, width in pairs],
         files=[str(output)],
     )
+
+
+def _repaired(path: Path, output: Path) -> RecordedStream:
+    from skinmap.io.output import staged_file
+    from skinmap.io.recordings.mcap_track import write_repaired
+
+    with staged_file(output) as stage:
+        return write_repaired(path, stage)
+
+
+def _written_arrays(path: Path, output: Path, suffix: str) -> RecordedStream:
+    from skinmap.errors import UnknownNameError
+    from skinmap.io.output import staged_file
+    from skinmap.io.recordings import learning
+    from skinmap.live.sources.open_recording import open_track
+
+    if suffix not in WRITERS:
+        formats = [*WRITERS, *([MCAP] if path.suffix.lower() == MCAP else [])]
+        raise UnknownNameError("format of a recording for files ending in", suffix, formats)
+    track = open_track(path)
+    with staged_file(output) as stage:
+        getattr(learning, WRITERS[suffix])(track, stage)
+    return track
+
+
+def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
+    """Write a folder that is not there yet: readers take all files in it for theirs."""
+    from skinmap.errors import OutputError
+    from skinmap.io.output import staged_folder
+
+    if output.exists() and (not output.is_dir() or any(output.iterdir())):
+        raise OutputError(f"{str(output)!r} is there already; name a folder that is not")
+    if format == "lerobot":
+        from skinmap.io.recordings.lerobot import write_lerobot as write
+    elif format == "zarr":
+        from skinmap.io.recordings.zarr_store import write_zarr as write
+    else:
+        from skinmap.io.recordings.rosbag2 import write_rosbag2 as write
+    with staged_folder(output) as stage:
+        write(track, stage)
 
 
 def _taxel_lines(result: ExportedTaxels) -> Iterator[str]:

@@ -91,6 +91,10 @@ class RecordResult:
     "--speed", type=Number(min=0.0, min_open=True), default=1.0, show_default=True,
     help="Of a recording or the simulator; inf is as fast as it goes.",
 )  # fmt: skip
+@click.option(
+    "--points-hz", type=Number(min=0.0), default=1.0, show_default=True,
+    help="Clouds of all taxels a second for ROS 2's tools; inf one a sample, 0 none.",
+)  # fmt: skip
 @seed_option
 @profile_option()
 @prints(RecordResult)
@@ -108,6 +112,7 @@ def command(
     rotate_mb: float,
     rotate_minutes: float,
     speed: float,
+    points_hz: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -155,6 +160,7 @@ def command(
             person=person,
             rotate_bytes=rotate_mb * 2**20,
             rotate_seconds=rotate_minutes * 60.0,
+            points_hz=points_hz,
         )
         patience = FILE_PATIENCE if isinstance(origin, Seekable) else LIVE_PATIENCE
         recorded = RecordingTap(
@@ -271,11 +277,21 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
                 continue
             if loop.info.kind == "raw":
                 recorder.put(_pressure_block(moment, loop.info.parts), "pressure")
+            recorder.show_touches(moment.time, _markers(loop, moment))
             shown.add(1)
             _mark_ended(loop, recorder, shown)
     except (SourceEnded, KeyboardInterrupt):
         loop.finish()
         _mark_ended(loop, recorder, shown)
+
+
+def _markers(loop: TouchLoop, moment: Any) -> list[Any]:
+    from skinmap.io.ros2.messages import TouchMarker
+
+    return [
+        TouchMarker(touch.identity, loop.robot.part(touch.part).link, touch.centre, touch.label)
+        for touch in moment.touches
+    ]
 
 
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:

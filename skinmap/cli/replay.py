@@ -35,7 +35,10 @@ class ReplayResult:
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.option("--robot", help="Robot whose skin it must be; it also names a dumper's folders.")
 @part_option
-@click.option("--publish", help="Where to: lsl:NAME, zmq:PORT or zmq:HOST:PORT.")
+@click.option(
+    "--publish",
+    help="Where to: lsl:NAME, zmq:PORT, zmq:HOST:PORT, foxglove[:PORT] or zenoh[:PORT].",
+)
 @click.option(
     "--speed", type=Number(min=0.0, min_open=True), default=1.0, show_default=True,
     help="How many times faster than recorded; inf is as fast as it goes.",
@@ -66,7 +69,7 @@ def command(
     source = open_recording(recording, robot=loaded, parts=parts or None, speed=speed, loop=loop)
     publisher = None
     try:
-        publisher = open_publisher(publish, source.info) if publish else None
+        publisher = open_publisher(publish, source.info, robot=loaded) if publish else None
         sent, played = _play(source, publisher, seconds)
     finally:
         source.close()

@@ -17,12 +17,14 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
-from skinmap.io.recordings.cdr import decode, definition, encode
 from skinmap.io.recordings.mcap_recording import McapRecording
 from skinmap.io.recordings.mcap_track import read_track
 from skinmap.io.recordings.mcap_writer import McapWriter
 from skinmap.io.recordings.recorded_stream import nanoseconds_of
 from skinmap.io.recordings.touch_files import load_recordings, save_recordings
+from skinmap.io.ros2.arrays import decode, encode
+from skinmap.io.ros2.definitions import definition
+from skinmap.io.ros2.messages import read_text
 from skinmap.io.taxels.table import parse_csv
 from skinmap.touch.pairs import simulate_pairs
 from skinmap.touch.recording import Recording
@@ -106,16 +108,17 @@ def test_standard_reader_reads_values_labels_and_skin(tmp_path, icub, two_parts)
     rows = list(reader.iter_messages("/skin/pressure"))
     schema, channel, message = rows[10]
     assert (schema.name, schema.encoding) == ("std_msgs/msg/UInt8MultiArray", "ros2msg")
-    assert schema.data == definition("UInt8")
+    assert schema.data == definition("std_msgs/UInt8MultiArray")
     assert channel.message_encoding == "cdr"
     np.testing.assert_array_equal(
         decode(message.data, "UInt8"), np.concatenate([one.pressures[10] for one in two_parts])
     )
     assert message.log_time == message.publish_time == 200_000_000
-    touches = [json.loads(m.data) for _, _, m in reader.iter_messages("/skin/touches")]
+    touches = [json.loads(read_text(m.data)) for _, _, m in reader.iter_messages("/skin/touches")]
     assert len(touches) == sum(len(one.labels) for one in two_parts)
     assert set(touches[0]) == {"part", "event", "label", "began_s", "ended_s", "subject"}
-    (head,) = [one.metadata for one in reader.iter_metadata()]
+    head, bag = [one.metadata for one in reader.iter_metadata()]
+    assert "message_count" in bag["serialized_metadata"]
     assert head["robot"] == "iCub"
     tables = {one.name: one.data.decode() for one in reader.iter_attachments()}
     skin = icub.skin("left_foot")

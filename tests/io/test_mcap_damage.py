@@ -17,11 +17,12 @@ from mcap.writer import CompressionType, Writer
 
 from skinmap.errors import SkinError
 from skinmap.io.recordings import mcap_scan
-from skinmap.io.recordings.cdr import definition, encode, schema_name
 from skinmap.io.recordings.mcap_recording import McapRecording
 from skinmap.io.recordings.mcap_scan import MAX_RECORD
 from skinmap.io.recordings.mcap_track import read_track
 from skinmap.io.recordings.mcap_writer import MAGIC, McapWriter
+from skinmap.io.ros2.arrays import array_type, encode
+from skinmap.io.ros2.definitions import definition, full_name
 
 N, RATE, COUNT = 40, 50.0, 100
 STEP = 1 / RATE
@@ -179,7 +180,9 @@ def standard_file(values: np.ndarray, compression: CompressionType, **how) -> by
         "widths": f'{{"raw": [{values.shape[1]}]}}', "rate": "50.0",
     }  # fmt: skip
     writer.add_metadata("skinmap", head)
-    schema = writer.register_schema(schema_name("UInt8"), "ros2msg", definition("UInt8"))
+    schema = writer.register_schema(
+        full_name(array_type("UInt8")), "ros2msg", definition(array_type("UInt8"))
+    )
     channel = writer.register_channel("/skin/raw", "cdr", schema)
     for row, sample in enumerate(values):
         writer.add_message(channel, row * 20_000_000, encode(sample, "UInt8"), 0, row)

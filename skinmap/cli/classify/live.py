@@ -241,7 +241,7 @@ def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
     found: list[Any] = []
     try:
         for spec in specs:
-            found.append(open_publisher(spec, loop.dense_info()))
+            found.append(open_publisher(spec, loop.dense_info(), robot=loop.robot))
             loop.subscribe(found[-1].send)
     except BaseException:
         for publisher in found:

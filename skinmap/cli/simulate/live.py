@@ -48,7 +48,7 @@ def publish_touches(
     interrupted, began = False, time.perf_counter()
     try:
         info = source.info
-        with open_publisher(spec, info, topics=(info.kind,)) as publisher:
+        with open_publisher(spec, info, topics=(info.kind,), robot=loaded) as publisher:
             until = "ends by itself" if seconds is not None else "Ctrl-C ends it"
             click.echo(
                 f"publishing {info.channels} channels of {loaded.name} at {info.rate:g} Hz as "

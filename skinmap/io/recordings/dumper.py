@@ -54,7 +54,7 @@ def read_dump(path: Path, *, robot: Robot | None = None) -> RecordedStream:
         raise DataFormatError("two logs of one part", path)
     read = {part: read_log(log) for part, log in named.items()}
     if len(read) > 1:
-        read = _together(read, path)
+        read = together(read, path)
     longest = max(read.values(), key=lambda one: len(one[0]))
     times = longest[0]
     cut = [damage for _, _, damage in read.values() if damage]
@@ -181,7 +181,7 @@ def _packed(rows: list[NDArray[np.float64]]) -> NDArray[Any]:
     return values.astype(np.uint8 if whole else np.float32)
 
 
-def _together(
+def together(
     read: dict[str, tuple[FloatArray, NDArray[Any], str]], path: Path
 ) -> dict[str, tuple[FloatArray, NDArray[Any], str]]:
     """All parts at the times of the one with most samples, each holding what it sent last."""

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError
-from skinmap.io.recordings.cdr import DTYPES, HEAD, Number, decode
 from skinmap.io.recordings.mcap_recording import TOPICS
 from skinmap.io.recordings.mcap_scan import DAMAGED, Place, read_chunk, scan
 from skinmap.io.recordings.recorded_stream import Kind, seconds_of
+from skinmap.io.ros2.arrays import DTYPES, HEAD, Number, decode
 
 KEPT = 4  # chunks kept unfolded: who plays a recording comes by each of them once
 

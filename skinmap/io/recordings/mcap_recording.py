@@ -16,18 +16,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.errors import OutputError, SkinMismatchError
-from skinmap.io.recordings.cdr import DTYPES, Number, definition, encode, schema_name
 from skinmap.io.recordings.mcap_writer import CHUNK_SECONDS, McapWriter
 from skinmap.io.recordings.recorded_stream import Kind, nanoseconds_of
+from skinmap.io.recordings.robot_view import RobotView
+from skinmap.io.ros2.arrays import Number, array_type, encode
+from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata, qos_profile
+from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA
+from skinmap.io.ros2.definitions import definition, full_name
+from skinmap.io.ros2.messages import TouchMarker, joints_message, text_message
+from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED, TYPES, RobotTopics
 from skinmap.io.taxels.table import write_csv
 from skinmap.skin.fingerprint import fingerprint
+from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.skin.taxels import TaxelTable
 
-FORMAT = "skinmap-mcap-1"
+FORMAT = "skinmap-mcap-2"
 METADATA = "skinmap"
 REPAIRED = "repaired_lost_seconds"  # in the head of a file that was made from a damaged one
-TOUCHES, JOINTS = "/skin/touches", "/joints"
+TOUCHES = "/skin/touches"  # texts of JSON: docs/recordings.md
+POINTS_HZ = 1.0  # clouds of all taxels: 16 bytes a taxel, which hardly compress
 TOPICS: dict[tuple[Kind, Number], str] = {
     ("raw", "UInt8"): "/skin/raw",
     ("raw", "Float32"): "/skin/raw_float",
@@ -35,26 +43,6 @@ TOPICS: dict[tuple[Kind, Number], str] = {
     ("pressure", "Float32"): "/skin/pressure_float",
 }
 TABLES = "skin/"  # attachments: skin/<part>.csv
-TOUCH_SCHEMA = {
-    "type": "object",
-    "title": "skinmap.Touch",
-    "properties": {
-        "part": {"type": "string"},
-        "event": {"type": "integer", "description": "number of the touch on its part"},
-        "began_s": {"type": "number", "description": "time of its first sample"},
-        "ended_s": {"type": "number", "description": "of its last sample, once it has ended"},
-        "label": {"type": "string"},
-        "subject": {"type": "integer"},
-        "session": {"type": "string", "description": "when it was recorded, in words"},
-        "person": {"type": "string", "description": "who touched, in words"},
-        "owners": {"type": "object", "description": "taxels of each touch that the label joins"},
-    },
-}
-JOINT_SCHEMA = {
-    "type": "object",
-    "title": "skinmap.Joints",
-    "additionalProperties": {"type": "number", "description": "angle [rad]"},
-}
 
 
 class McapRecording:
@@ -80,6 +68,10 @@ class McapRecording:
         Of all touches that do not say otherwise.
     chunk_seconds : float
         Most that a killed process may lose.
+    model : Robot, optional
+        What ROS 2's tools draw: its description, transforms, and clouds of its taxels are written.
+    points_hz : float
+        Clouds a second at most; `inf` one with every sample, 0 none.
 
     Raises
     ------
@@ -104,12 +96,17 @@ class McapRecording:
         session: str = "",
         person: str = "",
         chunk_seconds: float = CHUNK_SECONDS,
+        model: Robot | None = None,
+        points_hz: float = POINTS_HZ,
     ) -> None:
         self.path = path
         self.samples: dict[Kind, int] = dict.fromkeys(widths, 0)
         self._widths = {kind: tuple(each) for kind, each in widths.items()}
         self._parts = tuple(parts)
         self._ids: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._facts: dict[str, TopicFacts] = {}
+        self._view: RobotView | None = None
         known = dict(fingerprints or {})
         known |= {part: fingerprint(skin) for part, skin in (skins or {}).items()}
         head = {
@@ -136,22 +133,34 @@ class McapRecording:
         with self._disk():
             self._writer = McapWriter(self._file, chunk_seconds=chunk_seconds)
             self._writer.add_metadata(METADATA, head)
-            self._open_channels()
+            self._open_channels(model is not None)
             for part, skin in (skins or {}).items():
                 self._writer.add_attachment(f"{TABLES}{part}.csv", "text/csv", table_of(skin))
+        self._shown: Kind = "pressure" if "pressure" in widths else "raw"
+        if model is not None:
+            topics = RobotTopics(model, self._parts, self._widths[self._shown], self._shown)
+            self._view = RobotView(topics, self._message, points_hz)
 
-    def _open_channels(self) -> None:
-        writer, schemas = self._writer, dict[Number, int]()
-        for number in DTYPES:
-            schemas[number] = writer.add_schema(schema_name(number), "ros2msg", definition(number))
+    def _open_channels(self, shows_robot: bool) -> None:
         # The head stands in the channels too: a damaged page at the beginning cannot take it all.
         for (kind, number), topic in TOPICS.items():
             if kind in self._widths:
-                self._ids[topic] = writer.add_channel(topic, "cdr", schemas[number], self._head)
-        for topic, schema in ((TOUCHES, TOUCH_SCHEMA), (JOINTS, JOINT_SCHEMA)):
-            described = json.dumps(schema).encode()
-            place = writer.add_schema(str(schema["title"]), "jsonschema", described)
-            self._ids[topic] = writer.add_channel(topic, "json", place)
+                self._open(topic, array_type(number), self._head)
+        self._open(TOUCHES, "std_msgs/String", {})
+        self._open(JOINT_STATES, TYPES[JOINT_STATES], {})
+        if shows_robot:
+            for topic, type_name in TYPES.items():
+                if topic != JOINT_STATES:
+                    self._open(topic, type_name, {})
+
+    def _open(self, topic: str, kind: str, words: Mapping[str, str]) -> None:
+        if kind not in self._schemas:
+            text = definition(kind)
+            self._schemas[kind] = self._writer.add_schema(full_name(kind), "ros2msg", text)
+        qos = {QOS_KEY: qos_profile(latched=topic in LATCHED)}
+        self._facts[topic] = TopicFacts(full_name(kind), latched=topic in LATCHED)
+        number = self._schemas[kind]
+        self._ids[topic] = self._writer.add_channel(topic, "cdr", number, {**words, **qos})
 
     @property
     def size(self) -> int:
@@ -185,14 +194,26 @@ class McapRecording:
                 f"{channels} channels"
             )
         number: Number = "UInt8" if whole_counts(values) else "Float32"
-        message = encode(values, number)
-        self._message(TOPICS[kind, number], nanoseconds_of(time), message, self.samples[kind])
+        message, stamp = encode(values, number), nanoseconds_of(time)
+        self._message(TOPICS[kind, number], stamp, message, self.samples[kind])
         self.samples[kind] += 1
+        if self._view is not None and kind == self._shown:
+            self._view.sample(stamp, values)
 
     def add_angles(self, time: float, angles: Mapping[str, float]) -> None:
         """Write joint angles [rad] that belong to the sample of a time [s]."""
-        content = {joint: float(angle) for joint, angle in angles.items()}
-        self._message(JOINTS, nanoseconds_of(time), _json(content), 0)
+        stamp = nanoseconds_of(time)
+        self._message(JOINT_STATES, stamp, joints_message(stamp, angles), 0)
+        if self._view is not None:
+            self._view.angles(stamp, angles)
+
+    def show_touches(self, time: float, touches: Sequence[TouchMarker]) -> None:
+        """Write markers of what touches at a time [s]; those of before that ended are taken away.
+
+        Where the file shows no robot, nothing is written.
+        """
+        if self._view is not None:
+            self._view.touches(nanoseconds_of(time), touches)
 
     def mark(
         self,
@@ -233,7 +254,8 @@ class McapRecording:
         said = {"session": session, "person": person}
         content |= {key: word for key, word in said.items() if word}
         stamp = nanoseconds_of(began if ended is None else ended)
-        self._message(TOUCHES, stamp, _json(content), 0)
+        text = json.dumps(content, separators=(",", ":"))
+        self._message(TOUCHES, stamp, text_message(text), 0)
 
     def flush(self) -> None:
         """Give everything to the system."""
@@ -256,12 +278,24 @@ class McapRecording:
         if self._file.closed:
             return
         try:
+            if self._view is not None and not self._writer.broken:
+                self._view.end()
+        finally:
+            self._finish()
+
+    def _finish(self) -> None:
+        try:
             with self._disk():
-                self._writer.finish()
+                self._writer.finish({BAG_METADATA: {BAG_KEY: self.bag_metadata()}})
         finally:
             self._file.close()
 
+    def bag_metadata(self) -> str:
+        """What rosbag2 keeps of a bag beside its messages, as YAML."""
+        return bag_metadata(self.path.name, self._facts)
+
     def _message(self, topic: str, stamp: int, content: bytes, sample: int) -> None:
+        self._facts[topic].count(stamp)
         with self._disk():
             self._writer.add_message(self._ids[topic], stamp, content, sample)
 
@@ -302,7 +336,3 @@ def table_of(skin: Skin) -> bytes:
         file = Path(folder) / "skin.csv"
         write_csv(table, file)
         return file.read_bytes()
-
-
-def _json(content: object) -> bytes:
-    return json.dumps(content, separators=(",", ":")).encode()

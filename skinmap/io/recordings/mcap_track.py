@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,9 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinError
-from skinmap.io.recordings.mcap_index import Content, Index, McapSamples
+from skinmap.io.recordings.mcap_index import Content, Index, McapSamples, Messages
 from skinmap.io.recordings.mcap_recording import (
     FORMAT,
-    JOINTS,
     METADATA,
     REPAIRED,
     TABLES,
@@ -34,9 +33,15 @@ from skinmap.io.recordings.recorded_stream import (
     measured_rate,
     nanoseconds_of,
 )
+from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata
+from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA
+from skinmap.io.ros2.messages import read_joints, read_text
+from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED
 from skinmap.io.taxels.table import parse_csv
 from skinmap.skin.taxels import TaxelTable
 
+FORMATS = ("skinmap-mcap-1", FORMAT)  # the first had touches and angles as bare JSON
+OLD_JOINTS = "/joints"
 MAX_JOINTS = 10_000
 MAX_CHANNELS = 1_000_000  # a skin of more is damage
 REPAIR_SECONDS = 10.0  # nothing is lived through here, so chunks close by size
@@ -101,13 +106,20 @@ def _filled(index: Index, kind: Kind) -> bool:
     return any(len(index.of(topic)) for (each, _), topic in TOPICS.items() if each == kind)
 
 
-def _objects(index: Index, topic: str) -> list[tuple[int, dict[str, Any]]]:
-    """Time [ns] and content of each JSON message of a topic, in the order of time."""
+def _said(message: bytes) -> Any:
+    """What a message says: JSON in a text, or bare as in the first format."""
+    return json.loads(message if message[:1] == b"{" else read_text(message))
+
+
+def _objects(
+    index: Index, topic: str, read: Callable[[bytes], Any] = _said
+) -> list[tuple[int, dict[str, Any]]]:
+    """Time [ns] and content of each message of a topic, in the order of time."""
     messages, content = index.of(topic), Content(index)
     found = []
     for row in messages.order().tolist():
         try:
-            one = json.loads(content(messages, row))
+            one = read(content(messages, row))
         except (ValueError, RecursionError):
             one = None
         if not isinstance(one, dict):
@@ -147,7 +159,7 @@ def _touches(index: Index, stamps: IntArray, head: dict[str, str]) -> tuple[Mark
 
 def _angles(index: Index, stamps: IntArray) -> tuple[tuple[str, ...], FloatArray]:
     """Names of the joints and their angles (t, j), each from the last message before a sample."""
-    rows = _objects(index, JOINTS)
+    rows = _objects(index, JOINT_STATES, read_joints) or _objects(index, OLD_JOINTS)
     joints = tuple(dict.fromkeys(name for _, one in rows for name in one))
     if len(joints) > MAX_JOINTS:
         raise DataFormatError(f"{len(joints)} joints; no robot has so many", index.path)
@@ -212,17 +224,21 @@ def _loss(
 def read_head(found: Scan) -> dict[str, str]:
     """What the file says of itself, from wherever it survived."""
     tables = [*found.metadata.values(), *(channel.metadata for channel in found.copies)]
-    copies = [table for table in tables if table.get("format") == FORMAT]
+    copies = [table for table in tables if table.get("format") in FORMATS]
     if not copies:
         why = f" ({found.damage[0]})" if found.damage else ""
-        raise DataFormatError(f"not a Skinmap recording: it names no skin{why}", found.path)
+        raise DataFormatError(
+            f"not a Skinmap recording: it names no skin{why}; a bag of somebody else needs a "
+            f"mapping file {found.path.stem}.map.toml beside it (docs/ros2.md)",
+            found.path,
+        )
     return _agreed(copies, found)
 
 
 def _agreed(copies: list[dict[str, str]], found: Scan) -> dict[str, str]:
     """What most copies say: these records carry no checksum, but they repeat each other."""
     agreed = {}
-    for key in sorted({key for copy in copies for key in copy}):
+    for key in sorted({key for copy in copies for key in copy} - {QOS_KEY}):
         said = Counter(copy.get(key) for copy in copies)
         ((value, _),) = said.most_common(1)
         if len(said) > 1:
@@ -304,7 +320,7 @@ def write_repaired(path: Path, output: Path) -> RecordedStream:
             for name, data in sorted(index.found.attachments.items()):
                 writer.add_attachment(name, "text/csv", data)
             _copy(writer, index, numbers)
-            writer.finish()
+            writer.finish({BAG_METADATA: {BAG_KEY: bag_metadata(output.name, _facts(index))}})
     except OSError as error:
         raise OutputError(f"cannot write {str(output)!r}: {error.strerror}") from None
     return track
@@ -372,10 +388,21 @@ def _channels(writer: McapWriter, index: Index, head: dict[str, str]) -> dict[in
     }
     numbers: dict[int, int] = {}
     for number, one in sorted(found.channels.items()):
-        own = head if one.metadata else {}
+        own = {**one.metadata, **(head if "format" in one.metadata else {})}
         schema = schemas.get(one.schema_id, 0)
         numbers[number] = writer.add_channel(one.topic, one.message_encoding, schema, own)
     return numbers
+
+
+def _facts(index: Index) -> dict[str, TopicFacts]:
+    """Topics of the messages that were found."""
+    found, facts = index.found, dict[str, TopicFacts]()
+    for number, one in sorted(found.channels.items()):
+        kind = found.schemas[one.schema_id].name if one.schema_id in found.schemas else ""
+        topic = facts[one.topic] = TopicFacts(kind, latched=one.topic in LATCHED)
+        for stamp in index.channels.get(number, Messages()).times:
+            topic.count(stamp)
+    return facts
 
 
 def _copy(writer: McapWriter, index: Index, numbers: dict[int, int]) -> None:

@@ -56,7 +56,7 @@ class McapWriter:
         self._writer: Any = Writer(self._sink, chunk_size=chunk_bytes)  # type: ignore[arg-type]
         self._span: tuple[int, int] | None = None  # of the open chunk's messages [ns]
         self._began = 0.0
-        self._writer.start(library=f"skinmap {__version__}")
+        self._writer.start(profile="ros2", library=f"skinmap {__version__}")
         self._sink.flush()
 
     @property
@@ -113,11 +113,18 @@ class McapWriter:
         self._span = None
         self._writer.flush()
 
-    def finish(self) -> None:
-        """End the file, with its index where there is room for it."""
-        if not self._sink.broken:
+    @property
+    def broken(self) -> bool:
+        """Whether the system refused a write: only `finish` may follow."""
+        return self._sink.broken
+
+    def finish(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        """End the file, with last tables of words and its index where there is room for them."""
+        if not self.broken:
             try:
                 self.flush()
+                for name, content in (metadata or {}).items():
+                    self._writer.add_metadata(name, dict(content))
                 self._writer.finish()
                 self._sink.flush()
                 return

@@ -5,14 +5,15 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from skinmap.errors import SkinError, SkinMismatchError
-from skinmap.io.recordings.mcap_recording import McapRecording
+from skinmap.io.recordings.mcap_recording import POINTS_HZ, McapRecording
 from skinmap.io.recordings.mcap_writer import CHUNK_SECONDS
+from skinmap.io.ros2.messages import TouchMarker
 from skinmap.live.bounded_queue import BoundedQueue, QueueEnded
 from skinmap.live.sources.source import Block, Kind, StreamInfo
 from skinmap.skin.robot import Robot
@@ -62,6 +63,8 @@ class Recorder:
     chunk_seconds : float
         Age at which a chunk is written: most that a killed process loses, plus the time that the
         thread waits for its turn.
+    points_hz : float
+        Clouds of the robot's taxels a second, for ROS 2's tools; 0 none.
 
     Raises
     ------
@@ -82,13 +85,14 @@ class Recorder:
         rotate_seconds: float = ROTATE_SECONDS,
         most_bytes: int = MAX_BYTES,
         chunk_seconds: float = CHUNK_SECONDS,
+        points_hz: float = POINTS_HZ,
     ) -> None:
         self.info, self.files = info, [path]
         self._session, self._person = session, person
         self._robot = robot
         self._widths: dict[Kind, tuple[int, ...]] = {**(widths or {}), info.kind: info.widths}
         self._rotate = (rotate_bytes, rotate_seconds)
-        self._chunk_seconds = chunk_seconds
+        self._chunk_seconds, self._points_hz = chunk_seconds, points_hz
         self._written = self._dropped = 0
         self._jobs: BoundedQueue[Callable[[McapRecording], None]] = BoundedQueue(most_bytes)
         self._error: Exception | None = None
@@ -126,6 +130,10 @@ class Recorder:
     def mark(self, part: str, event: int, label: str, **how: Any) -> None:
         """Queue a mark of a touch (see `McapRecording.mark`)."""
         self._jobs.put(lambda file: file.mark(part, event, label, **how), 0, patience=0.0)
+
+    def show_touches(self, time: float, touches: Sequence[TouchMarker]) -> None:
+        """Queue markers of what touches at a time [s]."""
+        self._jobs.put(lambda file: file.show_touches(time, touches), 0, patience=0.0)
 
     def put_angles(self, time: float, angles: Mapping[str, float]) -> None:
         """Queue joint angles [rad]."""
@@ -211,4 +219,6 @@ class Recorder:
             session=self._session,
             person=self._person,
             chunk_seconds=self._chunk_seconds,
+            model=self._robot,
+            points_hz=self._points_hz,
         )

@@ -78,8 +78,8 @@ class RecordingTap(Relay):
             if not rows.any():
                 raise SourceEnded
             block = Block(block.times[rows], block.values[rows], block.arrived)
+        self._record_angles(block)  # first: clouds stand where the joints are
         self.recorder.put(block, patience=self._patience)
-        self._record_angles(block)
         return block
 
     def _record_angles(self, block: Block) -> None:

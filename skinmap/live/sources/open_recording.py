@@ -17,6 +17,7 @@ from skinmap.io.recordings.recorded_stream import (
     StreamInfo,
     warn_of_loss,
 )
+from skinmap.io.ros2.bag import is_bag, mapping_of, read_bag
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.skins import check_skin
 from skinmap.skin.fingerprint import fingerprint
@@ -24,7 +25,9 @@ from skinmap.skin.robot import Robot
 from skinmap.touch.recording import Recording
 
 SAME_RATE = 0.01  # share by which the rates of parts may differ that are played together
-FORMATS = (".mcap", ".npz", ".xdf", ".xdfz", "data.log", "a folder of data.log files")
+FORMATS = (
+    ".mcap", ".npz", ".xdf", ".xdfz", "data.log", "a folder of data.log files", "a bag of ROS 2"
+)  # fmt: skip
 
 
 def open_recording(
@@ -103,6 +106,8 @@ def open_track(
     if not path.exists():
         raise MissingFileError(path, f"a recording: {', '.join(FORMATS)}")
     suffix = path.suffix.lower()
+    if is_bag(path) or (suffix == ".mcap" and mapping_of(path).is_file()):
+        return read_bag(path)
     if suffix == ".mcap":
         from skinmap.io.recordings.mcap_track import read_track
 

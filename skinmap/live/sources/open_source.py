@@ -1,6 +1,6 @@
 """Open a source by what a user types.
 
-`sim`, `mujoco:FILE`, `lsl:NAME`, `zmq:HOST:PORT`, a file, a plug-in.
+`sim`, `mujoco:FILE`, `lsl:NAME`, `zmq:HOST:PORT`, `zenoh:/TOPIC`, a file, a plug-in.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from skinmap.live.sources.source import Source
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 
-FILES = (".npz", ".mcap", ".xdf", ".xdfz", ".log")
+FILES = (".npz", ".mcap", ".xdf", ".xdfz", ".log", ".db3")
 
 
 class OpenSource(Protocol):
@@ -44,6 +44,7 @@ sources: Registry[OpenSource] = Registry(
         "sim": "skinmap.live.sources.open_source:_simulated",
         "lsl": "skinmap.live.sources.lsl_source:open_lsl",
         "mujoco": "skinmap.live.sources.mujoco_source:open_mujoco",
+        "zenoh": "skinmap.live.sources.zenoh_source:open_zenoh",
         "zmq": "skinmap.live.sources.zmq_source:open_zmq",
     },
 )
@@ -64,9 +65,9 @@ def open_source(
     ----------
     spec : str or Path
         "sim", "sim:raw" or "sim:poke,edge" (only these gestures), "mujoco:FILE", "lsl:NAME",
-        "zmq:HOST:PORT", a recording (.npz, .mcap,
-        .xdf, a data dumper's folder or data.log), or "NAME" or "NAME:ADDRESS" of the group
-        `skinmap.sources`. A name wins over a file of that name; "./sim" is the file.
+        "zmq:HOST:PORT", "zenoh:", a recording (.npz, .mcap, .xdf, a data dumper's folder or
+        data.log, a bag of ROS 2), or "NAME" or "NAME:ADDRESS" of the group `skinmap.sources`. A
+        name wins over a file of that name; "./sim" is the file.
     robot : Robot or str, optional
         Whose skin it must be; the simulator touches the iCub where none is given.
     parts : sequence of str, optional

@@ -13,42 +13,18 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from skinmap.io.ros2.cdr import LITTLE_ENDIAN
+
 Number = Literal["UInt8", "Float32"]
 DTYPES: dict[Number, np.dtype[Any]] = {"UInt8": np.dtype("u1"), "Float32": np.dtype("<f4")}
-LITTLE_ENDIAN = b"\x00\x01\x00\x00"  # encapsulation of plain CDR, DDS-XTypes 1.3, 7.6.3.1.2
 LABEL = b"channel\0"
 # One dimension, its label, size and stride, the offset of the data and their number.
 HEAD = struct.Struct(f"<4sII{len(LABEL)}sIIII")
 
-LAYOUT = """\
-# The layout of an array, ROS 2 common_interfaces
-MultiArrayDimension[] dim
-uint32 data_offset
-"""
-DIMENSION = """\
-string label
-uint32 size
-uint32 stride
-"""
-RULE = "=" * 80
 
-
-def schema_name(number: Number) -> str:
-    """Name of the message type, as ROS 2 writes it."""
-    return f"std_msgs/msg/{number}MultiArray"
-
-
-def definition(number: Number) -> bytes:
-    """The message type as text, with the types that it holds (MCAP's encoding `ros2msg`)."""
-    values = {"UInt8": "uint8[]", "Float32": "float32[]"}[number]
-    return "\n".join(
-        [
-            f"MultiArrayLayout layout\n{values} data",
-            RULE,
-            f"MSG: std_msgs/MultiArrayLayout\n{LAYOUT}{RULE}",
-            f"MSG: std_msgs/MultiArrayDimension\n{DIMENSION}",
-        ]
-    ).encode()
+def array_type(number: Number) -> str:
+    """The message type of an array."""
+    return f"std_msgs/{number}MultiArray"
 
 
 def encode(values: NDArray[Any], number: Number) -> bytes:

@@ -1,0 +1,259 @@
+"""Bags of ROS 2 that others recorded, by a mapping file that says which topic is which part.
+
+The mapping of `run1` (a folder), `run1.mcap` or `run1.db3` is `run1.map.toml` beside it.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import DataFormatError, MissingFileError, MissingLibraryError, UnknownNameError
+from skinmap.io.recordings.dumper import together
+from skinmap.io.recordings.recorded_stream import (
+    Kind,
+    RecordedStream,
+    StreamInfo,
+    measured_rate,
+    seconds_of,
+)
+from skinmap.io.ros2.messages import cloud_points
+from skinmap.io.text import read_text
+from skinmap.validation import checked, toml_table
+
+MAPPING = ".map.toml"
+METADATA = "metadata.yaml"
+SUFFIXES = (".db3", ".mcap")
+MAX_CHANNELS = 1_000_000
+# Types of one value a pixel, by the encodings of `sensor_msgs/Image` (with their channels).
+PIXELS = {
+    "mono8": ("u1", 1), "8UC1": ("u1", 1), "mono16": ("u2", 1), "16UC1": ("u2", 1),
+    "16SC1": ("i2", 1), "32SC1": ("i4", 1), "32FC1": ("f4", 1), "64FC1": ("f8", 1),
+    "rgb8": ("u1", 3), "bgr8": ("u1", 3), "rgba8": ("u1", 4), "bgra8": ("u1", 4),
+    "8UC3": ("u1", 3), "32FC3": ("f4", 3),
+}  # fmt: skip
+
+
+class _Topic(msgspec.Struct, forbid_unknown_fields=True):
+    """A table `[[part]]`: whose values a topic brings."""
+
+    name: str
+    topic: str
+    field: str | int = ""
+    channels: list[Annotated[int, msgspec.Meta(ge=0)]] | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+
+
+class _Mapping(msgspec.Struct, forbid_unknown_fields=True):
+    """A whole mapping file."""
+
+    part: Annotated[list[_Topic], msgspec.Meta(min_length=1, max_length=1000)]
+    kind: Kind = "raw"
+    robot: str = ""
+    time: Literal["header", "log"] = "header"
+
+
+def mapping_of(bag: Path) -> Path:
+    """Where the mapping file of a bag stands."""
+    name = bag.resolve().name
+    stem = Path(name).stem if Path(name).suffix.lower() in SUFFIXES else name
+    return bag.resolve().parent / f"{stem}{MAPPING}"
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path looks like a bag of ROS 2: a folder with its metadata, or SQLite."""
+    return (path / METADATA).is_file() or path.suffix.lower() == ".db3"
+
+
+def read_bag(bag: Path) -> RecordedStream:
+    """Read a bag by the mapping file beside it.
+
+    Parameters
+    ----------
+    bag : Path
+        A folder with `metadata.yaml`, or a bare `.db3` or `.mcap`.
+
+    Returns
+    -------
+    RecordedStream
+        Several parts are given at the times of the one with most samples, each with what it last
+        sent, as far as all of them were recorded.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No mapping, or a bag or mapping that does not follow its format (says where).
+    UnknownNameError
+        A topic or field that the bag has not (says which there are).
+    MissingLibraryError
+        The package `rosbags` is not installed.
+    """
+    mapping = read_mapping(mapping_of(bag))
+    read = _read_topics(bag, mapping)
+    held = together({part: (*one, "") for part, one in read.items()}, bag)
+    columns = [held[one.name][1] for one in mapping.part]
+    times = held[mapping.part[0].name][0]
+    info = StreamInfo(
+        bag.name,
+        tuple(one.name for one in mapping.part),
+        tuple(values.shape[1] for values in columns),
+        measured_rate(times),
+        mapping.kind,
+        mapping.robot,
+    )
+    return RecordedStream(info, times, np.concatenate(columns, axis=1))
+
+
+def read_mapping(path: Path) -> _Mapping:
+    """Read a mapping file.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or one with a key or value that means nothing (says which).
+    """
+    if not path.is_file():
+        raise MissingFileError(
+            path, "the mapping file of a bag: which topic is which part (docs/ros2.md)"
+        )
+    fail = partial(DataFormatError, path=path)
+    try:
+        table = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:  # huge numbers, deep nests are no TOML errors
+        raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
+    mapping = checked(table, _Mapping, what="the mapping file", fail=fail, called=toml_table)
+    names = [one.name for one in mapping.part]
+    if len(set(names)) < len(names):
+        raise DataFormatError(f"each part once, got {', '.join(names)}", path)
+    for one in mapping.part:
+        if not np.isfinite([one.scale, one.offset]).all():
+            raise DataFormatError(f"{one.name!r}: scale and offset must be finite", path)
+        if one.channels is not None and not 0 < len(one.channels) <= MAX_CHANNELS:
+            raise DataFormatError(f"{one.name!r}: {len(one.channels)} channels", path)
+    return mapping
+
+
+Sampled = tuple[FloatArray, NDArray[Any]]
+
+
+def _read_topics(bag: Path, mapping: _Mapping) -> dict[str, Sampled]:
+    """Times (t,) [s] and values (t, channels) by part."""
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise MissingLibraryError(
+            "reading bags of ROS 2 needs rosbags: pip install 'skinmap[ros]'"
+        ) from error
+    found: dict[str, tuple[list[int], list[NDArray[Any]]]] = {
+        one.name: ([], []) for one in mapping.part
+    }
+    try:
+        # Bags of before 2023 hold no definitions: those of Humble are the standard ones.
+        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            topics = {one.topic for one in reader.connections}
+            for one in mapping.part:
+                if one.topic not in topics:
+                    raise UnknownNameError(f"topic in {bag.name}", one.topic, sorted(topics))
+            wanted = {one.topic for one in mapping.part}
+            chosen = [one for one in reader.connections if one.topic in wanted]
+            for connection, stamp, data in reader.messages(chosen):
+                message = reader.deserialize(data, connection.msgtype)
+                for one in mapping.part:
+                    if one.topic == connection.topic:
+                        stamps, rows = found[one.name]
+                        stamps.append(_stamp(message, stamp, mapping.time))
+                        rows.append(_row(message, one, bag))
+    except (UnknownNameError, DataFormatError):
+        raise
+    except Exception as error:  # rosbags, SQLite and decompressors raise their own kinds
+        raise DataFormatError(f"not a bag that rosbags reads: {error}", bag) from error
+    return {part: _stacked(part, *one, bag) for part, one in found.items()}
+
+
+def _stamp(message: Any, log: int, time: str) -> int:
+    """Time of a message [ns]: that of its header where it has one that is set."""
+    header = getattr(message, "header", None)
+    if time == "log" or header is None:
+        return log
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec) or log
+
+
+def _row(message: Any, one: _Topic, bag: Path) -> NDArray[Any]:
+    """The values (n,) of one message."""
+    kind = str(message.__msgtype__)
+    if kind == "sensor_msgs/msg/PointCloud2":
+        values = _cloud_row(message, one, bag)
+    elif kind == "sensor_msgs/msg/Image":
+        values = _image_row(message, one, bag)
+    elif kind.endswith("MultiArray"):
+        values = np.asarray(message.data)
+    else:
+        raise DataFormatError(
+            f"{one.topic} holds {kind}; PointCloud2, Image and MultiArray are read", bag
+        )
+    if one.channels is not None:
+        if max(one.channels) >= len(values):
+            raise DataFormatError(
+                f"channel {max(one.channels)} of {one.topic}, it has {len(values)}", bag
+            )
+        values = values[one.channels]
+    if (one.scale, one.offset) != (1.0, 0.0):
+        values = values * one.scale + one.offset
+    return values if values.dtype == np.uint8 else values.astype(np.float32)
+
+
+def _cloud_row(message: Any, one: _Topic, bag: Path) -> NDArray[Any]:
+    fields = [(str(f.name), int(f.offset), int(f.datatype), int(f.count)) for f in message.fields]
+    points = cloud_points(
+        fields,
+        ">" if message.is_bigendian else "<",
+        int(message.point_step),
+        int(message.row_step),
+        (int(message.height), int(message.width)),
+        np.asarray(message.data).tobytes(),
+    )
+    names = points.dtype.names or ()
+    if one.field not in names:
+        raise UnknownNameError(f"field in {one.topic} of {bag.name}", str(one.field), names)
+    return np.asarray(points[one.field])
+
+
+def _image_row(message: Any, one: _Topic, bag: Path) -> NDArray[Any]:
+    """Pixels row by row, of the channel that `field` counts."""
+    if message.encoding not in PIXELS:
+        raise UnknownNameError(f"image encoding in {one.topic}", message.encoding, PIXELS)
+    form, channels = PIXELS[message.encoding]
+    kind = np.dtype(form).newbyteorder(">" if message.is_bigendian else "<")
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    row_bytes = width * channels * kind.itemsize
+    data = np.asarray(message.data, np.uint8)
+    if step < row_bytes or len(data) < height * step:
+        raise DataFormatError(f"an image of {len(data)} bytes in {one.topic}", bag)
+    rows = np.ascontiguousarray(data[: height * step].reshape(height, step)[:, :row_bytes])
+    pixels = rows.view(kind).reshape(height * width, channels)
+    which = one.field if isinstance(one.field, int) else 0
+    if not 0 <= which < channels:
+        raise DataFormatError(f"channel {which} of an image with {channels} in {one.topic}", bag)
+    return np.asarray(pixels[:, which])
+
+
+def _stacked(part: str, stamps: list[int], rows: list[NDArray[Any]], bag: Path) -> Sampled:
+    if not rows:
+        raise DataFormatError(f"no message of {part!r}", bag)
+    widths = sorted({len(row) for row in rows})
+    if len(widths) > 1 or not 0 < widths[0] <= MAX_CHANNELS:
+        raise DataFormatError(f"samples of {part!r} have {widths} values", bag)
+    order = np.argsort(stamps, kind="stable")
+    values = np.array(rows)[order]
+    if not np.isfinite(values).all():
+        raise DataFormatError(f"samples of {part!r} hold NaN or infinity", bag)
+    return seconds_of(np.array(stamps, np.uint64)[order]), values

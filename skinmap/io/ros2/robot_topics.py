@@ -1,0 +1,137 @@
+"""A robot and its skin as ROS 2 sees them: its description, transforms, and clouds of taxels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray
+from skinmap.geometry.rigid import transform_points
+from skinmap.io.ros2.messages import Cloud, transforms_message
+from skinmap.skin.joints import Joint, ancestors
+from skinmap.skin.robot import Robot
+
+DESCRIPTION, TF, TF_STATIC = "/robot_description", "/tf", "/tf_static"
+POINTS, MARKERS, JOINT_STATES = "/skin/points", "/skin/markers", "/joint_states"
+TYPES = {
+    DESCRIPTION: "std_msgs/String",
+    TF: "tf2_msgs/TFMessage",
+    TF_STATIC: "tf2_msgs/TFMessage",
+    POINTS: "sensor_msgs/PointCloud2",
+    MARKERS: "visualization_msgs/MarkerArray",
+    JOINT_STATES: "sensor_msgs/JointState",
+}
+LATCHED = (DESCRIPTION, TF_STATIC)  # kept for who comes late (durability transient_local)
+
+
+class RobotTopics:
+    """What ROS 2's tools want to know beside the values of a skin.
+
+    Joints that nobody tells the angle of stand in the robot's natural pose.
+
+    Parameters
+    ----------
+    robot : Robot
+    parts : sequence of str
+        Whose values follow each other in a sample.
+    widths : sequence of int
+        Columns of each: its taxels, or its live vector.
+    field : str
+        What the values are called in the cloud.
+
+    Attributes
+    ----------
+    root : str
+        Link whose frame the cloud is in.
+    """
+
+    def __init__(
+        self, robot: Robot, parts: Sequence[str], widths: Sequence[int], field: str
+    ) -> None:
+        self.robot, self._tree = robot, robot.body.tree
+        self.root = next(link for link in robot.body.links if link not in self._tree)
+        self._fixed = [link for link, joint in self._tree.items() if joint.kind == "fixed"]
+        self._moving = [link for link, joint in self._tree.items() if joint.kind != "fixed"]
+        self._skins = [robot.skin(part) for part in parts]
+        self._columns = taxel_columns(robot, parts, widths)
+        self._angles: dict[str, float] = dict(robot.pose)
+        self._cloud = Cloud(self.root, self._positions(), field)
+
+    def description(self) -> str:
+        """URDF of the robot; of a single mesh, its one link."""
+        path = getattr(self.robot.body, "path", None)
+        if path is not None and path.suffix.lower() == ".urdf":
+            return str(path.read_text(encoding="utf-8", errors="replace"))
+        return f'<robot name="{self.robot.name}"><link name="{self.root}"/></robot>'
+
+    def static(self, stamp: int, *, all_joints: bool) -> bytes:
+        """Transforms of joints that do not move, or of all, as they stand."""
+        return self._transforms(stamp, [*self._fixed, *(self._moving if all_joints else ())])
+
+    def moving(self, stamp: int) -> bytes:
+        """Transforms of joints that move, at the angles told last."""
+        return self._transforms(stamp, self._moving)
+
+    def set_angles(self, angles: Mapping[str, float]) -> None:
+        """Take the angles [rad or m] of joints; those not named stay as they are."""
+        known = {name: angle for name, angle in angles.items() if np.isfinite(angle)}
+        if any(self._angles.get(name) != angle for name, angle in known.items()):
+            self._angles |= known
+            self._cloud.move(self._positions())
+
+    def cloud(self, stamp: int, values: NDArray[Any]) -> bytes:
+        """The taxels with the values (channels,) of one sample, in the frame of the root."""
+        return self._cloud.message(stamp, values[self._columns])
+
+    def _transforms(self, stamp: int, links: Sequence[str]) -> bytes:
+        pairs = [(self._tree[link].parent, link) for link in links]
+        T_parent_child = np.array([self._local(link) for link in links]).reshape(-1, 4, 4)
+        return transforms_message(stamp, pairs, T_parent_child)
+
+    def _positions(self) -> FloatArray:
+        """(n, 3) taxels of all parts in the frame of the root [m]."""
+        T_root_link: dict[str, FloatArray] = {}
+        for skin in self._skins:
+            if skin.link not in T_root_link:
+                pose = np.eye(4)
+                for link in reversed(ancestors(self._tree, skin.link)[:-1]):
+                    pose = pose @ self._local(link)
+                T_root_link[skin.link] = pose
+        return np.concatenate(
+            [transform_points(T_root_link[skin.link], skin.positions) for skin in self._skins]
+        )
+
+    def _local(self, link: str) -> FloatArray:
+        joint = self._tree[link]
+        angle = self._angles.get(joint.driver, 0.0)
+        return joint_transform(joint, joint.factor * angle + joint.offset)
+
+
+def joint_transform(joint: Joint, angle: float) -> FloatArray:
+    """T_parent_link (4, 4) of a joint at its own angle [rad or m]."""
+    moved = np.eye(4)
+    if joint.kind == "turns":
+        x, y, z = joint.axis / np.linalg.norm(joint.axis)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        # Rodrigues' formula.
+        moved[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    elif joint.kind == "slides":
+        moved[:3, 3] = angle * joint.axis
+    return np.asarray(joint.T_parent_joint @ moved)
+
+
+def taxel_columns(robot: Robot, parts: Sequence[str], widths: Sequence[int]) -> NDArray[np.int64]:
+    """Columns (n,) of a sample that the taxels of all parts stand in, part after part.
+
+    Where a part has as many columns as taxels they are in dense order, else the live vector.
+    """
+    columns, start = [], 0
+    for part, width in zip(parts, widths, strict=True):
+        skin = robot.skin(part)
+        dense = width == len(skin)
+        columns.append(start + (np.arange(width) if dense else np.asarray(skin.channels)))
+        start += width
+    return np.concatenate(columns)

@@ -1,0 +1,142 @@
+"""Bags that others wrote, by the writer of the package rosbags, read by a mapping file."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.live.sources.open_recording import open_track
+
+rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="rosbags is not installed")
+typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed")
+
+STEPS = 20
+MAPPING = """kind = "raw"
+[[part]]
+name = "palm"
+topic = "/palm"
+field = "force"
+[[part]]
+name = "finger"
+topic = "/finger"
+[[part]]
+name = "arm"
+topic = "/arm"
+channels = [3, 1]
+scale = 2.0
+offset = 1.0
+"""
+
+
+@pytest.fixture(params=["SQLITE3", "MCAP"])
+def bag(request, tmp_path):
+    """A folder with a cloud, an image and an array a step, the image at half the rate."""
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    types = store.types
+    folder = tmp_path / "run1"
+    rng = np.random.default_rng(0)
+    truth = {
+        "palm": rng.normal(size=(STEPS, 6)).astype(np.float32),
+        "finger": rng.integers(0, 65536, (STEPS, 4)).astype(np.uint16),
+        "arm": rng.integers(0, 99, (STEPS, 5)).astype(np.float32),
+    }
+    fields = [("x", 0, 7), ("force", 8, 8)]
+
+    def header(stamp):
+        time = types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
+        return types["std_msgs/msg/Header"](stamp=time, frame_id="hand")
+
+    def cloud(stamp, row):
+        packed = np.zeros(6, np.dtype({"names": ["x", "force"], "offsets": [0, 8],
+                                       "formats": ["<f4", "<f8"], "itemsize": 20}))  # fmt: skip
+        packed["force"] = row
+        point = types["sensor_msgs/msg/PointField"]
+        return types["sensor_msgs/msg/PointCloud2"](
+            header=header(stamp), height=2, width=3,
+            fields=[point(name=n, offset=o, datatype=d, count=1) for n, o, d in fields],
+            is_bigendian=False, point_step=20, row_step=60,
+            data=np.frombuffer(packed.tobytes(), np.uint8), is_dense=True,
+        )  # fmt: skip
+
+    def image(stamp, row):
+        pixels = np.zeros((2, 6), np.uint8)  # two bytes more in a row than it has pixels
+        pixels[:, :4] = row.reshape(2, 2).astype(">u2").view(np.uint8).reshape(2, 4)
+        return types["sensor_msgs/msg/Image"](
+            header=header(stamp), height=2, width=2, encoding="mono16", is_bigendian=1, step=6,
+            data=pixels.ravel(),
+        )  # fmt: skip
+
+    def array(stamp, row):
+        layout = types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+        return types["std_msgs/msg/Float32MultiArray"](layout=layout, data=row)
+
+    kinds = {
+        "palm": ("sensor_msgs/msg/PointCloud2", cloud, 1),
+        "finger": ("sensor_msgs/msg/Image", image, 2),
+        "arm": ("std_msgs/msg/Float32MultiArray", array, 1),
+    }
+    with rosbag2.Writer(
+        folder, version=8, storage_plugin=rosbag2.StoragePlugin[request.param]
+    ) as writer:
+        for part, (kind, make, every) in kinds.items():
+            connection = writer.add_connection(f"/{part}", kind, typestore=store)
+            for step in range(0, STEPS, every):
+                stamp = 5_000_000_000 + step * 20_000_000
+                data = store.serialize_cdr(make(stamp, truth[part][step]), kind)
+                writer.write(connection, stamp, data)
+    (tmp_path / "run1.map.toml").write_text(MAPPING)
+    return folder, truth
+
+
+def test_every_value_comes_back(bag):
+    folder, truth = bag
+    track = open_track(folder)
+    assert (track.parts, track.info.widths, track.kind) == (("palm", "finger", "arm"), (6, 4, 2),
+                                                            "raw")  # fmt: skip
+    steps = np.arange(STEPS - 1)  # the image ends one step before
+    np.testing.assert_allclose(track.times, 5.0 + steps / 50, rtol=0, atol=1e-9)
+    got = track.values[:]
+    np.testing.assert_array_equal(got[:, :6], truth["palm"][steps])
+    np.testing.assert_array_equal(got[:, 6:10], truth["finger"][steps - steps % 2])
+    np.testing.assert_array_equal(got[:, 10:], 2.0 * truth["arm"][steps][:, [3, 1]] + 1.0)
+
+
+def test_bare_file_of_a_bag_is_read_by_the_mapping_of_its_name(bag, tmp_path):
+    folder, _ = bag
+    (file,) = [one for one in folder.iterdir() if one.suffix in (".db3", ".mcap")]
+    bare = tmp_path / f"touch{file.suffix}"
+    bare.write_bytes(file.read_bytes())
+    with pytest.raises((MissingFileError, DataFormatError), match=r"touch\.map\.toml"):
+        open_track(bare)
+    (tmp_path / "touch.map.toml").write_text(MAPPING)
+    assert open_track(bare).values[:].shape == (STEPS - 1, 12)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "error", "said"),
+    [
+        ('topic = "/arm"', 'topic = "/leg"', UnknownNameError, "/leg.*/arm.*/palm"),
+        ('field = "force"', 'field = "stress"', UnknownNameError, "stress.*force"),
+        ("[3, 1]", "[3, 7]", DataFormatError, "channel 7 of /arm, it has 5"),
+        ('name = "arm"', 'name = "palm"', DataFormatError, "each part once"),
+        ("scale = 2.0", "scale = nan", DataFormatError, "finite"),
+        ("scale = 2.0", "scales = 2.0", DataFormatError, "scales"),
+        ("kind =", "kind", DataFormatError, "TOML"),
+    ],
+)
+def test_wrong_mapping_is_named(bag, tmp_path, before, after, error, said):
+    folder, _ = bag
+    assert before in MAPPING
+    (tmp_path / "run1.map.toml").write_text(MAPPING.replace(before, after))
+    with pytest.raises(error, match=said):
+        open_track(folder)
+
+
+def test_damaged_bag_is_refused(bag):
+    folder, _ = bag
+    (file,) = [one for one in folder.iterdir() if one.suffix in (".db3", ".mcap")]
+    data = bytearray(file.read_bytes())
+    file.write_bytes(bytes(data[: len(data) // 3]))
+    with pytest.raises(DataFormatError, match="not a bag that rosbags reads"):
+        open_track(folder)
