@@ -211,7 +211,14 @@ def _beats(timing: Timing, count: int, period: float, share: float) -> Course:
         beat = np.minimum((time - start) / ramp, (start + long - time) / ramp)
         press = np.maximum(press, rng.uniform(0.7, 1.0) * np.clip(beat, 0.0, 1.0))
     still = np.zeros(len(time))
-    return Course(time, press, still, still, starts, np.asarray(starts + lasting, np.float64))
+    return Course(
+        time,
+        np.asarray(press, np.float64),
+        still,
+        still,
+        starts,
+        np.asarray(starts + lasting, np.float64),
+    )
 
 
 def tap(draw: Draw, timing: Timing) -> TimeGesture:

@@ -76,7 +76,8 @@ def test_empty_recording_is_refused(saved):
 def test_open_source_says_what_there_is(tmp_path):
     with pytest.raises(
         UnknownNameError,
-        match=r"no source 'simm'; did you mean 'sim'\? The sources are: sim, lsl, mujoco, zenoh, zmq",
+        match=r"no source 'simm'; did you mean 'sim'\? The sources are: sim, lsl, mujoco, "
+        r"zenoh, zmq",
     ):
         open_source("simm")
     with pytest.raises(MissingFileError, match=r"no file 'touches\.npz'"):
