@@ -295,7 +295,7 @@ def _markers(loop: TouchLoop, moment: Any) -> list[Any]:
 
 
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
-    """Mark the touches that are over; what nobody could name is nothing to train on."""
+    """Mark the touches that are over; one without a name is nothing to train on."""
     from skinmap.touch.labels import RESERVED
 
     for event in loop.finished():

@@ -112,7 +112,7 @@ def undisturbed() -> Iterator[None]:
 
 @contextmanager
 def _refusals(named: Path, place: Path) -> Iterator[None]:
-    """What the system refuses to whoever writes at a place, as a line that names the result."""
+    """An error of the system while writing at a place, as a line that names the result."""
     try:
         yield
     except SkinError:

@@ -201,8 +201,8 @@ def rub(draw: Draw, timing: Timing) -> TimeGesture:
 def _beats(timing: Timing, count: int, period: float, share: float) -> Course:
     """Presses in a rhythm, each of its own strength."""
     rng = timing.rng
-    starts = period * (np.arange(count) + np.clip(rng.normal(0.0, 0.05, count), -0.12, 0.12))
-    starts = np.asarray(starts - starts[0], np.float64)
+    beats = period * (np.arange(count) + np.clip(rng.normal(0.0, 0.05, count), -0.12, 0.12))
+    starts: FloatArray = np.asarray(beats - beats[0], np.float64)
     lasting = np.clip(period * share * rng.uniform(0.85, 1.15, count), 0.05, None)
     time = timing.times(float(starts[-1] + lasting[-1]))
     press = np.zeros(len(time))
@@ -213,7 +213,7 @@ def _beats(timing: Timing, count: int, period: float, share: float) -> Course:
     still = np.zeros(len(time))
     return Course(
         time,
-        np.asarray(press, np.float64),
+        press,
         still,
         still,
         starts,

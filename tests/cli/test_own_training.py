@@ -159,7 +159,7 @@ def test_a_label_of_one_session_cannot_be_judged_by_leaving_it_out(tmp_path):
     rows, _ = judged(tmp_path, "--leave-out", "session", "--leave-out", "person")
     assert rows["session"]["mean"] is None
     assert "touches of one session only: full_finger (full_finger)" in rows["session"]["verdict"]
-    assert "nobody said of 12 touches which person" in rows["person"]["verdict"]
+    assert "the person of 12 touches is not known" in rows["person"]["verdict"]
     assert rows["event"]["meaning"] == "doubtful"
 
 

@@ -105,7 +105,7 @@ def group_folds(way: Way, groups: Names, labels: Names) -> list[Fold]:
     kinds, number = np.unique(groups, return_inverse=True)
     unknown = int((groups == "").sum())
     if unknown:
-        raise InvalidArrayError(f"nobody said of {unknown} touches which {way} they are of")
+        raise InvalidArrayError(f"the {way} of {unknown} touches is not known")
     if len(kinds) < 2:
         raise InvalidArrayError(f"all touches are of one {way} ({kinds[0]}): none can be left out")
     alone = {

@@ -354,7 +354,7 @@ def _recordings(settings: Settings) -> RecordingsResult:
 
 
 def _labels(settings: Settings) -> tuple[str, ...]:
-    """Labels asked for, whoever gave them; `eight` are those of the simulator."""
+    """Labels asked for, given or by default; `eight` are those of the simulator."""
     if settings.gestures == "eight":
         return _gestures(settings)
     return tuple(name.strip() for name in settings.gestures.split(","))

@@ -1,4 +1,4 @@
-"""What a recording of somebody else is of: a few lines of TOML beside it, or in its first lines."""
+"""What a foreign recording is of: a few lines of TOML beside it, or in its first lines."""
 
 from __future__ import annotations
 

@@ -228,7 +228,7 @@ def read_head(found: Scan) -> dict[str, str]:
     if not copies:
         why = f" ({found.damage[0]})" if found.damage else ""
         raise DataFormatError(
-            f"not a Skinmap recording: it names no skin{why}; a bag of somebody else needs a "
+            f"not a Skinmap recording: it names no skin{why}; a foreign bag needs a "
             f"mapping file {found.path.stem}.map.toml beside it (docs/ros2.md)",
             found.path,
         )

@@ -156,7 +156,7 @@ class ContactTracker:
         pressures: FloatArray,
         row: IntArray,
     ) -> None:
-        """Find the contacts of pieces that are nobody's or lie apart; `row` (k,) changes."""
+        """Find the contacts of pieces that belong to none or lie apart; `row` (k,) changes."""
         areas = np.bincount(component, self.skin.areas[index])
         large = [piece for piece in orphans if areas[piece] >= PRINT]
         self._adopt(time, large, component, index, pressures, row)

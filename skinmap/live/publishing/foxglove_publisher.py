@@ -103,7 +103,7 @@ class FoxglovePublisher(Publisher):
             self.show_all()
 
     def show_all(self) -> None:
-        """Send the whole scene with the next sample: somebody came."""
+        """Send the whole scene with the next sample: a client has connected."""
         if self._scene is not None:
             self._scene.forget()
         self._next, self._repeated = 0, 0.0

@@ -1,4 +1,4 @@
-"""Follow a topic of ROS 2 over Zenoh: our own, or a cloud or array of somebody else."""
+"""Follow a topic of ROS 2 over Zenoh: a Skinmap stream, or a foreign cloud or array."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ class ZenohSource(Source):
         return self._session.declare_subscriber(f"{domain()}{topic}/*/*", callback)
 
     def _take(self, message: Any) -> None:
-        """What Zenoh's thread hands over; the newest is dropped where nobody reads."""
+        """Messages handed over by Zenoh's thread; the newest is dropped where none is read."""
         kind = str(message.key_expr).split("/")[-2]
         beside = b"" if message.attachment is None else message.attachment.to_bytes()
         try:
@@ -182,7 +182,7 @@ class ZenohSource(Source):
             raise self._nothing(wait) from None
 
     def _meet(self, wait: float, robot: Robot | None, parts: Sequence[str] | None) -> StreamInfo:
-        """What the first message of somebody else shows."""
+        """What the first message of a foreign stream shows."""
         self._subscribe(self._where.topic, self._take)
         try:
             first = self._came.get(timeout=wait)
