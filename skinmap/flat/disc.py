@@ -124,6 +124,21 @@ class Disc:
         return solve_from_zero
 
     @cached_property
+    def solve_inner(self) -> Solve | None:
+        """Solver of the Laplacian with the border held; None where nothing is inside."""
+        if not len(self.inner):
+            return None
+        return factorise(self.laplacian[:, self.inner][self.inner], solver=self.solver)
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """(n,) logarithm of the conformal scale factor, 0 along the border, that flattens it."""
+        scale = np.zeros(len(self.vertices))
+        if self.solve_inner:
+            scale[self.inner] = self.solve_inner(self.angle_sums[self.inner] - 2.0 * np.pi)
+        return scale
+
+    @cached_property
     def conformal(self) -> FloatArray:
         """(n, 2) the map of boundary first flattening [m]."""
         return boundary_first(self)
@@ -159,10 +174,9 @@ def boundary_first(disc: Disc) -> FloatArray:
     laplacian, loop, inner = disc.laplacian, disc.loop, disc.inner
     rows = laplacian[:, inner]
     coupling = rows[loop].T.tocsc()
-    solve = factorise(rows[inner], solver=disc.solver) if len(inner) else None
+    solve = disc.solve_inner
     # Cherrier: the curvature that leaves the inside appears along the border.
-    scale = solve(disc.angle_sums[inner] - 2.0 * np.pi) if solve else np.zeros(0)
-    turning = np.pi - disc.angle_sums[loop] + coupling.T @ scale
+    turning = np.pi - disc.angle_sums[loop] + coupling.T @ disc.scale[inner]
     border = _closed_curve(disc.vertices[loop], turning)
     uv = np.zeros((len(disc.vertices), 2))
     uv[loop] = border

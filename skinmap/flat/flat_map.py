@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import time
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
-from skinmap.errors import InvalidArrayError
+from skinmap.errors import FlatteningError, InvalidArrayError, SkinWarning
 from skinmap.flat.atlas import Laid, arrange
-from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, flatten_disc, map_disc
-from skinmap.flat.distortion import Distortion, measure_distortion
+from skinmap.flat.contact_seams import Divided, seam_of_touches
+from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, DiscMap, flatten_disc, map_disc
+from skinmap.flat.distortion import Distortion, edge_rms, measure_distortion
+from skinmap.flat.distortion_seams import add_seams
 from skinmap.flat.methods import check_effort, flatteners
 from skinmap.flat.orientation import limb_frame, turn_upright
-from skinmap.flat.seams import open_surface
+from skinmap.flat.periodic import METHOD as PERIODIC
+from skinmap.flat.periodic import periodic_map, tube_rims
+from skinmap.flat.seams import CutMesh, open_surface, price_of, touch_counts
 from skinmap.geometry.topology import check_surface, edges
 from skinmap.skin.svg_picture import svg_picture
 from skinmap.summary import Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
+
+ISOMETRY = 4.0  # symmetric Dirichlet energy of a map without distortion
 
 __all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc"]
 
@@ -51,6 +60,11 @@ class Chart:
         CPU time of the solve.
     reason : str
         Why this method, where `auto` chose it; otherwise empty.
+    periodic : bool
+        Whether this is a tube laid flat uncut: the map repeats itself beyond its two sides, and
+        the two places of a taxel there are one `period` apart.
+    divided : Divided, optional
+        What its seam divides, where it was chosen by touches.
     """
 
     patch: int
@@ -64,9 +78,21 @@ class Chart:
     seam_length: float
     seconds: float
     reason: str = ""
+    periodic: bool = False
+    divided: Divided | None = None
 
     def __post_init__(self) -> None:
         freeze(self, taxels=self.taxels, faces=self.faces, uv=self.uv)
+
+    @property
+    def period(self) -> FloatArray | None:
+        """(2,) after which a periodic map repeats itself [m]; None for others."""
+        if not self.periodic:
+            return None
+        order = np.argsort(self.taxels, kind="stable")
+        again = np.flatnonzero(np.diff(self.taxels[order]) == 0)
+        steps = self.uv[order[again + 1]] - self.uv[order[again]]
+        return np.asarray((steps * np.sign(steps @ steps[0])[:, None]).mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -138,6 +164,10 @@ def flatten(
     max_edge_rms: float | None = None,
     avoid: ArrayLike | None = None,
     touched: ArrayLike | None = None,
+    touches: Sequence[ArrayLike] | None = None,
+    cuts: ArrayLike | None = None,
+    periodic: bool = False,
+    max_distortion: float | None = None,
     iterations: int | None = None,
     precision: str = "float64",
 ) -> FlatMap:
@@ -157,6 +187,15 @@ def flatten(
         Taxels that seams keep away from where there is another way.
     touched : (n,) array-like of float, optional
         How often each taxel was touched (`touch_counts`): seams run where they divide few touches.
+    touches : sequence of (k,) array-like of int, optional
+        Taxels of each touch. Of several seams the one is taken that divides fewest of them, where
+        that saves touches not used for choosing too, for at most 0.5 points of edge error.
+    cuts : (c, 2) array-like of int, optional
+        Taxels at the ends of edges that are cut; what is no disc then is cut further.
+    periodic : bool
+        Lay tubes flat uncut, as maps that repeat themselves (method "periodic").
+    max_distortion : float, optional
+        Slit each chart until its mean symmetric Dirichlet energy is at most this, above 4.
     iterations : int, optional
         Of `arap`, `balanced`, `slim` or `dirichlet`, instead of the method's own number.
     precision : {"float64", "float32"}
@@ -175,7 +214,8 @@ def flatten(
         A budget that is not positive, or with another method than `auto`; iterations or a
         precision that the method cannot have.
     FlatteningError
-        A patch with a triangle without area, or one that no method lays flat without a flip.
+        A patch with a triangle without area, or one that no method lays flat without a flip;
+        `periodic` and a patch that is neither a disc nor a tube.
 
     Examples
     --------
@@ -188,14 +228,23 @@ def flatten(
     flatteners.get(method)
     check_budget(method, max_seconds, max_edge_rms)
     check_effort(method, iterations, precision)
-    effort = (iterations, precision)
-    away = mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)]
-    often = None if touched is None else check_finite(touched, "touched", (len(mesh.skin),))
+    if max_distortion is not None and not max_distortion > ISOMETRY:
+        raise InvalidArrayError(f"max_distortion must be above {ISOMETRY:g}, got {max_distortion}")
+    cutting = _Cutting(
+        mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)],
+        None if touched is None else check_finite(touched, "touched", (len(mesh.skin),)),
+        None if touches is None else [mesh.representative[np.asarray(t, np.int64)] for t in touches],
+        mesh.representative[np.asarray([] if cuts is None else cuts, np.int64).reshape(-1, 2)],
+        periodic,
+        max_distortion,
+    )
+    how = {"method": method, "iterations": iterations, "precision": precision}
+    how["max_edge_rms"] = max_edge_rms
     charts, weights = [], [len(mesh.patch_faces(patch)) for patch in range(mesh.n_patches)]
     for patch, weight in enumerate(weights):
         # What earlier patches left of the time, shared out by size.
-        share = max_seconds and max_seconds * weight / sum(weights[patch:])
-        charts.append(_flatten_patch(mesh, patch, method, away, often, share, max_edge_rms, effort))
+        how["max_seconds"] = max_seconds and max_seconds * weight / sum(weights[patch:])
+        charts.append(_flatten_patch(mesh, patch, cutting, how))
         max_seconds = max_seconds and max(max_seconds - charts[-1].seconds, 1e-9)
     charts = _arranged(mesh, charts)
     uv = np.full((len(mesh.skin), 2), np.nan)
@@ -220,15 +269,30 @@ def check_budget(method: str, max_seconds: float | None, max_edge_rms: float | N
             raise InvalidArrayError(f"{name} needs method 'auto', got {method!r}")
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Cutting:
+    """How patches are opened, in taxels: the keywords of `flatten`."""
+
+    avoid: IntArray
+    touched: FloatArray | None
+    touches: Sequence[IntArray] | None
+    cuts: IntArray
+    periodic: bool
+    max_distortion: float | None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Opened:
+    """A patch opened and laid flat."""
+
+    cut: CutMesh
+    flat: DiscMap
+    divided: Divided | None = None
+    periodic: bool = False
+
+
 def _flatten_patch(
-    mesh: SurfaceMesh,
-    patch: int,
-    method: str,
-    avoid: IntArray,
-    touched: FloatArray | None,
-    max_seconds: float | None,
-    max_edge_rms: float | None,
-    effort: tuple[int | None, str],
+    mesh: SurfaceMesh, patch: int, cutting: _Cutting, how: Mapping[str, Any]
 ) -> Chart:
     taxels, compact = np.unique(mesh.patch_faces(patch), return_inverse=True)
     faces = compact.reshape(-1, 3)
@@ -236,26 +300,16 @@ def _flatten_patch(
     where = f"patch {patch} of {mesh.skin.part!r}"
     started = time.process_time()
     check_surface(faces)
-    away = np.flatnonzero(np.isin(taxels, avoid))
-    often = None if touched is None else touched[taxels]
-    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE, avoid=away, touched=often)
-    vertices, faces, taxels = vertices[cut.origin], cut.faces, taxels[cut.origin]
-    flat = map_disc(
-        vertices,
-        faces,
-        method=method,
-        where=where,
-        max_seconds=max_seconds,
-        max_edge_rms=max_edge_rms,
-        iterations=effort[0],
-        precision=effort[1],
-    )
+    opened = _rolled_out(vertices, faces, where) if cutting.periodic else None
+    if opened is None:
+        opened = _opened(vertices, faces, taxels, cutting, {**how, "where": where})
     seconds = time.process_time() - started
-    distortion = measure_distortion(vertices, faces, flat.uv)
+    cut, flat = opened.cut, opened.flat
+    distortion = measure_distortion(vertices[cut.origin], cut.faces, flat.uv)
     return Chart(
         patch,
-        taxels,
-        faces,
+        taxels[cut.origin],
+        cut.faces,
         flat.uv,
         distortion,
         flat.method,
@@ -264,7 +318,72 @@ def _flatten_patch(
         cut.seam_length,
         seconds,
         flat.reason,
+        opened.periodic,
+        opened.divided,
     )
+
+
+def _rolled_out(vertices: FloatArray, faces: IntArray, where: str) -> _Opened | None:
+    """A tube as a map that repeats itself; None for a disc, which needs no seam.
+
+    Raises
+    ------
+    FlatteningError
+        A patch that is neither.
+    """
+    rims = tube_rims(vertices, faces, HOLE_SHARE)
+    if rims is not None:
+        found = periodic_map(vertices, faces, rims, hole_share=HOLE_SHARE, where=where)
+        flat = DiscMap(found.uv, PERIODIC, False, found.holes)
+        return _Opened(CutMesh(found.faces, found.origin, 0.0), flat, periodic=True)
+    if open_surface(vertices, faces, hole_share=HOLE_SHARE).seam_length > 0.0:
+        raise FlatteningError(f"{where} is no tube: without a seam only tubes and discs lie flat")
+    return None
+
+
+def _opened(
+    vertices: FloatArray,
+    faces: IntArray,
+    taxels: IntArray,
+    cutting: _Cutting,
+    how: Mapping[str, Any],
+) -> _Opened:
+    """A patch cut open as it should be, then laid flat."""
+
+    def lay_flat(points: FloatArray, triangles: IntArray) -> DiscMap:
+        return map_disc(points, triangles, **how)
+
+    def edge_error(cut: CutMesh) -> float:
+        own = vertices[cut.origin]
+        return edge_rms(own, cut.faces, lay_flat(own, cut.faces).uv)
+
+    away = np.flatnonzero(np.isin(taxels, cutting.avoid))
+    often = None if cutting.touched is None else cutting.touched[taxels]
+    own = cutting.cuts[np.isin(cutting.cuts, taxels).all(axis=1)]
+    divided = None
+    if cutting.touches is not None:
+        touches = [np.searchsorted(taxels, t[np.isin(t, taxels)]) for t in cutting.touches]
+        cut, divided = seam_of_touches(
+            vertices, faces, touches, edge_error, hole_share=HOLE_SHARE, avoid=away
+        )
+        often = touch_counts(touches, len(taxels))
+    else:
+        along = np.searchsorted(taxels, own)
+        cut = open_surface(
+            vertices, faces, hole_share=HOLE_SHARE, avoid=away, touched=often, along=along
+        )
+    if cutting.max_distortion is None:
+        return _Opened(cut, lay_flat(vertices[cut.origin], cut.faces), divided)
+    price = price_of(vertices, away, often)
+    relieved = add_seams(vertices, cut, lay_flat, cutting.max_distortion, price)
+    if relieved.energy > cutting.max_distortion:
+        warnings.warn(
+            f"{how['where']}: seams bring the mean symmetric Dirichlet energy to "
+            f"{relieved.energy:.4g}, not to {cutting.max_distortion:g}",
+            SkinWarning,
+            stacklevel=4,
+        )
+    return _Opened(relieved.cut, relieved.flat, divided)
 
 
 def _arranged(mesh: SurfaceMesh, charts: list[Chart]) -> list[Chart]:

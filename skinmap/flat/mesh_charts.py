@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 NO_AREA = 1e-12  # altitude against the size of the mesh: flatter triangles join nothing
+STRAIGHT = 0.75  # cosine: faces that bend less than 41 degrees at a crowded edge stay one sheet
 MAX_COMPONENTS = 5000  # of one file: each is a patch with a map of its own
 
 
@@ -43,27 +46,35 @@ def flatten_mesh(
     return flatten(mesh_surface(vertices, faces, name=name), **options)
 
 
-def mesh_surface(vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh") -> SurfaceMesh:
+def mesh_surface(
+    vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh", split_sheets: bool = False
+) -> SurfaceMesh:
     """A bare triangle mesh as a surface mesh whose channels are the rows of `vertices`.
 
     Corners at one place become one vertex, as in files that repeat them for each face. Triangles
     without area are left out, neighbours that turn opposite ways are turned alike, and parts that
-    meet in a single vertex come apart there.
+    meet in a single vertex come apart there. With `split_sheets` so do faces that meet three or more
+    at an edge, but for two that go on straight into each other.
 
     Raises
     ------
     InvalidMeshError
-        No triangle with an area, an edge in three faces, a surface with one side only, or more
+        No triangle with an area, an edge in three faces (`split_sheets` is for those), a surface with one side only, or more
         components than `MAX_COMPONENTS`.
     """
     points = check_points(vertices, "vertices")
     triangles = check_faces(faces, len(points))
     _, first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
     try:
-        triangles = _oriented(_with_area(points, first[number.ravel()][triangles]))
+        triangles = _with_area(points, first[number.ravel()][triangles])
+        origin = np.arange(len(points))
+        if split_sheets:
+            triangles, origin = _sheets(points, triangles)
+        triangles = _oriented(triangles)
     except InvalidMeshError as error:
         raise InvalidMeshError(f"{name}: {error}") from error
-    opened, origin = split_along(triangles, np.zeros((0, 2), np.int64))
+    opened, apart = split_along(triangles, np.zeros((0, 2), np.int64))
+    origin = origin[apart]
     order = np.argsort(origin, kind="stable")  # rows of the file keep their order
     opened, origin = np.argsort(order)[opened], origin[order]
     label = face_components(opened)
@@ -92,6 +103,40 @@ def _with_area(vertices: FloatArray, faces: IntArray) -> IntArray:
     return np.asarray(faces[kept])
 
 
+def _sheets(vertices: FloatArray, faces: IntArray) -> tuple[IntArray, IntArray]:
+    """Faces with no edge in more than two of them, and the old vertex (k,) of each new one."""
+    directed = half_edges(faces)
+    lines, number, count = np.unique(
+        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    number = number.ravel()
+    crowded = np.flatnonzero(count > 2)
+    straight = [
+        pair
+        for line in crowded.tolist()
+        for pair in _straight_pairs(vertices, faces, lines[line], np.flatnonzero(number == line))
+    ]
+    return split_along(faces, lines[crowded], joined=np.array(straight, np.int64).reshape(-1, 2))
+
+
+def _straight_pairs(
+    vertices: FloatArray, faces: IntArray, line: IntArray, beside: IntArray
+) -> Iterator[tuple[int, int]]:
+    """Half-edges at one edge whose faces go on into each other, the straightest first."""
+    corners = faces[beside // 3]
+    third = corners.sum(axis=1) - line.sum()
+    along = vertices[line[1]] - vertices[line[0]]
+    away = vertices[third] - vertices[line[0]]
+    away = away - np.outer(away @ along / (along @ along), along)
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    bend = away @ away.T  # -1 where two faces lie in one plane, on both sides of the edge
+    left = set(range(len(beside)))
+    for a, b in sorted(combinations(left, 2), key=lambda pair: float(bend[pair])):
+        if bend[a, b] < -STRAIGHT and {a, b} <= left:
+            left -= {a, b}
+            yield int(beside[a]), int(beside[b])
+
+
 def _oriented(faces: IntArray) -> IntArray:
     """Faces that turn the way their neighbours do; as they came where they do already."""
     import igl
@@ -99,7 +144,10 @@ def _oriented(faces: IntArray) -> IntArray:
     directed = half_edges(faces)
     _, count = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
     if count.max() > 2:
-        check_surface(faces)
+        try:
+            check_surface(faces)
+        except InvalidMeshError as error:
+            raise InvalidMeshError(f"{error}; --split-sheets takes it apart there") from error
     n = int(faces.max()) + 1
     if len(np.unique(directed @ [n, 1])) == len(directed):
         return faces

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
-from skinmap.geometry.topology import boundary_loops, edges, euler_number, half_edges, loop_length
+from skinmap.errors import InvalidMeshError
+from skinmap.geometry.topology import (
+    boundary_loops,
+    edges,
+    euler_number,
+    face_components,
+    half_edges,
+    loop_length,
+)
 
 AWAY = 20.0  # times the length of edges that seams are to keep away from
 UNTOUCHED = 0.05  # of the price of the mean of touches: a seam through nothing is still kept short
@@ -46,6 +55,9 @@ def open_surface(
     hole_share: float,
     avoid: IntArray | None = None,
     touched: FloatArray | None = None,
+    untouched: float = UNTOUCHED,
+    slit: tuple[int, int] | None = None,
+    along: IntArray | None = None,
 ) -> CutMesh:
     """Cut a connected surface until only its outer border and small holes are left.
 
@@ -60,6 +72,12 @@ def open_surface(
         Vertices that seams keep away from where there is another way.
     touched : (n,) array of float, optional
         How often each vertex is touched: seams then run where they divide few touches.
+    untouched : float
+        What a seam through nothing costs, of the price of the mean of touches.
+    slit : (int, int), optional
+        Where the slit of a closed surface begins and ends; far apart by default.
+    along : (c, 2) array of int, optional
+        Edges that are cut whatever they cost; what is no disc then is cut further.
 
     Returns
     -------
@@ -70,7 +88,10 @@ def open_surface(
     ----------
     Erickson and Whittlesey, "Greedy optimal homotopy and homology generators", SODA 2005.
     """
-    price = _Price(vertices, avoid, touched)
+    if along is not None and len(along):
+        again = {"avoid": avoid, "touched": touched, "untouched": untouched}
+        return _open_further(vertices, faces, along, hole_share, again)
+    price = _Price(vertices, avoid, touched, untouched)
     cuts = np.zeros((0, 2), np.int64)
     loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
     limit = hole_share * loop_length(vertices, loops[0]) if loops else 0.0
@@ -82,18 +103,85 @@ def open_surface(
         border = np.unique(np.concatenate([*wide, cuts.ravel()])) if wide else None
         cuts = np.concatenate([cuts, _handle_cuts(price, faces, border, small)])
     elif not loops:
-        cuts = _slit(price, faces)
+        cuts = _slit(price, faces, slit or far_ends(vertices, faces, 0, 1))
     if len(cuts) == 0:
         return CutMesh(faces, np.arange(len(vertices)), 0.0)
-    length = np.linalg.norm(vertices[cuts[:, 0]] - vertices[cuts[:, 1]], axis=1).sum()
     opened, origin = split_along(faces, cuts)
-    return CutMesh(opened, origin, float(length))
+    return CutMesh(opened, origin, float(price.lengths(cuts).sum()))
 
 
-def split_along(faces: IntArray, cuts: IntArray) -> tuple[IntArray, IntArray]:
+def _open_further(
+    vertices: FloatArray, faces: IntArray, along: IntArray, hole_share: float, how: dict[str, Any]
+) -> CutMesh:
+    """A surface cut along given edges, then as far as it takes to make it a disc.
+
+    Raises
+    ------
+    InvalidMeshError
+        The edges cut it into pieces.
+    """
+    opened, origin = split_along(faces, along)
+    pieces = int(face_components(opened).max()) + 1
+    if pieces > 1:
+        raise InvalidMeshError(f"the seam cuts it into {pieces} pieces, it must stay one")
+    if how["avoid"] is not None:
+        how["avoid"] = np.flatnonzero(np.isin(origin, how["avoid"]))
+    if how["touched"] is not None:
+        how["touched"] = how["touched"][origin]
+    rest = open_surface(vertices[origin], opened, hole_share=hole_share, **how)
+    length = edge_length(vertices, along) + rest.seam_length
+    return CutMesh(rest.faces, origin[rest.origin], length)
+
+
+def edge_length(vertices: FloatArray, pairs: IntArray) -> float:
+    """Length of edges (c, 2) together [m]."""
+    return float(np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1).sum())
+
+
+def far_ends(vertices: FloatArray, faces: IntArray, *which: int) -> tuple[int, ...]:
+    """Vertices far from each other along the edges, each the furthest from those before it.
+
+    The first is the furthest from vertex 0; `which` of them are given.
+    """
+    pairs = edges(faces)
+    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    plain = _graph(len(vertices), pairs, length)
+    found = [int(np.argmax(dijkstra(plain, directed=False, indices=0)))]
+    near = dijkstra(plain, directed=False, indices=found[0])
+    while len(found) <= max(which):
+        found.append(int(np.argmax(near)))
+        near = np.minimum(near, dijkstra(plain, directed=False, indices=found[-1]))
+    return tuple(found[k] for k in which)
+
+
+def path_along(vertices: FloatArray, faces: IntArray, stops: IntArray) -> IntArray:
+    """Edges (c, 2) of the shortest ways from each stop (s,) to the next one.
+
+    Raises
+    ------
+    InvalidMeshError
+        No way leads there.
+    """
+    pairs = edges(faces)
+    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    plain = _graph(len(vertices), pairs, length)
+    found = [np.zeros((0, 2), np.int64)]
+    for start, end in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True):
+        _, before = dijkstra(plain, directed=False, indices=start, return_predecessors=True)
+        way = _walk_back(end, before)
+        if start != end and (len(way) == 0 or way[-1, 1] != start):
+            raise InvalidMeshError(f"no way leads from vertex {start} to vertex {end}")
+        found.append(way)
+    return np.concatenate(found)
+
+
+def split_along(
+    faces: IntArray, cuts: IntArray, *, joined: IntArray | None = None
+) -> tuple[IntArray, IntArray]:
     """Faces (m, 3) with the edges (c, 2) opened, and the old vertex (k,) of each new one.
 
-    Corners of one vertex stay together where an uncut edge joins their faces.
+    Corners of one vertex stay together where an uncut edge joins their faces, or where these
+    pairs (j, 2) of half-edges do.
     """
     from scipy.sparse.csgraph import connected_components
 
@@ -103,15 +191,20 @@ def split_along(faces: IntArray, cuts: IntArray) -> tuple[IntArray, IntArray]:
     cut = np.isin(key, np.sort(cuts, axis=1) @ [n, 1])
     order = np.lexsort((np.arange(len(key)), key))
     first, second = order[:-1], order[1:]
-    joined = (key[first] == key[second]) & ~cut[first]
-    first, second = first[joined], second[joined]
-    # Half-edge 3 f + i runs from corner i to corner i + 1 of face f; its twin runs back.
+    whole = (key[first] == key[second]) & ~cut[first]
+    first, second = first[whole], second[whole]
+    if joined is not None:
+        first = np.concatenate([first, joined[:, 0]])
+        second = np.concatenate([second, joined[:, 1]])
+    # Half-edge 3 f + i runs from corner i to corner i + 1 of face f; its twin runs back, or along
+    # where a face is turned over.
     start = np.arange(len(directed))
     end = start - start % 3 + (start + 1) % 3
     pairs = np.concatenate(
         [
-            np.column_stack([start[first], end[second]]),
-            np.column_stack([end[first], start[second]]),
+            np.column_stack([one[first], other[second]])
+            for one in (start, end)
+            for other in (start, end)
         ]
     )
     same = faces.ravel()[pairs[:, 0]] == faces.ravel()[pairs[:, 1]]
@@ -120,6 +213,36 @@ def split_along(faces: IntArray, cuts: IntArray) -> tuple[IntArray, IntArray]:
     _, label = connected_components(graph, directed=False)
     _, corner, opened = np.unique(label, return_index=True, return_inverse=True)
     return opened.reshape(-1, 3), faces.ravel()[corner]
+
+
+def path_from_border(
+    faces: IntArray, ends: IntArray, price: Callable[[IntArray], FloatArray]
+) -> IntArray:
+    """Edges (c, 2), each once, of the cheapest ways from the border to some vertices (k,).
+
+    They form trees rooted on the border: cutting them leaves the surface in one piece.
+    """
+    pairs, n = edges(faces), int(faces.max()) + 1
+    directed = half_edges(faces)
+    border = np.unique(directed[~np.isin(directed @ [n, 1], directed[:, ::-1] @ [n, 1])])
+    cost = price(pairs)
+    on_border = np.zeros(n, bool)
+    on_border[border] = True
+    cost = np.where(on_border[pairs].all(axis=1), cost.sum(), cost)
+    graph = _graph(n, pairs, cost)
+    _, before, _ = dijkstra(
+        graph, directed=False, indices=border, min_only=True, return_predecessors=True
+    )
+    ways = [_walk_back(end, before) for end in ends.tolist()]
+    return np.unique(np.sort(np.concatenate([np.zeros((0, 2), np.int64), *ways]), axis=1), axis=0)
+
+
+def price_of(
+    vertices: FloatArray, avoid: IntArray | None, touched: FloatArray | None
+) -> Callable[[IntArray], FloatArray]:
+    """What cutting edges (e, 2) of a surface costs: their length, more where it is touched."""
+    price = _Price(vertices, avoid, touched)
+    return lambda pairs: price.lengths(pairs) * price.factors(pairs)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -132,6 +255,7 @@ class _Price:
     vertices: FloatArray
     avoid: IntArray | None
     touched: FloatArray | None
+    untouched: float = UNTOUCHED
 
     def lengths(self, pairs: IntArray) -> FloatArray:
         """(e,) lengths of edges [m]."""
@@ -144,7 +268,7 @@ class _Price:
         if self.avoid is not None:
             factor[np.isin(pairs, self.avoid).any(axis=1)] = AWAY
         if self.touched is not None and (mean := float(self.touched.mean())) > 0.0:
-            factor *= UNTOUCHED + self.touched[pairs].mean(axis=1) / mean
+            factor *= self.untouched + self.touched[pairs].mean(axis=1) / mean
         return factor
 
     def graph(self, faces: IntArray) -> csr_array:
@@ -164,17 +288,14 @@ def _seam(
     return _walk_back(int(inner[np.argmin(cost[inner])]), before)
 
 
-def _slit(price: _Price, faces: IntArray) -> IntArray:
+def _slit(price: _Price, faces: IntArray, ends: tuple[int, ...]) -> IntArray:
     """Edges of a slit half round a closed surface, where it crosses fewest vertices."""
     pairs, n = edges(faces), len(price.vertices)
     length = price.lengths(pairs)
-    plain = _graph(n, pairs, length)
-    start = int(np.argmax(dijkstra(plain, directed=False, indices=0)))
-    end = int(np.argmax(dijkstra(plain, directed=False, indices=start)))
     cost = (np.ones(len(pairs)) + length / length.max()) * price.factors(pairs)
     graph = _graph(n, pairs, cost)
-    _, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
-    return _walk_back(end, before)
+    _, before = dijkstra(graph, directed=False, indices=ends[0], return_predecessors=True)
+    return _walk_back(ends[1], before)
 
 
 def _handle_cuts(
@@ -256,6 +377,12 @@ def _spanning(n: int, sides: IntArray, weight: FloatArray) -> BoolArray:
     return np.isin(rank, minimum_spanning_tree(graph).data.astype(np.int64))
 
 
+def _in_order(matrix: csr_array) -> csr_array:
+    ordered = csr_array(matrix)
+    ordered.sort_indices()
+    return ordered
+
+
 def _graph(n: int, pairs: IntArray, cost: FloatArray) -> csr_array:
     graph = coo_array((cost, pairs.T), shape=(n, n)).tocsr()
     return graph.maximum(graph.T)
@@ -303,13 +430,25 @@ def divided_touches(faces: IntArray, origin: IntArray, touches: Sequence[IntArra
     """
     from scipy.sparse.csgraph import connected_components
 
+    if len(touches) == 0:
+        return 0
+    taxels = [np.unique(np.asarray(touch, np.int64)) for touch in touches]
+    of_touch = np.repeat(np.arange(len(taxels)), [len(touch) for touch in taxels])
+    n = int(origin.max(initial=-1)) + 1
+    column = np.concatenate(taxels)
+    known = column < n
+    shape = (n, len(taxels))
+    marks = csr_array((np.ones(known.sum()), (column[known], of_touch[known])), shape=shape)
+    # A node for each chart vertex of each touch, joined where an edge has both of its ends.
+    nodes = marks[origin].tocoo()
+    number = csr_array((np.arange(1, nodes.nnz + 1), nodes.coords), shape=nodes.shape)
     pairs = edges(faces)
-    doubled = np.bincount(origin)[origin] > 1
-    count = 0
-    for touch in touches:
-        active = np.isin(origin, touch)
-        kept = pairs[active[pairs].all(axis=1)]
-        graph = coo_array((np.ones(len(kept)), kept.T), shape=(len(origin),) * 2)
-        _, piece = connected_components(graph, directed=False)
-        count += len(np.unique(piece[active & ~doubled])) > 1
-    return count
+    ends = [number[pairs[:, side]] for side in (0, 1)]
+    both = ends[0].astype(bool).multiply(ends[1].astype(bool))
+    joined = [np.asarray(_in_order(end.multiply(both)).data) - 1 for end in ends]
+    graph = coo_array((np.ones(len(joined[0])), joined), shape=(nodes.nnz,) * 2)
+    _, piece = connected_components(graph, directed=False)
+    vertex, touch = nodes.coords
+    counts = np.bincount(origin)[origin[vertex]] == 1
+    seen = np.unique(np.column_stack([touch, piece])[counts], axis=0)
+    return int((np.bincount(seen[:, 0], minlength=1) > 1).sum())

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.flatten.result import FlattenResult
+from skinmap.cli.flatten.result import FlattenResult, PatchRow
+from skinmap.cli.flatten.seam import HELP as SEAM_KINDS
+from skinmap.cli.flatten.seam import SeamOption
 from skinmap.commands.options import (
     open_robot,
     out_folder,
@@ -32,6 +34,9 @@ SEAM_HELP = "Channels that seams keep away from, as 3,8,20-31; may be repeated."
 COMPARE_HELP = (
     "Methods to compare with, `drawing` for a hand-drawn map, `theirs` for the file's own."
 )
+
+BOUND_HELP = "Slit each chart until its mean symmetric Dirichlet energy is below this, as 4.1."
+SHEETS_HELP = "Take mesh files with three faces at an edge apart into sheets there."
 
 
 @click.command("flatten")
@@ -59,13 +64,21 @@ COMPARE_HELP = (
 )
 @click.option("--metric", default="edge_strain", show_default=True, help="What colours the maps.")
 @click.option("--seam-away", multiple=True, metavar="CHANNELS", help=SEAM_HELP)
+@click.option("--seam", cls=SeamOption, default="shortest", metavar="SEAM", help=SEAM_KINDS)
+@click.option("--max-distortion", type=float, help=BOUND_HELP)
+@click.option("--split-sheets", is_flag=True, help=SHEETS_HELP)
 @out_folder("pictures, OBJ and VTP with texture coordinates, and report.html")
 @workers_options
 @seed_option
 @profile_option("flatten")
 @prints(FlattenResult)
 def command(
-    robots: tuple[str, ...], parts: tuple[str, ...], out: Path | None, as_json: bool, **options: Any
+    robots: tuple[str, ...],
+    parts: tuple[str, ...],
+    out: Path | None,
+    as_json: bool,
+    split_sheets: bool,
+    **options: Any,
 ) -> None:
     """Lay every patch of a robot's skin, or any triangle mesh, flat and measure the distortion.
 
@@ -80,6 +93,7 @@ def command(
               skinmap flatten icub --part left_arm --compare bff,lscm --json
               skinmap flatten bunny.obj --method accurate --json
               skinmap flatten skin.json --compare theirs
+              skinmap flatten sleeve.toml --seam contacts touches.npz --out maps
               skinmap flatten scans/*.stl --jobs 4 --resume scans.resume --json
     """
     from skinmap.cli.flatten.files import report, write
@@ -88,7 +102,7 @@ def command(
 
     spread = worker_options(options)
     asked = checked_options(**options)
-    surfaces = _surfaces(robots or ("icub",), parts, asked.meshing)
+    surfaces = _surfaces(robots or ("icub",), parts, asked.meshing, split_sheets)
     title = "flatten"
     with spread.open(title) as workers, progress(len(surfaces.makers), title) as advance:
         found = work(asked, surfaces, workers=workers, progress=advance)
@@ -103,7 +117,9 @@ def command(
         )
 
 
-def _surfaces(robots: tuple[str, ...], parts: tuple[str, ...], meshing: str | None) -> Surfaces:
+def _surfaces(
+    robots: tuple[str, ...], parts: tuple[str, ...], meshing: str | None, split_sheets: bool
+) -> Surfaces:
     """What the arguments name: mesh files, CySkin files, or parts of one robot."""
     from skinmap.cli.flatten.job import file_surfaces, mesh_surfaces, robot_surfaces
     from skinmap.errors import UnknownNameError
@@ -115,7 +131,11 @@ def _surfaces(robots: tuple[str, ...], parts: tuple[str, ...], meshing: str | No
             if parts:
                 raise UnknownNameError("part", parts[0], ())
             own = list(dict.fromkeys(paths))
-            return mesh_surfaces(own) if suffixes is MESHES else file_surfaces(own, meshing)
+            if suffixes is MESHES:
+                return mesh_surfaces(own, split_sheets=split_sheets)
+            return file_surfaces(own, meshing)
+    if split_sheets:
+        raise click.UsageError("--split-sheets is for mesh files; a robot's skin has no such edges")
     if len(robots) > 1:
         raise click.UsageError(
             "several mesh files, several CySkin files, or one robot: not " + " ".join(robots)[:200]
@@ -123,7 +143,22 @@ def _surfaces(robots: tuple[str, ...], parts: tuple[str, ...], meshing: str | No
     return robot_surfaces(*open_robot(robots[0], parts), meshing or DEFAULT)
 
 
-def _lines(result: FlattenResult) -> Iterator[Table]:
+def _words(row: PatchRow) -> Iterator[str]:
+    """On the seam of a patch, where there is something to say."""
+    name = f"{row.part}, patch {row.patch}"
+    if row.period_mm is not None:
+        yield f"{name}: a tube laid flat uncut, the map repeats itself after {row.period_mm:.1f} mm"
+    if row.touches and row.touches_divided_shortest is not None and row.touches_divided is not None:
+        shortest, own = row.touches_divided_shortest, row.touches_divided
+        said = f"{own} of {row.touches} touches divided, {shortest} by the shortest seam"
+        if own == shortest and shortest:
+            said += ", which stays: touches are spread so evenly that no other divides fewer new ones"
+        elif row.touches_saved_percent is not None:
+            said += f"; of touches not used for choosing {row.touches_saved_percent:.0f} % are saved"
+        yield f"{name}: {said}"
+
+
+def _lines(result: FlattenResult) -> Iterator[str | Table]:
     columns = ["part", "patch", "vertices", "holes", "method", "flips", "edge rms %", "area sd"]
     rows: list[list[Cell]] = [
         [
@@ -133,6 +168,8 @@ def _lines(result: FlattenResult) -> Iterator[Table]:
         for row in result.patches
     ]  # fmt: skip
     yield Table([*columns, "angle"], rows)
+    for row in result.patches:
+        yield from _words(row)
     if result.compare:
         rows = [
             [row.part, row.patch, row.with_, row.flips, row.edge_rms_percent, row.area_sd]

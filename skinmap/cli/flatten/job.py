@@ -14,7 +14,9 @@ from skinmap.arrays import IntArray
 from skinmap.cli.flatten.drawings import drawings_of, drawn_charts
 from skinmap.cli.flatten.options import FlatOptions
 from skinmap.cli.flatten.result import ComparedRow, FlattenResult, PatchRow, Spread, WorstFace
+from skinmap.cli.flatten.seam import seams_of
 from skinmap.errors import InvalidArrayError, MissingFileError
+from skinmap.flat.contact_seams import Divided
 from skinmap.flat.distortion import Distortion
 from skinmap.flat.drawing_comparison import DrawnChart
 from skinmap.flat.face_metrics import FaceMetric, face_metric, worst_faces
@@ -83,8 +85,10 @@ class Flattened:
     drawn: Mapping[str, Mapping[str, Sequence[DrawnChart]]]
 
 
-def mesh_surfaces(paths: Sequence[Path]) -> Surfaces:
+def mesh_surfaces(paths: Sequence[Path], *, split_sheets: bool = False) -> Surfaces:
     """Several mesh files; parts are named as their files, by path where two agree.
+
+    With `split_sheets` faces that meet three or more at an edge come apart there into sheets.
 
     Raises
     ------
@@ -96,7 +100,9 @@ def mesh_surfaces(paths: Sequence[Path]) -> Surfaces:
     def maker(path: Path) -> Callable[[], SurfaceMesh]:
         if not path.is_file():
             raise MissingFileError(path, "a mesh file")
-        return lambda: mesh_surface(*read_mesh(path, merge=False), name=path.name)
+        return lambda: mesh_surface(
+            *read_mesh(path, merge=False), name=path.name, split_sheets=split_sheets
+        )
 
     makers = {
         path.name if names.count(path.name) == 1 else str(path): maker(path) for path in paths
@@ -160,10 +166,12 @@ def work(
     how = {
         "iterations": options.iterations,
         "precision": options.precision,
+        "max_distortion": options.max_distortion,
         **options.budgets,
     }
+    seams = seams_of(options.seam, meshes)
     tasks = [
-        FlatTask(mesh, options.method, options.others, away[part], how)
+        FlatTask(mesh, options.method, options.others, {"avoid": away[part], **seams[part]}, how)
         for part, mesh in meshes.items()
     ]
     found = run_tasks(flatten_task, tasks, workers=workers, progress=progress)
@@ -191,6 +199,7 @@ def work(
         meshing=surfaces.meshing,
         iterations=options.iterations,
         precision=options.precision,
+        seam=options.seam.kind,
         metric=options.metric,
         seed=options.seed,
         patches=rows,
@@ -222,23 +231,23 @@ class FlatTask:
     method : str
     others : tuple of str
         Methods to compare with.
-    avoid : (k,) int
-        Taxels that seams keep away from.
+    seam : mapping
+        Keywords of `flatten` that say where seams are.
     how : mapping
-        Options of `flatten` for the first method: its budgets, iterations and precision.
+        Others, for the first method: its budgets, iterations, precision and bound.
     """
 
     mesh: SurfaceMesh
     method: str
     others: tuple[str, ...]
-    avoid: IntArray
+    seam: Mapping[str, Any]
     how: Mapping[str, Any]
 
 
 def flatten_task(task: FlatTask) -> dict[str, dict[str, Any]]:
     """The map by each method, the first one asked for, as plain arrays and numbers."""
-    first = flatten(task.mesh, method=task.method, avoid=task.avoid, **task.how)
-    rest = {name: flatten(task.mesh, method=name, avoid=task.avoid) for name in task.others}
+    first = flatten(task.mesh, method=task.method, **task.seam, **task.how)
+    rest = {name: flatten(task.mesh, method=name, **task.seam) for name in task.others}
     # The mesh is not sent back: who gave the task has it.
     return {
         "": _plain(first),
@@ -249,18 +258,31 @@ def flatten_task(task: FlatTask) -> dict[str, dict[str, Any]]:
 def flat_map(mesh: SurfaceMesh, plain: Mapping[str, Any]) -> FlatMap:
     """The flat map of a mesh from what a worker gave back."""
     charts = tuple(
-        Chart(**{**chart, "distortion": Distortion(**chart["distortion"])})
+        Chart(
+            **{
+                **chart,
+                "distortion": Distortion(**chart["distortion"]),
+                "divided": chart["divided"] and Divided(**chart["divided"]),
+            }
+        )
         for chart in plain["charts"]
     )
     return FlatMap(mesh, charts, plain["uv"])
 
 
 def _plain(flat: FlatMap) -> dict[str, Any]:
-    charts = [{**_own(chart), "distortion": _own(chart.distortion)} for chart in flat.charts]
+    charts = [
+        {
+            **_own(chart),
+            "distortion": _own(chart.distortion),
+            "divided": chart.divided and _own(chart.divided),
+        }
+        for chart in flat.charts
+    ]
     return {"charts": charts, "uv": flat.uv}
 
 
-def _own(value: Chart | Distortion) -> dict[str, Any]:
+def _own(value: Chart | Distortion | Divided) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
@@ -285,6 +307,8 @@ def _patch_row(
         faces=len(chart.faces),
         holes=chart.holes,
         cut_mm=MM * chart.seam_length,
+        period_mm=None if chart.period is None else MM * float(np.linalg.norm(chart.period)),
+        **_touch_figures(chart),
         method=chart.method,
         fallback=chart.fallback,
         reason=chart.reason,
@@ -294,6 +318,20 @@ def _patch_row(
         seconds=chart.seconds,
         worst=_worst(flat, chart, metric),
     )
+
+
+def _touch_figures(chart: Chart) -> dict[str, Any]:
+    """The fields of `PatchRow` on touches."""
+    found = chart.divided
+    if found is None:
+        return {}
+    gain = found.gain if np.isfinite(found.gain) else None
+    return {
+        "touches": found.touches,
+        "touches_divided": found.divided,
+        "touches_divided_shortest": found.divided_shortest,
+        "touches_saved_percent": None if gain is None else 100.0 * gain,
+    }
 
 
 def _worst(flat: FlatMap, chart: Chart, metric: FaceMetric) -> list[WorstFace]:

@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.arrays import IntArray
+from skinmap.cli.flatten.seam import NONE, Seam, read_seam
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.flat.face_metrics import face_metric
 from skinmap.flat.flat_map import DEFAULT as DEFAULT_METHOD
+from skinmap.flat.flat_map import ISOMETRY
 from skinmap.flat.methods import check_effort, flatteners
 from skinmap.surface.surface_mesh import MESHING
 
@@ -37,6 +39,9 @@ class FlatOptions:
     with_drawing, with_theirs : bool
     away : (k,) int
         Channels that seams keep away from.
+    seam : Seam
+    max_distortion : float or None
+        Mean symmetric Dirichlet energy that each chart is slit to.
     budgets : dict
         `max_seconds` and `max_edge_rms`, those that were given.
     seed : int
@@ -53,6 +58,8 @@ class FlatOptions:
     with_drawing: bool = False
     with_theirs: bool = False
     away: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    seam: Seam = field(default_factory=Seam)
+    max_distortion: float | None = None
     budgets: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
     iterations: int | None = None
@@ -67,6 +74,8 @@ def checked_options(
     compare: str,
     drawing: Path | None,
     seam_away: tuple[str, ...],
+    seam: str,
+    max_distortion: float | None,
     metric: str,
     meshing: str | None,
     iterations: int | None,
@@ -81,7 +90,13 @@ def checked_options(
         A name that does not exist, a number out of range.
     """
     budgets = max_seconds is not None or max_edge_rms is not None
-    method = method or ("auto" if budgets else DEFAULT_METHOD)
+    where = read_seam(seam)
+    check_bound(max_distortion)
+    if where.kind == NONE and (max_distortion is not None or seam_away):
+        raise InvalidArrayError("--seam none cuts nothing: leave out --max-distortion, --seam-away")
+    # A bound on the symmetric Dirichlet energy is kept by the method that minimises it.
+    usual = DEFAULT_METHOD if max_distortion is None else "dirichlet"
+    method = method or ("auto" if budgets else usual)
     flatteners.get(method)
     if meshing is not None and meshing not in MESHING:
         raise UnknownNameError("meshing method", meshing, MESHING)
@@ -97,11 +112,27 @@ def checked_options(
         with_drawing=DRAWING in drawn or drawing is not None,
         with_theirs=THEIRS in drawn,
         away=read_channels(seam_away),
+        seam=where,
+        max_distortion=max_distortion,
         budgets=check_budget(method, max_seconds, max_edge_rms),
         seed=seed,
         iterations=iterations,
         precision=precision,
     )
+
+
+def check_bound(bound: float | None) -> None:
+    """Refuse a bound on the symmetric Dirichlet energy that no map reaches.
+
+    Raises
+    ------
+    InvalidArrayError
+    """
+    if bound is not None and not ISOMETRY < bound < np.inf:
+        raise InvalidArrayError(
+            f"--max-distortion must be above {ISOMETRY:g}, the symmetric Dirichlet energy of a map "
+            f"without distortion, got {bound:g}"
+        )
 
 
 def check_compare(words: str) -> tuple[tuple[str, ...], tuple[str, ...]]:

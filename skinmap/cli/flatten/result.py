@@ -95,6 +95,16 @@ class PatchRow(Distorted):
         How many.
     cut_mm
         Length of the seams.
+    period_mm
+        After which the map of a tube laid flat uncut repeats itself; null for others.
+    touches
+        With `--seam contacts`: how many the recording has there; null for others, as below.
+    touches_divided, touches_divided_shortest
+        How many of them the seam divides, and how many the shortest one would.
+    touches_saved_percent
+        Of those that the shortest divides, in one half of the recording, by seams chosen on the
+        other half; null where it divides none. Little where touches are spread evenly: then the
+        shortest seam stays.
     method
         The one that made the map.
     fallback
@@ -117,6 +127,7 @@ class PatchRow(Distorted):
     faces: int
     holes: int
     cut_mm: float
+    period_mm: float | None
     method: str
     fallback: bool
     reason: str
@@ -124,6 +135,10 @@ class PatchRow(Distorted):
     geodesic_stress_error: float | None
     seconds: float
     worst: list[WorstFace]
+    touches: int | None = None
+    touches_divided: int | None = None
+    touches_divided_shortest: int | None = None
+    touches_saved_percent: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -197,6 +212,8 @@ class FlattenResult:
         Asked for; null: the method's own.
     precision
         Of the sparse solves.
+    seam
+        How seams were placed: "shortest", "contacts", "file" or "none".
     metric
         What colours the maps and chooses the worst triangles.
     seed
@@ -216,6 +233,7 @@ class FlattenResult:
     meshing: str | None
     iterations: int | None
     precision: str
+    seam: str
     metric: str
     seed: int
     patches: list[PatchRow]
