@@ -101,7 +101,9 @@ def _laid(
     own = vertices[cut.origin]
     flat = lay_flat(own, cut.faces)
     found = measure_distortion(own, cut.faces, flat.uv)
-    return Relieved(cut, flat, float(np.average(found.symmetric_dirichlet, weights=found.face_areas)))
+    return Relieved(
+        cut, flat, float(np.average(found.symmetric_dirichlet, weights=found.face_areas))
+    )
 
 
 def _tips(vertices: FloatArray, now: Relieved, count: int) -> list[list[int]]:

@@ -233,7 +233,9 @@ def flatten(
     cutting = _Cutting(
         mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)],
         None if touched is None else check_finite(touched, "touched", (len(mesh.skin),)),
-        None if touches is None else [mesh.representative[np.asarray(t, np.int64)] for t in touches],
+        None
+        if touches is None
+        else [mesh.representative[np.asarray(t, np.int64)] for t in touches],
         mesh.representative[np.asarray([] if cuts is None else cuts, np.int64).reshape(-1, 2)],
         periodic,
         max_distortion,

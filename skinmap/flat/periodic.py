@@ -205,7 +205,9 @@ class _Roll(Disc):
         import shapely
 
         step = self._period(uv)
-        rims = [self._unrolled(uv, rim, way) for rim, way in zip(self._rims, (step, -step), strict=True)]
+        rims = [
+            self._unrolled(uv, rim, way) for rim, way in zip(self._rims, (step, -step), strict=True)
+        ]
         lines = [shapely.linestrings(rim) for rim in rims]
         simple = all(bool(shapely.is_simple(line)) for line in lines)
         return simple and not bool(shapely.intersects(*lines))

@@ -152,9 +152,13 @@ def _words(row: PatchRow) -> Iterator[str]:
         shortest, own = row.touches_divided_shortest, row.touches_divided
         said = f"{own} of {row.touches} touches divided, {shortest} by the shortest seam"
         if own == shortest and shortest:
-            said += ", which stays: touches are spread so evenly that no other divides fewer new ones"
+            said += (
+                ", which stays: touches are spread so evenly that no other divides fewer new ones"
+            )
         elif row.touches_saved_percent is not None:
-            said += f"; of touches not used for choosing {row.touches_saved_percent:.0f} % are saved"
+            said += (
+                f"; of touches not used for choosing {row.touches_saved_percent:.0f} % are saved"
+            )
         yield f"{name}: {said}"
 
 

@@ -72,7 +72,9 @@ def read_seam(words: str) -> Seam:
     first, _, rest = words.partition(" ")
     if first == CONTACTS:
         if not Path(rest).is_file():
-            raise MissingFileError(Path(rest), "a recording of touches, as --seam contacts needs it")
+            raise MissingFileError(
+                Path(rest), "a recording of touches, as --seam contacts needs it"
+            )
         return Seam(CONTACTS, Path(rest))
     if not Path(words).is_file():
         kinds = "contacts RECORDING, shortest, none, or a file of channels"

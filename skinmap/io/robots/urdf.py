@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,15 +18,21 @@ from skinmap.errors import (
 )
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.rigid import check_transform, transform_points
+from skinmap.io.robots.urdf_elements import (
+    KINDS,
+    STILL,
+    Shape,
+    joint_transform,
+    read_joints,
+    read_links,
+)
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import check_file, is_file, parse_floats
-from skinmap.skin.joints import Joint, Kind
+from skinmap.skin.joints import Joint
 
 # trimesh reads more, archives and scene formats among them, that may name or unpack other files.
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".glb", ".gltf", ".off")
 MAX_MESH_BYTES = 512 * 2**20
-KINDS: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
-STILL = ("fixed", "floating", "planar")  # one number says nothing about the last two
 # Kept once read: files that say all themselves (a .gltf names others), and are slow to parse.
 WHOLE = (".stl", ".obj", ".ply", ".dae", ".glb", ".off")
 WORTH_KEEPING = 50_000  # [bytes]
@@ -64,57 +68,33 @@ class UrdfBody:
     """
 
     def __init__(self, path: Path, *, inside: Path | None = None) -> None:
-        import yourdfpy
-        from lxml import etree
-
         root = read_urdf(path)
-        for joint in children(root, "joint"):
-            if joint.get("type") in STILL:  # yourdfpy counts numbers of those that it never moves
-                joint.set("type", "fixed")
         self.path, self.inside = path, inside
-        # yourdfpy warns about every material it does not know; none of them matters here.
-        logging.getLogger("yourdfpy").setLevel(logging.ERROR)
         try:
-            self._urdf = yourdfpy.URDF.load(
-                io.BytesIO(etree.tostring(root, encoding="utf-8")),  # what was checked, no more
-                build_scene_graph=True,
-                load_meshes=False,
-                load_collision_meshes=False,
-            )
-        except Exception as error:  # lxml, yourdfpy and numpy each raise their own kinds
+            self._links = read_links(root)
+            self._tree, self._moved = read_joints(root)
+        except Exception as error:  # a number that is none, an element that is missing
             raise DataFormatError(f"not a URDF that can be read: {error}", path) from error
 
     @property
     def links(self) -> tuple[str, ...]:
         """Names of all links."""
-        return tuple(self._urdf.link_map)
+        return tuple(self._links)
 
     @property
     def visible_links(self) -> tuple[str, ...]:
         """Names of the links that carry a visual mesh."""
-        return tuple(
-            name
-            for name, link in self._urdf.link_map.items()
-            if any(visual.geometry is not None for visual in link.visuals)
-        )
+        return tuple(name for name, link in self._links.items() if link.shapes)
 
     @property
     def joints(self) -> dict[str, tuple[float, float]]:
         """Lower and upper limit [rad or m] of each joint that moves."""
-        limits = {}
-        for name in self._urdf.actuated_joint_names:
-            limit = self._urdf.joint_map[name].limit
-            bounds = (-np.inf, np.inf)
-            if limit is not None and limit.lower is not None and limit.upper is not None:
-                bounds = (float(limit.lower), float(limit.upper))
-            limits[name] = bounds
-        return limits
+        return {one.name: one.limits or (-np.inf, np.inf) for one in self._moved}
 
     @property
     def sliding_joints(self) -> frozenset[str]:
         """Joints that slide instead of turning: theirs are lengths [m]."""
-        kinds = {name: self._urdf.joint_map[name].type for name in self._urdf.actuated_joint_names}
-        return frozenset(name for name, kind in kinds.items() if kind == "prismatic")
+        return frozenset(one.name for one in self._moved if one.kind == "prismatic")
 
     @property
     def tree(self) -> dict[str, Joint]:
@@ -122,19 +102,7 @@ class UrdfBody:
 
         A joint that mimics one that does not move stands at its offset.
         """
-        found, moving = {}, self._urdf.actuated_joint_names
-        for name, joint in self._urdf.joint_map.items():
-            kind = KINDS.get(joint.type, "fixed")
-            driver, factor, offset = ("" if kind == "fixed" else name), 1.0, 0.0
-            if kind != "fixed" and joint.mimic is not None:
-                driver = joint.mimic.joint if joint.mimic.joint in moving else ""
-                factor, offset = float(joint.mimic.multiplier), float(joint.mimic.offset)
-            origin = np.eye(4) if joint.origin is None else np.array(joint.origin)
-            axis = np.array(joint.axis, np.float64)
-            found[joint.child] = Joint(
-                name, joint.parent, kind, origin, axis, driver, factor, offset
-            )
-        return found
+        return dict(self._tree)
 
     def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
         """T_root_link (4, 4) of every link for joint angles [rad]; joints not named are at zero.
@@ -144,26 +112,34 @@ class UrdfBody:
         UnknownNameError
             A joint that the URDF lacks.
         """
+        known = self.joints
         for name in angles:
-            if name not in self.joints:
-                raise UnknownNameError("joint", name, self.joints)
-        self._urdf.update_cfg({name: float(angles.get(name, 0.0)) for name in self.joints})
-        return {link: np.array(self._urdf.get_transform(link)) for link in self.links}
+            if name not in known:
+                raise UnknownNameError("joint", name, known)
+        found: dict[str, FloatArray] = {}
+        for link in self._links:
+            way = [link]
+            while way[-1] not in found and way[-1] in self._tree:
+                way.append(self._tree[way[-1]].parent)
+            found.setdefault(way[-1], np.eye(4))
+            for below in reversed(way[:-1]):
+                joint = self._tree[below]
+                angle = joint.factor * float(angles.get(joint.driver, 0.0)) + joint.offset
+                found[below] = found[joint.parent] @ joint_transform(joint, angle)
+        return {link: found[link] for link in self._links}
 
     def inertia(self, link: str) -> tuple[float, FloatArray, FloatArray] | None:
         """Mass [kg], centre (3,) [m] and inertia about it (3, 3) [kg m2]; None where none is said.
 
         All in the frame of the link; a mass of zero counts as none.
         """
-        said = self._urdf.link_map[link].inertial
-        if said is None or said.mass is None or not said.mass > 0.0:
+        said = self._links[link]
+        if said.mass is None or said.T_link_centre is None or said.inertia is None:
             return None
-        origin = np.eye(4) if said.origin is None else np.asarray(said.origin, np.float64)
-        tensor = np.zeros((3, 3)) if said.inertia is None else np.asarray(said.inertia, np.float64)
-        if not (np.isfinite(said.mass) and np.isfinite(tensor).all()):
+        if not (0.0 < said.mass < np.inf and np.isfinite(said.inertia).all()):
             return None
-        turn = origin[:3, :3]
-        return float(said.mass), origin[:3, 3], turn @ tensor @ turn.T
+        turn = said.T_link_centre[:3, :3]
+        return said.mass, said.T_link_centre[:3, 3], turn @ said.inertia @ turn.T
 
     def mesh(self, link: str) -> TriangleMesh:
         """Visual mesh of one link in the link's frame [m].
@@ -173,20 +149,16 @@ class UrdfBody:
         UnknownNameError, MissingFileError, DataFormatError
             No such link, or a mesh that is missing or cannot be read.
         """
-        if link not in self._urdf.link_map:
+        if link not in self._links:
             raise UnknownNameError("link", link, self.visible_links)
         vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
-        for visual in self._urdf.link_map[link].visuals:
-            mesh = visual.geometry.mesh
-            if mesh is not None:
-                points, triangles = read_mesh(self._resolve(mesh.filename))
-                points = points * (1.0 if mesh.scale is None else np.asarray(mesh.scale))
-            elif (shape := shape_mesh(visual.geometry)) is not None:
-                points, triangles = shape
+        for shape in self._links[link].shapes:
+            if shape.kind == "mesh":
+                points, triangles = read_mesh(self._resolve(shape.file))
+                points = points * shape.numbers
             else:
-                continue
-            if visual.origin is not None:
-                points = transform_points(check_transform(visual.origin, "visual origin"), points)
+                points, triangles = shape_mesh(shape)
+            points = transform_points(check_transform(shape.T_link_shape, "visual origin"), points)
             vertices.append(points)
             faces.append(triangles + count)
             count += len(points)
@@ -259,19 +231,17 @@ def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
     return vertices, faces
 
 
-def shape_mesh(geometry: Any) -> tuple[FloatArray, IntArray] | None:
-    """Vertices [m] and faces of a URDF's `geometry`; None where it is no such shape."""
+def shape_mesh(shape: Shape) -> tuple[FloatArray, IntArray]:
+    """Vertices (n, 3) [m] and faces (m, 3) of a box, cylinder or sphere, in its own frame."""
     from trimesh import creation
 
-    if geometry.box is not None:
-        mesh = creation.box(extents=geometry.box.size)
-    elif geometry.cylinder is not None:
-        shape = geometry.cylinder
-        mesh = creation.cylinder(radius=shape.radius, height=shape.length, sections=SECTIONS)
-    elif geometry.sphere is not None:
-        mesh = creation.icosphere(subdivisions=3, radius=geometry.sphere.radius)
+    if shape.kind == "box":
+        mesh = creation.box(extents=shape.numbers)
+    elif shape.kind == "cylinder":
+        radius, height = shape.numbers
+        mesh = creation.cylinder(radius=radius, height=height, sections=SECTIONS)
     else:
-        return None
+        mesh = creation.icosphere(subdivisions=3, radius=float(shape.numbers[0]))
     return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
 
 
@@ -286,6 +256,8 @@ def read_urdf(path: Path) -> Any:
     root = read_xml(path, "a URDF file")
     if local_name(root) != "robot":
         raise DataFormatError(f"not a URDF: <{local_name(root)}>", path, root.sourceline)
+    if not root.get("name"):
+        raise DataFormatError("not a URDF: <robot> lacks 'name'", path, root.sourceline)
     links = _names(root, "link", path)
     if not links:
         raise DataFormatError("not a URDF: no <link> with a name", path, root.sourceline)
