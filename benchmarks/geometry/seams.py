@@ -205,8 +205,7 @@ def bounded_rows(quick: bool) -> list[dict[str, Any]]:
 
 
 def _energy(chart: Chart) -> float:
-    found = chart.distortion
-    return float(np.average(found.symmetric_dirichlet, weights=found.face_areas))
+    return chart.distortion.mean_energy
 
 
 def _seams(flat: FlatMap) -> float:
@@ -218,7 +217,7 @@ def part_rows() -> dict[str, Any]:
     apart = {}
     for name in ("icub", "kaspar"):
         robot = skinmap.load_robot(name)
-        for part in robot.part_names:
+        for part in robot.parts:
             flat = skinmap.flatten(skinmap.build_surface(robot.skin(part)))
             apart[f"{name} {part}"] = [overlap_free(chart) for chart in flat.charts]
     every = [free for charts in apart.values() for free in charts]
@@ -229,8 +228,8 @@ def measure(quick: bool = False) -> dict[str, Any]:
     """All rows, and what they come to."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SkinWarning)
-        habits, tubes, bounded = habit_rows(quick), periodic_rows(quick), bounded_rows(quick)
-        parts = part_rows()
+        parts, tubes, bounded = part_rows(), periodic_rows(quick), bounded_rows(quick)
+        habits = habit_rows(quick)
     of = {
         habit: [row for row in habits if row["habit"] == habit and row["divided_by_the_shortest"]]
         for habit in ("places", "strokes", "even")
@@ -239,14 +238,14 @@ def measure(quick: bool = False) -> dict[str, Any]:
         habit: [100.0 * (1.0 - row["divided"] / row["divided_by_the_shortest"]) for row in rows]
         for habit, rows in of.items()
     }
-    wrong = [
-        100.0 * (1.0 - row["divided_by_a_wrong_one"] / row["divided_by_the_shortest"])
-        for row in of["places"]
-    ]
+    wrong, usual = (
+        sum(row[key] for row in of["places"])
+        for key in ("divided_by_a_wrong_one", "divided_by_the_shortest")
+    )
     maps = [row["overlap_free"] for row in (*habits, *tubes, *bounded)]
     return {
         "saved_percent": {habit: float(np.mean(found)) for habit, found in saved.items()},
-        "saved_percent_by_a_wrong_seam": float(np.mean(wrong)),
+        "saved_percent_by_a_wrong_seam": 100.0 * (1.0 - wrong / usual),
         "edge_error_more_points": max(row["edge_error_more_points"] for row in habits),
         "overlap_free_percent": 100.0 * float(np.mean(maps)),
         "energy": max(row["energy"] for row in bounded),

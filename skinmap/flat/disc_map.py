@@ -70,6 +70,7 @@ def map_disc(
     max_edge_rms: float | None = None,
     iterations: int | None = None,
     precision: str = "float64",
+    may_overlap: bool = False,
 ) -> DiscMap:
     """Flatten one connected surface with a border; small holes are filled for the solve.
 
@@ -90,6 +91,8 @@ def map_disc(
         Of a method that has them, instead of its own number.
     precision : {"float64", "float32"}
         Of the sparse solves; the rest is always in double precision.
+    may_overlap : bool
+        Leave a map that lies over itself as it is: for trials, mending takes long.
 
     Raises
     ------
@@ -118,7 +121,7 @@ def map_disc(
         if overlapped and name not in ONE_TO_ONE:
             continue
         uv = _attempt(name, disc, iterations if name == method else None)
-        if uv is not None and not disc.overlaps(uv):
+        if uv is not None and (may_overlap or not disc.overlaps(uv)):
             break
         overlapped |= uv is not None
     else:

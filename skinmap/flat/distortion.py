@@ -74,6 +74,11 @@ class Distortion:
         return float(np.sqrt(np.average(self.edge_strain**2, weights=self.edge_lengths)))
 
     @property
+    def mean_energy(self) -> float:
+        """Mean symmetric Dirichlet energy, weighted by area; 4 for an isometry."""
+        return float(np.average(self.symmetric_dirichlet, weights=self.face_areas))
+
+    @property
     def area_sd(self) -> float:
         """Root mean square of ln(area distortion), weighted by area; inf with a flip."""
         if self.flips:

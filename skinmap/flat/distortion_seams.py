@@ -27,25 +27,17 @@ from skinmap.flat.distortion import measure_distortion
 from skinmap.flat.seams import CutMesh, path_from_border, split_along
 from skinmap.geometry.topology import boundary_loops, loop_length
 
-MAX_ROUNDS = 60  # each flattens the chart twice; a chart that needs more is no skin
+MAX_ROUNDS = 40  # each flattens the chart twice; a chart that needs more is no skin
 MAX_AT_ONCE = 8  # slits in one round, far from the bound
 APART = 0.1  # of the surface's size: slits of one round end no closer to each other
 AGAIN = 12  # times that the energy is spread to neighbours before its worst place is sought
 PROGRESS = 1e-4  # of the excess energy: a round that gains less has stalled
-STALLED = 4  # such rounds in a row end it: some curvature takes two slits
+STALLED = 3  # such rounds in a row end it: some curvature takes two slits
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Relieved:
-    """A chart below the bound, or as far as slits bring it.
-
-    Attributes
-    ----------
-    cut : CutMesh
-    flat : DiscMap
-    energy : float
-        Mean symmetric Dirichlet energy, 4 for an isometry.
-    """
+class _Laid:
+    """A chart and its map, which may lie over itself: trials are not mended."""
 
     cut: CutMesh
     flat: DiscMap
@@ -58,7 +50,7 @@ def add_seams(
     lay_flat: Callable[[FloatArray, IntArray], DiscMap],
     bound: float,
     price: Callable[[IntArray], FloatArray],
-) -> Relieved:
+) -> CutMesh:
     """Slit a chart until its mean symmetric Dirichlet energy is at most a bound.
 
     Parameters
@@ -91,22 +83,20 @@ def add_seams(
         best = min(tried, key=lambda one: one.energy)
         gained = now.energy - best.energy > PROGRESS * (now.energy - 4.0)
         stalled = 0 if gained else stalled + 1
-        now = best if best.energy < now.energy or stalled else now
-    return now
+        now = best
+    return now.cut
 
 
 def _laid(
     vertices: FloatArray, cut: CutMesh, lay_flat: Callable[[FloatArray, IntArray], DiscMap]
-) -> Relieved:
+) -> _Laid:
     own = vertices[cut.origin]
     flat = lay_flat(own, cut.faces)
     found = measure_distortion(own, cut.faces, flat.uv)
-    return Relieved(
-        cut, flat, float(np.average(found.symmetric_dirichlet, weights=found.face_areas))
-    )
+    return _Laid(cut, flat, found.mean_energy)
 
 
-def _tips(vertices: FloatArray, now: Relieved, count: int) -> list[list[int]]:
+def _tips(vertices: FloatArray, now: _Laid, count: int) -> list[list[int]]:
     """Chart vertices that slits may lead to: tips of curvature, and the worst place of the map."""
     own, faces = vertices[now.cut.origin], now.cut.faces
     size = float(np.ptp(own, axis=0).max())

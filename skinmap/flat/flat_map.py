@@ -240,7 +240,7 @@ def flatten(
         periodic,
         max_distortion,
     )
-    how = {"method": method, "iterations": iterations, "precision": precision}
+    how: dict[str, Any] = {"method": method, "iterations": iterations, "precision": precision}
     how["max_edge_rms"] = max_edge_rms
     charts, weights = [], [len(mesh.patch_faces(patch)) for patch in range(mesh.n_patches)]
     for patch, weight in enumerate(weights):
@@ -352,12 +352,17 @@ def _opened(
 ) -> _Opened:
     """A patch cut open as it should be, then laid flat."""
 
-    def lay_flat(points: FloatArray, triangles: IntArray) -> DiscMap:
-        return map_disc(points, triangles, **how)
+    def lay_flat(points: FloatArray, triangles: IntArray, **more: Any) -> DiscMap:
+        return map_disc(points, triangles, **how, **more)
+
+    def tried(points: FloatArray, triangles: IntArray) -> DiscMap:
+        with warnings.catch_warnings():  # of maps that are not taken nobody wants to know
+            warnings.simplefilter("ignore", SkinWarning)
+            return lay_flat(points, triangles, may_overlap=True)
 
     def edge_error(cut: CutMesh) -> float:
         own = vertices[cut.origin]
-        return edge_rms(own, cut.faces, lay_flat(own, cut.faces).uv)
+        return edge_rms(own, cut.faces, tried(own, cut.faces).uv)
 
     away = np.flatnonzero(np.isin(taxels, cutting.avoid))
     often = None if cutting.touched is None else cutting.touched[taxels]
@@ -377,15 +382,17 @@ def _opened(
     if cutting.max_distortion is None:
         return _Opened(cut, lay_flat(vertices[cut.origin], cut.faces), divided)
     price = price_of(vertices, away, often)
-    relieved = add_seams(vertices, cut, lay_flat, cutting.max_distortion, price)
-    if relieved.energy > cutting.max_distortion:
+    cut = add_seams(vertices, cut, tried, cutting.max_distortion, price)
+    flat = lay_flat(vertices[cut.origin], cut.faces)
+    found = measure_distortion(vertices[cut.origin], cut.faces, flat.uv)
+    if (energy := found.mean_energy) > cutting.max_distortion:
         warnings.warn(
-            f"{how['where']}: seams bring the mean symmetric Dirichlet energy to "
-            f"{relieved.energy:.4g}, not to {cutting.max_distortion:g}",
+            f"{how['where']}: seams bring the mean symmetric Dirichlet energy to {energy:.4g}, not "
+            f"to {cutting.max_distortion:g}",
             SkinWarning,
             stacklevel=4,
         )
-    return _Opened(relieved.cut, relieved.flat, divided)
+    return _Opened(cut, flat, divided)
 
 
 def _arranged(mesh: SurfaceMesh, charts: list[Chart]) -> list[Chart]:

@@ -53,13 +53,14 @@ def mesh_surface(
 
     Corners at one place become one vertex, as in files that repeat them for each face. Triangles
     without area are left out, neighbours that turn opposite ways are turned alike, and parts that
-    meet in a single vertex come apart there. With `split_sheets` so do faces that meet three or more
-    at an edge, but for two that go on straight into each other.
+    meet in a single vertex come apart there. With `split_sheets` so do faces that meet three or
+    more at an edge, but for two that go on straight into each other.
 
     Raises
     ------
     InvalidMeshError
-        No triangle with an area, an edge in three faces (`split_sheets` is for those), a surface with one side only, or more
+        No triangle with an area, an edge in three faces (`split_sheets` is for those), a surface
+        with one side only, or more
         components than `MAX_COMPONENTS`.
     """
     points = check_points(vertices, "vertices")

@@ -7,6 +7,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.cache import cached
 
 
 def median_spacing(points: FloatArray) -> float:
@@ -60,8 +61,17 @@ def closest_on_mesh(
 def ray_hits(
     origins: FloatArray, directions: FloatArray, vertices: FloatArray, faces: IntArray
 ) -> BoolArray:
-    """(n,) whether each ray meets the mesh, through trimesh (Embree where it is installed)."""
-    import trimesh
+    """(n,) whether each ray meets the mesh, through trimesh (Embree where it is installed).
 
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    return np.asarray(mesh.ray.intersects_any(origins, directions))
+    Kept between runs: a skin asks the same of its body each time.
+    """
+
+    def shoot() -> dict[str, BoolArray]:
+        import trimesh
+
+        mesh = trimesh.Trimesh(vertices, faces, process=False)
+        return {"hits": np.asarray(mesh.ray.intersects_any(origins, directions))}
+
+    return cached("rays", [origins, directions, vertices, faces], shoot, made_by=("trimesh",))[
+        "hits"
+    ]

@@ -43,8 +43,9 @@ def test_poses_are_those_of_another_reader(robot, tmp_path, rng):
     other = peer(body.path)
     moving = [name for name in other.actuated_joint_names if name != "j4"]
     assert set(moving) <= set(body.joints)
-    # In the other reader a floating joint takes a number that is not its own; ours stands still.
-    angles = {name: float(angle) for name, angle in zip(moving, rng.normal(size=len(moving)))}
+    angles = {
+        name: float(angle) for name, angle in zip(moving, rng.normal(size=len(moving)), strict=True)
+    }
     other.update_cfg(dict(angles, **({"j4": 0.0} if robot == "made" else {})))
     poses = body.poses(angles)
     assert set(poses) == set(other.link_map)

@@ -11,7 +11,7 @@ from typing import Any
 import click
 import numpy as np
 
-from skinmap.arrays import IntArray
+from skinmap.arrays import BoolArray, IntArray
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, SkinMismatchError
 from skinmap.surface.surface_mesh import SurfaceMesh
 
@@ -144,7 +144,8 @@ def _touches(recording: Any, mesh: SurfaceMesh, path: Path) -> list[IntArray]:
         beside = padded_neighbours(pairs, count)
     found = []
     for _, _, samples in recording.touches():
-        active = (felt(pressed(samples), rest, beside) > 0).any(axis=0)[columns]
+        touched: BoolArray = np.any(felt(pressed(samples), rest, beside) > 0, axis=0)
+        active = touched[columns]
         taxels = np.flatnonzero(active)
         piece = connected(links, active, taxels)
         found += [taxels[piece == k] for k in np.unique(piece)]
