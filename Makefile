@@ -22,7 +22,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz audit limits schemas docs tutorials figures lint bench bench-compare bench-needs bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak bench-viewer wheel lock clean
+.PHONY: help demo test fuzz audit limits schemas docs tutorials figures lint bench bench-compare bench-needs bench-commands bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak bench-viewer wheel lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -72,6 +72,9 @@ bench-compare: $(READY)  ## two results of `make bench`: make bench-compare OLD=
 
 bench-needs: $(READY)  ## time and memory against what is asked for, to benchmarks/results and docs/needs.md
 	$(BIN)/python -m benchmarks.scale.needs $(ARGS)
+
+bench-commands: $(READY)  ## whole commands of README.md beside imports and necessary work (ARGS=--quick)
+	$(BIN)/python -m benchmarks.scale.commands $(ARGS)
 
 bench-geometry: $(READY)  ## meshes, flat maps and contact images beside their peers, to benchmarks/results
 	$(BIN)/python -m benchmarks.geometry.geometry $(ARGS)

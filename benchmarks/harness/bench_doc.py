@@ -54,7 +54,11 @@ def doc_of(result: Mapping[str, Any]) -> str:
         rows = [row for row in result["asked"] if row["area"] == area]
         lines += ["", f"## {area.capitalize()}", "", *_table(rows)]
     curves = (areas.get("scaling", {}).get("rows") or {}).get("curves")
-    return "\n".join([*lines, *(_curves(curves) if curves else ()), ""])
+    lines += _curves(curves) if curves else ()
+    kept = RESULTS / "commands.json"
+    if kept.is_file():
+        lines += _commands(json.loads(kept.read_text(encoding="utf-8")))
+    return "\n".join([*lines, ""])
 
 
 def _areas(areas: Mapping[str, Any]) -> Iterator[str]:
@@ -89,6 +93,31 @@ def _curves(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for row in rows:
         if "left_out" in row:
             yield f"\nLeft out: {row['curve']} at {row['taxels']:,}: {row['left_out']}."
+
+
+def _commands(kept: Mapping[str, Any]) -> Iterator[str]:
+    """Whole commands beside their imports and necessary work."""
+    yield from (
+        "",
+        "## Commands",
+        "",
+        f"Written by `make bench-commands` at commit {kept['commit']}, load average "
+        f"{kept['machine']['load_average']} at the start: fresh processes, medians, the second run "
+        'on (the first one fills the cache). CPU seconds beside those of `python -c "import ..."` '
+        "of what the command needs and of the functions that its output is made of; the ratio is "
+        "the command's over both together.",
+        "",
+    )
+    heads = ("command", "CPU [s]", "first run", "wall [s]", "MB", "imports", "work", "ratio")
+    yield from _row(heads, head=True)
+    keys = ("cpu_s", "first_cpu_s", "wall_s", "mb", "imports_cpu_s", "work_cpu_s", "ratio")
+    for row in kept["commands"]:
+        shown = ["" if row.get(key) is None else f"{row[key]:.3g}" for key in keys]
+        shown = shown if "failed" not in row else ["failed", *shown[1:]]
+        yield from _row((f"`{row['command']}`", *shown))
+    yield ""
+    for line, why in kept["left_out"].items():
+        yield f"Not measured: `{line}`: {why}.\n"
 
 
 def _point(row: Mapping[str, Any] | None) -> str:

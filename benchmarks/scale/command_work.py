@@ -1,0 +1,143 @@
+"""The necessary work of commands: the functions that their output is made of, and what they import.
+
+`python -m benchmarks.scale.command_work NAME` imports, works once and prints the CPU time of the
+work [s] as JSON; with `--imports` it only imports.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+ARRAYS = ("numpy", "scipy.sparse.csgraph", "scipy.sparse.linalg", "scipy.spatial", "click", "rich")
+MESHES = (*ARRAYS, "igl", "lxml.etree", "icub_models")
+FLAT = (*MESHES, "shapely", "potpourri3d")
+PLOTS = ("matplotlib.figure", "matplotlib.backends.backend_agg", "matplotlib.collections")
+SCENE = (*FLAT, "pyvista", "vtkmodules.vtkRenderingOpenGL2")
+MODEL = (*FLAT, "skops.io", "sklearn.svm")
+
+
+def _surfaces(robot: str, *parts: str) -> list[Any]:
+    import skinmap
+
+    body = skinmap.load_robot(robot)
+    return [skinmap.build_surface(body.skin(part)) for part in parts or body.parts]
+
+
+def _maps(robot: str, *parts: str, methods: tuple[str, ...] = ("balanced",)) -> list[Any]:
+    import numpy as np
+
+    import skinmap
+    from skinmap.flat.geodesic import geodesic_stress
+
+    meshes = _surfaces(robot, *parts)
+    maps = [skinmap.flatten(mesh, method=method) for mesh in meshes for method in methods]
+    for flat in maps[:: len(methods)]:
+        for chart in flat.charts:
+            points = flat.mesh.vertices[chart.taxels]
+            geodesic_stress(points, chart.faces, chart.uv, rng=np.random.default_rng(0))
+    return maps
+
+
+def _pictures(maps: list[Any]) -> None:
+    from skinmap.cli.flatten.figures import histogram_figure, part_figure
+    from skinmap.flat.face_metrics import face_metric
+
+    for flat in maps:
+        part_figure(flat, face_metric("edge_strain"))
+        histogram_figure(flat)
+
+
+def _mesh_map(path: str, method: str) -> None:
+    import numpy as np
+
+    import skinmap
+    from skinmap.flat.geodesic import geodesic_stress
+    from skinmap.flat.mesh_charts import mesh_surface
+    from skinmap.io.robots.urdf import read_mesh
+
+    flat = skinmap.flatten(mesh_surface(*read_mesh(Path(path), merge=False)), method=method)
+    for chart in flat.charts:
+        points = flat.mesh.vertices[chart.taxels]
+        geodesic_stress(points, chart.faces, chart.uv, rng=np.random.default_rng(0))
+
+
+def _inspect(*parts: str) -> None:
+    import skinmap
+    from skinmap.cli.inspect.inspection import inspect_part
+
+    robot = skinmap.load_robot("icub")
+    for part in parts or robot.parts:
+        inspect_part(robot, part)
+
+
+def _structures() -> None:
+    import skinmap
+    from skinmap.neighbours.structures import find_structures
+
+    for mesh in _surfaces("icub", "right_leg_upper"):
+        find_structures(skinmap.flatten(mesh))
+
+
+def _simulate() -> None:
+    import skinmap
+
+    robot = skinmap.load_robot("icub")
+    for part in robot.parts:
+        skinmap.simulate(robot.skin(part), per_gesture=20, rng=0)
+
+
+def _train() -> None:
+    import skinmap
+
+    touches = [t for t in skinmap.load_recordings("touches.npz") if t.part in ("torso", "left_arm")]
+    skinmap.train(touches, skinmap.load_robot("icub"))
+
+
+def _classify() -> None:
+    import skinmap
+
+    touches = [t for t in skinmap.load_recordings("touches.npz") if t.part == "right_forearm"]
+    robot = skinmap.load_robot("icub")
+    skinmap.classify(touches, skinmap.load_classifier("touch.skinmodel"), robot)
+
+
+Work = tuple[tuple[str, ...], Callable[[], Any]]
+WORKS: dict[str, Work] = {
+    "inspect": (MESHES, _inspect),
+    "inspect_part": (MESHES, lambda: _inspect("right_forearm")),
+    "flatten": (FLAT, lambda: _maps("icub")),
+    "flatten_out": ((*FLAT, *PLOTS), lambda: _pictures(_maps("icub", "left_arm"))),
+    "flatten_compare": (
+        (*FLAT, *PLOTS),
+        lambda: _pictures(_maps("icub", "left_arm", methods=("balanced", "bff", "lscm"))[::3]),
+    ),
+    "structures": ((*MESHES, *PLOTS), _structures),
+    "export": (MESHES, lambda: _surfaces("icub", "torso")),
+    "simulate": (MESHES, _simulate),
+    "train": (MODEL, _train),
+    "classify": (MODEL, _classify),
+    "nothing": (("click", "rich"), lambda: None),
+}
+
+
+def main() -> None:
+    """Import, then work."""
+    name, *rest = sys.argv[1:]
+    modules, work = WORKS.get(name, (FLAT, lambda: _mesh_map(*rest)))
+    for module in modules:
+        import_module(module)
+    if "--imports" in rest:
+        return
+    started = time.process_time()
+    work()
+    print(json.dumps({"cpu_s": time.process_time() - started}))
+
+
+if __name__ == "__main__":
+    main()
