@@ -63,6 +63,13 @@ SHEETS_HELP = "Take mesh files with three faces at an edge apart into sheets the
     help="Drawing of the part: iCubSkinGui .ini, CySkin .json.",
 )
 @click.option("--metric", default="edge_strain", show_default=True, help="What colours the maps.")
+@click.option(
+    "--scale",
+    type=click.Choice(["own", "fixed"]),
+    default="own",
+    show_default=True,
+    help="Of the colours: the map's own range, or fixed, to compare maps.",
+)
 @click.option("--seam-away", multiple=True, metavar="CHANNELS", help=SEAM_HELP)
 @click.option("--seam", cls=SeamOption, default="shortest", metavar="SEAM", help=SEAM_KINDS)
 @click.option("--max-distortion", type=float, help=BOUND_HELP)

@@ -24,23 +24,25 @@ EDGED = 6_000  # triangles: finer ones are drawn without their edges
 MAX_DRAWN = 120_000  # faces: of larger meshes each pixel would hold many, some are left out
 HEIGHT = 3.9  # inches of a row of panels
 DRAWN_LIMIT = 20.0  # per cent: end of the colour scale of drawings, several times ours
-STRETCHED = 98.0  # percentile that the colour scale reaches on bad maps
+STRETCHED = 98.0  # percentile that the colour scale reaches
+FAINTEST = 0.02  # of the fixed scale: what is less is rounding, and stays in one colour
+PALE = (0.80, 0.82, 0.85, 1.0)  # what a periodic map repeats
 BOARD = np.array([[0.93, 0.94, 0.95, 1.0], [0.30, 0.44, 0.62, 1.0]])  # squares: light, dark
 SQUARES = 14  # across a map, about
 MAX_CUT = 8_000  # triangles: finer ones take the colour under their middle
 
 
-def part_figure(flat: FlatMap, metric: FaceMetric) -> bytes:
+def part_figure(flat: FlatMap, metric: FaceMetric, *, fixed: bool = False) -> bytes:
     """PNG: flat map and body side by side: coloured by a metric above, a checkerboard below."""
     frame = limb_frame(flat.mesh.vertices, flat.mesh.faces, flat.mesh.skin.up)
     views = choose_views(flat.mesh.vertices, flat.mesh.faces, frame)
     unit, factor = length_unit(flat)
-    figure = plain_figure((HEIGHT * (1.35 + 0.9 * len(views)), 2 * HEIGHT + 0.6))
+    figure = plain_figure((HEIGHT * (1.35 + 0.9 * len(views)), 2 * HEIGHT + 1.0))
     axes = figure.subplots(
         2, 1 + len(views), squeeze=False, width_ratios=[1.35] + [0.9] * len(views)
     )
     values = np.concatenate([metric.of(chart) for chart in flat.charts])
-    paint = _scale(metric, values)
+    paint = _scale(metric, values, fixed=fixed)
     colours = paint.to_rgba(np.nan_to_num(values, posinf=1e300))
     keep = kept_faces(len(values))
     corners = np.concatenate([chart.uv[chart.faces] for chart in flat.charts])
@@ -64,10 +66,16 @@ def part_figure(flat: FlatMap, metric: FaceMetric) -> bytes:
             _frame_body(axis)
     axes[0, 0].set_title("flat map", fontsize=9)
     axes[1, 0].set_title(f"squares of {side:g} {unit} on the map", fontsize=9)
-    bar = figure.colorbar(paint, ax=axes[0, :], shrink=0.8, extend="both", pad=0.01)
+    # Beside both rows, so that it takes as much room of each: columns stay below one another.
+    bar = figure.colorbar(paint, ax=axes, shrink=0.42, anchor=(0.0, 0.93), extend="both", pad=0.01)
     bar.set_label(metric.label)
-    seams = any(len(seam_edges(chart)) for chart in flat.charts)
-    figure.suptitle(title(flat) + (", seams red" if seams else ""), fontsize=11)
+    seams = any(len(seam_edges(chart)) for chart in flat.charts if not chart.periodic)
+    rolls = [chart for chart in flat.charts if chart.periodic]
+    for axis in axes[:, 0]:
+        _draw_repetition(axis, rolls, factor)
+    words = ", seams red" if seams else ""
+    words += ", dashed: repeats itself, as the pale beyond" if rolls else ""
+    figure.suptitle(title(flat) + words, fontsize=11)
     return picture_bytes(figure)
 
 
@@ -75,6 +83,8 @@ def comparison_figure(
     maps: Sequence[tuple[str, FlatMap]],
     drawn: Mapping[str, Sequence[DrawnChart]],
     metric: FaceMetric,
+    *,
+    fixed: bool = False,
 ) -> bytes:
     """PNG: maps of one part by several methods in one colour scale, drawings laid over the first.
 
@@ -86,7 +96,8 @@ def comparison_figure(
     tall = float(np.clip(3.1 * extent[1] / max(extent[0], 1e-300), 1.2, 3.6))
     figure = plain_figure((1.0 + 3.7 * panels, 1.3 + tall))
     axes = figure.subplots(1, panels, squeeze=False)[0]
-    paint = _scale(metric, np.concatenate([metric.of(chart) for chart in maps[0][1].charts]))
+    first = np.concatenate([metric.of(chart) for chart in maps[0][1].charts])
+    paint = _scale(metric, first, fixed=fixed)
     for axis, (name, flat) in zip(axes, maps, strict=False):
         values = np.concatenate([metric.of(chart) for chart in flat.charts])
         keep = kept_faces(len(values))
@@ -138,12 +149,13 @@ def histogram_figure(flat: FlatMap) -> bytes:
 
 
 def title(flat: FlatMap) -> str:
-    """One line on a part: taxels, patches, method, flips, edge error."""
+    """One line on a part: vertices as the table counts them, patches, method, flips, edge error."""
     count = len(flat.charts)
     rms = [f"{100.0 * chart.distortion.edge_rms:.2f}" for chart in flat.charts[:6]]
     more = ", ..." if count > 6 else ""
+    corners = sum(len(chart.taxels) for chart in flat.charts)
     return (
-        f"{flat.mesh.skin.part}: {len(flat.mesh.skin)} vertices, "
+        f"{flat.mesh.skin.part}: {corners} vertices, "
         f"{count} {'patch' if count == 1 else 'patches'}, {flat.charts[0].method}, "
         f"{flat.flips} flips, edge rms {', '.join(rms)}{more} %"
     )
@@ -181,8 +193,32 @@ def draw_flat(
 def _draw_flat_seams(axis: Any, charts: Sequence[Chart], factor: float) -> None:
     from matplotlib.collections import LineCollection
 
-    lines = np.concatenate([chart.uv[seam_edges(chart)] for chart in charts]) * factor
-    axis.add_collection(LineCollection(list(lines), colors=SEAM, linewidths=1.4))
+    for chart in charts:
+        lines = chart.uv[seam_edges(chart)] * factor
+        axis.add_collection(LineCollection(list(lines), **_seam_style(chart)))
+
+
+def _draw_repetition(axis: Any, rolls: Sequence[Chart], factor: float) -> None:
+    """What lies beyond the sides of periodic maps, pale: a sixth of the map on either side."""
+    from matplotlib.collections import PolyCollection
+
+    for chart in rolls:
+        assert chart.period is not None
+        length = float(np.linalg.norm(chart.period))
+        along = chart.uv[chart.faces].mean(axis=1) @ chart.period / length
+        for way, near in ((1.0, along < along.min() + length / 6.0),
+                          (-1.0, along > along.max() - length / 6.0)):  # fmt: skip
+            polygons = (chart.uv[chart.faces[near]] + way * chart.period) * factor
+            axis.add_collection(
+                PolyCollection(list(polygons), facecolors=PALE, edgecolors="white", linewidths=0.25)
+            )
+        axis.autoscale_view()
+
+
+def _seam_style(chart: Chart) -> dict[str, Any]:
+    if chart.periodic:
+        return {"colors": "black", "linewidths": 1.2, "linestyles": "dashed"}
+    return {"colors": SEAM, "linewidths": 1.4}
 
 
 def _draw_body_seams(axis: Any, flat: FlatMap, view: View, factor: float) -> None:
@@ -193,7 +229,7 @@ def _draw_body_seams(axis: Any, flat: FlatMap, view: View, factor: float) -> Non
         ends = chart.taxels[seam_edges(chart)]
         ends = ends[seen[ends].any(axis=1)]
         lines = view.project(flat.mesh.vertices[ends])[:, :, :2] * factor
-        axis.add_collection(LineCollection(list(lines), colors=SEAM, linewidths=1.4))
+        axis.add_collection(LineCollection(list(lines), **_seam_style(chart)))
 
 
 def _draw_drawing(axis: Any, name: str, drawn: Sequence[DrawnChart], factor: float) -> None:
@@ -214,14 +250,16 @@ def _draw_drawing(axis: Any, name: str, drawn: Sequence[DrawnChart], factor: flo
     axis.set_title(f"{name}, {taxels} taxels: {flips} flips, edge rms {worst} %", fontsize=9)
 
 
-def _scale(metric: FaceMetric, values: FloatArray) -> Any:
-    """Colours over the metric's own range, wider where the map is worse."""
+def _scale(metric: FaceMetric, values: FloatArray, *, fixed: bool) -> Any:
+    """Colours over the map's own range, or over the metric's, wider where the map is worse."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
     off = metric.badness(values)
     finite = off[np.isfinite(off)]
-    reach = max(abs(metric.limit - metric.ideal), float(np.percentile(finite, STRETCHED)))
+    usual = abs(metric.limit - metric.ideal)
+    own = float(np.percentile(finite, STRETCHED)) if len(finite) else usual
+    reach = max(usual if fixed else FAINTEST * usual, own)
     low = metric.ideal - (reach if metric.signed else 0.0)
     colours = "PuOr" if metric.signed else "viridis"
     return ScalarMappable(Normalize(low, metric.ideal + reach), colours)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from skinmap.cli.flatten.figures import comparison_figure, histogram_figure, part_figure
 from skinmap.cli.flatten.job import Flattened
+from skinmap.cli.flatten.options import FIXED
 from skinmap.cli.flatten.result import Spread
 from skinmap.flat.face_metrics import METRICS, face_metric
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.flat_maps.surface_files import write_obj_with_uv, write_vtp_with_uv
+from skinmap.io.robots.urdf import MESH_SUFFIXES
 from skinmap.report.image import image, media
 from skinmap.report.page import heading, note, page
 from skinmap.report.result import given
@@ -22,17 +24,19 @@ from skinmap.report.table import Cell, Table
 def write(found: Flattened, stage: Path, advance: Callable[[str], None]) -> Iterator[str]:
     """Write a picture and the meshes of each part into a folder; the names."""
     metric = face_metric(found.result.metric)
+    stems = file_stems(tuple(found.maps))
     for part, flat in found.maps.items():
         advance(part)
-        stem = file_stem(part)
-        (stage / f"{stem}.png").write_bytes(part_figure(flat, metric))
+        stem = stems[part]
+        picture = part_figure(flat, metric, fixed=found.result.scale == FIXED)
+        (stage / f"{stem}.png").write_bytes(picture)
         write_obj(flat, stage / f"{stem}.obj")
         write_vtp(flat, stage / f"{stem}.vtp")
         yield from (f"{stem}.png", f"{stem}.obj", f"{stem}.vtp")
         others, drawn = found.others.get(part, {}), found.drawn.get(part, {})
         if others or drawn:
             shown = [(found.result.method, flat), *others.items()]
-            compared = comparison_figure(shown, drawn, metric)
+            compared = comparison_figure(shown, drawn, metric, fixed=found.result.scale == FIXED)
             (stage / f"{stem}_compared.png").write_bytes(compared)
             yield f"{stem}_compared.png"
 
@@ -40,6 +44,7 @@ def write(found: Flattened, stage: Path, advance: Callable[[str], None]) -> Iter
 def report(found: Flattened, stage: Path) -> str:
     """The page, with the pictures that were written."""
     result, metric = found.result, face_metric(found.result.metric)
+    stems = file_stems(tuple(found.maps))
     sections = [
         note(
             f"Coloured by: {metric.label}. Distortion at the scale that keeps the whole area; "
@@ -50,7 +55,7 @@ def report(found: Flattened, stage: Path) -> str:
     if result.compare:
         sections += [heading("Compared"), _compare_table(found).html()]
     for part, flat in found.maps.items():
-        stem = file_stem(part)
+        stem = stems[part]
         worst: list[list[Cell]] = [
             [row.patch, ", ".join(map(str, face.channels)), face.value]
             for row in result.patches
@@ -103,9 +108,19 @@ def _ends(spread: Spread | None) -> tuple[float | None, float | None]:
     return (None, None) if spread is None else (spread.mean, spread.max)
 
 
-def file_stem(part: str) -> str:
-    """A part's name as a file name."""
-    return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in part)
+def file_stems(parts: Sequence[str]) -> dict[str, str]:
+    """By part, its name as that of files: of a mesh file without its suffix where that will do."""
+    short = {part: _stem(part, cut=True) for part in parts}
+    names = list(short.values())
+    return {
+        part: name if names.count(name) == 1 else _stem(part, cut=False)
+        for part, name in short.items()
+    }
+
+
+def _stem(part: str, *, cut: bool) -> str:
+    name = part[: -len(Path(part).suffix)] if cut and Path(part).suffix in MESH_SUFFIXES else part
+    return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
 
 
 def write_obj(flat: FlatMap, path: Path) -> None:

@@ -201,6 +201,7 @@ def work(
         precision=options.precision,
         seam=options.seam.kind,
         metric=options.metric,
+        scale=options.scale,
         seed=options.seed,
         patches=rows,
         compare=_compare_rows(maps, made, drawn),

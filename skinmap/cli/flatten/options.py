@@ -20,6 +20,7 @@ from skinmap.surface.surface_mesh import MESHING
 
 DRAWING = "drawing"
 THEIRS = "theirs"  # flat maps in the files of the skin
+OWN, FIXED = "own", "fixed"  # scales of colours
 MAX_CHANNEL = 10_000_000
 
 
@@ -42,6 +43,8 @@ class FlatOptions:
     seam : Seam
     max_distortion : float or None
         Mean symmetric Dirichlet energy that each chart is slit to.
+    scale : str
+        Of the colours: "own" range of each map, or "fixed" for the metric.
     budgets : dict
         `max_seconds` and `max_edge_rms`, those that were given.
     seed : int
@@ -60,6 +63,7 @@ class FlatOptions:
     away: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     seam: Seam = field(default_factory=Seam)
     max_distortion: float | None = None
+    scale: str = "own"
     budgets: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
     iterations: int | None = None
@@ -77,6 +81,7 @@ def checked_options(
     seam: str,
     max_distortion: float | None,
     metric: str,
+    scale: str,
     meshing: str | None,
     iterations: int | None,
     precision: str,
@@ -114,6 +119,7 @@ def checked_options(
         away=read_channels(seam_away),
         seam=where,
         max_distortion=max_distortion,
+        scale=scale,
         budgets=check_budget(method, max_seconds, max_edge_rms),
         seed=seed,
         iterations=iterations,

@@ -216,6 +216,8 @@ class FlattenResult:
         How seams were placed: "shortest", "contacts", "file" or "none".
     metric
         What colours the maps and chooses the worst triangles.
+    scale
+        Of these colours: "own" range of each map, or "fixed" for the metric.
     seed
         Of all randomness.
     patches
@@ -235,6 +237,7 @@ class FlattenResult:
     precision: str
     seam: str
     metric: str
+    scale: str
     seed: int
     patches: list[PatchRow]
     compare: list[ComparedRow]
