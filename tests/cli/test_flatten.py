@@ -114,11 +114,11 @@ def test_meshes_with_seams_double_the_texture_not_the_taxels(tmp_path, sphere):
     result = run(tmp_path / "ball.obj", "--out", tmp_path / "out")
     (row,) = result["patches"]
     assert row["cut_mm"] > 0
-    text = (tmp_path / "out" / "ball.obj.obj").read_text()
+    text = (tmp_path / "out" / "ball_flat.obj").read_text()
     assert text.count("\nv ") == len(vertices)
     assert text.count("\nvt ") == row["vertices"] > len(vertices)
     pv = pytest.importorskip("pyvista", reason="pyvista reads the VTP back")
-    read = pv.read(tmp_path / "out" / "ball.obj.vtp")
+    read = pv.read(tmp_path / "out" / "ball.vtp")
     assert (read.n_points, read.n_cells) == (row["vertices"], len(faces))
     channel = read.point_data["channel"]
     np.testing.assert_array_equal(channel[: len(vertices)], np.arange(len(vertices)))
@@ -363,3 +363,93 @@ def test_several_meshes_are_laid_flat_in_one_go(tmp_path, square_grid):
     mixed = CliRunner().invoke(cli, ["flatten", "icub", str(tmp_path / "a.obj")])
     assert mixed.exit_code == 2
     assert "several mesh files, several CySkin files, or one robot" in mixed.stderr
+
+
+def refusal(*words: object) -> str:
+    """What the command says to input that it cannot take."""
+    result = CliRunner().invoke(cli, ["flatten", *map(str, words)])
+    if isinstance(result.exception, SkinError):
+        return str(result.exception)
+    assert result.exit_code == 2
+    return result.stderr
+
+
+@pytest.fixture(scope="module")
+def sleeve(tmp_path_factory):
+    """A tube as a mesh file, and a recording of touches at one place on it."""
+    from skinmap.touch.recording import Recording, save_recordings
+
+    folder = tmp_path_factory.mktemp("sleeve")
+    i, j = (grid.ravel() for grid in np.meshgrid(np.arange(24), np.arange(20)))
+    angle = 2.0 * np.pi * i / 24
+    vertices = np.column_stack([0.04 * np.cos(angle), 0.04 * np.sin(angle), 0.2 * j / 19])
+    p = np.arange(24 * 19)
+    q = p // 24 * 24 + (p + 1) % 24
+    lower = np.column_stack([p, q, p + 24])
+    faces = np.concatenate([lower, np.column_stack([q, q + 24, p + 24])])
+    write_obj(folder / "sleeve.obj", vertices, faces)
+    rng, count = np.random.default_rng(0), 40
+    pressures, events = [np.zeros((20, len(vertices)))], [-1] * 20
+    for event in range(count):
+        middle = vertices[24 * 9] + rng.normal(0.0, 0.006, 3)
+        push = 200.0 - 8e5 * ((vertices - middle) ** 2).sum(axis=1)
+        pressures += [np.clip(push, 0.0, 255.0)[None].repeat(4, 0), np.zeros((4, len(vertices)))]
+        events += [event] * 4 + [-1] * 4
+    table = np.concatenate(pressures).astype(np.uint8)
+    recording = Recording(
+        "sleeve", np.arange(len(table)) / 50.0, table, np.array(events), ("poke",) * count
+    )
+    save_recordings([recording], folder / "touches.npz")
+    return folder
+
+
+def test_a_seam_keeps_out_of_the_touches_of_a_recording(sleeve):
+    mesh = sleeve / "sleeve.obj"
+    (row,) = run(mesh, "--seam", "contacts", sleeve / "touches.npz")["patches"]
+    assert 36 <= row["touches"] <= 40  # one or another is too faint to be felt
+    assert row["touches_divided"] == 0 < row["touches_divided_shortest"]
+    (row,) = run(mesh)["patches"]
+    assert row["touches"] is None
+
+
+def test_a_tube_without_a_seam_says_after_what_it_repeats_itself(sleeve):
+    result = run(sleeve / "sleeve.obj", "--seam", "none", "--out", sleeve / "out")
+    (row,) = result["patches"]
+    assert (row["method"], row["cut_mm"], result["seam"]) == ("periodic", 0.0, "none")
+    assert row["period_mm"] == pytest.approx(24 * 80.0 * np.sin(np.pi / 24), rel=1e-4)
+    assert {"sleeve.png", "sleeve_flat.obj", "sleeve.vtp"} <= set(result["files"])
+
+
+def test_the_report_of_an_earlier_run_is_kept(sleeve):
+    out = sleeve / "twice"
+    run(sleeve / "sleeve.obj", "--out", out)
+    first = (out / "report.html").read_bytes()
+    result = CliRunner().invoke(
+        cli, ["flatten", str(sleeve / "sleeve.obj"), "--seam", "none", "--out", str(out)]
+    )
+    assert "kept as" in result.stderr
+    assert (out / "report_1.html").read_bytes() == first != (out / "report.html").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--seam", "contacts"], "needs a recording after it"),
+        (["--seam", "contacts", "nothing.npz"], "no file 'nothing.npz'"),
+        (["--seam", "nowhere"], "contacts RECORDING, shortest, none"),
+        (["--max-distortion", "4"], "must be above 4"),
+        (["--max-distortion", "nan"], "must be above 4"),
+        (["--seam", "none", "--max-distortion", "4.1"], "--seam none cuts nothing"),
+    ],
+)
+def test_seams_that_cannot_be_are_refused_in_one_line(sleeve, words, message):
+    assert message in refusal(sleeve / "sleeve.obj", *words)
+
+
+def test_a_file_of_channels_is_the_seam(sleeve):
+    path = sleeve / "seam.txt"
+    path.write_text("# from rim to rim\n5, 461\n")
+    (row,) = run(sleeve / "sleeve.obj", "--seam", path)["patches"]
+    assert row["cut_mm"] == pytest.approx(200.0)
+    path.write_text("5 461\n7 999\n")
+    assert "line 2: no channel 999" in refusal(sleeve / "sleeve.obj", "--seam", path)

@@ -13,7 +13,29 @@ from skinmap.flat.contact_seams import seam_of_touches
 from skinmap.flat.flat_map import flatten
 from skinmap.flat.mesh_charts import flatten_mesh, mesh_surface
 from skinmap.flat.seams import divided_touches, open_surface, path_along
-from tests.flat.test_cutting import SHARE, presses, tube
+
+SHARE = 0.35
+
+
+def tube(around, along, radius, length):
+    """Vertices and faces of an open tube."""
+    i, j = (grid.ravel() for grid in np.meshgrid(np.arange(around), np.arange(along)))
+    angle = 2.0 * np.pi * i / around
+    height = length * j / (along - 1)
+    vertices = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), height])
+    p = np.arange(around * (along - 1))
+    q = p // around * around + (p + 1) % around
+    lower = np.column_stack([p, q, p + around])
+    return vertices, np.concatenate([lower, np.column_stack([q, q + around, p + around])])
+
+
+def presses(vertices, places, rng, count, reach):
+    """Round touches near habitual places, their taxels within a reach [m]."""
+    tree = cKDTree(vertices)
+    middles = places[rng.integers(0, len(places), count)] + rng.normal(0, reach / 2, (count, 3))
+    return [
+        np.array(found) for found in tree.query_ball_point(vertices[tree.query(middles)[1]], reach)
+    ]
 
 
 def surface(vertices, faces):

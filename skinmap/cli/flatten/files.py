@@ -30,9 +30,11 @@ def write(found: Flattened, stage: Path, advance: Callable[[str], None]) -> Iter
         stem = stems[part]
         picture = part_figure(flat, metric, fixed=found.result.scale == FIXED)
         (stage / f"{stem}.png").write_bytes(picture)
-        write_obj(flat, stage / f"{stem}.obj")
+        # The OBJ of a mesh file that is one must not take its place.
+        mesh = f"{stem}_flat.obj" if Path(part).suffix == ".obj" else f"{stem}.obj"
+        write_obj(flat, stage / mesh)
         write_vtp(flat, stage / f"{stem}.vtp")
-        yield from (f"{stem}.png", f"{stem}.obj", f"{stem}.vtp")
+        yield from (f"{stem}.png", mesh, f"{stem}.vtp")
         others, drawn = found.others.get(part, {}), found.drawn.get(part, {})
         if others or drawn:
             shown = [(found.result.method, flat), *others.items()]
