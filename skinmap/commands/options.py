@@ -147,13 +147,13 @@ def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[
     """
     ctx = click.get_current_context(silent=True)
     said = _recorded_robot(ctx) if robot is None else robot
-    loaded = load_named_robot(said or "icub")
+    loaded = named_robot(said or "icub")
     for part in parts:
         loaded.part(part)
     return loaded, tuple(dict.fromkeys(parts)) or loaded.parts
 
 
-def load_named_robot(name: str) -> Robot:
+def named_robot(name: str) -> Robot:
     """A robot by its name, which may look outside its folder where the user said so.
 
     Raises
