@@ -154,14 +154,17 @@ def _handler(server: LabelServer) -> Callable[..., BaseHTTPRequestHandler]:
             self._answer(HTTPStatus.OK, *_files()[asked])
 
         def do_POST(self) -> None:
-            if self._asked() != "press":
-                return
             length = self.headers.get("Content-Length", "")
-            if not length.isdigit() or int(length) > LARGEST:
-                self._answer(HTTPStatus.BAD_REQUEST, "text/plain", b"too much\n")
+            # Read whoever sends it: a browser that is cut off while it sends sees no answer.
+            body = self.rfile.read(min(int(length), LARGEST) if length.isdigit() else 0)
+            asked = self._asked()
+            if asked is None:
+                return
+            if asked != "press":
+                self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"nothing here\n")
                 return
             try:
-                wish = json.loads(self.rfile.read(int(length)))
+                wish = json.loads(body)
                 key, rest = str(wish["key"]), str(wish.get("rest", ""))
             except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
                 self._answer(HTTPStatus.BAD_REQUEST, "text/plain", b"not a key and a word\n")
