@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.commands.options import load_named_robot
+from skinmap.commands.options import named_robot
 from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.readers import is_readable, read_recordings, readable
 from skinmap.io.text import is_file
@@ -160,7 +160,7 @@ def collect(
 def _robot(name: str, file: Path, *, asked: bool) -> Robot:
     if not asked and name.endswith(".toml") and not is_file(Path(name)):
         raise MissingFileError(name, f"the robot of {file}; name it with --robot")
-    return load_named_robot(name)
+    return named_robot(name)
 
 
 def files_of(path: Path) -> list[Path]:

@@ -15,16 +15,11 @@ from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
-    from skinmap.arrays import FloatArray
     from skinmap.io.recordings.marks import Marks
     from skinmap.io.recordings.recorded_stream import RecordedStream
     from skinmap.skin.robot import Robot
 
 PAGES = "skinmap.label_pages"  # entry points: (marks, stream, robot, name) -> marks, or None
-KEYS = (
-    "enter next, b back, g N go to touch N, n NAME name, s split (s SECONDS after its beginning), "
-    "j join with the next of its part, d delete, u undo, w write, q end without writing"
-)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -112,7 +107,7 @@ def command(
         write_csv.write_text(marks_csv(marks, track.times), encoding="utf-8")
         files.append(str(write_csv))
     elif table is None:
-        edit = _page(web) if web else by_keys
+        edit = _page() if web else by_keys
         marks = edit(marks, track, loaded, recording.name)
     if label is not None:
         marks = Marks(
@@ -206,96 +201,30 @@ def by_keys(marks: Marks, track: RecordedStream, robot: Robot, name: str) -> Mar
         The end without `w`: nothing is written.
     """
     from skinmap.errors import SkinError
+    from skinmap.io.recordings.marks import KEYS, MarkEditor
 
-    history, place = [marks], 0
-    loads = loads_of(track)
-    click.echo(f"{name}: {len(marks)} touches; {KEYS}", err=True)
+    editor = MarkEditor(marks, track)
+    click.echo(f"{name}: {len(marks)} touches; {KEYS}, w write, q end without writing", err=True)
     while True:
-        marks = history[-1]
-        place = min(max(place, 0), max(len(marks) - 1, 0))
         try:
-            line = click.prompt(
-                _shown(marks, place, track), default="", show_default=False, err=True
-            )
+            line = click.prompt(editor.shown(), default="", show_default=False, err=True)
         except (click.Abort, EOFError):
             raise click.UsageError("ended without w: nothing was written") from None
         key, _, rest = line.strip().partition(" ")
         if key == "w":
-            return marks
+            return editor.marks
         if key == "q":
             raise click.UsageError("ended by q: nothing was written")
         try:
-            changed, place = _change(key, rest.strip(), history, place, track.times, loads)
+            editor.press(key, rest.strip())
         except (SkinError, ValueError) as error:
             click.echo(str(error), err=True)
-            continue
-        if changed is not None:
-            history.append(changed)
 
 
-def _shown(marks: Marks, place: int, track: RecordedStream) -> str:
-    if not len(marks):
-        return "no touch"
-    one = marks.touches[place]
-    began, ended = track.times[one.first], track.times[one.last]
-    return (
-        f"{place + 1}/{len(marks)} {one.part} {began:.2f} to {ended:.2f} s "
-        f"({one.last - one.first + 1} samples) {one.label}"
-    )
-
-
-def _change(
-    key: str, rest: str, history: list[Marks], place: int, times: FloatArray, loads: FloatArray
-) -> tuple[Marks | None, int]:
-    """The list after a key, None where it stays, and the touch that is shown next."""
-    import numpy as np
-
-    from skinmap.io.recordings.marks import quietest
-
-    marks = history[-1]
-    if key in ("", "b", "g"):
-        return None, place + 1 if key == "" else place - 1 if key == "b" else int(rest) - 1
-    if key == "u":
-        if len(history) > 1:
-            history.pop()
-        return None, place
-    if not len(marks):
-        raise ValueError("no touch to change")
-    if key == "n":
-        return marks.name(place, rest), place + 1
-    if key == "d":
-        return marks.delete(place), place
-    if key == "j":
-        return marks.join(place), place
-    if key == "s":
-        one = marks.touches[place]
-        row = (
-            int(np.searchsorted(times, times[one.first] + float(rest) - 1e-9))
-            if rest
-            else quietest(loads, one)
-        )
-        return marks.split(place, row), place
-    raise ValueError(f"no key {key!r}; {KEYS}")
-
-
-def loads_of(track: RecordedStream) -> FloatArray:
-    """(t,) sum of all values of each sample, above the lowest."""
-    import numpy as np
-
-    loads = np.concatenate(
-        [
-            np.asarray(track.values[start : start + BLOCK], np.float64).sum(axis=1)
-            for start in range(0, max(len(track.times), 1), BLOCK)
-        ]
-    )
-    return np.asarray(loads)
-
-
-BLOCK = 1024  # samples that are read at once
 Edit = Callable[["Marks", "RecordedStream", "Robot", str], "Marks"]
 
 
-def _page(web: bool) -> Edit:
+def _page() -> Edit:
     from importlib.metadata import entry_points
 
     for point in entry_points(group=PAGES):

@@ -80,7 +80,7 @@ def work(paths: Sequence[Path], output: Path, *, force: bool) -> MergeResult:
         Recordings of different robots, skins or rates.
     """
     from skinmap.cli.collection import files_of, session_names
-    from skinmap.commands.options import load_named_robot
+    from skinmap.commands.options import named_robot
     from skinmap.errors import OutputError, SkinMismatchError
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.readers import read_recordings
@@ -109,7 +109,7 @@ def work(paths: Sequence[Path], output: Path, *, force: bool) -> MergeResult:
     robot = next(iter(robots), "")
     with staged_file(output) as stage:
         save_recordings(
-            joined, stage, suffix=output.suffix, robot=load_named_robot(robot) if robot else None
+            joined, stage, suffix=output.suffix, robot=named_robot(robot) if robot else None
         )
     labels = Counter(label for one in joined for label in one.labels)
     return MergeResult(

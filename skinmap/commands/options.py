@@ -29,6 +29,7 @@ class Number(click.FloatRange):
 
 
 F = TypeVar("F", bound=Callable[..., Any])
+RECORDED = (".npz", ".mcap", ".csv", ".tsv", ".txt")  # recordings that may say their robot
 OUTSIDE = "skinmap.allow_outside"
 RESULTS = "__results__"
 
@@ -146,13 +147,13 @@ def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[
     """
     ctx = click.get_current_context(silent=True)
     said = _recorded_robot(ctx) if robot is None else robot
-    loaded = load_named_robot(said or "icub")
+    loaded = named_robot(said or "icub")
     for part in parts:
         loaded.part(part)
     return loaded, tuple(dict.fromkeys(parts)) or loaded.parts
 
 
-def load_named_robot(name: str) -> Robot:
+def named_robot(name: str) -> Robot:
     """A robot by its name, which may look outside its folder where the user said so.
 
     Raises
@@ -175,8 +176,8 @@ def _recorded_robot(ctx: click.Context | None) -> str:
     given = [ctx.params.get("recording"), ctx.params.get("source"), ctx.params.get("protocol")]
     given += list(ctx.params.get("recordings") or ())
     for path in (Path(one) for one in given if one):
-        if path.suffix.lower() in (".npz", ".mcap") and path.is_file():
-            from skinmap.io.recordings.touch_files import recorded_robot
+        if path.suffix.lower() in RECORDED and path.is_file():
+            from skinmap.io.recordings.readers import recorded_robot
 
             said = recorded_robot(path)
             if said.endswith(".toml") and not Path(said).is_file():

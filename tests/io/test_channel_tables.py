@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import skinmap
+from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning
 from skinmap.io.recordings.cost import GESTURES, cost_skin, read_cost
 from skinmap.io.recordings.readers import read_recordings, recording_readers
@@ -222,3 +226,27 @@ def test_cost_that_is_none_is_refused(tmp_path, change, match):
     path.write_text(change(path.read_text()))
     with pytest.raises(DataFormatError, match=match):
         read_cost(path)
+
+
+def test_the_protocol_of_cost_leaves_subjects_out(tmp_path):
+    """Two made gestures that are easy to tell: one channel pressed, or all of them."""
+    lines = ["subject,variant,gesture,frame," + ",".join(f"ch{k}" for k in range(1, 65))]
+    rng = np.random.default_rng(0)
+    for subject in range(1, 5):
+        for gesture in (6, 7) * 4:
+            place = int(rng.integers(9, 50))
+            for frame in range(1, 13):
+                load = 60 * min(frame, 13 - frame)
+                wide = range(64) if gesture == 7 else (place, place + 1)
+                numbers = [str(load if k in wide else 0) for k in range(64)]
+                lines.append(f"{subject},3,{gesture},{frame}," + ",".join(numbers))
+    (tmp_path / "CoST.csv").write_text("\n".join(lines))
+    words = ["evaluate", "--protocol", "cost", str(tmp_path / "CoST.csv"), "--json"]
+    result = CliRunner().invoke(cli, words)
+    assert result.exit_code == 0, (result.output, result.exception)
+    told = json.loads(result.stdout)
+    assert (told["captures"], told["subjects"], told["gestures"]) == (32, 4, ["poke", "press"])
+    rows = {row["left_out"]: row for row in told["rows"]}
+    assert rows["subject"]["right"] == 1.0
+    assert max(told["published"].values()) == 0.6
+    assert "needs its file" in CliRunner().invoke(cli, words[:3]).output

@@ -7,9 +7,10 @@ from typing import Any
 
 import click
 
-from skinmap.cli.evaluate.evaluation import PROTOCOLS, Settings, work
+from skinmap.cli.evaluate.evaluation import ON_DATA, PROTOCOLS, Settings, work
 from skinmap.cli.evaluate.result import (
     BaxterResult,
+    CostResult,
     CrossPatchResult,
     KasparResult,
     PhysicsResult,
@@ -91,7 +92,15 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 @out_folder("pictures, evaluation.json and report.html")
 @seed_option
 @profile_option("classify")
-@prints(KasparResult, CrossPatchResult, PhysicsResult, RecordingsResult, BaxterResult, TimeResult)
+@prints(
+    KasparResult,
+    CrossPatchResult,
+    PhysicsResult,
+    RecordingsResult,
+    BaxterResult,
+    TimeResult,
+    CostResult,
+)
 def command(
     recordings: tuple[Path, ...],
     protocol: str | None,
@@ -143,6 +152,10 @@ def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, 
             raise click.UsageError(
                 f"--protocol {protocol} has its own splits: no --leave-out, --leaks"
             )
+        if protocol in ON_DATA:
+            if not recordings:
+                raise click.UsageError(f"--protocol {protocol} needs its file: docs/evaluation.md")
+            return protocol, recordings
         if recordings:
             raise click.UsageError(f"--protocol {protocol} simulates its touches: no recordings")
         return protocol, ()

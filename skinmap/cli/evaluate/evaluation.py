@@ -17,6 +17,7 @@ from skinmap.cli.evaluate.result import (
     CarryRow,
     CarrySummary,
     Confusion,
+    CostResult,
     CrossPatchResult,
     EvaluateResult,
     KasparResult,
@@ -40,7 +41,8 @@ if TYPE_CHECKING:
     from skinmap.touch.subjects import Places
 
 TUNING_STEPS = 6  # about; only the bar shows it
-PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time")
+PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time", "cost")
+ON_DATA = ("cost",)  # protocols of files that users bring
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +82,7 @@ def work(settings: Settings) -> EvaluateResult:
         "cross-patch": _cross_patch,
         "physics": _physics,
         "time": _time,
+        "cost": _cost,
         "recordings": _recordings,
     }
     return runners[settings.protocol](settings)
@@ -311,6 +314,12 @@ def _touched(patches: list[Patch], **simulated: Any) -> list[Patch]:
     from skinmap.classify.protocols.patches import touch_patches
 
     return touch_patches(patches, **simulated)
+
+
+def _cost(settings: Settings) -> CostResult:
+    from skinmap.cli.evaluate.social_touch import work as judge
+
+    return judge(settings)
 
 
 def _recordings(settings: Settings) -> RecordingsResult:

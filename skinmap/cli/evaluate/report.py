@@ -6,9 +6,11 @@ import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from skinmap.cli.evaluate import social_touch
 from skinmap.cli.evaluate.result import (
     AccuracyRow,
     BaxterResult,
+    CostResult,
     CrossPatchResult,
     EvaluateResult,
     KasparResult,
@@ -35,6 +37,8 @@ def lines(result: EvaluateResult) -> Iterator[str | Table]:
         return _physics(result)
     if isinstance(result, TimeResult):
         return _time(result)
+    if isinstance(result, CostResult):
+        return social_touch.lines(result)
     return _baxter(result) if isinstance(result, BaxterResult) else _recordings(result)
 
 

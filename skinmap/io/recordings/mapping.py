@@ -96,7 +96,10 @@ def find_mapping(path: Path) -> Mapping | None:
         return _mapping(own, path)
     for folder in path.absolute().parents[:LEVELS]:
         if is_file(folder / NAME):
-            return read_mapping(folder / NAME)
+            found = read_mapping(folder / NAME)
+            # A .npz beside tables of others may be one of ours: only the format's name says.
+            ours = path.suffix.lower() == ".npz" and found.format != "arrays"
+            return None if ours else found
     return None
 
 

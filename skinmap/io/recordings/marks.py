@@ -13,12 +13,17 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.recordings.marked_events import part_events
-from skinmap.io.recordings.recorded_stream import MarkedTouch
+from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream
 from skinmap.io.text import parse_floats, read_text
 from skinmap.touch.labels import JOIN, UNNAMED, check_label
 from skinmap.touch.recording import Recording
 
 COLUMNS = ("part", "event", "began_s", "ended_s", "label", "session", "person")
+BLOCK = 1024  # samples that are read at once
+KEYS = (
+    "enter next, b back, g N go to touch N, n NAME name, s split (s SECONDS after its beginning), "
+    "j join with the next of its part, d delete, u undo"
+)
 HAIR = 5e-4  # [s]; times in a CSV are written to the millisecond
 
 
@@ -86,11 +91,87 @@ class Marks:
         return Marks((*self.touches[:place], *others, *self.touches[place + 1 :]))
 
 
-def quietest(loads: FloatArray, touch: MarkedTouch) -> int:
-    """Row at which a touch is best split: its least load (t,) away from both of its ends."""
-    margin = max(1, (touch.last - touch.first) // 5)
-    inside = loads[touch.first + margin : touch.last + 1 - margin]
-    return touch.first + margin + int(inside.argmin()) if len(inside) else touch.last
+class MarkEditor:
+    """A list of touches that is gone through and changed, step by step, with a way back.
+
+    Parameters
+    ----------
+    marks : Marks
+    track : RecordedStream
+        What was recorded.
+
+    Attributes
+    ----------
+    place : int
+        The touch that is shown.
+    loads : (t,) float
+        Sum of all values of each sample.
+    """
+
+    def __init__(self, marks: Marks, track: RecordedStream) -> None:
+        self._history, self._track, self.place = [marks], track, 0
+        starts = range(0, max(len(track.times), 1), BLOCK)
+        blocks = [np.asarray(track.values[k : k + BLOCK], np.float64) for k in starts]
+        self.loads: FloatArray = np.concatenate([one.sum(axis=1) for one in blocks])
+
+    @property
+    def marks(self) -> Marks:
+        """The list as it is now."""
+        return self._history[-1]
+
+    def shown(self) -> str:
+        """The present touch in a line."""
+        if not len(self.marks):
+            return "no touch"
+        one, times = self.marks.touches[self.place], self._track.times
+        return (
+            f"{self.place + 1}/{len(self.marks)} {one.part} {times[one.first]:.2f} to "
+            f"{times[one.last]:.2f} s ({one.last - one.first + 1} samples) {one.label}"
+        )
+
+    def press(self, key: str, rest: str = "") -> None:
+        """Do what a key stands for (`KEYS`), with the word or number behind it.
+
+        Raises
+        ------
+        ValueError
+            No such key, nothing to change, or a number that is none.
+        InvalidArrayError
+            A name, a split or a join that cannot be.
+        """
+        if key in ("", "b", "g"):
+            self.place = {"": self.place + 1, "b": self.place - 1}.get(key, -1)
+            if key == "g":
+                self.place = int(rest) - 1
+        elif key == "u":
+            self._history = self._history[:-1] or self._history
+        else:
+            if not len(self.marks):
+                raise ValueError("no touch to change")
+            self._history.append(self._changed(key, rest))
+            self.place += key == "n"
+        self.place = min(max(self.place, 0), max(len(self.marks) - 1, 0))
+
+    def _changed(self, key: str, rest: str) -> Marks:
+        marks, place = self.marks, self.place
+        if key == "n":
+            return marks.name(place, rest)
+        if key == "d":
+            return marks.delete(place)
+        if key == "j":
+            return marks.join(place)
+        if key == "s":
+            return marks.split(place, self._split_row(rest))
+        raise ValueError(f"no key {key!r}; {KEYS}")
+
+    def _split_row(self, rest: str) -> int:
+        """So many seconds into the touch, else its least load away from both of its ends."""
+        one, times = self.marks.touches[self.place], self._track.times
+        if rest:
+            return int(np.searchsorted(times, times[one.first] + float(rest) - 1e-9))
+        margin = max(1, (one.last - one.first) // 5)
+        inside = self.loads[one.first + margin : one.last + 1 - margin]
+        return one.first + margin + int(inside.argmin()) if len(inside) else one.last
 
 
 def marks_csv(marks: Marks, times: FloatArray) -> str:

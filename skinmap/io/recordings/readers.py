@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from skinmap.errors import MissingFileError, UnknownNameError
+from skinmap.io.recordings import touch_files
 from skinmap.io.recordings.mapping import find_mapping
 from skinmap.io.recordings.touch_files import SUFFIXES, load_recordings
 from skinmap.io.text import is_file
@@ -67,3 +68,18 @@ def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
     if said is None:
         raise UnknownNameError("recording format for files ending in", path.suffix, readable())
     return recording_readers.get(said)(path)
+
+
+def recorded_robot(path: Path) -> str:
+    """What `load_robot` loads the robot of a recording by; empty where nothing says.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or a damaged one.
+    """
+    suffix = path.suffix.lower()
+    mapping = None if suffix == ".mcap" else find_mapping(path)
+    if mapping is not None:
+        return mapping.robot
+    return touch_files.recorded_robot(path) if suffix in SUFFIXES else ""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, UnknownNameError
+from skinmap.io.recordings.readers import FOREIGN
 from skinmap.io.recordings.recorded_stream import (
     Kind,
     RecordedStream,
@@ -26,7 +27,8 @@ from skinmap.touch.recording import Recording
 
 SAME_RATE = 0.01  # share by which the rates of parts may differ that are played together
 FORMATS = (
-    ".mcap", ".npz", ".xdf", ".xdfz", "data.log", "a folder of data.log files", "a bag of ROS 2"
+    ".mcap", ".npz", ".xdf", ".xdfz", "data.log", "a folder of data.log files", "a bag of ROS 2",
+    *(f"{suffix} with a mapping" for suffix in FOREIGN),
 )  # fmt: skip
 
 
@@ -66,7 +68,7 @@ def open_recording(
         A recording of another skin than the robot's.
     """
     path = Path(path)
-    if path.suffix.lower() == ".npz":
+    if path.suffix.lower() == ".npz" or path.suffix.lower() in FOREIGN:
         return _open_touches(path, robot, parts, speed=speed, loop=loop)
     track = warn_of_loss(open_track(path, robot=robot, kind=kind), path)
     info, values = track.info, track.values
@@ -112,10 +114,11 @@ def open_track(
         from skinmap.io.recordings.mcap_track import read_track
 
         return read_track(path, kind=kind)
-    if suffix == ".npz":
-        from skinmap.io.recordings.touch_files import load_recordings, track_of
+    if suffix in FOREIGN or suffix == ".npz":
+        from skinmap.io.recordings.readers import read_recordings
+        from skinmap.io.recordings.touch_files import track_of
 
-        return track_of(load_recordings(path), path)
+        return track_of(read_recordings(path), path)
     if path.is_dir() or suffix == ".log":
         from skinmap.io.recordings.dumper import read_dump
 
@@ -144,9 +147,9 @@ def _open_touches(
     path: Path, robot: Robot | None, parts: Sequence[str] | None, *, speed: float, loop: bool
 ) -> Playback:
     """Play what `skinmap simulate` wrote: all parts begin together, a short one rests at zero."""
-    from skinmap.io.recordings.touch_files import load_recordings
+    from skinmap.io.recordings.readers import read_recordings
 
-    there = {recording.part: recording for recording in load_recordings(path)}
+    there = {recording.part: recording for recording in read_recordings(path)}
     for part in parts or ():
         if part not in there:
             raise UnknownNameError(f"part in {path}", part, there)

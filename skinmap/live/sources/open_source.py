@@ -15,7 +15,7 @@ from skinmap.live.sources.source import Source
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 
-FILES = (".npz", ".mcap", ".xdf", ".xdfz", ".log", ".db3")
+FILES = (".npz", ".mcap", ".xdf", ".xdfz", ".log", ".db3", ".csv", ".tsv", ".txt")
 
 
 class OpenSource(Protocol):
