@@ -44,11 +44,9 @@ for moment in loop:
     for touch in moment.touches:
         if len(moments) % 8 == 0:
             motion = touch.motion
-            print(
-                f"{moment.time:.2f} s  {touch.label:8s} {touch.confidence:.0%}  {motion.heading:12s}"
-                f"{1e3 * motion.speed:4.0f} mm/s (error {1e3 * motion.error:.0f}), "
-                f"{1e3 * motion.length:.0f} mm so far"
-            )
+            named = f"{moment.time:.2f} s  {touch.label:8s} {touch.confidence:.0%}"
+            moves = f"{1e3 * motion.speed:.0f} mm/s (error {1e3 * motion.error:.0f})"
+            print(f"{named}  {motion.heading:12s} {moves}, {1e3 * motion.length:.0f} mm so far")
 
 # %%
 # ## When it is over

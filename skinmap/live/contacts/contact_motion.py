@@ -22,7 +22,9 @@ from skinmap.live.contacts.followed_contact import DRAWING, Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import Skin
 from skinmap.summary import Summary
+from skinmap.touch.flat_flow import FlatFlow
 
+Method = Literal["places", "flow"]
 Triple = tuple[float, float, float]
 Heading = Literal["still", "up", "down", "round left", "round right", "to and fro"]
 WINDOW = 0.2  # a velocity is taken from the places of so long at least [s]
@@ -206,6 +208,15 @@ class RolledWay:
                 self._moved |= speed > 2.0 * error
         return self._velocity
 
+    def set_velocity(self, velocity: FloatArray) -> None:
+        """Give the velocity (3,) that was measured otherwise; its error is that of the places."""
+        speed = float(np.linalg.norm(velocity))
+        _, error = self._slope()
+        self._velocity = velocity, error
+        if speed > STILL and math.isfinite(error):
+            self.speeds.append((speed, error))
+            self._moved |= speed > 2.0 * error
+
     @property
     def speed(self) -> float:
         """While it moved evenly [m/s]; 0 where it stayed.
@@ -318,17 +329,38 @@ class MotionBook:
     skin : JoinedSkin
     window : float
         A velocity is taken from the places of so long at least [s].
+    method : {"places", "flow"}
+        From the way of the centre, or from the optical flow of the pressures on the flat map.
+
+    Raises
+    ------
+    MissingLibraryError
+        Flow without OpenCV.
     """
 
-    def __init__(self, skin: JoinedSkin, *, window: float = WINDOW) -> None:
+    def __init__(
+        self, skin: JoinedSkin, *, window: float = WINDOW, method: Method = "places"
+    ) -> None:
         self.skin, self.window = skin, window
+        self._flow: list[FlatFlow] | None = None
+        if method == "flow":
+            self._flow = [FlatFlow(one) for one in skin.skins.values()]
+        self._past: dict[int, deque[tuple[float, FloatArray]]] = {}
         self.ways: dict[int, RolledWay] = {}
         skins = [one.skin for one in skin.skins.values()]
         self._spacing = [median_spacing(one.positions) for one in skins]
         self._axes = [_axes_of(one) for one in skins]
 
-    def update(self, time: float, groups: Mapping[int, Sequence[Track]]) -> None:
-        """Take the contacts of a sample, by the number of what is followed."""
+    def update(
+        self,
+        time: float,
+        groups: Mapping[int, Sequence[Track]],
+        pressures: FloatArray | None = None,
+    ) -> None:
+        """Take the contacts of a sample, by the number of what is followed.
+
+        Flow needs the pressures (N,) too.
+        """
         for number, members in groups.items():
             if number not in self.ways:
                 self.ways[number] = RolledWay(self._spacing[members[0].part], self.window)
@@ -336,11 +368,37 @@ class MotionBook:
             way = self.ways[number]
             before = way.at
             way.add(time, centre, normal, load)
+            if self._flow is not None and pressures is not None:
+                self._add_flow(time, number, members, pressures, np.array(centre))
             step = way.step_to(before)
             if step is not None:
                 up, right = self._axes_at(members[0].part, normal)
                 way.gone[0] += dot(step, up)
                 way.gone[1] += dot(step, right)
+
+    def _add_flow(
+        self,
+        time: float,
+        number: int,
+        members: Sequence[Track],
+        pressures: FloatArray,
+        centre: FloatArray,
+    ) -> None:
+        """Take the velocity of a touch from the flow since a window ago."""
+        part = members[0].part
+        columns = self.skin.slices[self.skin.parts[part]]
+        own = np.zeros(len(self.skin))
+        for one in members:
+            own[one.taxels] = pressures[one.taxels]
+        past = self._past.setdefault(number, deque(maxlen=PLACES))
+        past.append((time, own[columns]))
+        while len(past) > 2 and time - past[1][0] >= self.window:
+            past.popleft()
+        seconds = time - past[0][0]
+        if self._flow is None or seconds < 0.5 * self.window:
+            return
+        found = self._flow[part].velocity(past[0][1], past[-1][1], seconds, centre)
+        self.ways[number].set_velocity(found)
 
     def motion(
         self,
@@ -385,10 +443,12 @@ class MotionBook:
     def drop(self, number: int) -> None:
         """Forget a touch that is over."""
         self.ways.pop(number, None)
+        self._past.pop(number, None)
 
     def forget(self) -> None:
         """The clock began anew."""
         self.ways.clear()
+        self._past.clear()
 
     def _axes_at(self, part: int, normal: Triple) -> tuple[Triple, Triple]:
         """Unit directions in the skin: up, and to the right as one sees who looks at it."""
