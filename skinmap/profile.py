@@ -108,6 +108,10 @@ KNOBS: Mapping[str, Mapping[str, Allowed]] = {
         "precision": PRECISION,
         "image_size": Allowed(("66x100",), any_name=True),
     },
+    "motion": {
+        "window_ms": _number(20.0, 2000.0),
+        "motion": Allowed(("places", "flow")),
+    },
     "fidelity": {
         "physics": Allowed(("ours", "mujoco")),
         "variety": Allowed(("none", "some", "wide")),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.touch.gestures import GESTURES
+from skinmap.touch.gestures import GESTURES, TIME
 
 BACKGROUND = "#f7f8fa"
 PANEL = "#ffffff"
@@ -110,7 +110,7 @@ def class_colour(label: str) -> str:
     """The colour of a class of touches: the same in every picture and every run."""
     if label in NO_NAMES:
         return NAMELESS
-    names = list(GESTURES)
+    names = [*GESTURES, *TIME]
     number = names.index(label) if label in names else len(names) + zlib.crc32(label.encode())
     return CLASS_COLOURS[number % len(CLASS_COLOURS)]
 

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ from skinmap.report.present import present
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
+    from skinmap.live.moment import Moment
     from skinmap.live.recording.recorder import Recorder
     from skinmap.live.sources.source import Source
 
@@ -77,6 +79,7 @@ class RecordResult:
 @click.option(
     "--model", type=click.Path(path_type=Path), help="Mark every touch with what a model says."
 )
+@click.option("--motion", is_flag=True, help="Record which way touches move, too: /skin/motion.")
 @click.option("--session", default="", help="When, in words: to leave out in `evaluate`.")
 @click.option("--person", default="", help="Who touches, in words: to leave out in `evaluate`.")
 @click.option(
@@ -107,6 +110,7 @@ def command(
     seconds: float | None,
     label: str | None,
     model: Path | None,
+    motion: bool,
     session: str,
     person: str,
     rotate_mb: float,
@@ -148,7 +152,7 @@ def command(
         classifier = GivenName(check_label(label))
     session, person = (check_label(word) if word else "" for word in (session, person))
     origin = open_source(source, robot=loaded, parts=parts or None, seed=seed, speed=speed)
-    named = classifier is not None
+    named = classifier is not None or motion
     shown = _Shown(output, sys.stderr)
     try:
         recorder = Recorder(
@@ -171,7 +175,7 @@ def command(
                 if named:
                     # Whatever the machine has to do: the same marks for the same samples.
                     loop = TouchLoop(loaded, recorded, classifier=classifier, live=False)
-                    _follow(loop, recorder, shown)
+                    _follow(loop, recorder, shown, motion=motion)
                 else:
                     for block in blocks(recorded):
                         shown.add(len(block))
@@ -266,7 +270,7 @@ def _stopped_politely() -> Iterator[None]:
             signal.signal(kind, handler)
 
 
-def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
+def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown, *, motion: bool) -> None:
     """Record samples, pressures and, once each is over, touches with their names."""
     from skinmap.live.sources.source import SourceEnded
 
@@ -278,11 +282,33 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
             if loop.info.kind == "raw":
                 recorder.put(_pressure_block(moment, loop.info.parts), "pressure")
             recorder.show_touches(moment.time, _markers(loop, moment))
+            if motion and moment.touches:
+                recorder.put_motion(moment.time, _motions(moment))
             shown.add(1)
             _mark_ended(loop, recorder, shown)
     except (SourceEnded, KeyboardInterrupt):
         loop.finish()
         _mark_ended(loop, recorder, shown)
+
+
+def _motions(moment: Moment) -> list[dict[str, Any]]:
+    """The touches of a moment and how they move."""
+    return [
+        {
+            "part": one.part,
+            "touch": one.identity,
+            "label": one.label,
+            "centre_m": one.centre.round(6).tolist(),
+            "velocity_m_s": one.motion.velocity.round(6).tolist(),
+            "error_m_s": one.motion.error if isfinite(one.motion.error) else None,
+            "speed_m_s": one.motion.speed,
+            "heading": one.motion.heading,
+            "length_m": one.motion.length,
+            "presses": one.motion.presses,
+        }
+        for one in moment.touches
+        if one.motion is not None
+    ]
 
 
 def _markers(loop: TouchLoop, moment: Any) -> list[Any]:

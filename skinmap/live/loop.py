@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.classifier import Prediction, TouchClassifier
 from skinmap.errors import SkinMismatchError, UnknownNameError
+from skinmap.live.contacts.contact_motion import WINDOW, Method
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.events import ContactEvent, TouchEvent, taken
 from skinmap.live.contacts.touch_history import Entry, TouchBook
@@ -70,6 +71,10 @@ class TouchLoop(Summary):
     live : bool, optional
         Whether this machine's clock may decide which samples are named from; of a live source by
         default.
+    window : float
+        Of the velocity of a touch, at least [s].
+    motion : {"places", "flow"}
+        How that is measured, see `skinmap.live.contacts.contact_motion.MotionBook`.
 
     Attributes
     ----------
@@ -115,6 +120,8 @@ class TouchLoop(Summary):
         reopen: Callable[[], Source] | None = None,
         singly: bool = False,
         live: bool | None = None,
+        window: float = WINDOW,
+        motion: Method = "places",
     ) -> None:
         self._singly, self._live = singly, live
         self.robot, self.counts = robot, Counts()
@@ -134,7 +141,7 @@ class TouchLoop(Summary):
         self._responses = Responses(self._skin, info, responses)
         self._gate = RestGate(self._skin, info.rate)
         self._tracker = ContactTracker(self._skin)
-        self._book = TouchBook(self._skin)
+        self._book = TouchBook(self._skin, window=window, method=motion)
         self._book.revise = self._revised
         self._namer: Namer | None = None
         self._new_namer = partial(Namer, self._skin, rule=rule, rate=info.rate, pace=pace)
@@ -284,7 +291,7 @@ class TouchLoop(Summary):
             self._tracker.update(now, touched[row], None if forces is None else forces[row])
             tracks = self._tracker.tracks
             self._keep_book(now)
-            self._book.follow(now, tracks)
+            self._book.follow(now, tracks, touched[row])
             if self._namer is not None:
                 self._namer.push(now, touched[row], tracks, self._book.lasting)
             # Which samples come together is the clock's doing: only live ones are named by that.

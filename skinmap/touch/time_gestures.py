@@ -201,9 +201,10 @@ def rub(draw: Draw, timing: Timing) -> TimeGesture:
 def _beats(timing: Timing, count: int, period: float, share: float) -> Course:
     """Presses in a rhythm, each of its own strength."""
     rng = timing.rng
-    beats = period * (np.arange(count) + np.clip(rng.normal(0.0, 0.05, count), -0.12, 0.12))
-    starts: FloatArray = np.asarray(beats - beats[0], np.float64)
-    lasting = np.clip(period * share * rng.uniform(0.85, 1.15, count), 0.05, None)
+    late = np.clip(rng.normal(0.0, 0.05, count), -0.12, 0.12)
+    starts: FloatArray = np.asarray(period * (np.arange(count) + late - late[0]), np.float64)
+    drawn = period * share * rng.uniform(0.85, 1.15, count)
+    lasting: FloatArray = np.asarray(np.clip(drawn, 0.05, None), np.float64)
     time = timing.times(float(starts[-1] + lasting[-1]))
     press = np.zeros(len(time))
     for start, long in zip(starts, lasting, strict=True):
@@ -211,14 +212,7 @@ def _beats(timing: Timing, count: int, period: float, share: float) -> Course:
         beat = np.minimum((time - start) / ramp, (start + long - time) / ramp)
         press = np.maximum(press, rng.uniform(0.7, 1.0) * np.clip(beat, 0.0, 1.0))
     still = np.zeros(len(time))
-    return Course(
-        time,
-        press,
-        still,
-        still,
-        starts,
-        np.asarray(starts + lasting, np.float64),
-    )
+    return Course(time, press, still, still, starts, starts + lasting)
 
 
 def tap(draw: Draw, timing: Timing) -> TimeGesture:

@@ -114,6 +114,7 @@ tasks: Registry[TradeTask] = Registry(
     built_in={
         "flatten": "skinmap.trade.flatten_task:flatten_task",
         "classify": "skinmap.trade.classify_task:classify_task",
+        "motion": "skinmap.trade.motion_task:motion_task",
         "fidelity": "skinmap.trade.fidelity_task:fidelity_task",
     },
     adapt=_checked,

@@ -13,6 +13,7 @@ from skinmap.trade.classify_task import classify_task
 from skinmap.trade.fidelity_task import fidelity_task
 from skinmap.trade.flatten_task import edge_rms, flatten_task
 from skinmap.trade.measuring import untimed
+from skinmap.trade.motion_task import motion_task
 from skinmap.trade.runner import measure
 from skinmap.trade.task import tasks
 
@@ -26,6 +27,7 @@ def test_our_tasks_are_registered():
     assert tasks.get("flatten") is flatten_task
     assert tasks.get("classify") is classify_task
     assert tasks.get("fidelity") is fidelity_task
+    assert tasks.get("motion") is motion_task
 
 
 @pytest.mark.parametrize("task", [flatten_task, classify_task])

@@ -18,6 +18,7 @@ from viewer.drawing.body.posing import posed
 from viewer.drawing.panel.touch_list import caption, details
 from viewer.drawing.touches.contours import Outline
 from viewer.drawing.touches.outlines import outline_touch
+from viewer.drawing.touches.touch_marks import reach_of
 from viewer.layers import Layer
 from viewer.web.packing import finite, pack
 from viewer.web.scene_data import WebScene, pack_poses
@@ -158,6 +159,7 @@ class SampleWriter:
             "force": finite(touch.force),
             "about": details(touch, math.nan if moment is None else moment.time),
             "path": None if touch.path is None else np.asarray(touch.path[-60:]).round(4).tolist(),
+            "ahead": ahead(touch),
             "outline": name,
         }
 
@@ -169,6 +171,14 @@ class SampleWriter:
         ends = np.stack([outline.first, outline.second], axis=-1) + first
         arrays[name] = ends.astype(np.uint16 if small else np.uint32)
         arrays[f"{name}.share"] = np.rint(SHARES * outline.share).astype(np.uint16)
+
+
+def ahead(touch: NamedTouch) -> list[float] | None:
+    """Where the arrow of a touch that moves ends, from its centre [m]; None of one that stays."""
+    if touch.motion is None or touch.motion.heading == "still":
+        return None
+    step = touch.motion.velocity / touch.motion.speed * reach_of(touch)
+    return np.asarray(step).round(5).tolist()
 
 
 def mean_direction(normals: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -57,8 +58,22 @@ from skinmap.report.table import Table
     help="Give each touch the fewest names that hold the truth in this share of all touches, "
     "0.9 for one: `poke or edge`.",
 )
+@click.option(
+    "--window-ms",
+    type=Number(min=20.0, max=2000.0),
+    default=200.0,
+    show_default=True,
+    help="Live: velocities are taken from so long at least.",
+)
+@click.option(
+    "--motion",
+    type=click.Choice(["places", "flow"]),
+    default="places",
+    show_default=True,
+    help="Live: velocities from the way of the centre, or optical flow on the flat map (OpenCV).",
+)
 @seed_option
-@profile_option("classify")
+@profile_option("classify", "motion")
 @prints(ClassifyResult, live=(LiveTouch, LiveSummary))
 def command(
     model: Path,
@@ -71,6 +86,8 @@ def command(
     publish: tuple[str, ...],
     responses: tuple[str, ...],
     coverage: float | None,
+    window_ms: float,
+    motion: Any,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -113,6 +130,8 @@ def command(
             seconds=seconds,
             seed=seed,
             publish=publish,
+            window=window_ms / 1e3,
+            motion=motion,
             responses=responses,
             as_json=as_json,
         )

@@ -17,6 +17,7 @@ from skinmap.report.present import emit_line, object_of
 
 if TYPE_CHECKING:
     from skinmap.classify.classifier import TouchClassifier
+    from skinmap.live.contacts.contact_motion import Method
     from skinmap.live.contacts.events import TouchEvent
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.source import Source
@@ -39,6 +40,8 @@ def classify_live(
     seed: int,
     publish: Sequence[str],
     responses: Sequence[str],
+    window: float,
+    motion: Method,
     as_json: bool,
 ) -> None:
     """Name touches until the source ends, the seconds are over or the user interrupts.
@@ -75,6 +78,8 @@ def classify_live(
             skins=skins,
             rule=rule,
             reopen=open_it,
+            window=window,
+            motion=motion,
             singly=not is_live(source),  # so that it ends at the very sample
         )
         _note_differences(classifier, loop)

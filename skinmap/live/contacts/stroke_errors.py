@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.live.contacts.contact_motion import WINDOW, MotionBook
+from skinmap.live.contacts.contact_motion import WINDOW, Method, MotionBook
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -46,7 +46,11 @@ class StrokeError:
 
 
 def stroke_errors(
-    skin: PreparedSkin, recording: Recording, *, window: float = WINDOW
+    skin: PreparedSkin,
+    recording: Recording,
+    *,
+    window: float = WINDOW,
+    method: Method = "places",
 ) -> list[StrokeError]:
     """Follow every stroke of 5 cm or more, sample by sample, as live; all contacts are its own."""
     joined, rest = JoinedSkin({skin.skin.part: skin}), recording.rest()
@@ -57,19 +61,24 @@ def stroke_errors(
             continue
         rows = felt(samples, rest, skin.geometry.beside).astype(np.float64)
         times = recording.times[recording.events == event]
-        found.append(_followed(joined, times, rows, truth, window))
+        found.append(_followed(joined, times, rows, truth, window, method))
     return found
 
 
 def _followed(
-    joined: JoinedSkin, times: FloatArray, rows: FloatArray, truth: TrueMotion, window: float
+    joined: JoinedSkin,
+    times: FloatArray,
+    rows: FloatArray,
+    truth: TrueMotion,
+    window: float,
+    method: Method,
 ) -> StrokeError:
-    tracker, book = ContactTracker(joined), MotionBook(joined, window=window)
+    tracker, book = ContactTracker(joined), MotionBook(joined, window=window, method=method)
     seen: list[FloatArray] = []
     for time, pressures in zip(times.tolist(), rows, strict=True):
         tracker.update(time, pressures)
         tracks = tracker.present
-        book.update(time, {0: tracks} if tracks else {})
+        book.update(time, {0: tracks} if tracks else {}, pressures)
         now = book.motion(0, 0, tracks[0].normal) if tracks else None
         if now is not None and np.isfinite(now.error):
             seen.append(np.array([time, *now.velocity, now.error]))

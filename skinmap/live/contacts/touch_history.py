@@ -11,7 +11,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.classify.classifier import NO_CONTACT, Prediction
 from skinmap.classify.rejection import UNKNOWN
-from skinmap.live.contacts.contact_motion import Motion, MotionBook
+from skinmap.live.contacts.contact_motion import WINDOW, Method, Motion, MotionBook
 from skinmap.live.contacts.events import TouchEvent
 from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.contacts.named_touch import UNNAMED, NamedTouch
@@ -62,6 +62,8 @@ class TouchBook:
     Parameters
     ----------
     skin : JoinedSkin
+    window, method
+        Of the motion, see `MotionBook`.
 
     Attributes
     ----------
@@ -78,9 +80,12 @@ class TouchBook:
         Gives a touch that is over its last name.
     """
 
-    def __init__(self, skin: JoinedSkin) -> None:
+    def __init__(
+        self, skin: JoinedSkin, *, window: float = WINDOW, method: Method = "places"
+    ) -> None:
         self.skin = skin
-        self.motions, self.pieces = MotionBook(skin), MotionBook(skin)
+        self.motions = MotionBook(skin, window=window, method=method)
+        self.pieces = MotionBook(skin, window=window)
         self.entries: dict[int, Entry] = {}
         self.paused: dict[int, Entry] = {}
         self.parted: dict[int, int] = {}
@@ -143,10 +148,12 @@ class TouchBook:
                 over.append(self._end(entry))
         return over
 
-    def follow(self, time: float, tracks: Sequence[Track]) -> None:
+    def follow(
+        self, time: float, tracks: Sequence[Track], pressures: FloatArray | None = None
+    ) -> None:
         """Follow the motion of the contacts of a sample."""
         groups = _by_touch(tracks)
-        self.motions.update(time, groups)
+        self.motions.update(time, groups, pressures)
         several = [one for own in groups.values() if len(own) > 1 for one in own]
         self.pieces.update(time, {one.identity: [one] for one in several})
 

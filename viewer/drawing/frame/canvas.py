@@ -40,7 +40,7 @@ from viewer.drawing.words.text_lines import Line
 from viewer.layer import Layer
 from viewer.layers import Layers
 
-ARROWS = "arrow: out of the skin at a touch, longer the harder"
+ARROWS = "arrows: out of the skin at a touch, longer the harder; along it where it moves"
 TURN_STEP = 5.0  # how far the camera turns from one frame to the next [deg]
 FOOT = 1.6  # free below the body [font heights]
 COARSE_PX = 7.0  # spacing of taxels below which a sheet with fewer triangles looks the same [px]

@@ -22,7 +22,7 @@ from viewer.drawing.skin.taxel_drawing import ColourTable, TaxelDrawing
 from viewer.drawing.touches.contact_courses import ContactCourses
 from viewer.drawing.touches.contour_cache import KeptContours
 from viewer.drawing.touches.rings import Rings
-from viewer.drawing.touches.touch_marks import Ground, TouchMarks, centre_on, trail_on
+from viewer.drawing.touches.touch_marks import Ground, TouchMarks, centre_on, motion_line, trail_on
 from viewer.drawing.touches.traces import History, TracePlot, round_up
 from viewer.drawing.words.text_lines import Line, small_font
 from viewer.layer import Layer
@@ -210,6 +210,7 @@ class FlatPanel:
         solids: list[tuple[FloatArray, IntArray, str]] = []
         for touch in here:
             lines += trail_on(ground, touch, LINE_RISE)
+            lines += motion_line(ground, touch, LINE_RISE)
             outline = self.contours.of(ground, layer, touch, touches, LINE_RISE)
             lines.append((outline, class_colour(touch.label)))
             solids += centre_on(ground, touch)

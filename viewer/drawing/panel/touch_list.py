@@ -133,6 +133,11 @@ def details(touch: NamedTouch, time: float) -> list[str]:
         words.append(f"{touch.force:.1f} N")
     if known(time - touch.began):
         words.append(f"{max(time - touch.began, 0.0):.1f} s")
+    motion = touch.motion
+    if motion is not None and motion.heading != "still":
+        words.append(f"{motion.heading} {1e3 * motion.speed:.0f} mm/s")
+    if motion is not None and motion.presses > 1:
+        words.append(f"{motion.presses} times")
     return words
 
 

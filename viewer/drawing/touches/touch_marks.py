@@ -1,4 +1,4 @@
-"""What is drawn of a touch: outline, the way its centre went, and an arrow along its normal."""
+"""What is drawn of a touch: outline, its way, an arrow along its normal, one where it moves."""
 
 from __future__ import annotations
 
@@ -25,7 +25,11 @@ from viewer.drawing.touches.outlines import OutlineLayer
 
 SHORT, LONG = 0.03, 0.07  # of arrows, for the lightest and the hardest press [m]
 SHAFT, HEAD, HEAD_LENGTH = 1.2e-3, 3.6e-3, 11e-3  # radii and length [m]
+AHEAD = 0.3  # arrows of motion go as far as the touch does in this time [s], and
+NEAREST, FARTHEST = 0.03, 0.09  # no less and no more [m]
+ABOVE = 7e-3  # they lie so far above the skin [m]
 SIDES = 8
+MOTION_THICK = 1.5  # so much thicker are arrows of motion
 PALE = 0.75  # how far the oldest end of a trail has gone to white
 PIECES = 8  # shades of a trail
 JUMP = 0.03  # [m]: on the flat map what is so near on the skin and so far there has a seam between
@@ -202,6 +206,38 @@ def arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArra
     axes = np.stack([right[0], up[0], touch.normal])
     start = transform_points(pose, (touch.centre + (LIFT + LINE_LIFT) * touch.normal)[None])
     return [(start + transform_directions(pose, points @ axes), faces, class_colour(touch.label))]
+
+
+def motion_arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArray, str]]:
+    """An arrow over the skin where a touch moves, longer the faster; none of one that stays."""
+    if touch.normal is None or touch.motion is None or touch.motion.heading == "still":
+        return []
+    ahead = touch.motion.velocity / touch.motion.speed
+    points, faces = solid_arrow(round(reach_of(touch), 3))
+    side = np.cross(ahead, touch.normal)
+    axes = np.stack([MOTION_THICK * side, MOTION_THICK * np.cross(side, ahead), ahead])
+    start = transform_points(pose, (touch.centre + ABOVE * touch.normal)[None])
+    return [(start + transform_directions(pose, points @ axes), faces, class_colour(touch.label))]
+
+
+def motion_line(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[FloatArray, str]]:
+    """The same as lines on the flat map."""
+    if touch.normal is None or touch.motion is None or touch.motion.heading == "still":
+        return []
+    ahead = touch.motion.velocity / touch.motion.speed
+    side, reach = np.cross(ahead, touch.normal), reach_of(touch)
+    tip = touch.centre + reach * ahead
+    barbs = [tip + 0.3 * reach * (sign * 0.5 * side - ahead) for sign in (-1.0, 1.0)]
+    along = np.linspace(0.0, 1.0, 8)[:, None]
+    colour = class_colour(touch.label)
+    ways = [touch.centre + along * (tip - touch.centre), *(np.stack([tip, one]) for one in barbs)]
+    return [(carried_steps(ground, way, lift), colour) for way in ways]
+
+
+def reach_of(touch: NamedTouch) -> float:
+    """Length of the arrow of a touch that moves [m]."""
+    speed = 0.0 if touch.motion is None else touch.motion.speed
+    return float(np.clip(AHEAD * speed, NEAREST, FARTHEST))
 
 
 @lru_cache(maxsize=64)

@@ -18,7 +18,7 @@ from viewer.drawing.panel.touch_list import caption
 from viewer.drawing.skin.draw_positions import LIFT
 from viewer.drawing.skin.skin_layer import LINE_LIFT, SkinLayer
 from viewer.drawing.touches.contour_cache import KeptContours
-from viewer.drawing.touches.touch_marks import Ground, TouchMarks, arrow, trail_on
+from viewer.drawing.touches.touch_marks import Ground, TouchMarks, arrow, motion_arrow, trail_on
 from viewer.drawing.words.label_places import Box
 from viewer.drawing.words.labels import Label, LabelLayer
 
@@ -80,7 +80,7 @@ class TouchView:
                 placed = transform_points(pose, points.reshape(-1, 3)).reshape(-1, 2, 3)
                 lines.append((placed, colour))
             arrows = arrow(touch, pose)
-            solids += arrows
+            solids += arrows + motion_arrow(touch, pose)
             tips += [points[-1] for points, _, _ in arrows]
             self.targets.append(target(layer, touch, pose))
             normal = self.targets[-1].normals[self.targets[-1].middle]

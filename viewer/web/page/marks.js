@@ -7,6 +7,7 @@ import { SIGNS } from "./signs.js";
 const LIFT = 0.0009; // outlines above the sheet [m]
 const RISE = 0.004; // trails above the skin [m]
 const ARROW = 0.05; // length of a normal [m]
+const BARB = 0.3; // of the arrow of a motion, its head
 const RING = 0.55; // radius of a ring in spacings
 const SIGN = 0.4; // radius of a sign in spacings
 const INK = [0.08, 0.09, 0.11];
@@ -31,10 +32,19 @@ export class Marks {
       const foot = place(model, touch.centre), up = turn(model, touch.normal);
       to.push(foot[0], foot[1], foot[2], ...[0, 1, 2].map((i) => foot[i] + ARROW * up[i]), ...tint);
       const trail = (touch.path || []).map((p) => place(model, p).map((x, i) => x + (i < 3 ? RISE * up[i] : 0)));
+      if (touch.ahead) this.ahead(touch, model, foot, up, tint, to);
       for (let k = 1; k < trail.length; k++) to.push(...trail[k - 1].slice(0, 3), ...trail[k].slice(0, 3), ...tint);
     }
     this.picture.touches.set(round);
     this.flat.setLines(flat);
+  }
+
+  // An arrow over the skin where a touch moves.
+  ahead(touch, model, foot, up, tint, to) {
+    const step = turn(model, touch.ahead), side = cross(step, up), start = [0, 1, 2].map((i) => foot[i] + 1.5 * RISE * up[i]);
+    const tip = start.map((x, i) => x + step[i]);
+    const barbs = [-1, 1].map((sign) => tip.map((x, i) => x + BARB * (0.5 * sign * side[i] - step[i])));
+    for (const [a, b] of [[start, tip], [tip, barbs[0]], [tip, barbs[1]], [barbs[0], barbs[1]]]) to.push(...a, ...b, ...tint);
   }
 
   // Add a touch's outline to the body's lines; its ends on the flat map come back.

@@ -1,0 +1,141 @@
+"""Touches in time against what is asked of them: `python -m benchmarks.classify.in_time`.
+
+Names with parts and people left out, with and without motion and of half a touch; direction and
+speed of strokes on robots of several lattices and in MuJoCo; presses counted; what following the
+motion of five contacts costs. Simulated, but for the time. Writes benchmarks/results/in_time.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+import numpy as np
+
+from benchmarks import ROOT
+from benchmarks.harness.record import about, write
+from skinmap import load_robot
+from skinmap.classify.protocols.in_time import evaluate_in_time, play
+from skinmap.cli.evaluate.in_time import strokes_row
+from skinmap.errors import UnknownNameError
+from skinmap.live.contacts.contact_motion import MotionBook
+from skinmap.live.contacts.contact_tracker import ContactTracker
+from skinmap.live.contacts.stroke_errors import stroke_errors
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.physics.variants import DEFAULT, FROZEN
+from skinmap.report.result import plain
+from skinmap.touch.gestures import TIME
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.simulator import simulate
+
+OUT = ROOT / "benchmarks" / "results" / "in_time.json"
+ROBOTS = (("kaspar", ("left_hand",)), ("ur10e-cyskin", ()))  # beside the iCub
+CONTACTS = 5
+SAMPLES = 300
+
+
+def skins_of(robot: str, parts: tuple[str, ...] = ()) -> dict[str, PreparedSkin]:
+    """Skins of a robot, one of each pair of mirror images."""
+    loaded = load_robot(robot)
+    sizes: dict[int, str] = {}
+    for part in parts or loaded.parts:
+        sizes.setdefault(len(loaded.skin(part)), part)
+    return {part: PreparedSkin(loaded.skin(part)) for part in sizes.values()}
+
+
+def names(skins: dict[str, PreparedSkin], per_gesture: int, seed: int) -> dict[str, Any]:
+    """Names, presses, directions and speeds on the iCub, in three physics."""
+    played = play(skins, ["ours", DEFAULT, FROZEN], TIME, per_gesture, seed)
+    found = evaluate_in_time(played, seed=seed)
+    rows = [
+        {
+            "features": one.features, "tested_on": one.judged.tested_on, "seen": one.seen,
+            "mean": one.judged.mean, "per_class": one.judged.per_class,
+        }
+        for one in found.rows
+    ]  # fmt: skip
+    mean = {(row["features"], row["tested_on"], row["seen"]): row["mean"] for row in rows}
+    whole = mean["and motion", "ours", 1.0]
+    errors: dict[str, list[Any]] = {}
+    for each in played:
+        errors.setdefault(each.physics, []).extend(stroke_errors(each.skin, each.recording))
+    return {
+        "rows": rows,
+        "gained_points": 100.0 * (whole - mean["contact geometry", "ours", 1.0]),
+        "half_seen": mean["and motion", "ours", 0.5] / whole,
+        "still_lost_points": 100.0 * (found.still_alone - found.still_together),
+        "still_alone": found.still_alone,
+        "presses_right": dict(found.counted),
+        "strokes": [plain(strokes_row(name, own)) for name, own in errors.items()],
+    }
+
+
+def other_robots(strokes: int, seed: int) -> list[dict[str, Any]]:
+    """Directions and speeds of strokes on other lattices."""
+    rows = []
+    for robot, parts in ROBOTS:
+        try:
+            skins = skins_of(robot, parts)
+        except UnknownNameError:
+            rows.append({"robot": robot, "missing": "no such robot here"})
+            continue
+        found = []
+        for part, skin in skins.items():
+            made = simulate(skin.skin, rng=seed, gestures=["stroke"], per_gesture=strokes)
+            found += stroke_errors(skin, made)
+            del part
+        rows.append({"robot": robot, "parts": list(skins), **plain(strokes_row("ours", found))})
+    return rows
+
+
+def cost() -> dict[str, float]:
+    """CPU time of following the motion of five contacts that move, a sample [ms]."""
+    loaded = load_robot("icub")
+    joined = JoinedSkin({part: PreparedSkin(loaded.skin(part)) for part in loaded.parts})
+    tracker, book = ContactTracker(joined), MotionBook(joined)
+    rng = np.random.default_rng(0)
+    starts = [int(rng.integers(rows.start, rows.stop)) for rows in joined.slices.values()][
+        :CONTACTS
+    ]
+    spent, contacts = [], []
+    centres = joined.positions[starts]
+    for k in range(SAMPLES):
+        sample = np.zeros(len(joined))
+        for centre, start in zip(centres, starts, strict=True):
+            same = joined.part_of == joined.part_of[start]
+            place = centre + np.array([0.0, 0.0, 0.015 * np.sin(k / 15.0)])
+            away = np.linalg.norm(joined.positions - place, axis=1)
+            sample[same & (away < 0.014)] = 120.0
+        tracker.update(k / 50.0, sample)
+        tracks = tracker.present
+        began = time.process_time()
+        book.update(k / 50.0, {one.identity: [one] for one in tracks})
+        for one in tracks:
+            book.motion(one.identity, one.part, one.normal)
+        spent.append(time.process_time() - began)
+        contacts.append(len(tracks))
+    few = np.array(spent)[20:] * 1e3
+    return {
+        "taxels": len(joined), "contacts": float(np.median(contacts)),
+        "median_ms": float(np.median(few)), "p95_ms": float(np.percentile(few, 95)),
+    }  # fmt: skip
+
+
+def main() -> None:
+    """Measure and write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--touches", type=int, default=24, help="of each gesture on each part")
+    parser.add_argument("--seed", type=int, default=0)
+    chosen = parser.parse_args()
+    found = {
+        **about("full"), "touches": chosen.touches, "seed": chosen.seed, "cost": cost(),
+        "robots": other_robots(2 * chosen.touches, chosen.seed),
+        "icub": names(skins_of("icub"), chosen.touches, chosen.seed),
+    }  # fmt: skip
+    write(OUT, found)
+    print(OUT.read_text())
+
+
+if __name__ == "__main__":
+    main()
