@@ -56,7 +56,7 @@ class Long:
 BOARD = str(ROOT / "docs" / "examples" / "board")
 COMMANDS = {
     "simulate": Long(
-        ("simulate", "kaspar", "--part", "left_hand", "--per-gesture", "4", "-o", "OUT.npz")
+        ("simulate", "kaspar", "--part", "left_hand", "--per-gesture", "12", "-o", "OUT.npz")
     ),
     "train": Long(("train", "IN.npz", "-o", "OUT.skinmodel"), needs="simulate"),
     "evaluate": Long(("evaluate", "IN.npz", "-o", "OUT"), needs="simulate"),
@@ -212,8 +212,9 @@ def opens(result: Path) -> bool:
     from skinmap.errors import SkinError
     from skinmap.live.sources.open_recording import open_track
 
-    if result.is_dir():
-        return any(path.suffix in (".html", ".json", ".toml") for path in result.iterdir())
+    if result.is_dir():  # what was staged in it vanishes with the next run's temporary names
+        names = [path for path in result.iterdir() if not path.name.startswith(".skinmap-")]
+        return not names or any(path.suffix in (".html", ".json", ".toml") for path in names)
     readers: Mapping[str, Callable[[Path], object]] = {".skinmodel": load_classifier}
     try:
         with warnings.catch_warnings():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -248,7 +249,9 @@ def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
     if path.suffix.lower() == ".dae":
         read_xml(path, "a COLLADA mesh", MAX_MESH_BYTES)  # COLLADA is XML with all its doors
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # merging casts to whole numbers
+        # Merging casts to whole numbers, and COLLADA has dates: what is wrong is seen below.
+        with np.errstate(over="ignore", invalid="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             mesh = trimesh.load_mesh(str(path), process=merge)
         vertices = np.asarray(mesh.vertices, np.float64)
         faces = np.asarray(mesh.faces, np.int64)
