@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap import __version__
-from skinmap.archive import quiet_headers
+from skinmap.archive import check_directory, quiet_headers
 from skinmap.classify.catalogue import classifiers
 from skinmap.classify.prediction_sets import set_calibration_from
 from skinmap.classify.trained_skin import TrainedSkin
@@ -153,6 +153,7 @@ def _check_archive(
 
     zipfile never reads more of a file than its entry says, so the entries can be trusted.
     """
+    check_directory(archive)
     size = sum(entry.file_size for entry in archive.infolist())
     if size > LARGEST:
         raise DataFormatError(f"unpacks to {size} bytes, a model has at most {LARGEST}", path)

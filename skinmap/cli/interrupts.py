@@ -29,6 +29,13 @@ def end_on_interrupt() -> None:
     signal.signal(signal.SIGALRM, _again)
 
 
+def forget_interrupts() -> None:
+    """End at once from here on: the work is done, and nothing is left to be undone."""
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(kind) is _interrupted:
+            signal.signal(kind, signal.SIG_DFL)
+
+
 _due: list[int] = []  # what came inside an import, to be raised behind it
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import logging
 import os
@@ -13,7 +14,7 @@ from importlib.metadata import entry_points
 import click
 
 from skinmap import __version__
-from skinmap.cli.interrupts import TerminatedError, end_on_interrupt
+from skinmap.cli.interrupts import TerminatedError, end_on_interrupt, forget_interrupts
 from skinmap.commands.groups import NamedGroup
 from skinmap.commands.progress import QUIET
 from skinmap.errors import SkinError
@@ -127,15 +128,17 @@ def main() -> None:
         _fail(_one_line(error), 2, debug)
     except SkinError as error:
         _fail(str(error), 2, debug)
-    except TerminatedError:
-        _fail("terminated", 143, debug=False)
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, click.Abort) as error:  # click makes an Abort of the former
+        if isinstance(error.__cause__ or error, TerminatedError):
+            _fail("terminated", 143, debug=False)
         _fail("interrupted", 130, debug=False)
     except BrokenPipeError:  # the reader of our output went away: nothing is wrong
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except Exception as error:  # noqa: BLE001 - the last resort: an internal error, said plainly
         _fail(f"internal error: {type(error).__name__}: {error} (see --debug)", 1, debug)
+    finally:
+        atexit.register(forget_interrupts)  # before all that others registered
 
 
 def _one_line(error: click.ClickException) -> str:

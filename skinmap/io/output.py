@@ -115,6 +115,12 @@ def _refusals(named: Path, place: Path) -> Iterator[None]:
     """An error of the system while writing at a place, as a line that names the result."""
     try:
         yield
+    except OutputError as error:  # of a writer that was given the temporary name
+        why = error.__cause__ or error.__context__
+        if str(place) in str(error) and place != named and isinstance(why, OSError):
+            reason = why.strerror or str(why)
+            raise OutputError(f"cannot write {str(named)!r}: {reason}") from why
+        raise
     except SkinError:
         raise
     except OSError as error:

@@ -41,6 +41,38 @@ def test_a_reader_that_says_nothing_is_a_fault(tmp_path):
     assert "ValueError: invalid literal" in found["faults"][0]
 
 
+@pytest.mark.parametrize(
+    ("kind", "place", "value"),
+    [
+        # Deflated data end before their last bits: the checksum must be asked for.
+        ("recording", 1545, 0xA5), ("self-touch", 1132, 0x12), ("wrenches", 1200, 0x5F),
+        ("cache", 310, 0xC5),
+        # A chunk that a flipped bit turns into a record of a kind that readers pass over.
+        ("mcap", None, 0xC4),
+    ],
+)  # fmt: skip
+def test_what_cutting_found_is_said(tmp_path, kind, place, value):
+    target = TARGETS[kind]
+    original = target.seeds()[0]
+    target.lay_out(tmp_path)
+    if place is None:
+        place = last_chunk(original)
+    changed = original[:place] + bytes([value]) + original[place + 1 :]
+    whole = cuts.read(target, original, tmp_path)
+    outcome = cuts.read(target, changed, tmp_path)
+    assert outcome[0] != "whole" or outcome[1] == whole[1]
+
+
+def last_chunk(data: bytes) -> int:
+    """Where the last chunk of an MCAP file begins."""
+    place, found = 8, 0
+    while place < len(data) - 8:
+        if data[place] == 6:
+            found = place
+        place += 9 + int.from_bytes(data[place + 1 : place + 9], "little")
+    return found
+
+
 def test_touches_of_a_cut_recording_come_with_a_warning_of_what_is_lost(tmp_path: Path):
     path, whole = tmp_path / "t.mcap", mcap("pressure")
     path.write_bytes(whole)

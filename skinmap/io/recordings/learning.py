@@ -78,7 +78,7 @@ def write_hdf5(track: RecordedStream, path: Path) -> None:
     import h5py
 
     try:
-        with h5py.File(path, "w") as file:
+        with path.open("w+b", buffering=0) as raw, h5py.File(disk := _Disk(raw), "w") as file:
             for key, value in about(track).items():
                 plain = value if isinstance(value, str | int | float) else json.dumps(value)
                 file.attrs[key] = plain
@@ -86,6 +86,7 @@ def write_hdf5(track: RecordedStream, path: Path) -> None:
                 kind = h5py.string_dtype() if array.dtype.kind == "U" else array.dtype
                 content = array.astype(object) if array.dtype.kind == "U" else array
                 file.create_dataset(name, data=content, dtype=kind, compression=_packing(array))
+                disk.check()
             for part, width in zip(track.parts, track.info.widths, strict=True):
                 _values(file, f"{part}/values", track, width)
             for start in range(0, len(track.times), BLOCK):
@@ -93,8 +94,66 @@ def write_hdf5(track: RecordedStream, path: Path) -> None:
                 values = track.values[rows]
                 for part in track.parts:
                     file[f"{part}/values"][rows] = values[:, track.columns(part)]
+                disk.check()
     except OSError as error:
-        raise OutputError(f"cannot write {str(path)!r}: {error}") from None
+        raise OutputError(f"cannot write {str(path)!r}: {error.strerror or error}") from error
+
+
+class _Disk:
+    """A file whose refused writes stay in memory until it is closed: HDF5 crashes where one fails.
+
+    Parameters
+    ----------
+    file : raw file
+        Open for writing and reading, without a buffer.
+    """
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+        self._refused: OSError | None = None
+        self._late: list[tuple[int, bytes]] = []  # what was written since, and where
+
+    def check(self) -> None:
+        """Raise what was refused."""
+        if self._refused is not None:
+            raise self._refused
+
+    def write(self, data: Any) -> int:
+        """Write all of it, or keep it."""
+        start, whole = self._file.tell(), bytes(data)
+        left = memoryview(whole)
+        while left and self._refused is None:
+            try:
+                left = left[self._file.write(left) :]
+            except OSError as error:
+                self._refused = error
+        if self._refused is not None:
+            self._late.append((start, whole))
+            self._file.seek(start + len(whole))
+        return len(whole)
+
+    def readinto(self, buffer: Any) -> int:
+        """Read what was written, zeros beyond it."""
+        view, start = memoryview(buffer).cast("B"), self._file.tell()
+        read = self._file.readinto(view) or 0
+        view[read:] = bytes(len(view) - read)
+        for place, data in self._late:
+            first, last = max(place, start), min(place + len(data), start + len(view))
+            if first < last:
+                view[first - start : last - start] = data[first - place : last - place]
+        self._file.seek(start + len(view))
+        return len(view)
+
+    def truncate(self, size: int) -> int:
+        """Make the file so long, if it may be."""
+        try:
+            self._file.truncate(size)
+        except OSError as error:
+            self._refused = self._refused or error
+        return size
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
 
 
 def _values(file: Any, name: str, track: RecordedStream, width: int) -> None:

@@ -21,7 +21,8 @@ from skinmap.io.text import is_file
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
 MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, times logged and published
-SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA = 3, 4, 5, 6, 9, 12
+SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, STATISTICS, METADATA = 3, 4, 5, 6, 9, 11, 12
+TOTALS = struct.Struct("<QHIIII")  # messages, schemas, channels, attachments, metadata, chunks
 FOOTER, LAST_OPCODE, PRIVATE = 2, 15, 0x80
 # Where to go on after damage: a chunk record, told by the name of its compression.
 NAMES = (b"\x04\0\0\0zstd", b"\x03\0\0\0lz4")
@@ -67,6 +68,8 @@ class Scan:
         All channel records: those of the end repeat the first, so that damage in one is known.
     promised : int
         Latest message time [ns] that the head of an unreadable or cut chunk states; 0 where none.
+    stated : int
+        Messages that the file says it has, at its end; 0 where it does not say.
     """
 
     path: Path
@@ -79,6 +82,7 @@ class Scan:
     attachments: dict[str, bytes] = field(default_factory=dict)
     copies: list[Any] = field(default_factory=list)
     promised: int = 0
+    stated: int = 0
 
 
 Take = Callable[[int, int, int, int, int, Place], None]
@@ -106,9 +110,18 @@ def scan(path: Path, take: Take) -> Scan:
         if file.read(len(MAGIC)) != MAGIC:
             raise DataFormatError("an empty file" if size == 0 else "not an MCAP file", path)
         found = Scan(path, size)
-        offset = len(MAGIC)
+        offset, taken = len(MAGIC), 0
+
+        def counted(*message: Any) -> None:
+            nonlocal taken
+            taken += 1
+            take(*message)
+
         while offset < size and not found.finished:
-            offset = _record(file, offset, found, take)
+            offset = _record(file, offset, found, counted)
+    missing = found.stated - taken
+    if missing > 0 and not found.damage:  # a record that a flipped bit turned into another kind
+        found.damage.append(f"{missing} messages less than the file says it has")
     return found
 
 
@@ -130,6 +143,8 @@ def _record(file: IO[bytes], offset: int, found: Scan, take: Take) -> int:
         if not found.finished:
             found.damage.append(f"cut off at byte {end}")
         return end if found.finished else found.size
+    if opcode == STATISTICS and length >= TOTALS.size:
+        found.stated = TOTALS.unpack(file.read(TOTALS.size))[0]
     if opcode in (SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA):
         if length > MAX_RECORD:
             found.damage.append(f"a record of {length / 2**20:.0f} MB at byte {offset}")

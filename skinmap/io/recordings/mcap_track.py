@@ -387,7 +387,10 @@ def _channels(writer: McapWriter, index: Index, head: dict[str, str]) -> dict[in
         for number, one in sorted(found.schemas.items())
     }
     numbers: dict[int, int] = {}
-    for number, one in sorted(found.channels.items()):
+    ours = {*TOPICS.values(), TOUCHES, JOINTS}
+    # A channel is described twice: where one copy is damaged, the other one names its topic.
+    named = found.channels | {one.id: one for one in found.copies if one.topic in ours}
+    for number, one in sorted(named.items()):
         own = {**one.metadata, **(head if "format" in one.metadata else {})}
         schema = schemas.get(one.schema_id, 0)
         numbers[number] = writer.add_channel(one.topic, one.message_encoding, schema, own)

@@ -1,0 +1,115 @@
+"""Every command that writes, on a disk without room: one line, exit code 2, nothing half written.
+
+`python -m benchmarks.reliability.full_disk [COMMAND...]` prints one JSON object. The system
+refuses each file beyond so many bytes (RLIMIT_FSIZE), which writers meet as they meet a full disk.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import tempfile
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks import ROOT
+
+ROOM = 600  # bytes that a file may have: less than any result, more than the head of one
+BOARD = ROOT / "docs" / "examples" / "board"
+# What is written goes to OUT; IN is a recording in a format, made before there is no room.
+COMMANDS = {
+    "simulate .npz": "simulate kaspar --part left_hand --per-gesture 1 -o OUT.npz",
+    "simulate .mcap": "simulate kaspar --part left_hand --per-gesture 1 -o OUT.mcap",
+    "train": "train IN.npz -o OUT.skinmodel",
+    "record": "record IN.mcap -o OUT.mcap --speed inf",
+    "export csv": "export icub --part left_hand --format csv -o OUT.csv",
+    "export icub": "export icub --part left_hand --format icub -o OUT.txt",
+    "export urdf": "export icub --part left_hand --format urdf -o OUT.urdf",
+    "export ply": "export icub --part left_hand --format ply -o OUT.ply",
+    "export vtp": "export icub --part left_hand --format vtp -o OUT.vtp",
+    "export mjcf": "export icub --part left_hand --format mjcf -o OUT.xml",
+    "export .npz": "export IN.mcap -o OUT.npz",
+    "export .h5": "export IN.mcap -o OUT.h5",
+    "export .mcap": "export IN.mcap -o OUT.mcap",
+    "flatten": "flatten icub --part left_hand -o OUT",
+    "inspect": "inspect icub --part left_hand --html OUT.html",
+    "evaluate": "evaluate IN.npz --seeds 1 -o OUT",
+    "calibrate wrap": f"calibrate wrap --layout {BOARD}/board.csv --mesh {BOARD}/link.stl "
+    f"--anchors {BOARD}/anchors.csv -o OUT",
+    "calibrate batch": f"calibrate batch {BOARD}/patches.csv -o OUT",
+    "calibrate response": f"calibrate response {BOARD}/rest.npy -o OUT",
+    "flatten --resume": "flatten icub --part left_hand --resume OUT",
+}
+
+
+def main() -> None:
+    """Print what each command said."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("commands", nargs="*", help="all by default")
+    print(json.dumps(measure(parser.parse_args().commands or list(COMMANDS)), indent=2))
+
+
+def measure(names: Sequence[str] = tuple(COMMANDS)) -> dict[str, Any]:
+    """What each command said, and what was wrong about it ("" where nothing is)."""
+    with tempfile.TemporaryDirectory(prefix="skinmap-full-") as name:
+        folder = Path(name)
+        make_inputs(folder)
+        rows = {name: refuse(name, folder) for name in names}
+    return {"commands": rows, "faults": sum(bool(row["fault"]) for row in rows.values())}
+
+
+def make_inputs(folder: Path) -> None:
+    """A recording in each format."""
+    from click.testing import CliRunner
+
+    from skinmap.cli.main import cli
+
+    for kind, count in (("npz", 12), ("mcap", 2)):
+        words = f"simulate kaspar --part left_hand --per-gesture {count} -o {folder}/in.{kind}"
+        made = CliRunner().invoke(cli, words.split())
+        if made.exit_code:
+            raise RuntimeError(made.output)
+
+
+def refuse(name: str, folder: Path, *, room: int = ROOM) -> dict[str, Any]:
+    """Run one command while no file may grow beyond `room` bytes."""
+    from click.testing import CliRunner
+
+    from skinmap.cli.main import cli
+    from skinmap.errors import SkinError, SkinWarning
+
+    place = folder / name.replace(" ", "_")
+    place.mkdir()
+    text = COMMANDS[name].replace("OUT", str(place / "out")).replace("IN.", f"{folder}/in.")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    cache, os.environ["SKINMAP_CACHE"] = os.environ.get("SKINMAP_CACHE"), "off"
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SkinWarning)
+            ran = CliRunner().invoke(cli, text.split())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        del os.environ["SKINMAP_CACHE"]
+        if cache is not None:
+            os.environ["SKINMAP_CACHE"] = cache
+    error = ran.exception
+    said = str(error) if isinstance(error, SkinError) else repr(error)
+    left = sorted(str(path.relative_to(place)) for path in place.rglob("*") if path.is_file())
+    kept = () if name not in ("record", "flatten --resume") else left  # what was there in time
+    fault = ""
+    if not isinstance(error, SkinError):  # those are exit code 2, in one line
+        fault = f"no line: {said}"
+    elif "cannot" not in said or "\n" in said:
+        fault = f"no reason: {said}"
+    elif set(left) - set(kept):
+        fault = f"left {left}"
+    return {"said": said.replace(str(place), "").replace(str(folder), ""), "fault": fault}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,272 @@
+"""Long commands stopped at random moments: Ctrl-C, a polite kill, a kill, a halt and its end.
+
+`python -m benchmarks.reliability.stops [--each 3] [COMMAND...]` prints one JSON object. After each
+stop: the exit code of the documents and one line (a killed process can say nothing), no result
+that is not whole under its final name, and no process left.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import ROOT
+
+EACH = 3  # stops of each command by each signal
+GONE = 5.0  # seconds until no process may be left
+HALT = 0.3  # seconds between SIGSTOP and SIGCONT
+LONGEST = 300.0  # of a command [s]
+SKINMAP = "from skinmap.cli.main import main; main()"
+CODES = {"SIGINT": 130, "SIGTERM": 143, "SIGKILL": -9}
+KINDS = ("SIGINT", "SIGTERM", "SIGKILL", "SIGSTOP")
+
+
+@dataclass(frozen=True, slots=True)
+class Long:
+    """A long command.
+
+    Attributes
+    ----------
+    words : tuple of str
+        What stands behind `skinmap`; OUT is where the result goes, IN where inputs lie.
+    needs : str
+        Input that is made before: the name of another command here, or "".
+    live : bool
+        It ends with its summary and 0 when it is stopped, and what it wrote until then stays.
+    """
+
+    words: tuple[str, ...]
+    needs: str = ""
+    live: bool = False
+
+
+BOARD = str(ROOT / "docs" / "examples" / "board")
+COMMANDS = {
+    "simulate": Long(
+        ("simulate", "kaspar", "--part", "left_hand", "--per-gesture", "12", "-o", "OUT.npz")
+    ),
+    "train": Long(("train", "IN.npz", "-o", "OUT.skinmodel"), needs="simulate"),
+    "evaluate": Long(("evaluate", "IN.npz", "-o", "OUT"), needs="simulate"),
+    "evaluate --jobs": Long(
+        ("evaluate", "IN.npz", "--seeds", "2", "--jobs", "2", "-o", "OUT"), needs="simulate"
+    ),
+    "flatten --jobs": Long(
+        (
+            "flatten",
+            "icub",
+            "--part",
+            "left_hand",
+            "--part",
+            "left_foot",
+            "--jobs",
+            "2",
+            "-o",
+            "OUT",
+        )
+    ),
+    "trade": Long(
+        ("trade", "icub", "--part", "left_hand", "--task", "flatten", "--seeds", "1", "-o", "OUT")
+    ),
+    "calibrate batch": Long(
+        ("calibrate", "batch", f"{BOARD}/patches.csv", "--jobs", "2", "-o", "OUT")
+    ),
+    "record": Long(("record", "sim", "--seconds", "2", "-o", "OUT.mcap"), live=True),
+}
+
+
+def main() -> None:
+    """Print what came of each stop."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("commands", nargs="*", help="all by default")
+    parser.add_argument("--each", type=int, default=EACH)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    print(json.dumps(measure(each=given.each, seed=given.seed, names=given.commands), indent=2))
+
+
+def measure(
+    *, each: int = EACH, seed: int = 0, names: Sequence[str] = (), kinds: Sequence[str] = KINDS
+) -> dict[str, Any]:
+    """Stop each command so many times by each signal, at moments drawn from its whole length.
+
+    Returns
+    -------
+    dict
+        `commands`: of each its length [s], how many stops came `before` it began to listen (as a
+        shell ends any program), hit it `under_way`, or came `after` its end; `faults` in a line
+        each; and the sums.
+    """
+    rng, rows = np.random.default_rng(seed), {}
+    with tempfile.TemporaryDirectory(prefix="skinmap-stops-") as name:
+        folder = Path(name)
+        for command in names or COMMANDS:
+            rows[command] = _of_command(command, folder, each, kinds, rng)
+            print(f"{command}: {rows[command]}", file=sys.stderr, flush=True)
+    return {
+        "commands": rows,
+        "stops": sum(row["before"] + row["under_way"] + row["after"] for row in rows.values()),
+        "under_way": sum(row["under_way"] for row in rows.values()),
+        "faults": sum(len(row["faults"]) for row in rows.values()),
+    }
+
+
+def _of_command(
+    name: str, folder: Path, each: int, kinds: Sequence[str], rng: np.random.Generator
+) -> dict[str, Any]:
+    long = COMMANDS[name]
+    given = folder / "in.npz"
+    if long.needs and not given.exists():
+        _wait(_start(COMMANDS[long.needs], folder / "in", given))
+    began = time.monotonic()
+    running = _start(long, folder / "whole", given)
+    said, code = _wait(running)
+    took = time.monotonic() - began
+    if code not in (0, 3):
+        return {"seconds": took, "before": 0, "under_way": 0, "after": 0,
+                "faults": [f"the whole command: exit {code}: {said[-200:]}"]}  # fmt: skip
+    counts = {"before": 0, "under_way": 0, "after": 0}
+    faults = []
+    for number in range(each):
+        for kind in kinds:
+            place = folder / f"{number}{kind}"
+            place.mkdir()
+            out = place / "out"
+            moment = float(rng.uniform(0.0, took))
+            when, fault = stop(long, out, given, kind, moment)
+            counts[when] += 1
+            if fault:
+                faults.append(f"{kind} after {moment:.2f} s: {fault}")
+            shutil.rmtree(place)
+    shutil.rmtree(folder / "whole", ignore_errors=True)
+    return {"seconds": took, **counts, "faults": faults}
+
+
+def stop(long: Long, out: Path, given: Path, kind: str, moment: float) -> tuple[str, str]:
+    """Stop a command; when it was hit ("before", "under_way", "after"), and what was wrong."""
+    running = _start(long, out, given)
+    try:
+        said, _ = running.communicate(timeout=moment)
+        return "after", "" if running.returncode in (0, 3) else f"failed: {said[-200:]}"
+    except subprocess.TimeoutExpired:
+        pass
+    if kind == "SIGSTOP":  # it goes on afterwards as if nothing had been
+        os.killpg(running.pid, signal.SIGSTOP)
+        time.sleep(HALT)
+        os.killpg(running.pid, signal.SIGCONT)
+    elif kind == "SIGINT":
+        os.killpg(running.pid, signal.SIGINT)  # as a terminal does
+    else:
+        running.send_signal(getattr(signal, kind))
+    said, code = _wait(running)
+    left = _left(running.pid)
+    for process in left:
+        os.kill(process, signal.SIGKILL)
+    if left:
+        return "under_way", f"{len(left)} processes left after {GONE:g} s"
+    result = out.parent / long.words[-1].replace("OUT", out.name)
+    if code == -getattr(signal, kind) and kind != "SIGKILL":  # as any program ends
+        when = "after" if result.exists() else "before"
+        return when, "" if when == "before" or opens(result) else "half a result"
+    return "under_way", _judged(long, kind, code, said, result)
+
+
+def _judged(long: Long, kind: str, code: int, said: str, result: Path) -> str:
+    """What is wrong about how a stopped command ended; "" where nothing is."""
+    done = code in (0, 3)  # it was just ready, or ends as if nothing had been
+    if not done and code != CODES.get(kind, 0):
+        return f"exit {code}: {said[-300:]}"
+    if "Traceback" in said or "Exception ignored" in said:
+        return f"a traceback: {said[-500:]}"
+    if not done and kind != "SIGKILL":
+        last = said.strip().splitlines()[-1:]
+        wanted = "Error: interrupted" if kind == "SIGINT" else "Error: terminated"
+        if last != [wanted]:
+            return f"said {last}"
+    if kind != "SIGKILL":
+        partial = [path.name for path in result.parent.rglob(".skinmap-*")]
+        if partial:
+            return f"left {partial}"
+    if done or not result.exists():
+        return ""
+    return "" if opens(result) else f"half a result: {result.name}"
+
+
+def opens(result: Path) -> bool:
+    """Whether a result is whole: a file by its reader, a folder by its last page or table."""
+    import warnings
+
+    from skinmap.classify.model_file import load_classifier
+    from skinmap.errors import SkinError
+    from skinmap.live.sources.open_recording import open_track
+
+    if result.is_dir():  # what was staged in it vanishes with the next run's temporary names
+        names = [path for path in result.iterdir() if not path.name.startswith(".skinmap-")]
+        return not names or any(path.suffix in (".html", ".json", ".toml") for path in names)
+    readers: Mapping[str, Callable[[Path], object]] = {".skinmodel": load_classifier}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            readers.get(result.suffix, open_track)(result)
+    except SkinError:
+        return False
+    return True
+
+
+def _start(long: Long, out: Path, given: Path) -> subprocess.Popen[str]:
+    words = [
+        word.replace("OUT", str(out), 1) if word.startswith("OUT")
+        else str(given) if word.startswith("IN") else word
+        for word in long.words
+    ]  # fmt: skip
+    return subprocess.Popen(
+        [sys.executable, "-c", SKINMAP, *words], cwd=ROOT, text=True, start_new_session=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+    )  # fmt: skip
+
+
+def _wait(running: subprocess.Popen[str]) -> tuple[str, int]:
+    try:
+        _, said = running.communicate(timeout=LONGEST)
+    except subprocess.TimeoutExpired:
+        os.killpg(running.pid, signal.SIGKILL)
+        _, said = running.communicate()
+        said += f"\nnot ended after {LONGEST:g} s"
+    return said, running.returncode
+
+
+def _left(session: int) -> list[int]:
+    """Processes of a session that are still there after GONE seconds."""
+    deadline = time.monotonic() + GONE
+    while (left := _members(session)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return left
+
+
+def _members(session: int) -> list[int]:
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            fields = (entry / "stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        except OSError:  # it ended meanwhile
+            continue
+        if int(fields[3]) == session and fields[0] != "Z":
+            found.append(int(entry.name))
+    return found
+
+
+if __name__ == "__main__":
+    main()
