@@ -16,9 +16,10 @@ from skinmap.report.present import present
 
 if TYPE_CHECKING:
     from skinmap.io.recordings.recorded_stream import RecordedStream
+    from skinmap.io.taxels.cyskin import CySkin
     from skinmap.skin.taxels import TaxelTable
 
-FORMATS = ("csv", "icub", "urdf", "ply", "vtp", "mjcf")
+FORMATS = ("csv", "icub", "urdf", "cyskin", "ply", "vtp", "mjcf")
 FOLDERS = ("lerobot", "rosbag2", "zarr")  # of a recording
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
@@ -189,6 +190,7 @@ def command(
 ) -> None:
     """Write the taxels of a part: csv, icub (positions .txt), urdf (tactile extension), ply, vtp.
 
+    cyskin is a .json of CySkin with the surface mesh and the flat map of the part.
     mjcf is the whole robot with its skins as tactile sensors, a model for MuJoCo.
 
     ROBOT is a built-in name (default: icub), the path of a manifest, or a bare taxel table. The
@@ -368,7 +370,6 @@ def _table(
 ) -> tuple[str, str, TaxelTable]:
     """Names of the robot and the part, and the taxels."""
     from skinmap.io.taxels.readers import SUFFIXES, read_taxels
-    from skinmap.skin.taxels import TaxelTable
 
     path = Path(robot)
     if read_as is not None or path.suffix.lower() in SUFFIXES:
@@ -384,8 +385,40 @@ def _table(
         read = loaded.part(name).read()
         return loaded.name, name, dataclasses.replace(read, link=read.link or link)
     skin = loaded.skin(name)
-    table = TaxelTable(skin.channels, skin.modules, skin.positions, skin.normals, link=link)
+    table = dataclasses.replace(
+        loaded.repair(name).table, positions=skin.positions, normals=skin.normals, link=link
+    )
     return loaded.name, name, table
+
+
+def _with_map(table: TaxelTable, part: str) -> CySkin:
+    """A table with its surface mesh and its flat map, as CySkin files have them.
+
+    Raises
+    ------
+    InvalidMeshError
+        Taxels that make no surface.
+    OutputError
+        A taxel in no triangle.
+    """
+    import numpy as np
+
+    from skinmap.errors import OutputError
+    from skinmap.flat.flat_map import flatten
+    from skinmap.io.taxels.cyskin import CySkin, ParentFrame, TactileMap, ids_of
+    from skinmap.skin.skin import skin_from_table
+    from skinmap.surface.surface_mesh import build_surface
+
+    skin = skin_from_table(table, None, part, table.link, keep_normals=bool(table.normals.any()))
+    mesh = build_surface(skin)
+    flat = flatten(mesh)
+    lost = int(np.isnan(flat.uv).any(axis=1).sum())
+    if lost:
+        raise OutputError(f"{part!r}: {lost} taxels lie in no triangle and have no place on a map")
+    ids = ids_of(table)
+    ours = TactileMap(f"{part}_{flat.charts[0].method}", "flat_mesh", ids, flat.uv, mesh.faces)
+    frame = ParentFrame(table.link, np.eye(4))
+    return CySkin(part, ids, skin.positions, skin.normals, mesh.faces, (ours,), (frame,))
 
 
 def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) -> None:
@@ -394,6 +427,10 @@ def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) ->
 
     if format == "urdf":
         export.write_tactile_urdf({part: table}, path, robot=robot)
+    elif format == "cyskin":
+        from skinmap.io.taxels.cyskin import write_cyskin
+
+        write_cyskin(_with_map(table, part), path)
     elif format == "icub":
         export.write_icub(table, path, name=table.link or "_".join(part.split()))
     else:

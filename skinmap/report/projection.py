@@ -95,12 +95,16 @@ def draw_surface(
     from matplotlib.collections import PolyCollection
 
     seen = np.arange(len(polygons)) if both_sides else np.flatnonzero(normals @ view.out > 0.0)
-    flat = [view.project(polygons[k]) for k in seen.tolist()]
-    order = np.argsort([polygon[:, 2].mean() for polygon in flat], kind="stable")
+    chosen = [polygons[k] for k in seen.tolist()]
+    sizes = np.array([len(polygon) for polygon in chosen], np.int64)
+    ends = np.cumsum(sizes)
+    places = view.project(np.concatenate([np.zeros((0, 3)), *chosen]))
+    depth = np.bincount(np.repeat(np.arange(len(chosen)), sizes), places[:, 2]) / sizes
+    order = np.argsort(depth, kind="stable")
     paint = shaded(colours[seen], view.project(normals[seen]))
     axis.add_collection(
         PolyCollection(
-            [flat[k][:, :2] for k in order],
+            [places[ends[k] - sizes[k] : ends[k], :2] for k in order],
             facecolors=paint[order],
             edgecolors="face",
             linewidths=0.2,

@@ -230,6 +230,29 @@ def test_flatten_compares_with_theirs(tmp_path):
     assert "flat maps in the files of KASPAR" in str(ours.exception)
 
 
+@pytest.mark.parametrize(
+    ("robot", "part"), [("kaspar", "left_foot"), ("ur10e-cyskin", "forearm_2")]
+)
+def test_exported_parts_come_back_with_their_boards_and_our_map(robot, part, tmp_path):
+    path = tmp_path / "t.json"
+    words = ["export", robot, "--part", part, "--format", "cyskin", "-o", str(path)]
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    skin = skinmap.load_robot(robot).skin(part)
+    table = read_taxels(path)
+    np.testing.assert_allclose(table.positions, skin.positions, rtol=0, atol=1e-12)
+    together = skin.modules[:, None] == skin.modules
+    wired = table.ids != NO_ID
+    again = (table.modules[:, None] == table.modules)[wired][:, wired]
+    np.testing.assert_array_equal(again, together[wired][:, wired])
+    (theirs,) = read_tactile_maps([path]).values()
+    mesh = skinmap.build_surface(skin)
+    for chart in skinmap.flatten(mesh).charts:
+        drawn = compare_drawing(
+            chart, mesh.vertices[chart.taxels], chart.taxels, theirs.channels, theirs.xy
+        )
+        assert drawn.distance < 1e-9
+
+
 def test_inspect_names_faults_of_files_one_by_one_and_together(document, tmp_path):
     paths = [str(saved(tmp_path, document, f"link2_{k}.json")) for k in (1, 2)]
     found = json.loads(CliRunner().invoke(cli, ["inspect", *paths, "--json"]).stdout)

@@ -136,6 +136,7 @@ def histogram_figure(flat: FlatMap) -> bytes:
             range=(low, high),
             weights=[100.0 * weight / total for weight in weights],
             stacked=True,
+            histtype="stepfilled",  # one outline a patch instead of a rectangle a bin
             label=[f"patch {chart.patch}" for chart in flat.charts],
         )
         axis.axvline(metric.ideal, color="black", linewidth=0.7)

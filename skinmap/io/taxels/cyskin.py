@@ -249,6 +249,22 @@ def modules_of(ids: IntArray, connected: BoolArray, positions: FloatArray) -> In
     return np.asarray(modules)
 
 
+def ids_of(table: TaxelTable) -> IntArray:
+    """(n,) ids of a table: its own, else 16 times the number of the module and the place in it.
+
+    Modules of more than 16 taxels, which no id has room for, go on in the next number.
+    """
+    if len(table.ids):
+        return table.ids
+    _, module, size = np.unique(table.modules, return_inverse=True, return_counts=True)
+    module = module.ravel()
+    numbers = np.cumsum([1, *(-(-size // SLOTS))])[:-1]  # from 1: ids 0 to 15 are placeholders
+    order = np.argsort(module, kind="stable")
+    place = np.empty(len(table), np.int64)
+    place[order] = np.arange(len(table)) - np.repeat(np.cumsum(size) - size, size)
+    return np.asarray(SLOTS * numbers[module] + place)
+
+
 def read_cyskin(path: Path) -> CySkin:
     """Read a CySkin file; what is doubtful in it is kept (see `cyskin_faults`).
 

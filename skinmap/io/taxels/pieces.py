@@ -11,7 +11,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError
 from skinmap.geometry.rigid import transform_directions, transform_points
-from skinmap.io.taxels.cyskin import has_channel
+from skinmap.io.taxels.cyskin import has_channel, modules_of
 from skinmap.io.text import MAX_CHANNEL, parse_whole, read_text
 from skinmap.skin.taxels import NO_ID, TaxelTable
 
@@ -26,7 +26,7 @@ def placed(table: TaxelTable, scale: float, T_link_piece: FloatArray) -> TaxelTa
 
 
 def with_ids(table: TaxelTable, path: Path) -> TaxelTable:
-    """A table with the ids of a file: one whole number a taxel, in the order of the channels.
+    """A table with the ids of a file, one whole number a taxel in the order of the channels.
 
     Raises
     ------
@@ -39,7 +39,10 @@ def with_ids(table: TaxelTable, path: Path) -> TaxelTable:
     if len(ids) != len(table):
         raise DataFormatError(f"{len(ids)} ids for {len(table)} taxels", path)
     numbers = np.array(ids, np.int64)
-    return replace(table, ids=np.where(has_channel(numbers), numbers, NO_ID))
+    wired = has_channel(numbers)
+    # Copies of one shape are wired in different ways: the boards go by the ids, not by the shape.
+    modules = modules_of(numbers, wired, table.positions)
+    return replace(table, modules=modules, ids=np.where(wired, numbers, NO_ID))
 
 
 def joined(tables: Sequence[TaxelTable]) -> TaxelTable:
@@ -48,7 +51,7 @@ def joined(tables: Sequence[TaxelTable]) -> TaxelTable:
     channels, modules = [], []
     for table in tables:
         channels.append(table.channels + channel)
-        modules.append(table.modules - table.modules.min() + module)
+        modules.append(np.unique(table.modules, return_inverse=True)[1].ravel() + module)
         channel, module = int(channels[-1].max()) + 1, int(modules[-1].max()) + 1
     known = all(len(table.ids) for table in tables)
     return TaxelTable(

@@ -35,6 +35,7 @@ class Cutter:
 
     def __init__(self, skin: JoinedSkin, components: Components) -> None:
         self._positions, self._areas = skin.positions, skin.areas
+        self._sheets = skin.patch_of
         self._components = components
         self.settled = SETTLED
         self._meeting: dict[tuple[int, int], float] = {}
@@ -113,7 +114,10 @@ class Cutter:
         height = pressures[tops].tolist()
         places = self._positions[index[tops]]
         root = list(range(len(tops)))
+        sheet = self._sheets[index]
         for saddle, a, b in _saddles(beside, pressures, region):
+            # No taxel feels what lies over the joint of two shells: a saddle there must be deeper.
+            joint = sheet[tops[a]] != sheet[tops[b]]
             while root[a] != a:
                 a = root[a]
             while root[b] != b:
@@ -122,7 +126,8 @@ class Cutter:
                 continue
             high, low = (a, b) if height[a] >= height[b] else (b, a)
             gap = places[a] - places[b]
-            deep = saddle <= depth * height[low] and min(size[a], size[b]) >= PRINT
+            limit = min(depth, PARTED) if joint else depth
+            deep = saddle <= limit * height[low] and min(size[a], size[b]) >= PRINT
             if not (deep and float(gap @ gap) >= CLOSE * CLOSE):
                 root[low] = high
                 size[high] += size[low]

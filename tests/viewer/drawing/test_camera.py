@@ -3,7 +3,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 from viewer.drawing.body.occlusion import Surface
-from viewer.drawing.frame.camera import Margins, Target, View, best_view, fit, front_view, sees
+from viewer.drawing.frame.camera import (
+    Margins,
+    Target,
+    View,
+    best_view,
+    fit,
+    front_view,
+    sees,
+    still_view,
+)
 
 SIZE = (900, 700)
 
@@ -50,6 +59,24 @@ def test_best_view_stays_where_it_is_for_a_touch_in_view(ball):
     front = View(-30.0, 12.0)
     assert best_view([target(front.direction)], ball, front, front) is front
     assert best_view([], ball, front, front) is front
+
+
+@pytest.mark.parametrize("azimuths", [(60.0, 120.0), (90.0, 180.0, -150.0), (-30.0, 150.0, 170.0)])
+def test_still_view_shows_as_many_touches_as_any_view_can(ball, azimuths):
+    front = View(-30.0, 12.0)
+    touched = [target(View(azimuth, 12.0).direction) for azimuth in azimuths]
+
+    def seen(view):
+        return sum(sees(ball, one, view.direction) for one in touched)
+
+    most = max(seen(View(a, e)) for a in range(-180, 180, 5) for e in range(-45, 61, 15))
+    found = still_view(touched, ball, front, front)
+    assert seen(found) == most > seen(front)  # from the front alone fewer would be seen
+
+
+def test_still_view_keeps_a_view_that_shows_all(ball):
+    front = View(-30.0, 12.0)
+    assert still_view([target(front.direction)], ball, front, front) is front
 
 
 def test_view_turns_the_short_way_and_arrives():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from viewer.drawing.words.label_places import Coverage, overlaps, place_boxes
+from viewer.drawing.words.label_places import Coverage, inside, leaders, overlaps, place_boxes
 
 FRAME = (10.0, 10.0, 790.0, 590.0)
 
@@ -22,6 +22,45 @@ def test_place_boxes_keeps_many_labels_apart_and_inside(seed):
     low, high = np.array(boxes)[:, :2], np.array(boxes)[:, 2:]
     assert (low >= 10).all()
     assert (high <= [790, 590]).all()
+
+
+def post(size=(800, 600)):
+    """A body that stands upright in the middle of the picture."""
+    body = np.stack(np.meshgrid(np.arange(340, 460, 4), np.arange(0, 600, 4)), -1).reshape(-1, 2)
+    return Coverage(body.astype(float), size)
+
+
+@pytest.mark.parametrize(("x", "edge"), [(370.0, 340.0), (440.0, 460.0)])
+def test_outline_lies_where_the_body_ends_nearest_to_a_hidden_place(x, edge):
+    busy = post()
+    column, row = busy.outline((x, 300.0))
+    assert abs(column - edge) <= busy.cell
+    assert abs(row - 300.0) <= busy.cell
+    nothing = Coverage(np.zeros((0, 2)), (800, 600))
+    assert nothing.outline((x, 300.0)) == pytest.approx((x, 300.0), abs=nothing.cell)
+
+
+def test_the_line_of_a_hidden_touch_does_not_cross_the_body():
+    busy, size = post(), np.array([[100.0, 30.0]])
+    anchor = np.array([busy.outline((440.0, 300.0))])
+    before = [(150.0, 285.0, 250.0, 315.0)]  # it would like to stay on the other side
+    lines = [
+        leaders(anchor[0], np.array(place_boxes(anchor, size, FRAME, (), before, busy, hidden)))
+        for hidden in ([True], [False])
+    ]
+    shares = [float(busy.on(line).mean()) for line in lines]
+    assert shares[0] <= 2 / 24  # it begins on the outline
+    assert shares[1] > 2 / 24  # what is seen is pointed at over the body
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_lines_do_not_run_under_the_boxes_that_were_there(seed):
+    rng = np.random.default_rng(seed)
+    anchors = rng.uniform([300, 200], [500, 400], (5, 2))
+    boxes = np.array(place_boxes(anchors, np.tile([120.0, 30.0], (5, 1)), FRAME))
+    for k in range(1, 5):
+        covered = inside(anchors[k : k + 1, None], boxes[:k])[0]  # nothing helps there
+        assert covered or inside(leaders(anchors[k], boxes[k : k + 1]), boxes[:k])[0] == 0.0
 
 
 def test_place_boxes_keeps_clear_of_what_is_to_be_avoided_and_of_the_body():

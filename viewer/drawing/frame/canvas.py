@@ -224,6 +224,7 @@ class Canvas:
         """One picture (h, w, 3) to keep, smoothed by so many samples per pixel."""
         self.update(scene, step)
         if samples and self.framing.settle():
+            self.touch_view.labels.forget()
             self.update(scene, step)
         window: Any = self.plotter.render_window
         if samples:

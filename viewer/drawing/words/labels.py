@@ -110,6 +110,10 @@ class LabelLayer:
             )
         self._draw(labels)
 
+    def forget(self) -> None:
+        """Place all labels anew at the next call: the picture is another one."""
+        self._labels, self.boxes, self._wanted = (), [], ()
+
     def _write(self, number: int, label: Label) -> tuple[float, float]:
         """Set a text and measure its box [px]."""
         if number == len(self._texts):
