@@ -88,6 +88,8 @@ class _Arrays(NpzFile):
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self.files:
             raise KeyError(f"{name} is not a file in the archive")
+        if self.zip is None:
+            raise ValueError("the archive is closed")
         with self.zip.open(f"{name}.npy") as member:
             array: NDArray[Any] = np.lib.format.read_array(member, allow_pickle=False)
             if member.read(1):  # at the end its checksum is compared

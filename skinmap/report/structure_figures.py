@@ -122,9 +122,9 @@ def _draw_shapes(
     order = np.argsort(depth, kind="stable")  # the nearest is painted last
     normals = face_normals(corners.reshape(-1, 3), count)
     paint = shaded(np.tile(BODY, (len(corners), 1)), view.project(normals))
-    image = np.zeros((rows * columns, 4))
-    image[pixels[order]] = paint[triangle[order]]
-    image = image.reshape(rows, columns, 4)
+    painted = np.zeros((rows * columns, 4))
+    painted[pixels[order]] = paint[triangle[order]]
+    image = painted.reshape(rows, columns, 4)
     extent = (box[0], box[0] + columns * pixel, box[2], box[2] + rows * pixel)
     axis.imshow(image, origin="lower", extent=extent, interpolation="antialiased", zorder=0)
 

@@ -387,7 +387,7 @@ def _channels(writer: McapWriter, index: Index, head: dict[str, str]) -> dict[in
         for number, one in sorted(found.schemas.items())
     }
     numbers: dict[int, int] = {}
-    ours = {*TOPICS.values(), TOUCHES, JOINTS}
+    ours = {*TOPICS.values(), TOUCHES, JOINT_STATES, OLD_JOINTS}
     # A channel is described twice: where one copy is damaged, the other one names its topic.
     named = found.channels | {one.id: one for one in found.copies if one.topic in ours}
     for number, one in sorted(named.items()):
