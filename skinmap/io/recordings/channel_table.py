@@ -27,6 +27,7 @@ from skinmap.errors import (
 from skinmap.io.recordings.mapping import NAME, Mapping, find_mapping
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.text import MAX_CHANNEL, check_file
+from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.touch.labels import check_label
 from skinmap.touch.recording import Recording
@@ -98,7 +99,8 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
         Times that run backwards, values that are no numbers, channels given twice, or none that
         the skin has.
     """
-    skin = load_robot(mapping.robot).skin(mapping.part)
+    robot = load_robot(mapping.robot)
+    skin = robot.skin(mapping.part)
     _check(table, path)
     try:
         labels = tuple(check_label(label) for label in table.labels)
@@ -111,7 +113,7 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
         counts = np.rint(np.clip(values * (COUNTS / mapping.full_scale), 0.0, COUNTS))
     counts = np.nan_to_num(counts, nan=0.0)
     pressures = np.zeros((len(counts), len(skin)), np.uint8)
-    rows, columns = _places(skin, table.channels, path)
+    rows, columns = _places(_numbers_of(robot, skin), table.channels, path)
     pressures[:, rows] = counts[:, columns]
     several = (mapping.session, mapping.person)
     sessions, people = (
@@ -167,18 +169,27 @@ def _above_rest(values: FloatArray, stretches: IntArray | None, calm: float) -> 
     return found
 
 
-def _places(skin: Skin, channels: IntArray, path: Path) -> tuple[IntArray, IntArray]:
+def _numbers_of(robot: Robot, skin: Skin) -> IntArray:
+    """(n,) id of each taxel where the skin's file has ids, -1 for one without; else its channel."""
+    table = robot.part(skin.part).read()
+    if not len(table.ids):
+        return skin.channels
+    place = dict(zip(table.channels.tolist(), table.ids.tolist(), strict=True))
+    return np.array([place[channel] for channel in skin.channels.tolist()], np.int64)
+
+
+def _places(numbers: IntArray, channels: IntArray, path: Path) -> tuple[IntArray, IntArray]:
     """Rows of the skin's taxels and columns of the table that belong together."""
     column = {int(channel): k for k, channel in enumerate(channels)}
-    found = np.array([column.get(int(channel), -1) for channel in skin.channels])
+    found = np.array([column.get(number, -1) for number in numbers.tolist()])
     rows = np.flatnonzero(found >= 0)
     if len(rows) == 0:
         raise DataFormatError(
             f"none of its {len(channels)} channels ({channels.min()} to {channels.max()}) is one "
-            f"of the skin's ({skin.channels.min()} to {skin.channels.max()}): another skin",
+            f"of the skin's ({numbers.min()} to {numbers.max()}): another skin",
             path,
         )
-    idle, lost = len(skin) - len(rows), len(channels) - len(rows)
+    idle, lost = len(numbers) - len(rows), len(channels) - len(rows)
     if idle or lost:
         warnings.warn(
             f"{path.name}: {lost} channels without a place were left out, {idle} places without "
