@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from skinmap.classify.classifier import TouchClassifier
+from skinmap.classify.classifier import TouchClassifier, learnable
 from skinmap.classify.descriptors import ContactGeometry, Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest
 from skinmap.classify.protocols.physics import OURS, Judged, judged
@@ -202,9 +202,12 @@ def _train(task: _Training) -> dict[tuple[str, float], list[tuple[str, str, floa
     """True label, name and confidence of the touches of each physics and share."""
     motion = None if task.features is None else task.features == "and motion"
     model = TouchClassifier("contact-geometry", ContactGeometry(motion=motion), RbfMachine())
-    model.fit(task.train, rng=task_rng(task.seed))
+    train = learnable(task.train)
+    model.fit(train, rng=task_rng(task.seed))
+    known = {touch.label for touch in train}  # a hand on a small part is nothing to learn
     found = {}
-    for world, touches in task.test.items():
+    for world, every in task.test.items():
+        touches = [touch for touch in every if touch.label in known]
         for share in task.shares:
             guesses = [
                 (touch.label, likeliest(model, beginning(touch, share))) for touch in touches

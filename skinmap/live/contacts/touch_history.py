@@ -215,7 +215,7 @@ class TouchBook:
         return over
 
     def _end(self, entry: Entry) -> int:
-        early, since = entry.name.label, entry.named_at - entry.began
+        early, since = entry.name.label, min(entry.named_at, entry.seen) - entry.began
         entry.early = (early, since) if early not in UNSURE else ("", float("nan"))
         last = self.revise(entry)
         if last is not None:
