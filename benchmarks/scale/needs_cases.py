@@ -18,7 +18,7 @@ LAYERS = ("pressure", "patches", "distortion", "structures")
 ALL_LAYERS = "all four"
 AS_READ = "as read"  # the links, not reduced
 SKINS = (
-    "icub_models", "igl", "scipy.sparse.csgraph", "scipy.spatial", "trimesh", "yourdfpy",
+    "icub_models", "igl", "scipy.sparse.csgraph", "scipy.spatial", "trimesh", "lxml.etree",
     "benchmarks.geometry.meshing",
     "skinmap.flat.flat_map", "skinmap.io.robots.manifest", "skinmap.touch.prepared_skin",
 )  # fmt: skip

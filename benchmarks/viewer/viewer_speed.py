@@ -37,7 +37,7 @@ def memory(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 from viewer.display import require_opengl
 require_opengl()
 import skinmap, skinmap.io.robots.manifest, skinmap.flat.flat_map, skinmap.surface.surface_mesh
-import yourdfpy, trimesh, igl, icub_models, pyvista.plotting
+import lxml.etree, trimesh, igl, icub_models, pyvista.plotting
 from viewer.scene import Scene
 imported, before = time.process_time(), memory()
 wall, links = time.perf_counter(), sys.argv[2]

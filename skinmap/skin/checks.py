@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
+from skinmap.cache import cached
 from skinmap.geometry.proximity import nearest
 from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.skin.layouts import ModuleLayout
@@ -78,8 +79,16 @@ def mirror_distance(points: FloatArray, others: FloatArray) -> float:
 
     Channels of left and right parts are wired differently, so only the shape is compared: the
     image is laid over the points by its principal axes in each of their four proper ways and
-    moved to its nearest neighbours from there.
+    moved to its nearest neighbours from there. Kept between runs.
     """
+
+    def lay() -> dict[str, FloatArray]:
+        return {"distance": np.array(_mirror_distance(points, others))}
+
+    return float(cached("mirror_distance", [points, others, MIRROR_STEPS], lay)["distance"])
+
+
+def _mirror_distance(points: FloatArray, others: FloatArray) -> float:
     image = others * [-1.0, 1.0, 1.0]
     tree = cKDTree(points)
     here, there = _principal_axes(points), _principal_axes(image)

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from skinmap.cli.flatten.result import FlattenResult, PatchRow
-from skinmap.cli.flatten.seam import HELP as SEAM_KINDS
-from skinmap.cli.flatten.seam import SeamOption
 from skinmap.commands.options import (
     open_robot,
     out_folder,
@@ -35,8 +33,32 @@ COMPARE_HELP = (
     "Methods to compare with, `drawing` for a hand-drawn map, `theirs` for the file's own."
 )
 
+SEAM_KINDS = (
+    "Where what is no disc is cut: contacts RECORDING (where its touches are divided least), "
+    "shortest, a file of channels, or none (tubes: a map that repeats itself).  [default: shortest]"
+)
 BOUND_HELP = "Slit each chart until its mean symmetric Dirichlet energy is below this, as 4.1."
 SHEETS_HELP = "Take mesh files with three faces at an edge apart into sheets there."
+
+
+class SeamOption(click.Option):
+    """An option of one word, or of two where the first is `contacts`."""
+
+    def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
+        """Let the word after `contacts` belong to it."""
+        super().add_to_parser(parser, ctx)
+        for name in self.opts:
+            own = parser._long_opt[name]
+            plain = own.process
+
+            def process(value: str, state: Any, plain: Any = plain) -> None:
+                if value == "contacts":
+                    if not state.rargs:
+                        raise click.UsageError("--seam contacts needs a recording after it")
+                    value = f"contacts {state.rargs.pop(0)}"
+                plain(value, state)
+
+            own.process = process
 
 
 @click.command("flatten")

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 
 from skinmap.arrays import BoolArray, IntArray
@@ -16,10 +15,6 @@ from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError,
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 CONTACTS, SHORTEST, NONE = "contacts", "shortest", "none"
-HELP = (
-    "Where what is no disc is cut: contacts RECORDING (where its touches are divided least), "
-    "shortest, a file of channels, or none (tubes: a map that repeats itself).  [default: shortest]"
-)
 MAX_CHANNEL = 10_000_000
 
 
@@ -37,26 +32,6 @@ class Seam:
 
     kind: str = SHORTEST
     path: Path | None = None
-
-
-class SeamOption(click.Option):
-    """An option of one word, or of two where the first is `contacts`."""
-
-    def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
-        """Let the word after `contacts` belong to it."""
-        super().add_to_parser(parser, ctx)
-        for name in self.opts:
-            own = parser._long_opt[name]
-            plain = own.process
-
-            def process(value: str, state: Any, plain: Any = plain) -> None:
-                if value == CONTACTS:
-                    if not state.rargs:
-                        raise click.UsageError("--seam contacts needs a recording after it")
-                    value = f"{CONTACTS} {state.rargs.pop(0)}"
-                plain(value, state)
-
-            own.process = process
 
 
 def read_seam(words: str) -> Seam:
