@@ -216,6 +216,19 @@ def test_their_map_costs_what_it_costs_whatever_its_scale_and_side(shape):
         assert drawn.mirrored == (change[0] < 0)
 
 
+@pytest.mark.parametrize("meshing", [[], ["--meshing", "consensus"]])
+def test_a_handle_is_laid_flat_better_than_its_own_map(meshing):
+    path = PUBLISHED / "handles" / "collaborate_handle_1_ale.json"
+    if not path.is_file():
+        pytest.skip("the published handle is not here")
+    words = ["flatten", str(path), "--compare", "theirs", "--json", *meshing]
+    found = json.loads(CliRunner().invoke(cli, words, catch_exceptions=False).stdout)
+    (row,), theirs = found["patches"], found["compare"]
+    assert row["flips"] == 0
+    assert row["edge_rms_percent"] <= 0.5
+    assert min(one["edge_rms_percent"] for one in theirs) > 8.5
+
+
 def test_flatten_compares_with_theirs(tmp_path):
     words = ["flatten", str(TAXELS / "link2.json"), "--compare", "theirs", "--json"]
     found = json.loads(CliRunner().invoke(cli, words, catch_exceptions=False).stdout)
