@@ -197,6 +197,8 @@ def test_maps_alone_and_skins_alone_are_read(document, tmp_path):
     assert len(read_tactile_maps([maps], 524)["ur10e_link2_isomap"]) == 524
     with pytest.raises(DataFormatError, match="only of another skin"):
         read_tactile_maps([maps], 525)
+    with pytest.raises(DataFormatError, match="of another skin: 524 taxels, not 642"):
+        read_tactile_maps([TAXELS / "link2.json"], 642)
     document.pop("tactile_maps")
     with pytest.raises(DataFormatError, match="without tactile maps"):
         read_tactile_maps([saved(tmp_path, document)])
