@@ -7,7 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, check_whole, freeze
+from skinmap.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    check_finite,
+    check_points,
+    check_whole,
+    freeze,
+)
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.skin.normals import repair_normals
@@ -37,6 +45,8 @@ class Skin(Summary):
         another.
     ring : bool
         Whether its patches close to a ring: a contact goes on across their joints.
+    wired : (n,) bool or None
+        Which taxels have a channel of their own; the others never speak. None: all.
 
     Examples
     --------
@@ -54,6 +64,7 @@ class Skin(Summary):
     up: FloatArray | None = None
     pieces: IntArray | None = None
     ring: bool = False
+    wired: BoolArray | None = None
 
     def __post_init__(self) -> None:
         positions = check_points(self.positions, "positions")
@@ -69,6 +80,8 @@ class Skin(Summary):
             freeze(self, up=check_finite(self.up, "up", (3,)))
         if self.pieces is not None:
             freeze(self, pieces=check_whole(self.pieces, "pieces", (len(positions),)))
+        if self.wired is not None:
+            freeze(self, wired=np.broadcast_to(self.wired, (len(positions),)))
 
     def __len__(self) -> int:
         return len(self.channels)
@@ -129,4 +142,5 @@ def skin_from_table(
         up,
         table.pieces if len(table.pieces) else None,
         ring,
+        ~np.isin(table.channels, table.unwired) if len(table.unwired) else None,
     )

@@ -133,6 +133,8 @@ class Sensors:
         if sensing.unplaced > 0:
             lost = rng.random(self._module.max(initial=0) + 1) < sensing.unplaced
             self.dead |= lost[self._module]
+        if skin.wired is not None:
+            self.dead |= ~skin.wired
         self.stuck: IntArray = _areas(skin, sensing.stuck, rng)
         self._hangs = rng.uniform(*STUCK, len(self.stuck)) if len(self.stuck) else np.zeros(0)
         self._crept, self._highest = np.zeros(count), np.zeros(count)

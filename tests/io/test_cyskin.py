@@ -197,6 +197,8 @@ def test_maps_alone_and_skins_alone_are_read(document, tmp_path):
     assert len(read_tactile_maps([maps], 524)["ur10e_link2_isomap"]) == 524
     with pytest.raises(DataFormatError, match="only of another skin"):
         read_tactile_maps([maps], 525)
+    with pytest.raises(DataFormatError, match="of another skin: 524 taxels, not 642"):
+        read_tactile_maps([TAXELS / "link2.json"], 642)
     document.pop("tactile_maps")
     with pytest.raises(DataFormatError, match="without tactile maps"):
         read_tactile_maps([saved(tmp_path, document)])
@@ -214,6 +216,19 @@ def test_their_map_costs_what_it_costs_whatever_its_scale_and_side(shape):
         # Published with the file; the planted control is that ours on the same mesh costs 0.09.
         assert 100.0 * drawn.distortion.edge_rms == pytest.approx(8.94, abs=0.01)
         assert drawn.mirrored == (change[0] < 0)
+
+
+@pytest.mark.parametrize("meshing", [[], ["--meshing", "consensus"]])
+def test_a_handle_is_laid_flat_better_than_its_own_map(meshing):
+    path = PUBLISHED / "handles" / "collaborate_handle_1_ale.json"
+    if not path.is_file():
+        pytest.skip("the published handle is not here")
+    words = ["flatten", str(path), "--compare", "theirs", "--json", *meshing]
+    found = json.loads(CliRunner().invoke(cli, words, catch_exceptions=False).stdout)
+    (row,), theirs = found["patches"], found["compare"]
+    assert row["flips"] == 0
+    assert row["edge_rms_percent"] <= 0.5
+    assert min(one["edge_rms_percent"] for one in theirs) > 8.5
 
 
 def test_flatten_compares_with_theirs(tmp_path):

@@ -89,6 +89,16 @@ def test_ids_are_those_of_the_eight_patches(robot):
     assert len(np.unique(known // 16)) == 2 * (60 + 50) * 2
 
 
+def test_taxels_without_a_channel_never_speak(robot):
+    skin = robot.skin("forearm_2")
+    silent = np.flatnonzero(~skin.wired)
+    assert len(silent) == 6
+    recording = skinmap.simulate(skin, per_gesture=4, rng=1)
+    assert recording.pressures[:, silent].max() == 0
+    assert (recording.pressures[:, skin.wired].max(axis=0) > 0).mean() > 0.9
+    assert robot.skin("upper_arm_1").wired is None
+
+
 def test_readme_lists_the_files_that_ship():
     listed = dict(
         re.findall(

@@ -46,7 +46,7 @@ def part_picture(robot: Robot, name: str) -> bytes:
     from matplotlib.colors import Normalize, to_rgba
 
     skin, mesh = robot.skin(name), robot.mesh_under(name)
-    found = measure_fit(skin, mesh)
+    found, cover = measure_fit(skin, mesh), robot.part(name).cover
     figure = plain_figure((10.0, 4.9))
     axes = figure.subplots(1, 2)
     scale = Normalize(0.0, FAR_MM)
@@ -61,7 +61,7 @@ def part_picture(robot: Robot, name: str) -> bytes:
         tips = view.project(skin.positions * MM + TIP_MM * skin.normals)
         for start, end in zip(points[seen][::5], tips[seen][::5], strict=True):
             axis.plot(*np.stack([start, end])[:, :2].T, color="#303030", linewidth=0.6)
-        distance = found.distance[seen] * MM
+        distance = np.abs(found.distance[seen] - cover) * MM
         axis.scatter(*points[seen][:, :2].T, c=distance, s=9, cmap="viridis", norm=scale, zorder=3)
         axis.set_xlim(points[:, 0].min() - MARGIN_MM, points[:, 0].max() + MARGIN_MM)
         axis.set_ylim(points[:, 1].min() - MARGIN_MM, points[:, 1].max() + MARGIN_MM)
@@ -70,7 +70,8 @@ def part_picture(robot: Robot, name: str) -> bytes:
         axis.set_xlabel("mm", fontsize=8)
         axis.tick_params(labelsize=7)
     bar = figure.colorbar(ScalarMappable(scale, "viridis"), ax=axes, shrink=0.7, extend="max")
-    bar.set_label("distance to the link [mm]")
+    off = f"the cover of {cover * MM:g} mm" if cover else "the link"
+    bar.set_label(f"distance to {off} [mm]")
     return picture_bytes(figure)
 
 

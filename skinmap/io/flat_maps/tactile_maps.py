@@ -23,7 +23,7 @@ def read_tactile_maps(paths: Sequence[Path], count: int | None = None) -> dict[s
     paths : sequence of Path
         CySkin files; taxel i of a file is channel i after those of the files before it.
     count : int, optional
-        Taxels of the part, where the files hold maps alone.
+        Taxels of the part that the maps must be of; files may hold maps alone then.
 
     Raises
     ------
@@ -32,6 +32,8 @@ def read_tactile_maps(paths: Sequence[Path], count: int | None = None) -> dict[s
     """
     files = [read_cyskin(path) for path in paths]
     rows = [len(found) or count or 0 for found in files]
+    if count is not None and sum(rows) != count:
+        raise DataFormatError(f"maps of another skin: {sum(rows)} taxels, not {count}", paths[0])
     starts = np.cumsum([0, *rows])
     pieces: dict[str, list[Drawing]] = {}
     left = []

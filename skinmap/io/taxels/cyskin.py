@@ -27,7 +27,7 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError
-from skinmap.io.text import MAX_CHANNEL, read_text
+from skinmap.io.text import MAX_CHANNEL, check_file, read_text
 from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.validation import checked
 
@@ -275,6 +275,7 @@ def read_cyskin(path: Path) -> CySkin:
         neither a skin nor maps.
     """
     fail = partial(DataFormatError, path=path)
+    check_file(path, "a CySkin file (.json)")
     try:
         document = json.loads(read_text(path), parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
