@@ -16,11 +16,11 @@ LANDED = 0.5  # what lands as one with a saddle below this share of the lower su
 PARTED = 0.25  # and so is what was one before: between the two a contact stays as it is
 ISLANDS = 0.05  # the same of the islands of one palm, which gains part
 GRIP = 0.5  # while a hand closes its islands land [s]
-PALM = 2e-3  # six fingertips' prints: a contact of this size is of a hand [m2]
+PALM = 1.5e-3  # more than five fingers press: a contact of this size is of a hand [m2]
 SPAN = 0.2  # of a hand [m]
 CLOSE = 0.015  # a fingertip's width: what lies further apart is two while both have a summit [m]
-PRINT = 0.25 * np.pi * CLOSE**2  # what a fingertip prints at least [m2]
-NEAR = 20e-3  # from a contact: what is smaller than a print there is a piece of it [m]
+PRINT = 1.67e-4  # less than the print of a light fingertip: three taxels 8 mm apart [m2]
+NEAR = 16e-3  # from a contact: what is smaller than a print there is a piece of it [m]
 HIDDEN = 0.5  # a contact without a summit is kept so long [s]
 
 
