@@ -12,7 +12,7 @@ from skinmap.arrays import BoolArray, IntArray
 from skinmap.cli.evaluate.fingers import data_folder
 from skinmap.cli.evaluate.result import HandRow, HandsResult
 from skinmap.commands.progress import progress
-from skinmap.errors import InvalidArrayError, MissingLibraryError
+from skinmap.errors import InvalidArrayError, MissingLibraryError, UnknownNameError
 
 if TYPE_CHECKING:
     from skinmap.cli.evaluate.evaluation import Settings
@@ -142,8 +142,11 @@ def hand_or_not(
     images = paper_images(skin.image_geometry, raw[kept])
     bench = Bench(ImageSet(images, raw[kept], labels[kept], labels[kept], events[kept]))
     rows, skipped = [], {}
-    for name, method in METHODS.items():
+    for name in settings.names or METHODS:
+        if name not in METHODS:
+            raise UnknownNameError("method", name, METHODS)
         scores: list[float] = []
+        method = METHODS[name]
         try:
             for seed in settings.all_seeds:
                 folds = make_folds(
