@@ -41,8 +41,8 @@ from skinmap.io.recordings.mcap_track import read_track, write_repaired
 from skinmap.io.recordings.readers import read_recordings
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.recordings.xdf import read_xdf
-from skinmap.parallel.resume import ResumeStore
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
+from skinmap.parallel.resume import ResumeStore
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording, save_recordings
 
