@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 ARCHIVE, FOLDER = "hands*.npz", "handles"
 GRASP = 30  # active taxels of a hand that grasps
-QUIET = 3  # and of a skin that nobody touches, at most
+QUIET = 3  # and of an untouched skin, at most
 SHOWN = 8  # samples in the picture
 
 
@@ -66,7 +66,7 @@ def work(settings: Settings) -> HandsResult:
         grasp = seen.active > GRASP
         if not grasp.any():
             raise InvalidArrayError(
-                f"no sample with more than {GRASP} active taxels: nobody grasps the skin"
+                f"no sample with more than {GRASP} active taxels: the skin is not grasped"
             )
         flat = skin.flat
         advance("flat map")

@@ -206,7 +206,7 @@ def _hands(result: HandsResult) -> Iterator[str | Table]:
         ["quartiles", f"{low:g} to {high:g}"],
         ["connected active taxels, specks and all, median", f"{result.pieces_median:g}"],
         ["contacts of a single taxel, mean", f"{result.single_taxels:.2f}"],
-        ["control: contacts while nobody touches, mean", quiet],
+        ["control: contacts of the untouched skin, mean", quiet],
         ["flipped triangles of the flat map", result.flips],
         ["its edge error [%]", f"{result.edge_error_percent:.2f}"],
     ]

@@ -715,7 +715,7 @@ class CountRow:
     spread
         Standard deviation of `exact` over the repetitions.
     control, control_within_one
-        The same on the first samples of each recording, when nobody touches yet.
+        The same on the first samples of each recording, before it is touched.
     confusion
         Recordings of each number of fingers (rows) by the number counted.
     """
@@ -828,7 +828,7 @@ class HandsResult:
     quiet_contacts
         Contacts in samples with three active taxels at most: the control; null without any.
     hand_or_not
-        By method; empty where nobody said which samples are of a hand.
+        By method; empty where it is not said which samples are of a hand.
     skipped
         What was left out, and why.
     files
