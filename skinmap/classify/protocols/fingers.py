@@ -2,8 +2,8 @@
 
 Nothing of a recording's rest may help: each taxel's own rest is taken away before (see `above_rest`
 of `skinmap.io.recordings.cyskin_arrays`). The control is the same counter, fitted and tested in the
-same way, on the first samples of each recording, before the skin is touched: recordings of one session
-a class would give themselves away there.
+same way, on the first samples of each recording, before the skin is touched: sessions of one class
+would give themselves away there.
 """
 
 from __future__ import annotations
