@@ -12,6 +12,8 @@ from skinmap.cli.evaluate.result import (
     BaxterResult,
     CostResult,
     CrossPatchResult,
+    FingersResult,
+    HandsResult,
     KasparResult,
     PhysicsResult,
     RecordingsResult,
@@ -100,6 +102,8 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
     BaxterResult,
     TimeResult,
     CostResult,
+    FingersResult,
+    HandsResult,
 )
 def command(
     recordings: tuple[Path, ...],
@@ -118,6 +122,7 @@ def command(
               skinmap evaluate --protocol cross-patch --robot icub --seeds 1
               skinmap evaluate --protocol physics --seeds 1 --per-gesture 5
               skinmap evaluate --protocol time --per-gesture 8
+              skinmap evaluate --protocol fingers DATA
               skinmap evaluate touches.npz --robot icub
               skinmap evaluate monday.mcap tuesday.mcap --leave-out session --leaks
               skinmap evaluate --protocol kaspar --sweep --jobs 4 --resume kaspar.resume
@@ -153,8 +158,11 @@ def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, 
                 f"--protocol {protocol} has its own splits: no --leave-out, --leaks"
             )
         if protocol in ON_DATA:
-            if not recordings:
-                raise click.UsageError(f"--protocol {protocol} needs its file: docs/evaluation.md")
+            if len(recordings) != 1:
+                raise click.UsageError(
+                    f"--protocol {protocol} needs its file or folder, one, got {len(recordings)}: "
+                    "docs/evaluation.md"
+                )
             return protocol, recordings
         if recordings:
             raise click.UsageError(f"--protocol {protocol} simulates its touches: no recordings")

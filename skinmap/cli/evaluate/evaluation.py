@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from skinmap.touch.subjects import Places
 
 TUNING_STEPS = 6  # about; only the bar shows it
-PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time", "cost")
-ON_DATA = ("cost",)  # protocols of files that users bring
+PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time", "cost", "fingers", "hands")
+ON_DATA = ("cost", "fingers", "hands")  # protocols of files that users bring
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +83,23 @@ def work(settings: Settings) -> EvaluateResult:
         "physics": _physics,
         "time": _time,
         "cost": _cost,
+        "fingers": _fingers,
+        "hands": _hands,
         "recordings": _recordings,
     }
     return runners[settings.protocol](settings)
+
+
+def _fingers(settings: Settings) -> EvaluateResult:
+    from skinmap.cli.evaluate.fingers import work as count_fingers
+
+    return count_fingers(settings)
+
+
+def _hands(settings: Settings) -> EvaluateResult:
+    from skinmap.cli.evaluate.hands import work as watch_hands
+
+    return watch_hands(settings)
 
 
 def _gestures(settings: Settings) -> tuple[str, ...]:

@@ -9,6 +9,8 @@ import numpy as np
 
 from skinmap.cli.evaluate.result import (
     CrossPatchResult,
+    FingersResult,
+    HandsResult,
     KasparResult,
     RecordingsResult,
     SweepRow,
@@ -18,6 +20,9 @@ from skinmap.report.figure import plain_figure, save_figure
 from skinmap.report.result import given
 
 BLUE, ORANGE, GREY = "#3b6ea8", "#d98032", "#9aa3ad"
+CONTACTS = (
+    BLUE, ORANGE, "#2f8f6b", "#a83b5e", "#7a5ea8", "#b8a32e", "#3ba0a8", "#6b4a2b", "#5a6470",
+)  # fmt: skip
 COLOURS = (BLUE, "#7fa6d0", "#2f8f6b", ORANGE, "#e8b98a")
 
 
@@ -129,6 +134,70 @@ def time_figure(result: TimeResult, path: Path) -> None:
     for axis in (course, bars):
         axis.spines[["top", "right"]].set_visible(False)
     figure.suptitle(f"{result.robot}: touches in time, parts and people left out")
+    save_figure(figure, path)
+
+
+def fingers_figure(result: FingersResult, path: Path) -> None:
+    """Fingers that touched against fingers counted, by each method."""
+    rows = (result.live, result.width, result.trained)
+    figure = plain_figure((4.2 * len(rows), 4.6))
+    for axis, row in zip(figure.subplots(1, len(rows), squeeze=False)[0], rows, strict=True):
+        values = np.array(row.confusion)
+        values = values[: max(map(int, result.recordings)) + 1]
+        share = 100.0 * values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9)
+        axis.imshow(share, cmap="viridis", vmin=0.0, vmax=100.0, aspect="auto")
+        for (true, counted), value in np.ndenumerate(share):
+            if value >= 0.5:
+                colour = "white" if value < 60.0 else "black"
+                axis.text(
+                    counted,
+                    true,
+                    f"{value:.0f}",
+                    ha="center",
+                    va="center",
+                    color=colour,
+                    fontsize=9,
+                )
+        axis.set_xticks(range(share.shape[1]))
+        axis.set_yticks(range(share.shape[0]))
+        axis.set_xlabel("counted")
+        control = f"control {100 * row.control:.0f}"
+        axis.set_title(f"{row.method}\n{100 * row.exact:.0f} % exact, {control}", fontsize=10)
+    figure.axes[0].set_ylabel("fingers that touched")
+    figure.suptitle(f"{result.robot}: real fingers, share of the recordings of each row [%]")
+    save_figure(figure, path)
+
+
+def hands_figure(result: HandsResult, path: Path) -> None:
+    """Contact images of grasps as published, and below each the contacts on the flat map."""
+    from skinmap.cli.evaluate.hands import follow, shown
+    from skinmap.io.recordings.cyskin_arrays import read_pressed
+    from skinmap.touch.paper_image import paper_images
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    data = read_pressed(Path(result.archive), Path(result.patch))
+    skin = PreparedSkin(data.skin)
+    seen = follow(skin, data)
+    samples = shown(seen)
+    pressures = np.concatenate(data.files)[samples]
+    figure = plain_figure((2.3 * len(samples), 5.4))
+    rows = figure.subplots(2, len(samples), squeeze=False, height_ratios=(0.6, 1.0))
+    places = skin.flat.uv * 1e3
+    for column, image in enumerate(paper_images(skin.image_geometry, pressures)):
+        above, below = rows[:, column]
+        above.imshow(image, cmap="gray", vmin=0, vmax=255)
+        owner = seen.owners[samples[column]]
+        below.scatter(*places[owner < 0].T, s=2.0, color="#d5d9de")
+        for number in range(int(owner.max()) + 1):
+            own = owner == number
+            below.scatter(*places[own].T, s=9.0, color=CONTACTS[number % len(CONTACTS)])
+        below.set_aspect("equal")
+        below.set_title(f"{owner.max() + 1} contacts", fontsize=9)
+        for axis in (above, below):
+            axis.set_xticks([])
+            axis.set_yticks([])
+            axis.spines[:].set_visible(False)
+    figure.suptitle(f"{result.robot}: contact images of real hands, and contacts on the flat map")
     save_figure(figure, path)
 
 

@@ -13,6 +13,8 @@ from skinmap.cli.evaluate.result import (
     CostResult,
     CrossPatchResult,
     EvaluateResult,
+    FingersResult,
+    HandsResult,
     KasparResult,
     PhysicsResult,
     RecordingsResult,
@@ -39,6 +41,10 @@ def lines(result: EvaluateResult) -> Iterator[str | Table]:
         return _time(result)
     if isinstance(result, CostResult):
         return social_touch.lines(result)
+    if isinstance(result, FingersResult):
+        return _fingers(result)
+    if isinstance(result, HandsResult):
+        return _hands(result)
     return _baxter(result) if isinstance(result, BaxterResult) else _recordings(result)
 
 
@@ -60,6 +66,12 @@ def write(result: EvaluateResult, stage: Path) -> Iterator[str]:
     elif isinstance(result, TimeResult):
         figures.time_figure(result, stage / "time.png")
         yield "time.png"
+    elif isinstance(result, FingersResult):
+        figures.fingers_figure(result, stage / "fingers.png")
+        yield "fingers.png"
+    elif isinstance(result, HandsResult):
+        figures.hands_figure(result, stage / "hands.png")
+        yield "hands.png"
     elif isinstance(result, RecordingsResult):
         figures.leak_figure(result, stage / "leak.png")
         yield "leak.png"
@@ -153,6 +165,59 @@ def _physics(result: PhysicsResult) -> Iterator[str | Table]:
         for row in result.rows
     ]  # fmt: skip
     yield Table(["trained on", "tested on", "mean", "ece", *result.gestures], rows)
+
+
+def _fingers(result: FingersResult) -> Iterator[str | Table]:
+    total = sum(result.recordings.values())
+    told = ", ".join(f"{count} of {number}" for number, count in result.recordings.items())
+    yield (
+        f"{result.robot}, {result.taxels} taxels: {total} recordings of real fingers ({told}); "
+        f"each taxel's own rest taken away; in %, majority {_percent(result.majority)}"
+    )
+    if result.unplaced or result.unrecorded:
+        yield (
+            f"{result.unplaced} channels have no place, {result.unrecorded} taxels no channel: "
+            "left out"
+        )
+    rows: Rows = [
+        [
+            row.method, _percent(row.exact), _percent(row.within_one), _percent(row.spread),
+            _percent(row.control), _percent(row.control_within_one),
+        ]
+        for row in (result.live, result.width, result.trained)
+    ]  # fmt: skip
+    head = ["fingers counted by", "exact", "within one", "std", "control", "within one"]
+    yield Table(head, rows)
+    yield (
+        f"control: the same on the first {result.first_samples} samples of each recording; width: "
+        f"one finger up to {result.narrow_mm:.1f} mm, one more for each {result.finger_mm:.1f} mm"
+    )
+
+
+def _hands(result: HandsResult) -> Iterator[str | Table]:
+    low, high = result.contacts_quartiles
+    quiet = "none" if result.quiet_contacts is None else f"{result.quiet_contacts:.2f}"
+    yield (
+        f"{result.robot}, {result.taxels} taxels: {result.grasping} of {result.samples} samples "
+        "of real hands grasp it"
+    )
+    rows: Rows = [
+        ["contacts of the live tracker, median", f"{result.contacts_median:g}"],
+        ["quartiles", f"{low:g} to {high:g}"],
+        ["connected active taxels, specks and all, median", f"{result.pieces_median:g}"],
+        ["contacts of a single taxel, mean", f"{result.single_taxels:.2f}"],
+        ["control: contacts of the untouched skin, mean", quiet],
+        ["flipped triangles of the flat map", result.flips],
+        ["its edge error [%]", f"{result.edge_error_percent:.2f}"],
+    ]
+    yield Table(["of a grasping hand", ""], rows)
+    if result.hand_or_not:
+        names: Rows = [
+            [row.method, _percent(row.mean), _percent(row.spread)] for row in result.hand_or_not
+        ]
+        yield Table(["hand or not, grasps left out", "mean", "std"], names)
+    for name, why in result.skipped.items():
+        yield f"{name} was left out: {why}"
 
 
 def _time(result: TimeResult) -> Iterator[str | Table]:

@@ -702,6 +702,161 @@ class CostResult:
     files: list[str] = field(default_factory=list)
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CountRow:
+    """A way to count fingers.
+
+    Attributes
+    ----------
+    method
+        What counts.
+    exact, within_one
+        Share of the recordings that it was not fitted on.
+    spread
+        Standard deviation of `exact` over the repetitions.
+    control, control_within_one
+        The same on the first samples of each recording, before it is touched.
+    confusion
+        Recordings of each number of fingers (rows) by the number counted.
+    """
+
+    method: str
+    exact: float
+    within_one: float
+    spread: float
+    control: float
+    control_within_one: float
+    confusion: list[list[float]]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FingersResult:
+    """The protocol `fingers`: real fingers, counted.
+
+    Attributes
+    ----------
+    protocol, robot, taxels
+        What was measured, and the skin.
+    archive, patch
+        Files of the samples and of the skin.
+    accuracy_is
+        Where the touches come from.
+    unplaced, unrecorded
+        Channels without a place, and taxels without a channel.
+    recordings
+        By number of fingers.
+    majority
+        Share of the most frequent number.
+    seeds
+        Of the repetitions.
+    first_samples
+        Of the control.
+    narrow_mm, finger_mm
+        Spread across one finger at most, and what each further one adds: chosen on a third of the
+        recordings, median over the repetitions.
+    live
+        Contacts of the live tracker in the heaviest sample; nothing is fitted.
+    width
+        Without training: two lengths from a third of the recordings, judged on the others.
+    trained
+        Extra trees on contact geometry, a region of the skin left out in turn.
+    files
+        Names inside `--out`.
+    """
+
+    protocol: Literal["fingers"] = "fingers"
+    robot: str
+    taxels: int
+    archive: str
+    patch: str
+    accuracy_is: Literal["real"] = "real"
+    unplaced: int
+    unrecorded: int
+    recordings: dict[str, int]
+    majority: float
+    seeds: list[int]
+    first_samples: int
+    narrow_mm: float
+    finger_mm: float
+    live: CountRow
+    width: CountRow
+    trained: CountRow
+    files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HandRow:
+    """How well a method tells hands from all else, grasps left out.
+
+    Attributes
+    ----------
+    method
+        Its name.
+    mean, spread
+        Mean of the diagonal, and its standard deviation over the repetitions.
+    """
+
+    method: str
+    mean: float
+    spread: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HandsResult:
+    """The protocol `hands`: real hands on a skin.
+
+    Attributes
+    ----------
+    protocol, robot, taxels
+        What was measured, and the skin.
+    archive, patch
+        Files of the samples and of the skin.
+    accuracy_is
+        Where the touches come from.
+    unplaced, unrecorded
+        Channels without a place, and taxels without a channel.
+    flips, edge_error_percent
+        Of the flat map that contact images lie on.
+    samples, grasping
+        All, and those with more than 30 active taxels.
+    contacts_median, contacts_quartiles
+        Contacts of the live tracker in samples that grasp.
+    pieces_median
+        Connected active taxels in the same samples, specks and all.
+    single_taxels
+        Contacts of one taxel, mean of these samples.
+    quiet_contacts
+        Contacts in samples with three active taxels at most: the control; null without any.
+    hand_or_not
+        By method; empty where it is not said which samples are of a hand.
+    skipped
+        What was left out, and why.
+    files
+        Names inside `--out`.
+    """
+
+    protocol: Literal["hands"] = "hands"
+    robot: str
+    taxels: int
+    archive: str
+    patch: str
+    accuracy_is: Literal["real"] = "real"
+    unplaced: int
+    unrecorded: int
+    flips: int
+    edge_error_percent: float
+    samples: int
+    grasping: int
+    contacts_median: float
+    contacts_quartiles: list[float]
+    pieces_median: float
+    single_taxels: float
+    quiet_contacts: float | None
+    hand_or_not: list[HandRow]
+    skipped: dict[str, str]
+    files: list[str] = field(default_factory=list)
+
+
 EvaluateResult = (
     KasparResult
     | CrossPatchResult
@@ -710,4 +865,6 @@ EvaluateResult = (
     | BaxterResult
     | TimeResult
     | CostResult
+    | FingersResult
+    | HandsResult
 )

@@ -14,13 +14,13 @@ from skinmap.live.robot_skin import JoinedSkin
 VALLEY = 0.7  # of the lower summit: contacts with less pressure than this between them are two
 LANDED = 0.5  # what lands as one with a saddle below this share of the lower summit is two
 PARTED = 0.25  # and so is what was one before: between the two a contact stays as it is
-ISLANDS = 0.1  # the same of the islands of one palm, which gains part
+ISLANDS = 0.05  # the same of the islands of one palm, which gains part
 GRIP = 0.5  # while a hand closes its islands land [s]
-PALM = 2e-3  # six fingertips' prints: a contact of this size is of a hand [m2]
+PALM = 1.5e-3  # more than five fingers press: a contact of this size is of a hand [m2]
 SPAN = 0.2  # of a hand [m]
-PRINT = 1.5e-4  # less than the print of a light fingertip [m2]
-NEAR = 16e-3  # from a contact: what is smaller than a print there is a piece of it [m]
 CLOSE = 0.015  # a fingertip's width: what lies further apart is two while both have a summit [m]
+PRINT = 1.67e-4  # less than the print of a light fingertip: three taxels 8 mm apart [m2]
+NEAR = 16e-3  # from a contact: what is smaller than a print there is a piece of it [m]
 HIDDEN = 0.5  # a contact without a summit is kept so long [s]
 
 

@@ -28,6 +28,7 @@ from skinmap.touch.contacts import ACTIVE
 
 BRIDGE = 0.1  # a contact that is not felt for so long is over [s]
 LOOK = 0.25  # between two looks at a contact for a saddle: it must be there twice [s]
+LARGER = 2.0  # times its area is the contact that a piece has broken off
 SLOWEST = 0.2  # between samples; what comes later comes after a gap [s]
 REACH = 0.025  # a contact that comes back without a taxel in common lies within this [m]
 MEASURES = 3.9e-3  # seconds between two measures of a contact: none of it changes quicker
@@ -222,7 +223,10 @@ class ContactTracker:
         away = points[own][:, None] - points[held]
         gap = np.einsum("abj,abj->ab", away, away).min(axis=0)
         nearest = int(gap.argmin())
-        if gap[nearest] > NEAR * NEAR:
+        contact = row == row[held[nearest]]
+        areas = self.skin.areas[index]
+        # Two of like size that land side by side are two.
+        if gap[nearest] > NEAR * NEAR or areas[contact].sum() < LARGER * areas[own].sum():
             return False
         row[own] = row[held[nearest]]
         return True

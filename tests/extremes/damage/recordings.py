@@ -30,6 +30,7 @@ from skinmap.errors import DataFormatError
 from skinmap.io.recordings.channel_table import read_arrays as read_channels
 from skinmap.io.recordings.channel_table import read_table
 from skinmap.io.recordings.cost import read_cost
+from skinmap.io.recordings.cyskin_arrays import read_pressed
 from skinmap.io.recordings.cyskin_text import read_cyskin_text
 from skinmap.io.recordings.dumper import read_dump, read_log
 from skinmap.io.recordings.learning import write_npz
@@ -40,6 +41,7 @@ from skinmap.io.recordings.mcap_track import read_track, write_repaired
 from skinmap.io.recordings.readers import read_recordings
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.recordings.xdf import read_xdf
+from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.parallel.resume import ResumeStore
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording, save_recordings
@@ -82,6 +84,26 @@ def mcap(kind: str = "raw") -> bytes:
         file.mark("a", 0, "poke", began=0.1, ended=0.3)
         file.close()
         return path.read_bytes()
+
+
+def patch() -> bytes:
+    """A CySkin file of taxels with the ids 32, 33, ..."""
+    up = np.tile([0.0, 0.0, 1.0], (N, 1))
+    places = np.column_stack([np.arange(N) % 4, np.arange(N) // 4, np.zeros(N)]) * 6e-3
+    one = CySkin("patch", 32 + np.arange(N), places, up, np.zeros((0, 3), np.int64))
+    return written(lambda path: write_cyskin(one, path))
+
+
+def pressed() -> bytes:
+    """Two files of samples on that patch."""
+    return zipped(
+        values=values().astype(np.uint16) * 70,
+        times=np.arange(SAMPLES) / RATE,
+        taxel_ids=32 + np.arange(N),
+        file_index=np.repeat([0, 1], SAMPLES // 2),
+        file_class=np.array([0, 3], np.int8),
+        hand=np.arange(SAMPLES) % 2,
+    )
 
 
 def learning() -> bytes:
@@ -335,6 +357,9 @@ TARGETS = [
            ("skinmap.io.recordings.mapping.read_mapping",)),
     Target("channel-mapping-used", "t.toml", lambda: [MAPPING],
            lambda p: read_table(p.with_suffix(".csv")), (), {"t.csv": channel_table}),
+    *both("cyskin-arrays", "t.npz", lambda: [pressed()],
+          lambda p: read_pressed(p, p.with_name("skin.json")),
+          ("skinmap.io.recordings.cyskin_arrays.read_pressed",), {"skin.json": patch}),
     Target("cyskin-text", "t.txt", lambda: [cyskin(), cyskin(pairs=True)], read_cyskin_text,
            ("skinmap.io.recordings.cyskin_text.read_cyskin_text",), {"t.toml": lambda: MAPPING}),
     Target("cost", "CoST.csv", lambda: [corpus_of_touch()], read_cost,

@@ -1,0 +1,240 @@
+"""How many fingers touch: counted without training and with, on recordings of real fingers.
+
+Nothing of a recording's rest may help: each taxel's own rest is taken away before (see `above_rest`
+of `skinmap.io.recordings.cyskin_arrays`). The control is the same counter, fitted and tested in the
+same way, on the first samples of each recording, before the skin is touched: sessions of one class
+would give themselves away there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.errors import InvalidArrayError
+from skinmap.touch.contact_geometry import FEATURES, contact_geometry
+from skinmap.touch.contacts import pool_event
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.rest import felt, find_rest
+
+HELD = 4  # samples at least that a taxel reads what counts: spikes last for one
+FIRST = 3  # samples before anybody touches: the control
+MOST = 5  # fingers of a hand
+THIRD = 1.0 / 3.0  # of the files, of each class, choose the thresholds
+REGIONS = 6  # pieces of the skin, along its longest side, that are left out in turn
+TREES = 300
+LENGTHS = 30  # tried for each threshold
+NEARLY = 0.25  # what a count within one is worth beside an exact one, when thresholds are chosen
+WIDTH = FEATURES.index("even_width_mm")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Described:
+    """Recordings in numbers that say nothing of where they were made.
+
+    Attributes
+    ----------
+    numbers : (f, d) float
+        Contact geometry of what was held, then of the mean while pressed.
+    centres : (f, 3) float
+        Centre of the touch [m]; NaN where nothing is touched.
+    """
+
+    numbers: FloatArray
+    centres: FloatArray
+
+    @property
+    def widths(self) -> FloatArray:
+        """(f,) how far the touch spreads across itself, standard deviation [mm]."""
+        return self.numbers[:, WIDTH]
+
+    @property
+    def touched(self) -> BoolArray:
+        """(f,) whether anything is."""
+        return np.asarray(self.numbers[:, : len(FEATURES)].any(axis=1))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Counted:
+    """Counts of one method and what they are worth.
+
+    Attributes
+    ----------
+    method : str
+    exact, within_one : float
+        Share of recordings, mean over the repetitions.
+    spread : float
+        Standard deviation of `exact` over the repetitions.
+    confusion : (c, c) float
+        Recordings of each number of fingers (rows) by the number counted, mean over repetitions.
+    """
+
+    method: str
+    exact: float
+    within_one: float
+    spread: float
+    confusion: FloatArray
+
+
+def describe(
+    skin: PreparedSkin, files: Sequence[NDArray[np.uint8]], *, first: int | None = None
+) -> Described:
+    """Numbers of recordings (t, n) above their rest, or of their first samples.
+
+    Spikes, stuck taxels and what does not exceed a taxel's own noise count as nothing.
+    """
+    geometry = skin.geometry
+    numbers, centres = [], []
+    for pressures in files:
+        samples = felt(pressures, find_rest(pressures), geometry.beside)[:first]
+        held = np.sort(samples, axis=0)[-min(HELD, len(samples))].astype(np.float64)
+        pooled = pool_event(samples)
+        numbers.append([contact_geometry(geometry, one) for one in (held, pooled)])
+        load = held if held.any() else pooled
+        centre = load @ skin.skin.positions / load.sum() if load.any() else np.full(3, np.nan)
+        centres.append(centre)
+    return Described(np.array(numbers).reshape(len(files), -1), np.array(centres))
+
+
+def count_by_width(found: Described, narrow: float, finger: float) -> IntArray:
+    """(f,) fingers: none where nothing is touched, else one more for each finger's width.
+
+    Parameters
+    ----------
+    found : Described
+    narrow, finger : float
+        Spread across the touch of one finger at most, and what each further one adds [mm].
+    """
+    more = np.ceil((found.widths - narrow) / finger)
+    return np.where(found.touched, np.clip(1 + more, 1, MOST), 0).astype(np.int64)
+
+
+def fit_widths(found: Described, fingers: IntArray, rows: BoolArray) -> tuple[float, float]:
+    """The two lengths [mm] that count the recordings of some rows (f,) best."""
+    widths = found.widths[rows & found.touched]
+    middle = float(np.median(widths)) if len(widths) else 1.0
+    best, chosen = -1.0, (middle, max(middle, 1e-3))
+    for narrow in np.linspace(0.0, 1.5 * middle, LENGTHS).tolist():
+        for finger in np.linspace(0.1, 1.5, LENGTHS) * max(middle, 1e-3):
+            counts = count_by_width(found, narrow, float(finger))[rows]
+            off = np.abs(counts - fingers[rows])
+            score = float((off == 0).mean() + NEARLY * (off <= 1).mean())
+            if score > best:
+                best, chosen = score, (narrow, float(finger))
+    return chosen
+
+
+def zero_training(
+    found: Described, fingers: IntArray, seeds: Sequence[int]
+) -> tuple[Counted, tuple[float, float]]:
+    """Thresholds from a third of the recordings of each class, judged on the others.
+
+    Returns
+    -------
+    Counted
+    tuple of float
+        Medians of the two lengths [mm] over the repetitions.
+    """
+    counts, tests, lengths = [], [], []
+    for seed in seeds:
+        chosen = _third(fingers, np.random.default_rng(seed))
+        lengths.append(fit_widths(found, fingers, chosen))
+        counts.append(count_by_width(found, *lengths[-1]))
+        tests.append(~chosen)
+    narrow, finger = np.median(np.array(lengths), axis=0).tolist()
+    return judge("width of the touch", counts, tests, fingers), (narrow, finger)
+
+
+def trained(
+    found: Described,
+    fingers: IntArray,
+    regions: IntArray,
+    seeds: Sequence[int],
+    progress: Callable[[str], None] | None = None,
+) -> Counted:
+    """Extra trees on contact geometry, each region of the skin left out in turn."""
+    from sklearn.ensemble import ExtraTreesClassifier
+
+    counts = []
+    for seed in seeds:
+        count = np.zeros(len(fingers), np.int64)
+        for region in np.unique(regions):
+            out = regions == region
+            trees = ExtraTreesClassifier(TREES, random_state=seed)
+            trees.fit(found.numbers[~out], fingers[~out])
+            count[out] = trees.predict(found.numbers[out])
+            if progress is not None:
+                progress("trained")
+        counts.append(count)
+    every = np.ones(len(fingers), bool)
+    return judge("trained, place left out", counts, [every] * len(counts), fingers)
+
+
+def places(found: Described, count: int = REGIONS) -> IntArray:
+    """(f,) region of the skin of each recording: as many recordings in each, side by side.
+
+    Recordings of nothing have no place: they are dealt out.
+    """
+    where = found.centres
+    touched = np.isfinite(where).all(axis=1)
+    region = np.arange(len(where)) % count
+    if touched.any():
+        away = where[touched] - where[touched].mean(axis=0)
+        along = away @ np.linalg.svd(away, full_matrices=False)[2][0]
+        edges = np.quantile(along, np.arange(1, count) / count)
+        region[touched] = np.searchsorted(edges, along)
+    return region
+
+
+def judge(
+    method: str, counts: Sequence[IntArray], tests: Sequence[BoolArray], fingers: IntArray
+) -> Counted:
+    """What counts (f,) of some repetitions are worth on the recordings that test (f,)."""
+    exact, near = [], []
+    size = int(fingers.max()) + 1
+    size = max(size, 1 + max(int(count.max()) for count in counts))
+    confusion = np.zeros((size, size))
+    for count, test in zip(counts, tests, strict=True):
+        off = np.abs(count - fingers)[test]
+        exact.append((off == 0).mean())
+        near.append((off <= 1).mean())
+        np.add.at(confusion, (fingers[test], count[test]), 1.0 / len(counts))
+    return Counted(
+        method, float(np.mean(exact)), float(np.mean(near)), float(np.std(exact)), confusion
+    )
+
+
+def check_fingers(fingers: IntArray) -> IntArray:
+    """Numbers of fingers (f,) that can be judged.
+
+    Raises
+    ------
+    InvalidArrayError
+        Fewer than two different ones, fewer than `REGIONS` recordings of one, or more than a
+        hand has.
+    """
+    names, count = np.unique(fingers, return_counts=True)
+    if len(names) < 2 or names.max() > MOST:
+        raise InvalidArrayError(
+            f"recordings of {', '.join(map(str, names))} fingers; "
+            f"expected two or more numbers of 0 to {MOST}"
+        )
+    if count.min() < REGIONS:
+        few = int(names[count.argmin()])
+        raise InvalidArrayError(
+            f"{count.min()} recordings of {few} fingers; {REGIONS} of each number at least"
+        )
+    return fingers
+
+
+def _third(fingers: IntArray, rng: np.random.Generator) -> BoolArray:
+    """(f,) a third of the recordings of each number of fingers."""
+    chosen = np.zeros(len(fingers), bool)
+    for number in np.unique(fingers):
+        own = np.flatnonzero(fingers == number)
+        chosen[rng.choice(own, max(1, round(THIRD * len(own))), replace=False)] = True
+    return chosen

@@ -1,0 +1,126 @@
+"""`skinmap evaluate --protocol fingers DATA`: real fingers counted, with a control beside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skinmap.arrays import IntArray
+from skinmap.cli.evaluate.result import CountRow, FingersResult
+from skinmap.commands.progress import progress
+
+if TYPE_CHECKING:
+    from skinmap.classify.protocols.fingers import Counted
+    from skinmap.cli.evaluate.evaluation import Settings
+    from skinmap.io.recordings.cyskin_arrays import PressedSkin
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+ARCHIVE, FOLDER = "fingers*.npz", "gesture_patch"
+
+
+def work(settings: Settings) -> FingersResult:
+    """Run the protocol.
+
+    Raises
+    ------
+    SkinError
+        A folder without the files, files that are damaged or of another skin, or recordings that
+        cannot be judged.
+    """
+    from skinmap.classify.protocols import fingers as protocol
+    from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    arrays, patch = find_pressed(data_folder(settings.recordings), ARCHIVE, FOLDER)
+    data = read_pressed(arrays, patch)
+    classes = protocol.check_fingers(finger_counts(data, arrays))
+    skin = PreparedSkin(data.skin)
+    pairs: dict[str, list[Counted]] = {"live": [], "width": [], "trained": []}
+    regions, lengths = None, []
+    with progress(2 * (2 + settings.seeds * protocol.REGIONS), "fingers") as advance:
+        for first in (None, protocol.FIRST):
+            found = protocol.describe(skin, data.files, first=first)
+            # The control's places are those of the touches: the same recordings are left out.
+            regions = protocol.places(found) if regions is None else regions
+            advance("described")
+            width, own = protocol.zero_training(found, classes, settings.all_seeds)
+            trees = protocol.trained(found, classes, regions, settings.all_seeds, advance)
+            every = np.ones(len(classes), bool)
+            live = [tracked(skin, data, first=first)]
+            contacts = protocol.judge("live contacts", live, [every], classes)
+            lengths.append(own)
+            advance("tracked")
+            for key, one in zip(
+                ("live", "width", "trained"), (contacts, width, trees), strict=True
+            ):
+                pairs.setdefault(key, []).append(one)
+    return FingersResult(
+        robot=data.skin.part,
+        taxels=len(skin),
+        archive=str(arrays),
+        patch=str(patch),
+        unplaced=data.unplaced,
+        unrecorded=data.unrecorded,
+        recordings={str(k): int((classes == k).sum()) for k in np.unique(classes).tolist()},
+        majority=float(np.unique(classes, return_counts=True)[1].max() / len(classes)),
+        seeds=settings.all_seeds,
+        first_samples=protocol.FIRST,
+        narrow_mm=lengths[0][0],
+        finger_mm=lengths[0][1],
+        live=_row(*pairs["live"]),
+        width=_row(*pairs["width"]),
+        trained=_row(*pairs["trained"]),
+    )
+
+
+def data_folder(given: tuple[Path, ...]) -> Path:
+    """The one folder that was named."""
+    return given[0]
+
+
+def finger_counts(data: PressedSkin, path: Path) -> IntArray:
+    """(f,) fingers of each recording.
+
+    Raises
+    ------
+    DataFormatError
+        The archive does not say.
+    """
+    from skinmap.errors import DataFormatError
+
+    if data.classes is None:
+        raise DataFormatError("no array 'file_class' (fingers that touched in each file)", path)
+    return data.classes
+
+
+def tracked(skin: PreparedSkin, data: PressedSkin, *, first: int | None = None) -> IntArray:
+    """(f,) contacts of the live tracker in the heaviest sample of each recording."""
+    from skinmap.live.contacts.contact_tracker import ContactTracker
+    from skinmap.live.robot_skin import JoinedSkin
+    from skinmap.touch.rest import felt, find_rest
+
+    joined = JoinedSkin({data.skin.part: skin})
+    counts = []
+    for times, pressures in zip(data.times, data.files, strict=True):
+        samples = felt(pressures, find_rest(pressures), skin.geometry.beside)[:first]
+        tracker = ContactTracker(joined)
+        seen = []
+        for time, sample in zip(times.tolist(), samples.astype(np.float64), strict=False):
+            tracker.update(time, sample)
+            seen.append(len(tracker.present))
+        counts.append(seen[int(samples.sum(axis=1, dtype=np.int64).argmax())])
+    return np.array(counts)
+
+
+def _row(found: Counted, control: Counted) -> CountRow:
+    return CountRow(
+        method=found.method,
+        exact=found.exact,
+        within_one=found.within_one,
+        spread=found.spread,
+        control=control.exact,
+        control_within_one=control.within_one,
+        confusion=found.confusion.tolist(),
+    )
