@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import MissingLibraryError, OutputError
 from skinmap.io.ros2.definitions import definition, full_name
-from skinmap.io.ros2.robot_topics import LATCHED, TF
+from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES
 from skinmap.live.moment import Moment
 from skinmap.live.network.addresses import HERE, Address, parse_address, warn_if_open
+from skinmap.live.network.messages import KINDS
 from skinmap.live.publishing.foxglove_scene import SkinScene
 from skinmap.live.publishing.publisher import Publisher, Topic
 from skinmap.live.publishing.ros2_topics import Ros2Topics, stamps
@@ -28,6 +29,7 @@ BACKLOG = 4096  # messages kept for a client who reads too slowly
 REPEAT = 1.0  # so often what stands still is said again, for who comes late [s]
 NS = 1_000_000_000
 KEPT = (*LATCHED, TF)
+SAMPLES = "std_msgs/Float32MultiArray"
 
 
 class FoxglovePublisher(Publisher):
@@ -72,6 +74,10 @@ class FoxglovePublisher(Publisher):
         self._kept: dict[str, bytes] = {}  # what is said once, for who comes late
         self._repeated = 0.0
         self._topics = Ros2Topics(info, robot, self._put)
+        # Said before the first sample, so that who subscribes misses none.
+        samples = {f"/skin/{topic}": SAMPLES for topic in self.topics if topic in KINDS}
+        for topic, kind in {**samples, **({} if robot is None else TYPES)}.items():
+            self._channels[topic] = self._open(topic, kind)
         try:
             self._server = foxglove.start_server(
                 name=f"Skinmap: {info.robot or info.name}",
