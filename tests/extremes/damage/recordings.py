@@ -40,8 +40,8 @@ from skinmap.io.recordings.mcap_track import read_track, write_repaired
 from skinmap.io.recordings.readers import read_recordings
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.recordings.xdf import read_xdf
+from skinmap.io.ros2.bag import read_bag, read_bag_mapping
 from skinmap.parallel.resume import ResumeStore
-from skinmap.io.ros2.bag import read_bag_mapping
 from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
 from skinmap.live.sources.zenoh_source import CLOUD, values_of
 from skinmap.touch import recording as archive
@@ -219,6 +219,10 @@ def marks(path: Path) -> Any:
     return read_marks(path, Marks(()), np.arange(SAMPLES) / RATE, ["a"])
 
 
+OWN_MAP = b"""[[part]]
+name = "a"
+topic = "/skin/raw"
+"""
 BAG_MAP = b"""[[part]]
 name = "a"
 topic = "/a"
@@ -233,7 +237,7 @@ def bag_row(message: Path) -> Any:
     return [values_of(kind, data, "f") for kind in (CLOUD,)]
 
 
-def said(message: Path) -> Any:
+def told(message: Path) -> Any:
     """Texts and joint angles."""
     return read_joints(message.read_bytes())
 
@@ -313,9 +317,11 @@ TARGETS = [
             "skinmap.io.recordings.mcap_scan.read_chunk")),
     Target("mcap-touches", "t.mcap", lambda: [mcap("pressure")], load_recordings),
     Target("bag-mapping", "t.map.toml", lambda: [BAG_MAP], read_bag_mapping,
-           ("skinmap.io.ros2.bag.read_bag",)),
+           ("skinmap.io.ros2.bag.read_bag_mapping",)),
+    Target("bag", "t.mcap", lambda: [mcap()], lambda p: read_bag(p).values[:],
+           ("skinmap.io.ros2.bag.read_bag",), beside={"t.map.toml": lambda: OWN_MAP}),
     Target("ros2-cloud", "m", lambda: [cloud()], bag_row, ("skinmap.io.ros2.messages.read_cloud",)),
-    Target("ros2-joints", "m", lambda: [joints_message(5, {"a": 1.0, "b": 2.0})], said,
+    Target("ros2-joints", "m", lambda: [joints_message(5, {"a": 1.0, "b": 2.0})], told,
            ("skinmap.io.ros2.messages.read_joints", "skinmap.io.ros2.messages.read_text")),
     Target("mcap-repair", "t.mcap", lambda: [mcap()], repaired),
     Target("xdf", "t.xdf", lambda: [xdf()], lambda p: read_xdf(p).values[:],
