@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "docs" / "pictures" / "gallery"
@@ -46,7 +47,7 @@ def draw(name: str) -> None:
 
 
 def glossary(path: Path) -> None:
-    """A foot with the words of the glossary: 3D on the left, its flat map on the right."""
+    """A thigh with the words of the glossary: on its link, and its chart with a moment of touch."""
     import matplotlib as mpl
     import numpy as np
 
@@ -55,37 +56,65 @@ def glossary(path: Path) -> None:
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    skin = skinmap.load_robot("icub").skin("left_foot")
-    mesh = skinmap.build_surface(skin)
-    chart = skinmap.flatten(mesh).charts[0]
-    figure = plt.figure(figsize=(9, 4.2), dpi=100)
+    robot = skinmap.load_robot("icub")
+    skin = robot.skin("left_leg_upper")
+    chart = skinmap.flatten(skinmap.build_surface(skin)).charts[0]
+    figure = plt.figure(figsize=(10, 5), dpi=100)
     body = figure.add_subplot(1, 2, 1, projection="3d")
-    x, y, z = 1e3 * skin.positions.T
-    body.plot_trisurf(x, y, z, triangles=mesh.faces, color="#cfd6dd", edgecolor="#8a96a3", lw=0.4)
-    first = skin.modules == skin.modules[0]
-    body.scatter(x[first], y[first], z[first], color="#d23b2a", s=18, depthshade=False)
-    body.text(
-        x[first].mean(), y[first].mean(), z.max() + 4, "module\n(its taxels)", color="#d23b2a"
-    )
-    body.set_title("patch: surface mesh on the link [mm]", fontsize=9)
-    body.set_box_aspect(np.ptp(np.column_stack([x, y, z]), axis=0) + 20)
-    body.tick_params(labelsize=6)
-    flat = figure.add_subplot(1, 2, 2)
+    link = robot.mesh(skin.link)
+    some = np.random.default_rng(0).choice(len(link.vertices), 2500)
+    body.scatter(*(1e3 * link.vertices[some]).T, color="#c3cad1", s=1)
+    places = 1e3 * skin.positions
+    body.scatter(*places.T, color="#34506b", s=5, depthshade=False)
+    for axis, colour in zip(np.eye(3) * 60, ("#c0392b", "#2e8b57", "#2b6cb0"), strict=True):
+        body.plot(*np.column_stack([np.zeros(3), axis]), color=colour, lw=2)
+    body.text(0, 0, -45, "frame of the link;\nplacement: where the\npatch is in it", fontsize=8)
+    body.text(*(places.max(axis=0) + 8), "patch of taxels", fontsize=8, color="#34506b")
+    body.set_title("link, with a patch of skin", fontsize=9)
+    body.set_box_aspect(np.ptp(1e3 * link.vertices, axis=0))
+    body.set_axis_off()
+    _chart(figure.add_subplot(1, 2, 2), chart, skin)
+    figure.tight_layout()
+    figure.savefig(path)
+
+
+def _chart(axes: Any, chart: Any, skin: Any) -> None:
+    """The chart with a module, a structure, its border and a touch."""
+    import numpy as np
+
     u, v = 1e3 * chart.uv.T
-    flat.triplot(u, v, chart.faces, color="#8a96a3", lw=0.6)
-    flat.plot(u, v, ".", color="#34506b", ms=4)
+    taxel = chart.taxels
+    axes.triplot(u, v, chart.faces, color="#c3cad1", lw=0.5)
+    axes.plot(u, v, ".", color="#34506b", ms=3)
     edges = np.sort(np.concatenate([chart.faces[:, k] for k in ([0, 1], [1, 2], [2, 0])]), axis=1)
     pairs, counts = np.unique(edges, axis=0, return_counts=True)
     for a, b in pairs[counts == 1].tolist():
-        flat.plot(u[[a, b]], v[[a, b]], color="#d9902f", lw=1.6)
-    flat.annotate("border or seam", (u.min(), v.mean()), color="#a8651a", fontsize=9)
-    flat.annotate("taxel", (u[0], v[0]), (u[0] + 8, v[0] + 8), color="#34506b", fontsize=9,
-                  arrowprops={"arrowstyle": "->", "color": "#34506b"})  # fmt: skip
-    flat.set_aspect("equal")
-    flat.set_title("chart: the patch laid flat [mm]", fontsize=9)
-    flat.tick_params(labelsize=6)
-    figure.tight_layout()
-    figure.savefig(path)
+        axes.plot(u[[a, b]], v[[a, b]], color="#d9902f", lw=1.6)
+    far = np.hypot(u - u.min(), v - v.max())
+    board = skin.modules[taxel] == skin.modules[taxel[np.argsort(far)[len(far) // 4]]]
+    axes.plot(u[board], v[board], "o", color="#c0392b", ms=4)
+    inner = int(np.argmin(np.hypot(u - u.mean(), v - v.mean())))
+    around = np.unique(pairs[(pairs == inner).any(axis=1)])
+    axes.plot(u[around], v[around], "o", color="#2e8b57", ms=4)
+    low = int(np.argmin(np.hypot(u - np.quantile(u, 0.7), v - np.quantile(v, 0.15))))
+    axes.scatter(u, v, s=90 * np.exp(-((u - u[low]) ** 2 + (v - v[low]) ** 2) / 150),
+                 color="#6b1f7c", alpha=0.7, lw=0)  # fmt: skip
+    right, height = u.max() + 12, np.linspace(v.max(), v.min(), 5)
+    words = [
+        ("module: one board", "#c0392b", (u[board].mean(), v[board].mean())),
+        ("structure: a taxel\nand its neighbours", "#2e8b57", (u[inner], v[inner])),
+        ("triangle of the surface mesh", "#8a96a3", (u[chart.faces[5]].mean(),
+                                                     v[chart.faces[5]].mean())),
+        ("a moment of touch", "#6b1f7c", (u[low], v[low])),
+        ("border or seam of the chart", "#a8651a", (u[np.argmin(v)], v.min())),
+    ]  # fmt: skip
+    for (text, colour, place), y in zip(words, height, strict=True):
+        axes.annotate(text, place, (right, y), color=colour, fontsize=8, va="center",
+                      arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.8})  # fmt: skip
+    axes.set_xlim(u.min() - 5, right + 0.75 * np.ptp(u))
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.set_title("chart: the patch laid flat", fontsize=9)
 
 
 def main(names: list[str]) -> None:
