@@ -41,9 +41,9 @@ from skinmap.io.recordings.readers import read_recordings
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.recordings.xdf import read_xdf
 from skinmap.io.ros2.bag import read_bag, read_bag_mapping
-from skinmap.parallel.resume import ResumeStore
 from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
 from skinmap.live.sources.zenoh_source import CLOUD, values_of
+from skinmap.parallel.resume import ResumeStore
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording, save_recordings
 
