@@ -68,8 +68,11 @@ def glossary(path: Path) -> None:
     body.scatter(*places.T, color="#34506b", s=5, depthshade=False)
     for axis, colour in zip(np.eye(3) * 60, ("#c0392b", "#2e8b57", "#2b6cb0"), strict=True):
         body.plot(*np.column_stack([np.zeros(3), axis]), color=colour, lw=2)
-    body.text(0, 0, -45, "frame of the link;\nplacement: where the\npatch is in it", fontsize=8)
-    body.text(*(places.max(axis=0) + 8), "patch of taxels", fontsize=8, color="#34506b")
+    words = (
+        "axes: the frame of the link\nplacement: where the patch is in it\n"
+        "dots: taxels of the patch"
+    )
+    body.text2D(0.0, 0.0, words, transform=body.transAxes, fontsize=8, color="#34506b")
     body.set_title("link, with a patch of skin", fontsize=9)
     body.set_box_aspect(np.ptp(1e3 * link.vertices, axis=0))
     body.set_axis_off()
