@@ -22,7 +22,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz audit limits schemas docs tutorials figures lint bench bench-compare bench-needs bench-commands bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak bench-viewer wheel lock clean
+.PHONY: help demo test fuzz audit limits schemas docs tutorials figures lint bench bench-compare bench-needs bench-commands bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak bench-viewer wheel dist lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -82,8 +82,9 @@ bench-geometry: $(READY)  ## meshes, flat maps and contact images beside their p
 bench-classify: $(READY)  ## speed of histograms, SVM and labels, to benchmarks/results
 	$(BIN)/python -m benchmarks.classify.classify $(ARGS)
 
-gallery: $(READY)  ## the pictures of docs/viewer.md
+gallery: $(READY)  ## the pictures of docs/viewer.md and docs/gallery.md
 	$(BIN)/python -m viewer.gallery $(ARGS)
+	$(BIN)/python scripts/gallery.py
 
 bench-calibration: $(READY)  ## accuracy of calibrations by anchors, touches, scans, to benchmarks/results
 	$(BIN)/python -m benchmarks.calibration.calibrations $(ARGS)
@@ -106,6 +107,11 @@ bench-viewer: $(READY)  ## frames, start-up, age and memory of the viewer (4 min
 wheel: $(READY)  ## the distribution, written to dist (or DIST=folder)
 	rm -rf build/lib build/bdist.*  # a module deleted since would still be packed from here
 	$(BIN)/python -m build --quiet --wheel --no-isolation --outdir "$(DIST)"
+
+dist: $(READY)  ## sdist and wheel, checked for the index (needs: pip install twine)
+	rm -rf build/lib build/bdist.*
+	$(BIN)/python -m build --quiet --no-isolation --outdir "$(DIST)"
+	$(BIN)/python -m twine check "$(DIST)"/skinmap-*
 
 lock:  ## renew constraints.txt with the newest versions that fit together
 	scripts/lock.sh

@@ -40,6 +40,7 @@ def renewed(page: str, results: Path = RESULTS) -> str:
             *("### The same touches pressed by another physics", "", *physics(results), ""),
             *("### Speed, beside others", "", *speed(results), ""),
             *("### New patches placed, and samples in real time", "", *places(results), ""),
+            *("### Installed, without extras", "", *installed(results), ""),
         ]
     )
     page, found = BETWEEN.subn(lambda _: f"\n{made}\n", page)
@@ -194,6 +195,26 @@ def places(results: Path) -> list[str]:
         ),
     ]
     return _table(("", ""), rows)
+
+
+def installed(results: Path) -> list[str]:
+    """What is on the disk, what it is for, and what can be left out."""
+    told = _read(results, "installed")
+    size = told["packages_mb"]
+    numbers = sum(size[name] for name in ("scipy", "numpy", "scikit-learn", "libigl", "matplotlib"))
+    rows = [
+        ("all packages", f"{told['total_mb'] / 1e3:.1f} GB", ""),
+        ("VTK, for window and pictures", f"{size['vtk']:.0f} MB", "no"),
+        (
+            "pymeshlab (GPL-3)",
+            f"{size['pymeshlab']:.0f} MB",
+            "yes: wrapping and `--meshing accurate` then say what is missing",
+        ),
+        ("ffmpeg", f"{size['imageio-ffmpeg']:.0f} MB", "yes, but for movies"),
+        ("SciPy, NumPy, scikit-learn, libigl, matplotlib", f"{numbers:.0f} MB", "no"),
+        ("the iCub's meshes", f"{size['icub-models']:.0f} MB", "yes, with another robot"),
+    ]
+    return _table(("", "", "can be left out"), rows)
 
 
 def _meshing(rows: Sequence[dict[str, Any]]) -> tuple[str, str, str]:

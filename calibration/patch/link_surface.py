@@ -15,6 +15,7 @@ from calibration.patch.solver_budget import DETAIL
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.cache import Arrays, Ingredient, cached
 from skinmap.geometry.distances import edge_graph
+from skinmap.geometry.meshlab import import_meshlab
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import face_normals, unit, vertex_normals
@@ -193,7 +194,7 @@ def _made(vertices: FloatArray, faces: IntArray, link: tuple[FloatArray, IntArra
 def _wrapped(
     vertices: FloatArray, faces: IntArray, alpha: float, detail: float
 ) -> tuple[FloatArray, IntArray]:
-    import pymeshlab
+    pymeshlab = import_meshlab()
 
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(vertices, faces))

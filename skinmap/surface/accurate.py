@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidMeshError
 from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.meshlab import import_meshlab
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.topology import (
     boundary_loops,
@@ -254,7 +255,7 @@ def _wrapped(body: TriangleMesh, spacing: float) -> TriangleMesh:
     ----------
     Portaneri et al., "Alpha Wrapping with an Offset", SIGGRAPH 2022.
     """
-    import pymeshlab
+    pymeshlab = import_meshlab()
 
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(body.vertices, body.faces))
@@ -273,7 +274,7 @@ def _wrapped(body: TriangleMesh, spacing: float) -> TriangleMesh:
 
 def _divided(mesh: TriangleMesh, longest: float) -> TriangleMesh:
     """The mesh with edges halved until none is longer than `longest`."""
-    import pymeshlab
+    pymeshlab = import_meshlab()
 
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))

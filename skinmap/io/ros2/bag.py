@@ -96,7 +96,7 @@ def read_bag(bag: Path) -> RecordedStream:
     MissingLibraryError
         The package `rosbags` is not installed.
     """
-    mapping = read_mapping(mapping_of(bag))
+    mapping = read_bag_mapping(mapping_of(bag))
     read = _read_topics(bag, mapping)
     held = together({part: (*one, "") for part, one in read.items()}, bag)
     columns = [held[one.name][1] for one in mapping.part]
@@ -112,7 +112,7 @@ def read_bag(bag: Path) -> RecordedStream:
     return RecordedStream(info, times, np.concatenate(columns, axis=1))
 
 
-def read_mapping(path: Path) -> _Mapping:
+def read_bag_mapping(path: Path) -> _Mapping:
     """Read a mapping file.
 
     Raises

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import MissingLibraryError, OutputError
 from skinmap.io.ros2.definitions import definition, full_name
-from skinmap.io.ros2.robot_topics import LATCHED, TF
+from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES
 from skinmap.live.moment import Moment
 from skinmap.live.network.addresses import HERE, Address, parse_address, warn_if_open
+from skinmap.live.network.messages import KINDS
 from skinmap.live.publishing.foxglove_scene import SkinScene
 from skinmap.live.publishing.publisher import Publisher, Topic
 from skinmap.live.publishing.ros2_topics import Ros2Topics, stamps
@@ -25,9 +26,10 @@ from skinmap.skin.robot import Robot
 PORT = 8765  # where Foxglove looks first
 SCENE_HZ = 15.0  # a screen shows no more of triangles, and they are the most to send
 BACKLOG = 4096  # messages kept for a client who reads too slowly
-REPEAT = 1.0  # so often what stands still is said again, for who comes late [s]
+REPEAT, REPEATS = 1.0, 3  # after someone subscribed, what is said once comes again [s, times]
 NS = 1_000_000_000
 KEPT = (*LATCHED, TF)
+SAMPLES = "std_msgs/Float32MultiArray"
 
 
 class FoxglovePublisher(Publisher):
@@ -68,10 +70,14 @@ class FoxglovePublisher(Publisher):
         self._lock = threading.Lock()
         self._settings: dict[str, float] = {"colour_max": 255.0, "scene_hz": SCENE_HZ}
         self._scene = None if robot is None else SkinScene(robot, info, self._context)
-        self._next, self._closed = 0, False
+        self._closed = False
         self._kept: dict[str, bytes] = {}  # what is said once, for who comes late
-        self._repeated = 0.0
+        self._repeated, self._repeats = 0.0, 0
         self._topics = Ros2Topics(info, robot, self._put)
+        # Said before the first sample, so that who subscribes misses none.
+        samples = {f"/skin/{topic}": SAMPLES for topic in self.topics if topic in KINDS}
+        for topic, kind in {**samples, **({} if robot is None else TYPES)}.items():
+            self._channels[topic] = self._open(topic, kind)
         try:
             self._server = foxglove.start_server(
                 name=f"Skinmap: {info.robot or info.name}",
@@ -106,7 +112,7 @@ class FoxglovePublisher(Publisher):
         """Send the whole scene with the next sample: a client has connected."""
         if self._scene is not None:
             self._scene.forget()
-        self._next, self._repeated = 0, 0.0
+        self._repeated, self._repeats = 0.0, REPEATS
 
     def send(self, moment: Moment) -> None:
         """Send a moment, with the robot's pose, and touches with their names."""
@@ -120,10 +126,9 @@ class FoxglovePublisher(Publisher):
         self._topics.samples(topic, times, values)
         self._repeat()
         stamp = stamps(times)[-1]
-        due = stamp >= self._next or stamp < self._next - NS
-        if self._scene is not None and topic == self.info.kind and due:
-            self._next = stamp + int(0.999 * NS / self._settings["scene_hz"])
-            self._scene.skin(stamp, values[-1], self._settings["colour_max"])
+        if self._scene is not None and topic == self.info.kind:
+            period = int(0.999 * NS / self._settings["scene_hz"])
+            self._scene.skin(stamp, values[-1], self._settings["colour_max"], period)
 
     def _send_text(self, topic: Topic, time: float, text: str) -> None:
         self._topics.text(topic, time, text)
@@ -131,8 +136,8 @@ class FoxglovePublisher(Publisher):
     def _repeat(self) -> None:
         """Say again what was said once: the app keeps nothing of before it came."""
         now = time.monotonic()
-        if now - self._repeated >= REPEAT:
-            self._repeated = now
+        if self._repeats > 0 and now - self._repeated >= REPEAT:
+            self._repeated, self._repeats = now, self._repeats - 1
             for topic, message in list(self._kept.items()):
                 self._channels[topic].log(message)
 

@@ -17,6 +17,7 @@ from skinmap.surface.surface_mesh import build_surface
 
 LIFT = 0.002  # taxels lie 0.5 to 1 mm inside the body's mesh [m]
 LEVELS = 256
+AT_ONCE = 800  # taxels coloured with one sample: more would delay the next one (5 us each)
 TOUCH_SIZE, WORD_SIZE, WORD_LIFT = 0.015, 0.03, 0.03  # [m]
 # From untouched to hardest pressed: grey, yellow, red.
 RAMP = np.array([[0.55, 0.57, 0.60], [0.98, 0.80, 0.25], [0.86, 0.15, 0.12]])
@@ -51,6 +52,7 @@ class SkinScene:
         shades = np.column_stack([np.interp(steps, range(3), RAMP[:, k]) for k in range(3)])
         self._shades = [messages.Color(r=r, g=g, b=b, a=1.0) for r, g, b in shades.tolist()]
         self._shown: dict[str, NDArray[np.int64]] = {}
+        self._shown_at: dict[str, int] = {}
         self._marked: set[int] = set()
         self._lock = threading.Lock()
 
@@ -59,16 +61,34 @@ class SkinScene:
         with self._lock:
             self._shown = {}
 
-    def skin(self, stamp: int, values: NDArray[Any], colour_max: float) -> None:
-        """Show a sample (channels,): the parts whose colours have changed."""
-        changed = []
-        for part, columns in self._columns.items():
+    def skin(self, stamp: int, values: NDArray[Any], colour_max: float, period: int) -> None:
+        """Show a sample (channels,): parts with other colours, the longest shown first.
+
+        Parameters
+        ----------
+        stamp : int
+            [ns].
+        values : (channels,) array
+        colour_max : float
+            Counts of the reddest colour.
+        period : int
+            A part is shown as often at most [ns].
+        """
+        changed, room = [], AT_ONCE
+        for part in sorted(self._columns, key=lambda one: self._shown_at.get(one, 0)):
+            columns, last = self._columns[part], self._shown_at.get(part)
+            if room <= 0:
+                break
+            if last is not None and part in self._shown and 0 <= stamp - last < period:
+                continue
             share = np.asarray(values[columns], np.float64) * ((LEVELS - 1) / colour_max)
             levels = np.rint(share).clip(0, LEVELS - 1).astype(np.int64)
             with self._lock:
                 if part in self._shown and np.array_equal(self._shown[part], levels):
                     continue
                 self._shown[part] = levels
+            self._shown_at[part] = stamp
+            room -= len(columns)
             changed.append(self._sheet(stamp, part, levels))
         if changed:
             self._skin.log(self._messages.SceneUpdate(entities=changed))

@@ -36,7 +36,7 @@ from skinmap.skin.robot import Robot
 logger = logging.getLogger(__name__)
 
 WAIT = 3.0  # for a first message [s]
-QUEUED = 1000  # samples kept here while nobody reads: 20 s at 50 Hz
+QUEUED = 1000  # samples kept here between two reads: 20 s at 50 Hz
 MOST = 256  # samples in one block
 CLOUD = dds_name("sensor_msgs/PointCloud2")
 ARRAYS = {

@@ -41,7 +41,10 @@ from skinmap.io.recordings.mcap_track import read_track, write_repaired
 from skinmap.io.recordings.readers import read_recordings
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.recordings.xdf import read_xdf
+from skinmap.io.ros2.bag import read_bag, read_bag_mapping
+from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
+from skinmap.live.sources.zenoh_source import CLOUD, values_of
 from skinmap.parallel.resume import ResumeStore
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording, save_recordings
@@ -238,6 +241,33 @@ def marks(path: Path) -> Any:
     return read_marks(path, Marks(()), np.arange(SAMPLES) / RATE, ["a"])
 
 
+OWN_MAP = b"""[[part]]
+name = "a"
+topic = "/skin/raw"
+"""
+BAG_MAP = b"""[[part]]
+name = "a"
+topic = "/a"
+field = "f"
+channels = [0, 2]
+"""
+
+
+def bag_row(message: Path) -> Any:
+    """A message of a foreign topic, as the bytes say."""
+    data = message.read_bytes()
+    return [values_of(kind, data, "f") for kind in (CLOUD,)]
+
+
+def told(message: Path) -> Any:
+    """Texts and joint angles."""
+    return read_joints(message.read_bytes())
+
+
+def cloud() -> bytes:
+    return Cloud("hand", np.zeros((5, 3)), "f").message(10**9, np.arange(5.0))
+
+
 def samples(path: Path) -> Any:
     """A track with all its values, which is where damage of its content shows."""
     track = read_track(path)
@@ -308,6 +338,13 @@ TARGETS = [
             "skinmap.io.recordings.mcap_track.read_head",
             "skinmap.io.recordings.mcap_scan.read_chunk")),
     Target("mcap-touches", "t.mcap", lambda: [mcap("pressure")], load_recordings),
+    Target("bag-mapping", "t.map.toml", lambda: [BAG_MAP], read_bag_mapping,
+           ("skinmap.io.ros2.bag.read_bag_mapping",)),
+    Target("bag", "t.mcap", lambda: [mcap()], lambda p: read_bag(p).values[:],
+           ("skinmap.io.ros2.bag.read_bag",), beside={"t.map.toml": lambda: OWN_MAP}),
+    Target("ros2-cloud", "m", lambda: [cloud()], bag_row, ("skinmap.io.ros2.messages.read_cloud",)),
+    Target("ros2-joints", "m", lambda: [joints_message(5, {"a": 1.0, "b": 2.0})], told,
+           ("skinmap.io.ros2.messages.read_joints", "skinmap.io.ros2.messages.read_text")),
     Target("mcap-repair", "t.mcap", lambda: [mcap()], repaired),
     Target("xdf", "t.xdf", lambda: [xdf()], lambda p: read_xdf(p).values[:],
            ("skinmap.io.recordings.xdf.read_xdf",)),

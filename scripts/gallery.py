@@ -1,0 +1,136 @@
+"""The pictures of docs/gallery.md that no other command draws: a part of `make gallery`.
+
+    python scripts/gallery.py [NAME ...]
+
+Each is one command of ours, or the glossary's picture; written to docs/pictures/gallery.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+OUT = ROOT / "docs" / "pictures" / "gallery"
+SKINMAP = Path(sys.executable).with_name("skinmap")
+WIDTH = 720  # of a picture in the pages [px]
+
+# What is drawn by which command; OUT is a fresh folder, and the picture is taken from it.
+COMMANDS = {
+    "kaspar_touches": ("view kaspar --source sim --at 3 --screenshot OUT/a.png", "a.png"),
+    "baxter_forearm": ("view baxter-forearm --source sim --at 3 --screenshot OUT/a.png", "a.png"),
+    "cyskin_arm": ("view ur10e-cyskin --source sim --at 3 --screenshot OUT/a.png", "a.png"),
+    "torso_modules": ("view icub --part torso --layer patches --screenshot OUT/a.png", "a.png"),
+    "foot_map": ("flatten icub --part left_foot --out OUT", "left_foot.png"),
+    "torso_map": ("flatten icub --part torso --out OUT", "torso.png"),
+    "forearm_structures": ("structures icub --part right_forearm --out OUT", "structures.png"),
+    "kaspar_structures": ("structures kaspar --part torso --out OUT", "structures.png"),
+}
+
+
+def draw(name: str) -> None:
+    """Draw one picture, and make it as large as the pages show it."""
+    from PIL import Image
+
+    words, made = COMMANDS[name]
+    with tempfile.TemporaryDirectory() as folder:
+        command = [str(SKINMAP), *words.replace("OUT", folder).split()]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        with Image.open(Path(folder) / made) as whole:
+            picture = whole.convert("RGB")
+    picture.thumbnail((WIDTH, WIDTH))
+    picture.quantize(128, dither=Image.Dither.NONE).save(OUT / f"{name}.png", optimize=True)
+
+
+def glossary(path: Path) -> None:
+    """A thigh with the words of the glossary: on its link, and its chart with a moment of touch."""
+    import matplotlib as mpl
+    import numpy as np
+
+    import skinmap
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    robot = skinmap.load_robot("icub")
+    skin = robot.skin("left_leg_upper")
+    chart = skinmap.flatten(skinmap.build_surface(skin)).charts[0]
+    figure = plt.figure(figsize=(10, 5), dpi=100)
+    body = figure.add_subplot(1, 2, 1, projection="3d")
+    link = robot.mesh(skin.link)
+    some = np.random.default_rng(0).choice(len(link.vertices), 2500)
+    body.scatter(*(1e3 * link.vertices[some]).T, color="#c3cad1", s=1)
+    places = 1e3 * skin.positions
+    body.scatter(*places.T, color="#34506b", s=5, depthshade=False)
+    for axis, colour in zip(np.eye(3) * 60, ("#c0392b", "#2e8b57", "#2b6cb0"), strict=True):
+        body.plot(*np.column_stack([np.zeros(3), axis]), color=colour, lw=2)
+    words = (
+        "axes: the frame of the link\nplacement: where the patch is in it\n"
+        "dots: taxels of the patch"
+    )
+    body.text2D(0.0, 0.0, words, transform=body.transAxes, fontsize=8, color="#34506b")
+    body.set_title("link, with a patch of skin", fontsize=9)
+    body.set_box_aspect(np.ptp(1e3 * link.vertices, axis=0))
+    body.set_axis_off()
+    _chart(figure.add_subplot(1, 2, 2), chart, skin)
+    figure.tight_layout()
+    figure.savefig(path)
+
+
+def _chart(axes: Any, chart: Any, skin: Any) -> None:
+    """The chart with a module, a structure, its border and a touch."""
+    import numpy as np
+
+    u, v = 1e3 * chart.uv.T
+    taxel = chart.taxels
+    axes.triplot(u, v, chart.faces, color="#c3cad1", lw=0.5)
+    axes.plot(u, v, ".", color="#34506b", ms=3)
+    edges = np.sort(np.concatenate([chart.faces[:, k] for k in ([0, 1], [1, 2], [2, 0])]), axis=1)
+    pairs, counts = np.unique(edges, axis=0, return_counts=True)
+    for a, b in pairs[counts == 1].tolist():
+        axes.plot(u[[a, b]], v[[a, b]], color="#d9902f", lw=1.6)
+    far = np.hypot(u - u.min(), v - v.max())
+    board = skin.modules[taxel] == skin.modules[taxel[np.argsort(far)[len(far) // 4]]]
+    axes.plot(u[board], v[board], "o", color="#c0392b", ms=4)
+    inner = int(np.argmin(np.hypot(u - u.mean(), v - v.mean())))
+    around = np.unique(pairs[(pairs == inner).any(axis=1)])
+    axes.plot(u[around], v[around], "o", color="#2e8b57", ms=4)
+    low = int(np.argmin(np.hypot(u - np.quantile(u, 0.7), v - np.quantile(v, 0.15))))
+    axes.scatter(u, v, s=90 * np.exp(-((u - u[low]) ** 2 + (v - v[low]) ** 2) / 150),
+                 color="#6b1f7c", alpha=0.7, lw=0)  # fmt: skip
+    right, height = u.max() + 12, np.linspace(v.max(), v.min(), 5)
+    words = [
+        ("module: one board", "#c0392b", (u[board].mean(), v[board].mean())),
+        ("structure: a taxel\nand its neighbours", "#2e8b57", (u[inner], v[inner])),
+        ("triangle of the surface mesh", "#8a96a3", (u[chart.faces[5]].mean(),
+                                                     v[chart.faces[5]].mean())),
+        ("a moment of touch", "#6b1f7c", (u[low], v[low])),
+        ("border or seam of the chart", "#a8651a", (u[np.argmin(v)], v.min())),
+    ]  # fmt: skip
+    for (text, colour, place), y in zip(words, height, strict=True):
+        axes.annotate(text, place, (right, y), color=colour, fontsize=8, va="center",
+                      arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.8})  # fmt: skip
+    axes.set_xlim(u.min() - 5, right + 0.75 * np.ptp(u))
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.set_title("chart: the patch laid flat", fontsize=9)
+
+
+def main(names: list[str]) -> None:
+    """Draw those that are named, or all."""
+    OUT.mkdir(parents=True, exist_ok=True)
+    for name in names or [*COMMANDS, "glossary"]:
+        print(name, flush=True)
+        if name == "glossary":
+            glossary(OUT.parent / "glossary.png")
+        else:
+            draw(name)
+    shutil.rmtree(OUT / "__pycache__", ignore_errors=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
