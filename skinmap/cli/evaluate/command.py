@@ -160,7 +160,7 @@ def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, 
         if protocol in ON_DATA:
             if len(recordings) != 1:
                 raise click.UsageError(
-                    f"--protocol {protocol} needs its file or folder, one, got {len(recordings)}: "
+                    f"--protocol {protocol} needs its file or folder; got {len(recordings)} of them: "
                     "docs/evaluation.md"
                 )
             return protocol, recordings
