@@ -213,7 +213,7 @@ def test_hands_without_labels_say_what_was_left_out(tmp_path):
 
 def test_bad_data_is_refused_with_one_line(tmp_path, fingers):
     said = refused("--protocol", "fingers")
-    assert "takes one folder of recordings, got 0" in said
+    assert "needs its file or folder; got 0 of them" in said
     assert "expected a folder with fingers*.npz" in refused(
         "--protocol", "fingers", str(tmp_path / "nothing")
     )

@@ -160,8 +160,8 @@ def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, 
         if protocol in ON_DATA:
             if len(recordings) != 1:
                 raise click.UsageError(
-                    f"--protocol {protocol} needs its file or folder, one, got {len(recordings)}: "
-                    "docs/evaluation.md"
+                    f"--protocol {protocol} needs its file or folder; "
+                    f"got {len(recordings)} of them: docs/evaluation.md"
                 )
             return protocol, recordings
         if recordings:
