@@ -226,7 +226,7 @@ def test_full_disk_is_said_and_what_was_written_stays_readable(tmp_path, values)
 def test_two_recorders_on_one_file_are_one_recorder_and_a_line(tmp_path, info, values):
     first = Recorder(tmp_path / "t.mcap", info)
     first.put(block(values, 0, 5))
-    with pytest.raises(OutputError, match=r"t\.mcap': somebody records into it"):
+    with pytest.raises(OutputError, match=r"t\.mcap': another recorder writes it"):
         Recorder(tmp_path / "t.mcap", info)
     first.close()
     assert len(read_track(tmp_path / "t.mcap").times) == len(block(values, 0, 5))

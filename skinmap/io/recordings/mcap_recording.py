@@ -131,7 +131,7 @@ class McapRecording:
         try:
             self._file = _alone(path)
         except BlockingIOError:
-            raise OutputError(f"cannot write {str(path)!r}: somebody records into it") from None
+            raise OutputError(f"cannot write {str(path)!r}: another recorder writes it") from None
         except OSError as error:
             raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None
         with self._disk():
