@@ -140,7 +140,8 @@ class ResumeStore:
                 file.write(head)
                 file.flush()
             except OSError:
-                file.detach().detach().close()  # what waits to be written cannot be
+                raw: Any = file.detach()
+                raw.detach().close()  # what waits to be written cannot be
                 raise
         return file
 
