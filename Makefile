@@ -22,7 +22,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz audit limits schemas docs tutorials figures lint bench bench-compare bench-needs bench-commands bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak bench-viewer wheel dist lock clean
+.PHONY: help demo test fuzz audit limits schemas docs tutorials figures lint bench bench-compare bench-needs bench-commands bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak reliability bench-viewer wheel dist lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -95,11 +95,12 @@ bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 mi
 bench-scale: $(READY)  ## one thousand robots, estimated and measured up to what fits, to benchmarks/results
 	$(BIN)/python -m benchmarks.scale.scale $(ARGS)
 
-soak: $(READY)  ## 50 recorders killed, a full disk, a press of ten minutes, 200,000 samples, as many pictures
-	$(BIN)/python -m benchmarks.live.recordings --kills 50
-	$(BIN)/python -m benchmarks.live.live --only press $(ARGS)
-	$(BIN)/python -m benchmarks.live.live --only soak $(ARGS)
-	$(BIN)/python -m benchmarks.viewer.viewer_soak
+soak: $(READY)  ## files cut, disks full, commands stopped, recorders killed, memory: a table (ARGS="--quick", ARGS=stops)
+	$(BIN)/python -m benchmarks.reliability.soak $(ARGS)
+
+reliability: $(READY)  ## docs/reliability.md from what `make soak` and `make fuzz` measured
+	$(BIN)/python -m benchmarks.reliability.soak fuzz
+	$(BIN)/python -m benchmarks.reliability.page
 
 bench-viewer: $(READY)  ## frames, start-up, age and memory of the viewer (4 min), to benchmarks/results (ARGS=--quick)
 	$(BIN)/python -m benchmarks.viewer.viewer_speed $(ARGS)

@@ -14,8 +14,10 @@ import argparse
 import contextlib
 import hashlib
 import io
+import json
 import multiprocessing
 import os
+import re
 import sys
 import tempfile
 from pathlib import Path
@@ -24,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 START = 600  # s beyond those asked for: libraries are imported with a target's first file
 SLOWEST = 10  # s for one input: real files of this size take a millisecond
 MAX_MEMORY = 2048  # MB of one process: its libraries take 400 of them
+COUNTS = "counts.json"  # inputs tried of each target, for docs/reliability.md
 LONGEST = 1 << 16  # bytes: the originals have a few kilobytes
 
 
@@ -51,13 +54,19 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"no target {strange[0]!r}; the targets are: {', '.join(TARGETS)}", file=sys.stderr)
         return 2
     names = given.targets or list(TARGETS)
-    found = [name for name in names if not _clean(name, given.corpus, given.seconds)]
+    found, counts = [], {}
+    for name in names:
+        clean, runs = _clean(name, given.corpus, given.seconds)
+        counts[name] = {"runs": runs, "found": not clean}
+        found += [] if clean else [name]
+        keep = {"seconds": given.seconds, "targets": counts}
+        (given.corpus / COUNTS).write_text(json.dumps(keep, indent=1), encoding="utf-8")
     print(f"{len(found)} of {len(names)} targets with a finding", *found)
     return 1 if found else 0
 
 
-def _clean(name: str, corpus: Path, seconds: int) -> bool:
-    """Run one target in a process of its own; whether it found nothing."""
+def _clean(name: str, corpus: Path, seconds: int) -> tuple[bool, int]:
+    """Run one target in a process of its own; whether it found nothing, and inputs tried."""
     folder = corpus / name
     (folder / "kept").mkdir(parents=True, exist_ok=True)
     before = set(folder.iterdir())
@@ -81,7 +90,8 @@ def _clean(name: str, corpus: Path, seconds: int) -> bool:
         print(f"  inputs: {', '.join(map(str, fresh)) or 'none kept'}; log: {folder / 'log.txt'}")
         lines = [line for line in said.splitlines() if "Error" in line or "Warning" in line]
         print("  " + (lines or said.splitlines() or ["it said nothing"])[-1][:200], flush=True)
-    return clean
+    tried = re.findall(r"^stat::number_of_executed_units:\s*(\d+)|^#(\d+)\s", said, re.MULTILINE)
+    return clean, max((int(one or other) for one, other in tried), default=0)
 
 
 def fuzz(name: str, folder: Path, seconds: int) -> None:

@@ -18,6 +18,7 @@ from skinmap.cli.interrupts import TerminatedError, end_on_interrupt, forget_int
 from skinmap.commands.groups import NamedGroup
 from skinmap.commands.progress import QUIET
 from skinmap.errors import SkinError
+from skinmap.report.table import visible
 
 # name: (module, one line for the list); the module holds a click command called `command`.
 COMMANDS = {
@@ -150,11 +151,11 @@ def _one_line(error: click.ClickException) -> str:
 
 def _warn(message: Warning | str, *_: object, **__: object) -> None:
     """One line on standard error, without the place in our code that warned."""
-    click.echo(f"Warning: {message}", err=True)
+    click.echo(visible(f"Warning: {message}"), err=True)
 
 
 def _fail(message: str, code: int, debug: bool) -> None:
     if debug:
         traceback.print_exc()
-    click.echo(f"Error: {' '.join(message.split())}", err=True)
+    click.echo(visible(f"Error: {' '.join(message.split())}"), err=True)
     sys.exit(code)

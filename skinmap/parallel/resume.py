@@ -135,8 +135,14 @@ class ResumeStore:
             self._put_aside(older)
             return self._open()
         if not text:
-            json.dump({MARK: FORMAT, "sweep": self.sweep, "versions": _versions()}, file)
-            file.flush()
+            head = json.dumps({MARK: FORMAT, "sweep": self.sweep, "versions": _versions()})
+            try:
+                file.write(head)
+                file.flush()
+            except OSError:
+                raw: Any = file.detach()
+                raw.detach().close()  # what waits to be written cannot be
+                raise
         return file
 
     def _put_aside(self, older: str) -> None:

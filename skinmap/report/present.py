@@ -13,7 +13,7 @@ import click
 
 from skinmap.commands.profiles import profile_used
 from skinmap.report.result import decimals, plain
-from skinmap.report.table import Table
+from skinmap.report.table import Table, visible
 from skinmap.report.verdict import REFUSED_CODE, Verdict
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def show(lines: Iterable[str | Table]) -> None:
         if isinstance(line, Table):
             line.print()
         else:
-            click.echo(line)
+            click.echo(visible(line))
 
 
 def emit(result: Any, number: Number = decimals) -> None:

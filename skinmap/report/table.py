@@ -44,7 +44,7 @@ class Table:
         for column, text in zip(self.columns, self.texts, strict=True):
             drawn.add_column(column, justify="left" if text else "right", no_wrap=True)
         for row in self.rows:
-            drawn.add_row(*(cell_text(cell) for cell in row))
+            drawn.add_row(*(visible(cell_text(cell)) for cell in row))
         # A pipe has no width; what is cut off there cannot be read at all.
         console = Console() if Console().is_terminal else Console(width=WIDE)
         console.print(drawn)
@@ -71,3 +71,11 @@ def _row(tag: str, kinds: Sequence[str], cells: Sequence[str]) -> str:
         f"<{tag}{kind}>{escape(cell)}</{tag}>" for kind, cell in zip(kinds, cells, strict=True)
     )
     return f"<tr>{inner}</tr>"
+
+
+def visible(text: str) -> str:
+    """A text whose control characters are written out: names of files obey no terminal."""
+    return "".join(
+        letter if letter.isprintable() or letter in "\n\t" else repr(letter)[1:-1]
+        for letter in text
+    )

@@ -56,19 +56,18 @@ def test_what_cutting_found_is_said(tmp_path, kind, place, value):
     original = target.seeds()[0]
     target.lay_out(tmp_path)
     if place is None:
-        place = last_chunk(original)
+        place = chunks(original)[-1]
     changed = original[:place] + bytes([value]) + original[place + 1 :]
     whole = cuts.read(target, original, tmp_path)
     outcome = cuts.read(target, changed, tmp_path)
     assert outcome[0] != "whole" or outcome[1] == whole[1]
 
 
-def last_chunk(data: bytes) -> int:
-    """Where the last chunk of an MCAP file begins."""
-    place, found = 8, 0
+def chunks(data: bytes) -> list[int]:
+    """Where the chunks of an MCAP file begin."""
+    place, found = 8, []
     while place < len(data) - 8:
-        if data[place] == 6:
-            found = place
+        found += [place] if data[place] == 6 else []
         place += 9 + int.from_bytes(data[place + 1 : place + 9], "little")
     return found
 
@@ -77,7 +76,7 @@ def test_touches_of_a_cut_recording_come_with_a_warning_of_what_is_lost(tmp_path
     path, whole = tmp_path / "t.mcap", mcap("pressure")
     path.write_bytes(whole)
     before = skinmap.load_recordings(path)[0]
-    path.write_bytes(whole[: len(whole) // 2])
+    path.write_bytes(whole[: chunks(whole)[-2]])
     with pytest.warns(SkinWarning, match=r"t\.mcap' was cut off or damaged: 0\.\d\d s of samples"):
         after = skinmap.load_recordings(path)[0]
     assert 0 < len(after.times) < len(before.times)

@@ -157,7 +157,7 @@ def test_put_refuses_another_number_of_channels(tmp_path, info):
 
 def test_bad_time_ends_the_recording_with_an_error_and_a_whole_file(tmp_path, info, values):
     recorder = Recorder(tmp_path / "t.mcap", info)
-    recorder.put(block(values, 0, 5))
+    recorder.put(block(values, 0))
     recorder.put(Block(np.array([-3.0]), values[:1], 0.0))
     with pytest.raises(ValueError, match="time must lie in"):
         recorder.close()
@@ -221,6 +221,18 @@ def test_full_disk_is_said_and_what_was_written_stays_readable(tmp_path, values)
     # 300 random bytes a sample: all but the last chunk and the ends of the file.
     assert told["readable"] > (60_000 - 7_000) / 400
     assert told["bytes"] <= 60_000
+
+
+def test_two_recorders_on_one_file_are_one_recorder_and_a_line(tmp_path, info, values):
+    first = Recorder(tmp_path / "t.mcap", info)
+    first.put(block(values, 0, 5))
+    with pytest.raises(OutputError, match=r"t\.mcap': another recorder writes it"):
+        Recorder(tmp_path / "t.mcap", info)
+    first.close()
+    assert len(read_track(tmp_path / "t.mcap").times) == len(block(values, 0, 5))
+    again = Recorder(tmp_path / "t.mcap", info)  # nobody any more: replaced, as ever
+    again.close()
+    assert len(read_track(tmp_path / "t.mcap").times) == 0
 
 
 def test_failed_recorder_tells_everybody_who_comes_after(tmp_path, info, values, monkeypatch):

@@ -5,7 +5,9 @@ The layout of the file is described in docs/recordings.md.
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import tempfile
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -127,7 +129,9 @@ class McapRecording:
         }
         self._head = head
         try:
-            self._file = path.open("wb", buffering=0)
+            self._file = _alone(path)
+        except BlockingIOError:
+            raise OutputError(f"cannot write {str(path)!r}: another recorder writes it") from None
         except OSError as error:
             raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None
         with self._disk():
@@ -344,3 +348,23 @@ def table_of(skin: Skin) -> bytes:
         file = Path(folder) / "skin.csv"
         write_csv(table, file)
         return file.read_bytes()
+
+
+def _alone(path: Path) -> io.FileIO:
+    """A new file for this recorder alone; one that another recorder writes is left as it is.
+
+    Raises
+    ------
+    BlockingIOError, OSError
+        Another recorder writes it; the system refuses.
+    """
+    import fcntl
+
+    file = io.FileIO(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666), "r+")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        file.truncate(0)
+    except BaseException:
+        file.close()
+        raise
+    return file

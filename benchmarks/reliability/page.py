@@ -1,0 +1,162 @@
+"""docs/reliability.md: promise, test, figure and date, from benchmarks/results/reliability.json.
+
+`python -m benchmarks.reliability.page` writes it; nothing in it is written by hand.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from benchmarks import ROOT
+from benchmarks.harness.record import RESULTS
+
+PAGE = ROOT / "docs" / "reliability.md"
+NOT_RUN = ("not measured here", "")
+# Promises that tests keep in every run of the suite: what, and where.
+TESTED = [
+    ("A worker that is killed changes no bit, local or of a cluster",
+     "tests/parallel/test_lost_workers.py"),
+    ("A sweep that is interrupted, terminated or killed leaves no process and can be resumed, bit "
+     "by bit", "tests/parallel/test_interruption.py, test_resume.py"),
+    ("Workers of another version and a scheduler that is not there are a line before any work",
+     "tests/parallel/test_refusals.py"),
+    ("Two recorders on one file: the second one is refused, the first one's file is whole",
+     "tests/live/test_recorder.py"),
+    ("A slow disk under the recorder drops samples, counts them and keeps memory bounded",
+     "tests/live/test_recorder.py"),
+    ("Two processes share a cache; another version has entries of its own; a damaged entry is made "
+     "anew", "tests/test_cache.py"),
+    ("Samples late, twice, out of order, with NaN or of another length are counted, mended or left "
+     "out", "tests/live/test_loop.py, test_receiver.py, test_zmq.py"),
+    ("Up to half of the samples lost: each is counted", "tests/extremes/test_limits.py"),
+    ("Clocks that step by an hour, of the sender or of this machine",
+     "tests/live/test_clock_steps.py"),
+    ("A publisher that returns is followed; with another skin it is refused",
+     "tests/live/test_zmq.py, test_loop.py"),
+    ("A page that never reads holds up nobody, and its answers stay bounded",
+     "tests/viewer/web/test_hub.py, test_server.py"),
+    ("Hosts, origins, tokens, traversal, oversized messages and too many pages are refused",
+     "tests/viewer/web/test_guard.py, test_server.py"),
+    ("XML entities, zip bombs, chunks that unfold to too much, deep TOML, foreign types in models",
+     "tests/io/test_bad_input.py, tests/extremes/test_damage.py, "
+     "tests/classify/test_model_file.py"),
+    ("A disk that is full or read-only is one line, and what was there stays",
+     "tests/io/test_output.py"),
+]  # fmt: skip
+UNSEEN = """Archives (`.npz`, `.skinmodel`, results to resume, cache entries) have a CRC-32 of
+each member, which is compared to the last byte; MCAP has one of each chunk and counts its messages.
+**Text and meshes have none**: in CSV, TXT, URDF, XML, TOML, JSON, OBJ, PLY, STL, OFF, GLB, bare
+`.npy` and logs a changed digit is another number, and a table that was cut at the end of a line is
+a shorter one. Readers refuse what does not fit the format; the rest cannot be seen, and is counted
+below as *changed*. Pictures, films, pages, `.vtp` and `.h5` are written for others; nothing here
+reads them back.
+"""
+
+
+def main() -> None:
+    """Write the page."""
+    found = json.loads((RESULTS / "reliability.json").read_text(encoding="utf-8"))
+    PAGE.write_text(page(found), encoding="utf-8")
+    print(f"{PAGE.relative_to(ROOT)}: {len(rows(found))} figures, {len(TESTED)} tests")
+
+
+def page(found: Mapping[str, Any]) -> str:
+    """The whole page."""
+    lines = [
+        "# What it survives", "",
+        "Written by `make reliability` from what `make soak` and `make fuzz` measured "
+        "(`benchmarks/results/reliability.json`).",
+        "Faults are those that the runs themselves count.", "",
+        "## Measured", "",
+        "| promise | test | figure | date |", "|---|---|---|---|",
+        *(f"| {' | '.join(row)} |" for row in rows(found)), "",
+        "## Tested in every run of the suite", "",
+        "| promise | test |", "|---|---|",
+        *(f"| {promise} | `{test.replace(', ', '`, `')}` |" for promise, test in TESTED), "",
+        "## Files cut, and with one byte changed", "", UNSEEN,
+        *_kinds(found.get("cuts")),
+        "## Damage by what makes a reader take new ways", "", *_fuzzed(found.get("fuzz")),
+        "## Commands stopped at random moments", "", *_stopped(found.get("stops")),
+    ]  # fmt: skip
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def rows(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Promise, test, figure and date of what is measured."""
+    return [
+        (promise, f"`{test}`", *(NOT_RUN if name not in found else
+                                 (figure(found[name]), found[name]["date"])))
+        for name, promise, test, figure in MEASURED
+    ]  # fmt: skip
+
+
+def _kinds(cuts: Mapping[str, Any] | None) -> list[str]:
+    if cuts is None:
+        return []
+    lines = [
+        "| kind | files | whole | said | refused | changed | checksum | faults |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name, row in cuts["kinds"].items():
+        numbers = (row[key] for key in ("files", "whole", "said", "refused", "changed"))
+        cells = [*map(str, numbers), "yes" if row["checked"] else "none", str(len(row["faults"]))]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return [*lines, ""]
+
+
+def _fuzzed(fuzz: Mapping[str, Any] | None) -> list[str]:
+    if fuzz is None or not fuzz["targets"]:
+        return ["Not measured here.", ""]
+    rest = [f"| {name} | {row['runs']:,} | {'yes' if row['found'] else 'no'} |"
+            for name, row in fuzz["targets"].items()]  # fmt: skip
+    return [f"{fuzz['seconds']} s a reader.", "", "| reader | inputs | found something |",
+            "|---|---|---|", *rest, ""]  # fmt: skip
+
+
+def _stopped(stops: Mapping[str, Any] | None) -> list[str]:
+    if stops is None:
+        return ["Not measured here.", ""]
+    lines = ["| command | length [s] | before it listened | under way | after its end | faults |",
+             "|---|---|---|---|---|---|"]  # fmt: skip
+    for name, row in stops["commands"].items():
+        counts = (str(row[key]) for key in ("before", "under_way", "after"))
+        lines.append(
+            f"| {name} | {row['seconds']:.1f} | {' | '.join(counts)} | {len(row['faults'])} |"
+        )
+    return [*lines, ""]
+
+
+def _kills(one: Mapping[str, Any]) -> str:
+    kills = one["kills"]
+    return (f"{kills['opened']} of {kills['count']} opened, at most {kills['most_lost_s']:.2f} s "
+            f"lost (goal {kills['goal_s']} s)")  # fmt: skip
+
+
+CUTS, SOAK = "benchmarks/reliability/cuts.py", "make soak"
+MEASURED = [
+    ("fuzz", "Damage guided by coverage ends in a line: no traceback, hang or 2 GB", "make fuzz",
+     lambda one: f"{one['runs']:,} inputs of {len(one['targets'])} readers, {one['faults']} found"),
+    ("cuts", "Files cut or with a byte changed open whole, say what was lost, or are refused", CUTS,
+     lambda one: f"{one['files']:,} files of {len(one['kinds'])} kinds, {one['faults']} faults; at "
+     f"most {one['most_mb']:.0f} MB more than the whole file, {one['longest_s']:.1f} s"),
+    ("full disk", "A disk without room is one line in every command that writes, and nothing half "
+     "written", "benchmarks/reliability/full_disk.py",
+     lambda one: f"{len(one['commands'])} commands, {one['faults']} faults"),
+    ("stops", "Ctrl-C, a polite kill, a kill, a halt: a line, the exit code, no process, nothing "
+     "half written", "benchmarks/reliability/stops.py",
+     lambda one: f"{one['stops']} stops of {len(one['commands'])} commands, {one['under_way']} "
+     f"under way, {one['faults']} faults"),
+    ("kills", "A killed recorder loses at most 0.2 s", "benchmarks/live/recordings.py", _kills),
+    ("press", "A press that is held stays one contact", SOAK,
+     lambda one: f"{one['minutes']:g} minutes, {one['contacts']} contact, "
+     f"{one['samples_without']} samples without"),
+    ("loop", "The loop's memory stays", SOAK,
+     lambda one: f"{one['samples']:,} samples, grown by at most {one['most_grown_mb']:.1f} MB"),
+    ("window", "The window's memory stays", SOAK,
+     lambda one: f"{one['updates']:,} updates, grown by {one['grown_mb']:.1f} MB"),
+]  # fmt: skip
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""Disks without room, commands that are stopped, names that are code: a few of `make soak`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from benchmarks.reliability import full_disk, stops
+from benchmarks.reliability.page import TESTED
+from skinmap.cli.main import cli
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "docs" / "examples" / "robot"
+NASTY = "<img src=x onerror=alert(1)>\\u001b[31m"
+
+
+@pytest.mark.parametrize("command", ["export csv", "export ply", "export mjcf"])
+def test_a_disk_without_room_is_one_line_and_leaves_nothing(tmp_path, command):
+    found = full_disk.refuse(command, tmp_path)
+    assert found["fault"] == ""
+    assert "File too large" in found["said"]
+
+
+def test_the_judge_of_full_disks_sees_a_result_that_was_written(tmp_path):
+    assert "no line" in full_disk.refuse("export csv", tmp_path, room=10**9)["fault"]
+
+
+@pytest.mark.parametrize("kind", ["SIGINT", "SIGTERM"])
+def test_a_command_that_is_stopped_says_so_and_leaves_nothing(tmp_path, kind):
+    when, fault = stops.stop(stops.COMMANDS["simulate"], tmp_path / "out", Path(), kind, 1.5)
+    assert fault == ""
+    assert when in ("before", "under_way")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.filterwarnings("ignore:Glyph 27")  # of the font that a picture is drawn with
+@pytest.mark.parametrize("place", ["[robot]", "[[part]]"])
+def test_names_that_are_code_are_shown_as_text(tmp_path, place):
+    for path in EXAMPLE.iterdir():
+        text = path.read_text()
+        if path.suffix == ".toml":
+            head, mark, rest = text.partition(place)
+            text = head + mark + rest.replace('name = "', f'name = "{NASTY}', 1)
+        (tmp_path / path.name).write_text(text)
+    page = tmp_path / "page.html"
+    ran = CliRunner().invoke(cli, ["inspect", str(tmp_path / "robot.toml"), "--html", str(page)])
+    assert ran.exit_code == 0
+    assert "\x1b" not in ran.output
+    assert "<img src=x" not in page.read_text()
+    words = ["flatten", str(tmp_path / "robot.toml"), "-o", str(tmp_path / "out")]
+    ran = CliRunner().invoke(cli, words)
+    assert ran.exit_code == 0
+    assert "\x1b" not in ran.output
+    assert not [path for path in (tmp_path / "out").iterdir() if set(path.name) & set("<>\x1b")]
+    assert "<img src=x" not in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_tests_that_the_page_names_exist():
+    for _, names in TESTED:
+        folder = Path("tests")
+        for name in names.split(", "):
+            path = Path(name)
+            folder = path.parent if len(path.parts) > 1 else folder
+            assert (ROOT / folder / path.name).exists() or list(
+                (ROOT / "tests").rglob(path.name)
+            ), name
+
+
+def test_damage_is_the_same_in_each_run():
+    from benchmarks.reliability.cuts import damaged
+
+    first, again = (damaged(b"abcdef", 9, rng=np.random.default_rng(3)) for _ in range(2))
+    assert first == again
+    assert len(first) == 18
