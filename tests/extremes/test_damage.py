@@ -33,6 +33,7 @@ NO_READERS = {
     "skinmap.live.network.lsl_settings.load_lsl": "loads a library",
     "skinmap.live.response.files.load_responses": "load_response, by entry point",
     "skinmap.cli.flatten.options.read_channels": "words of a command line, tested with the command",
+    "skinmap.cli.flatten.seam.read_seam": "words of a command line, tested with the command",
     "skinmap.classify.classifier_options.read_size": "a word of a profile, tested with the knobs",
     "skinmap.cli.structures.read_radius": "words of a command line, tested with it",
     "calibration.commands.plane.read_planes": "words of a command line, tested with it",

@@ -22,6 +22,7 @@ from calibration.files.tables import (
     read_points,
     read_touches,
 )
+from skinmap.cli.flatten.seam import read_cuts
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.flat_maps.surface_files import write_obj_with_uv
@@ -45,6 +46,7 @@ from skinmap.io.taxels.table import COLUMNS, COVARIANCE, read_csv
 from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.taxels import TaxelTable
+from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
 
 from .target import Target
 
@@ -228,6 +230,15 @@ def _icub() -> object:
     return load_robot("icub")
 
 
+@cache
+def hand_mesh() -> SurfaceMesh:
+    return build_surface(load_robot("kaspar").skin("left_hand"))
+
+
+def cuts(path: Path) -> object:
+    return read_cuts(path, {"left_hand": hand_mesh()})
+
+
 def by_board(read: Callable[..., object]) -> Callable[[Path], object]:
     return lambda path: read(path, read_board(path.with_name("board.csv")))
 
@@ -264,13 +275,16 @@ TARGETS = [
            ("viewer.inputs.read_covariances",)),
     Target("drawing", "d.ini", lambda: [DRAWING], read_drawing,
            ("skinmap.io.flat_maps.drawing.read_drawing",)),
+    Target("seam", "s.txt", lambda: [b"0 9 40\n5,60 # back\n"], cuts,
+           ("skinmap.cli.flatten.seam.read_cuts",)),
     Target("module-layout", "m.toml", lambda: [LAYOUT], lambda p: module_layout(str(p))),
     Target("module-layout-csv", "m.csv", lambda: [LAYOUT_CSV], lambda p: module_layout(str(p))),
     Target("manifest", "one.toml", lambda: [MANIFEST], walk_robot,
            ("skinmap.io.robots.manifest.load_robot",
             "skinmap.io.robots.manifest.read_manifest"), ROBOT),
     Target("urdf", "damaged.urdf", lambda: [URDF], walk_body,
-           ("skinmap.io.robots.urdf.read_urdf",), ROBOT),
+           ("skinmap.io.robots.urdf.read_urdf", "skinmap.io.robots.urdf_elements.read_joints",
+            "skinmap.io.robots.urdf_elements.read_links"), ROBOT),
     Target("mesh-written", "m.ply",
            lambda: [written(lambda p: write_mesh(TriangleMesh(*read_ply()), p))], read_mesh),
     Target("flat-map", "m.obj", lambda: [flat_map()], read_mesh),
