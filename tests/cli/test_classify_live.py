@@ -127,7 +127,7 @@ def test_one_process_publishes_and_another_names(made):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("nowhere",), "no source 'nowhere'; the sources are: sim, lsl, mujoco, zmq"),
+        (("nowhere",), "no source 'nowhere'; the sources are: sim, lsl, mujoco, zenoh, zmq"),
         (("gone.mcap",), "no file 'gone.mcap'"),
         (("sim:rough",), "'sim' or 'sim:raw'"),
         (("sim", "--part", "head"), "no part 'head'"),
