@@ -338,16 +338,17 @@ class LeftOutRow:
     per_class
         Share named right, by label.
     mean
-        Of the classes.
+        Of the classes; null where nothing could be left out.
     right
-        Share of all touches named right.
+        Share of all touches named right; null likewise.
     chance
         Share of the most frequent label.
     control, first
         Share named right by the same classifier of what the skin read before the touches, and of
         the first samples; null where it sees nothing there, or nothing was asked.
     raw
-        Of what the skin read before the touches, by a linear classifier of raw values.
+        Of what the skin read before the touches, by a linear classifier of raw values; null where
+        there is none, or nothing was asked.
     meaning
         Whether the figure says something of touches; null where no control was asked for.
     verdict

@@ -100,7 +100,7 @@ class PatchRow(Distorted):
     touches
         With `--seam contacts`: how many the recording has there; null for others, as below.
     touches_divided, touches_divided_shortest
-        How many of them the seam divides, and how many the shortest one would.
+        How many of them the seam divides, and how many the shortest one would; null without it.
     touches_saved_percent
         Of those that the shortest divides, in one half of the recording, by seams chosen on the
         other half; null where it divides none. Little where touches are spread evenly: then the
