@@ -652,7 +652,7 @@ class CostRow:
     right
         Share named right; null where the split cannot be made.
     first
-        The same classifier on the first three samples of each capture.
+        The same classifier on the first three samples of each capture; null likewise.
     chance
         Share of the most frequent gesture.
     reason
