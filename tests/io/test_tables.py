@@ -88,7 +88,7 @@ def test_read_taxels_names_missing_files_and_formats(tmp_path):
         read_taxels(tmp_path / "t.xyz")
     with pytest.raises(UnknownNameError, match="are: csv, cyskin, icub"):
         read_taxels(tmp_path / "t.xyz", "excel")
-    assert readers.names()[:2] == ("csv", "icub")
+    assert readers.names()[:2] == ("csv", "cyskin")
 
 
 def test_taxel_table_refuses_shapes_that_differ():

@@ -1,7 +1,7 @@
 """Names across physics: trained on touches of one simulator, tested on those of another.
 
-Parts are left out too: the skins are dealt into two hands, one trains while the other tests, and
-mirror images never stand on both sides. What is trained on never saw the frozen variant.
+Parts are left out too, each in turn while the others train, and mirror images never stand on both
+sides. What is trained on never saw the frozen variant.
 """
 
 from __future__ import annotations
@@ -105,7 +105,8 @@ def evaluate_physics(
         One of each pair of mirror images.
     gestures : sequence of str
     per_gesture : int
-        Touches of each gesture on each skin in each variant of MuJoCo; of ours `OURS_TIMES` as many.
+        Touches of each gesture on each skin in each variant of MuJoCo; of ours `OURS_TIMES` as
+        many.
     seeds : sequence of int
         Repetitions.
     classifier : str
@@ -126,8 +127,8 @@ def evaluate_physics(
         touched = _touch(skins, gestures, per_gesture, seed, workers, progress)
         trainings = [
             one
-            for hand in (0, 1)
-            for one in _trainings(touched, list(skins), hand, classifier, seed)
+            for part in skins
+            for one in _trainings(touched, list(skins), part, classifier, seed)
         ]
         for rows in run_tasks(_train, trainings, workers=workers, progress=progress):
             found += rows
@@ -199,14 +200,14 @@ def _play(task: _Playing) -> list[tuple[str, np.ndarray]]:
 def _trainings(
     touched: Mapping[tuple[str, str], tuple[Touch, ...]],
     parts: Sequence[str],
-    hand: int,
+    tested: str,
     classifier: str,
     seed: int,
 ) -> list[_Training]:
-    """All trainings that test on one hand of the parts."""
+    """All trainings that test on one of the parts."""
 
     def of(physics: Sequence[str], left: bool) -> tuple[Touch, ...]:
-        chosen = [part for k, part in enumerate(parts) if (k % 2 == hand) == left]
+        chosen = [part for part in parts if (part == tested) == left]
         return tuple(touch for one in physics for part in chosen for touch in touched[one, part])
 
     every = (OURS, *VARIANTS)

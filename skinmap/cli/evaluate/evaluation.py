@@ -266,10 +266,10 @@ def _physics(settings: Settings) -> PhysicsResult:
         sizes.setdefault(len(loaded.skin(part)), part)
     skins = {part: PreparedSkin(loaded.skin(part)) for part in sizes.values()}
     gestures = _gestures(settings)
-    # Touches of each physics, then two hands of parts with a training each, and one without each.
+    # Touches of each physics; for each part a training of each physics, and one without each.
     worlds = 1 + len(VARIANTS)
     touches = worlds * len(skins)
-    trainings = 2 * (1 + len(TUNING) + worlds)
+    trainings = len(skins) * (1 + len(TUNING) + worlds)
     with progress(settings.seeds * (touches + trainings), "physics") as advance:
         found = physics.evaluate_physics(
             skins,
