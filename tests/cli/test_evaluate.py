@@ -105,7 +105,11 @@ def test_tables_are_printed_for_people(recording):
             ["--protocol", "paper1"],
             "no protocol or recording 'paper1'; the protocols and recordings are: kaspar, baxter",
         ),
-        ([], "name --protocol (kaspar, baxter, cross-patch, physics, time, cost, fingers, hands) or recordings"),
+        (
+            [],
+            "name --protocol (kaspar, baxter, cross-patch, physics, time, cost, fingers, hands) "
+            "or recordings",
+        ),
         (["gone.npz"], "no file 'gone.npz'"),
         (["--protocol", "kaspar", "x.npz"], "simulates its touches: no recordings"),
         (["--protocol", "kaspar", "--robot", "icub"], "which part of icub? --part torso | "),
