@@ -15,13 +15,14 @@ from skinmap.errors import InvalidArrayError
 from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
 
 PARTS = ["a", "b", "c"]
+PAIRS = {"a": "a", "b": "b", "c": "c"}
 # Stand for touches: which physics and part they are of.
 TOUCHED = {(one, part): ((one, part),) for one in (OURS, *VARIANTS) for part in PARTS}
 
 
 @pytest.mark.parametrize("part", PARTS)
 def test_trainings_never_see_the_frozen_variant_or_a_tested_part(part: str) -> None:
-    made = _trainings(TOUCHED, PARTS, part, "contact-geometry", 0)  # type: ignore[arg-type]
+    made = _trainings(TOUCHED, PAIRS, part, "contact-geometry", 0)  # type: ignore[arg-type]
     assert {one.trained_on for one in made} == {OURS, BOTH, *TUNING}
     for one in made:
         physics = {touch[0] for touch in one.train}  # type: ignore[index]
@@ -35,7 +36,7 @@ def test_trainings_never_see_the_frozen_variant_or_a_tested_part(part: str) -> N
 
 
 def test_trainings_test_on_every_physics() -> None:
-    made = _trainings(TOUCHED, PARTS, "a", "contact-geometry", 0)  # type: ignore[arg-type]
+    made = _trainings(TOUCHED, PAIRS, "a", "contact-geometry", 0)  # type: ignore[arg-type]
     pairs = {(one.trained_on, tested) for one in made for tested in one.test}
     every = (OURS, *VARIANTS)
     assert pairs == {(a, b) for a in (OURS, BOTH, *TUNING) for b in every}
@@ -63,3 +64,14 @@ def test_calibration_error_of_known_confidences() -> None:
 def test_evaluate_physics_needs_two_parts() -> None:
     with pytest.raises(InvalidArrayError, match="two parts, got 1"):
         evaluate_physics({"a": None}, gestures=("poke",), per_gesture=1, seeds=[0])  # type: ignore[dict-item]
+
+
+def test_mirror_images_are_never_on_both_sides() -> None:
+    pairs = {"left": "left", "right": "left", "chest": "chest"}
+    touched = {(OURS, part): ((OURS, part),) for part in pairs}
+    touched |= {(one, part): ((one, part),) for one in VARIANTS for part in ("left", "chest")}
+    for part in ("left", "chest"):
+        for one in _trainings(touched, pairs, part, "contact-geometry", 0):  # type: ignore[arg-type]
+            trained = {pairs[touch[1]] for touch in one.train}  # type: ignore[index]
+            assert part not in trained
+            assert trained

@@ -261,15 +261,13 @@ def _physics(settings: Settings) -> PhysicsResult:
     classifier = settings.names[0] if settings.names else physics.CLASSIFIER
     check_carries_over((classifier,))
     loaded, parts = open_robot(settings.robot or "icub", settings.parts)
-    sizes: dict[int, str] = {}  # mirror images on both sides of the test would flatter
-    for part in parts:
-        sizes.setdefault(len(loaded.skin(part)), part)
-    skins = {part: PreparedSkin(loaded.skin(part)) for part in sizes.values()}
+    skins = {part: PreparedSkin(loaded.skin(part)) for part in parts}
+    tested = set(physics.mirror_pairs(skins).values())
     gestures = _gestures(settings)
     # Touches of each physics; for each part a training of each physics, and one without each.
     worlds = 1 + len(VARIANTS)
-    touches = worlds * len(skins)
-    trainings = len(skins) * (1 + len(TUNING) + worlds)
+    touches = len(VARIANTS) * len(tested) + len(skins)
+    trainings = len(tested) * (1 + len(TUNING) + worlds)
     with progress(settings.seeds * (touches + trainings), "physics") as advance:
         found = physics.evaluate_physics(
             skins,
