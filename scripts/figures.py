@@ -113,7 +113,7 @@ def physics(results: Path) -> list[str]:
         for one in trained
     ]
     heads = [f"{one}, frozen" if one == kept["frozen"] else one for one in tested]
-    return _table(("no variety, parts left out (calibration error)", *heads), table)
+    return _table(("touches that vary, parts left out (calibration error)", *heads), table)
 
 
 def speed(results: Path) -> list[str]:
@@ -170,6 +170,11 @@ def places(results: Path) -> list[str]:
     touches = [row for row in found["touch"] if not row.get("one_module")]
     touch = _row(touches, touches=32)
     scan = next(row for row in found["scan"] if "below_1_mm" in row)
+    kept = _read(results, "calibration")  # of long runs
+    press = next(r for r in kept["plane"] if (r["poses"], r["contacts"]) == ("chosen", 40))
+    pokes = [r for r in kept["wiring"] if r["touch"] == "poke"]
+    found_percent = [r["found_percent"] for r in pokes if r["what"] == "all"]
+    healthy = next(r for r in pokes if r["what"] == "healthy")
     kills = live["recordings"]["kills"]
     calm, size = live["live_50_hz"], live["recordings"]["size"]
     rows = [
@@ -178,6 +183,17 @@ def places(results: Path) -> list[str]:
         (
             "half a link scanned, 0.7 mm noise (simulated)",
             f"median {scan['median_mm']:.2f} mm, worst {scan['max_mm']:.2f} mm",
+        ),
+        (
+            "40 presses on a table, each where the last ones say (simulated)",
+            f"95 % of the taxels within {press['taxels_p95_mm']['p95']:.1f} mm in 95 % of "
+            f"{press['trials']} trials",
+        ),
+        (
+            "modules and cables swapped, turned, mirrored or mute, found by 12 to 28 pokes "
+            "(simulated)",
+            f"{min(found_percent):.0f} to {max(found_percent):.0f} % on three parts; "
+            f"{healthy['false_alarms']} of {healthy['runs']} healthy skins reported",
         ),
         (
             f"sample to label, {live['channels']:,} taxels at 50 Hz for "
