@@ -157,7 +157,7 @@ def test_put_refuses_another_number_of_channels(tmp_path, info):
 
 def test_bad_time_ends_the_recording_with_an_error_and_a_whole_file(tmp_path, info, values):
     recorder = Recorder(tmp_path / "t.mcap", info)
-    recorder.put(block(values, 0))
+    recorder.put(block(values, 0, 5))
     recorder.put(Block(np.array([-3.0]), values[:1], 0.0))
     with pytest.raises(ValueError, match="time must lie in"):
         recorder.close()
