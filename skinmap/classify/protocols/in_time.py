@@ -16,7 +16,7 @@ import numpy as np
 from skinmap.classify.classifier import TouchClassifier, learnable
 from skinmap.classify.descriptors import ContactGeometry, Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest
-from skinmap.classify.protocols.physics import OURS, Judged, judged
+from skinmap.classify.protocols.physics import OURS, Judged, Playing, judged
 from skinmap.classify.rbf_machine import RbfMachine
 from skinmap.errors import InvalidArrayError
 from skinmap.parallel.run import run_tasks, task_rng
@@ -85,15 +85,6 @@ class InTime:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Playing:
-    skin: PreparedSkin
-    physics: str
-    gestures: tuple[str, ...]
-    per_gesture: int
-    seed: tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
 class _Training:
     features: Features | None  # what the classifier chooses, where None
     train: tuple[Touch, ...]
@@ -120,7 +111,7 @@ def play(
         MuJoCo is asked for, and not installed.
     """
     tasks = [
-        _Playing(
+        Playing(
             skin,
             one,
             (*gestures, *FOUR) if one == OURS else tuple(gestures),
@@ -134,7 +125,7 @@ def play(
     return [Played(task.skin, task.physics, one) for task, one in zip(tasks, made, strict=True)]
 
 
-def _play(task: _Playing) -> Recording:
+def _play(task: Playing) -> Recording:
     rng, skin = task_rng(task.seed), task.skin.skin
     if task.physics == OURS:
         return simulate(skin, rng=rng, gestures=task.gestures, per_gesture=task.per_gesture)

@@ -67,7 +67,7 @@ class Judged:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Playing:
+class Playing:
     """A skin to be touched in a physics: what a worker needs."""
 
     skin: PreparedSkin
@@ -183,7 +183,7 @@ def _touch(
     """Touches by physics and part."""
     pairs = mirror_pairs(skins)
     tasks = [
-        _Playing(skin, physics, tuple(gestures), per_gesture, (seed, row, column))
+        Playing(skin, physics, tuple(gestures), per_gesture, (seed, row, column))
         for row, physics in enumerate((OURS, *VARIANTS))
         for column, (part, skin) in enumerate(skins.items())
         if physics == OURS or pairs[part] == part
@@ -197,7 +197,7 @@ def _touch(
     }
 
 
-def _play(task: _Playing) -> list[tuple[str, np.ndarray]]:
+def _play(task: Playing) -> list[tuple[str, np.ndarray]]:
     rng = task_rng(task.seed)
     skin, count, gestures = task.skin.skin, task.per_gesture, task.gestures
     if task.physics == OURS:
