@@ -16,7 +16,9 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
+from functools import lru_cache
+from importlib import metadata
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -39,6 +41,8 @@ LIMIT_MB = 1000.0
 SIZE = 16  # bytes of a key: two of a million million share one with a chance of 1e-15
 ABANDONED = 3600.0  # age of a half-written file from which whoever wrote it is gone [s]
 SUFFIX, PARTIAL = ".npz", ".partial"
+
+version = lru_cache(metadata.version)  # a distribution's metadata are read once in a process
 
 
 class CacheWarning(SkinWarning):

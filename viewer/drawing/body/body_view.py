@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pyvista as pv
+from vtkmodules.vtkRenderingCore import vtkDataSetMapper
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
@@ -147,8 +148,9 @@ def thinned(points: FloatArray) -> FloatArray:
     return np.asarray(points[:: EVERY if len(points) > SMALL else 1], np.float64)
 
 
-def _mapper(mesh: pv.PolyData) -> pv.DataSetMapper:
-    mapper = pv.DataSetMapper(mesh)
+def _mapper(mesh: pv.PolyData) -> vtkDataSetMapper:
+    mapper = vtkDataSetMapper()  # PyVista's own makes a table of colours for each
+    mapper.SetInputData(mesh)
     mapper.SetScalarVisibility(False)
     return mapper
 

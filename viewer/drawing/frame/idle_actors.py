@@ -200,18 +200,18 @@ class Stamps:
     def __init__(self, actor: Any) -> None:
         self._own, self._get_mapper = actor.GetMTime, actor.GetMapper
         self._mapper: Any = None
-        self._data: Any = None
+        self._connected = -1
 
     def times(self) -> Hashable:
         """The stamps of actor, mapper and mesh."""
         mapper = self._get_mapper()
         if mapper is not self._mapper:
-            self._mapper = mapper
-            self._mapper_time, self._get_data = mapper.GetMTime, mapper.GetInput
-        data = self._get_data()
-        if data is not self._data:
-            self._data, self._data_time, self.points = data, data.GetMTime, data.GetPoints
-        return self._own(), self._mapper_time(), self._data_time()
+            self._mapper, self._mapper_time, self._connected = mapper, mapper.GetMTime, -1
+        time = self._mapper_time()
+        if time != self._connected:  # its mesh is only another one where the mapper has changed
+            self._connected, data = time, mapper.GetInput()
+            self._data_time, self.points = data.GetMTime, data.GetPoints
+        return self._own(), time, self._data_time()
 
 
 def _look(prop: Any) -> Hashable:

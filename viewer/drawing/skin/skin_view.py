@@ -15,6 +15,8 @@ from viewer.health import STATES
 from viewer.layer import Layer
 from viewer.layers import Layers
 
+SIGNED = np.array([state in SIGNS for state in STATES])  # whether a taxel of that state has a sign
+
 
 class SkinView:
     """Actors of one part's skin on the body.
@@ -106,10 +108,8 @@ def signs_of(data: Layers, part: str, values: FloatArray) -> tuple[IntArray, lis
     states = data.watch.known(part)
     if not states.any() and np.isfinite(values).all():  # all well, as nearly always
         return np.zeros(0, np.int64), []
-    names = np.array(STATES)[states]
     silent = ~np.isfinite(values)
-    if silent.all():  # nothing is known of the whole part: its grey says so
-        silent[:] = False
-    names[silent & ~data.watch.unfit(part)] = "stale"
-    rows = np.flatnonzero(np.isin(names, list(SIGNS)))
-    return rows, names[rows].tolist()
+    if silent.any() and not silent.all():  # of a part of which nothing is known its grey says so
+        states = np.where(silent & ~data.watch.unfit(part), STATES.index("stale"), states)
+    rows = np.flatnonzero(SIGNED[states])
+    return rows, [STATES[state] for state in states[rows]]
