@@ -11,6 +11,7 @@ from typing import Any
 _PUBLIC = {
     "Moment": ("skinmap.live.moment", "Moment"),
     "NamedTouch": ("skinmap.live.contacts.named_touch", "NamedTouch"),
+    "PolledSource": ("skinmap.live.sources.polled_source", "PolledSource"),
     "Receiver": ("skinmap.live.sources.receiver", "Receiver"),
     "Relay": ("skinmap.live.sources.source", "Relay"),
     "Seekable": ("skinmap.live.sources.source", "Seekable"),

@@ -6,6 +6,7 @@ import importlib.util
 import os
 import pty
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -35,7 +36,9 @@ def terminal():
 
 def test_serial_lines_are_samples_and_others_are_counted(terminal):
     ours, name = terminal
-    source = plugin("serial_numbers").SerialNumbers(name, "left_hand", 4)
+    robot = SimpleNamespace(parts=("left_hand",), skin=lambda part: range(4))
+    how = {"robot": robot, "parts": None, "seed": 0, "speed": 1.0, "loop": False}
+    source = plugin("serial_numbers").open_serial(name, **how)
     os.write(ours, b"1,2,3,4\n5 6 7 8\nnoise\n1,2,3\n9,10,1")
     rows = [source.read(5.0).values]
     os.write(ours, b"1,12\n")
