@@ -86,7 +86,7 @@ gallery: $(READY)  ## the pictures of docs/viewer.md and docs/gallery.md
 	$(BIN)/python -m viewer.gallery $(ARGS)
 	$(BIN)/python scripts/gallery.py
 
-bench-calibration: $(READY)  ## accuracy of calibrations by anchors, touches, scans, to benchmarks/results
+bench-calibration: $(READY)  ## accuracy of calibrations (90 min), to benchmarks/results (ARGS=--quick, ARGS='--only wrap mount')
 	$(BIN)/python -m benchmarks.calibration.calibrations $(ARGS)
 
 bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 min), to benchmarks/results (ARGS=--quick)

@@ -22,6 +22,7 @@ ILL, LIKELY = 0.1, 0.5  # at the end: healthy less probable, and one fault more 
 CLEAR = 0.95  # a skin without one that is so probable is healthy
 MAX_OF_A_POKE = 18  # channels that answer a fingertip: those of the simulator light 14 at most
 BACKING = 2.0  # evidence beside the touch that speaks loudest for a fault, to name it [nats]
+INSIDE = {"turned_module", "mirrored_module"}  # a poke that misses its module looks like neither
 UNPLACED = 0.5  # weight of a touch of unknown place, beside one where it was asked for
 QUIET = 14.0  # a module whose channels do not even have noise is mute [nats]
 LIVELY = np.log(0.005)  # a module with noise of its own is hardly mute: its foam may have come off
@@ -142,7 +143,7 @@ class Doctor:
         while len(self.found) < MAX_FAULTS and self.healthy < ILL:
             posterior = self.posterior
             row = int(np.argmax(posterior))
-            if row == 0 or posterior[row] < np.log(LIKELY) or not self._backed(row):
+            if row == 0 or posterior[row] < np.log(LIKELY) or not self._shown(row):
                 break
             others = tuple(one for one in self.suspects(5)[1:] if one[1] > 0.01)
             one = Found(self.hypotheses.faults[row], float(np.exp(posterior[row])), others)
@@ -247,6 +248,11 @@ class Doctor:
         rest = float(self._before[row] - self._before[0] - (start[row] - start[0]))
         said = [float(one[row]) for one in self._said]
         return rest + sum(said) - max([*said, 0.0]) >= BACKING
+
+    def _shown(self, row: int) -> bool:
+        """Whether a touch that missed its place cannot be all there is behind a fault."""
+        poked = all(touch.how == "poke" for touch in self.touches)
+        return self._backed(row) or (poked and self.hypotheses.faults[row].kind in INSIDE)
 
     def _sure(self) -> Found | None:
         posterior = self.posterior
