@@ -24,7 +24,7 @@ from skinmap.live.moment import Moment
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.body.bare_body import body_meshes
-from viewer.export.solids import CORNERS, DISC_SHARE, LIFT, disc_solid
+from viewer.export.gltf import CORNERS, DISC_SHARE, LIFT, disc_solid
 from viewer.layers import Layers
 from viewer.web.scene_data import CELL, triangles_of
 
