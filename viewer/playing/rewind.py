@@ -1,4 +1,4 @@
-"""Moments for whoever draws: the newest handed over, those of the last minute to go back through."""
+"""Moments for whoever draws: the newest handed over, those of the last minute to go back to."""
 
 from __future__ import annotations
 
