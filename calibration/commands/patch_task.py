@@ -30,7 +30,7 @@ from calibration.patch.solver_budget import FULL, Effort
 from calibration.patch.touch import Touch, locate_by_touch
 from calibration.patch.wrap import wrap_layout
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.io.robots.urdf import read_mesh
+from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.units import UNITS
 from skinmap.report.present import present, write_files
 

@@ -154,7 +154,7 @@ def _load(
     taxels_file: Path | None,
 ) -> ScanFiles:
     from calibration.files.tables import read_numbers, read_placed, read_points
-    from skinmap.io.robots.urdf import read_mesh
+    from skinmap.io.robots.mesh_file import read_mesh
     from skinmap.io.units import UNITS
 
     unit = UNITS[units]

@@ -102,7 +102,7 @@ def wiring(
                 marker=marker)  # fmt: skip
     try:
         if source == "sim":
-            from calibration.wiring.examination import examine_simulated
+            from calibration.wiring.person import examine_simulated
 
             examined = examine_simulated(loaded, names, planted, plan)
         elif _is_file(source):
@@ -123,7 +123,7 @@ def wiring(
 
 
 def _live(source: str, robot: Robot, parts: tuple[str, ...], plan: Plan) -> Examination:
-    from calibration.wiring.live_examination import examine_live
+    from calibration.wiring.person import examine_live
     from skinmap.live.sources.open_source import open_source
 
     opened = open_source(source, robot=robot, parts=parts or None, seed=plan.seed)
