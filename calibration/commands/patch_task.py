@@ -208,7 +208,7 @@ class SolvedPatch:
 
     def page(self, _: Path | None = None) -> str:
         """The report."""
-        from calibration.commands.patch_page import patch_page
+        from calibration.commands.pages import patch_page
 
         task = self.task
         return patch_page(task.title, self.result, self.found, self.board, task.link, task.kind)
