@@ -11,14 +11,13 @@ from skinmap.errors import SkinError
 from viewer.drawing.frame.canvas import FOOT
 from viewer.drawing.frame.framing import focus, preset
 from viewer.drawing.touches.contact_courses import COURSES
-from viewer.interaction.boxes import Notice, TextBox
 from viewer.interaction.lasso import Lasso
 from viewer.interaction.mouse import Mouse
+from viewer.interaction.overlays import ROOM, Notice, Slider, TextBox
 from viewer.interaction.picking import within
 from viewer.interaction.pointing import Pointing
 from viewer.interaction.saving import Files
 from viewer.interaction.selection import Reach
-from viewer.interaction.slider import ROOM, Slider
 from viewer.layers import LAYERS
 from viewer.playing.player import Player
 from viewer.scene import Scene
