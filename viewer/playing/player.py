@@ -20,8 +20,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.live.moment import Moment
 from skinmap.live.sources.source import SourceEnded
 from viewer.playing.playable import Feed, feed_of
-from viewer.playing.rewind import History, Outlet, Past
-from viewer.playing.timeline import Timeline
+from viewer.playing.recent_moments import History, Outlet, Past, Timeline
 
 WAIT = 0.1  # longest wait of the thread before it looks for wishes again [s]
 SPEEDS = (1 / 16, 16.0)  # slowest and quickest

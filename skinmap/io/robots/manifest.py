@@ -24,12 +24,12 @@ from skinmap.errors import (
     UnknownNameError,
 )
 from skinmap.geometry.mesh import TriangleMesh
-from skinmap.io.robots.urdf import UrdfBody, read_mesh
+from skinmap.io.robots.mesh_file import MeshBody, read_mesh
+from skinmap.io.robots.urdf import UrdfBody
 from skinmap.io.taxels.pieces import joined, placed, with_ids
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.io.text import is_file, read_text
 from skinmap.io.units import UNITS
-from skinmap.skin.joints import Joint
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.robot import AUTO, Body, Part, Robot
 from skinmap.skin.taxels import TaxelTable
@@ -40,7 +40,6 @@ MAX_DEGREES = 36_000  # a hundred turns
 MAX_POSE_MM = 1e5  # a hundred metres: no part stands further from its link
 MAX_COVER_MM = 1e3
 Triple = tuple[float, float, float]
-LINK = "body"  # of a body that is one mesh file
 
 
 class _Robot(msgspec.Struct, forbid_unknown_fields=True):
@@ -350,75 +349,3 @@ def _package_model(urdf: str, manifest: Path) -> Path:
     if model not in module.get_robot_names():
         raise UnknownNameError(f"model in {package}", model, module.get_robot_names())
     return Path(module.get_model_file(model))
-
-
-class MeshBody:
-    """One link called "body", without joints.
-
-    Parameters
-    ----------
-    path : Path
-        A mesh file that trimesh reads (STL, OBJ, PLY, DAE, GLB, ...).
-    scale : float
-        Metres a unit of the file.
-
-    Raises
-    ------
-    MissingFileError
-        No such file; whether it is a mesh shows when it is asked for.
-    """
-
-    def __init__(self, path: Path, *, scale: float = 1.0) -> None:
-        if not is_file(path):
-            raise MissingFileError(path, "a mesh file")
-        self.path, self.scale = path, scale
-
-    @property
-    def links(self) -> tuple[str, ...]:
-        """The one link."""
-        return (LINK,)
-
-    @property
-    def visible_links(self) -> tuple[str, ...]:
-        """The one link."""
-        return (LINK,)
-
-    @property
-    def joints(self) -> dict[str, tuple[float, float]]:
-        """No joints."""
-        return {}
-
-    @property
-    def sliding_joints(self) -> frozenset[str]:
-        """None: there are no joints."""
-        return frozenset()
-
-    @property
-    def tree(self) -> dict[str, Joint]:
-        """No joint above the one link."""
-        return {}
-
-    def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
-        """The identity (4, 4) for the one link.
-
-        Raises
-        ------
-        UnknownNameError
-            Any joint: there are none.
-        """
-        for name in angles:
-            raise UnknownNameError("joint", name, ())
-        return {LINK: np.eye(4)}
-
-    def mesh(self, link: str) -> TriangleMesh:
-        """The mesh [m].
-
-        Raises
-        ------
-        UnknownNameError, DataFormatError
-            Another link, or a file that is no mesh.
-        """
-        if link != LINK:
-            raise UnknownNameError("link", link, self.links)
-        vertices, faces = read_mesh(self.path)
-        return TriangleMesh(vertices * self.scale, faces)

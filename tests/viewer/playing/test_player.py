@@ -15,8 +15,7 @@ from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.live.sources.source import Seekable, SourceEnded, StreamInfo
 from viewer.playing.player import Player
-from viewer.playing.rewind import LENGTH, MEMORY, MINUTE, History, size, small
-from viewer.playing.timeline import Timeline
+from viewer.playing.recent_moments import LENGTH, MEMORY, MINUTE, History, Timeline, size, small
 
 DEADLINE = 10.0  # far beyond what any machine needs: a test that waits so long has failed
 RATE = 50.0
