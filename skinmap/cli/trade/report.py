@@ -15,7 +15,6 @@ from skinmap.cli.trade.result import (
     TaskRow,
     TradeResult,
 )
-from skinmap.profile import Value
 from skinmap.report.figure import plain_figure, save_figure
 from skinmap.report.image import media
 from skinmap.report.page import lines_page
@@ -23,7 +22,7 @@ from skinmap.report.table import Cell, Table
 from skinmap.trade.front import Budget, pareto
 from skinmap.trade.points import Failure, Point, describe
 from skinmap.trade.profile_file import Origin, machine, write_profile
-from skinmap.trade.task import Setting, TradeTask
+from skinmap.trade.task import TradeTask
 
 PROFILE = "profile.toml"
 BLUE, GREY, RED = "#1f5fa8", "#9aa7b5", "#c8372d"
@@ -98,10 +97,6 @@ def result_of(traded: Traded, out: Path | None) -> TradeResult:
         ],
         profile=None if out is None else str(out / PROFILE),
     )
-
-
-def _plain(setting: Setting | None) -> dict[str, Value] | None:
-    return None if setting is None else dict(setting)
 
 
 def _point(point: Point, on_front: bool) -> PointRow:
