@@ -19,9 +19,9 @@ from skinmap.commands.options import (
     prints,
     robot_option,
     seed_option,
+    units_option,
 )
 from skinmap.commands.profiles import profile_option
-from skinmap.io.units import UNITS
 from skinmap.report.present import present
 from skinmap.report.verdict import OK, Verdict
 
@@ -45,8 +45,7 @@ MOST = 30
               help="Ask for so many at most.")  # fmt: skip
 @click.option("--places", type=click.Path(path_type=Path, dir_okay=False),
               help="Where a recording's touches were asked for: CSV `touch,x,y,z`.")  # fmt: skip
-@click.option("--units", type=click.Choice(tuple(UNITS)), default="m", show_default=True,
-              help="Of --places.")  # fmt: skip
+@units_option("--places")
 @click.option("--plant", "planted", multiple=True, metavar="FAULT",
               help="Of `sim`: swap:3,7 turn:5,120 mirror:5 mute:4 chains:0,1 reverse:0 "
               "mute-chain:1 channels:24,25; may be repeated.")  # fmt: skip
@@ -87,6 +86,7 @@ def wiring(
     """
     from calibration.wiring.channel_map import check_out
     from calibration.wiring.examination import Plan
+    from skinmap.io.units import UNITS
 
     loaded, names = open_robot(robot, parts)
     _check(source, planted, places)

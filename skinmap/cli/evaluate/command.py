@@ -28,13 +28,13 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 
 
 @click.command("evaluate")
-@click.argument("recordings", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("recordings", nargs=-1, metavar="[RECORDING...]", type=click.Path(path_type=Path))
 @click.option(
     "--protocol",
     metavar="|".join(PROTOCOLS) + "|RECORDING",
     help="What to measure; recordings are cross-validated by touch event.",
 )
-@click.option("--robot", help="Robot to simulate on, or that was recorded.")
+@click.option("--robot", metavar="ROBOT", help="Robot to simulate on, or that was recorded.")
 @click.option("--train-robot", help="cross-patch: train on this robot, test on --robot.")
 @outside_option
 @part_option

@@ -12,6 +12,7 @@ import numpy as np
 from skinmap.arrays import IntArray
 from skinmap.cli.flatten.seam import NONE, Seam, read_seam
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.flat.budget import check_budget
 from skinmap.flat.face_metrics import face_metric
 from skinmap.flat.flat_map import DEFAULT as DEFAULT_METHOD
 from skinmap.flat.flat_map import ISOMETRY
@@ -46,7 +47,7 @@ class FlatOptions:
     scale : str
         Of the colours: "own" range of each map, or "fixed" for the metric.
     budgets : dict
-        `max_seconds` and `max_edge_rms`, those that were given.
+        `max_seconds` [s] and `max_edge_rms`, a share; None where they were not given.
     seed : int
     iterations : int or None
         None takes the method's own number.
@@ -64,7 +65,7 @@ class FlatOptions:
     seam: Seam = field(default_factory=Seam)
     max_distortion: float | None = None
     scale: str = "own"
-    budgets: Mapping[str, float] = field(default_factory=dict)
+    budgets: Mapping[str, float | None] = field(default_factory=dict)
     seed: int = 0
     iterations: int | None = None
     precision: str = "float64"
@@ -105,6 +106,7 @@ def checked_options(
     flatteners.get(method)
     if meshing is not None and meshing not in MESHING:
         raise UnknownNameError("meshing method", meshing, MESHING)
+    check_budget(method, {"--max-seconds": max_seconds, "--max-edge-rms": max_edge_rms})
     check_effort(method, iterations, precision)
     others, drawn = check_compare(compare)
     face_metric(metric)
@@ -120,7 +122,10 @@ def checked_options(
         seam=where,
         max_distortion=max_distortion,
         scale=scale,
-        budgets=check_budget(method, max_seconds, max_edge_rms),
+        budgets={
+            "max_seconds": max_seconds,
+            "max_edge_rms": None if max_edge_rms is None else max_edge_rms / 100.0,
+        },
         seed=seed,
         iterations=iterations,
         precision=precision,
@@ -154,29 +159,6 @@ def check_compare(words: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     for name in methods:
         flatteners.get(name)
     return methods, tuple(name for name in names if name not in methods)
-
-
-def check_budget(
-    method: str, max_seconds: float | None, max_edge_rms: float | None
-) -> dict[str, float]:
-    """The budgets that were given: seconds, and the edge error as a share.
-
-    Raises
-    ------
-    InvalidArrayError
-        One that is not above zero, or with another method than `auto`.
-    """
-    given = {"max_seconds": max_seconds, "max_edge_rms": max_edge_rms}
-    budgets = {name: value for name, value in given.items() if value is not None}
-    for name, value in budgets.items():
-        option = "--" + name.replace("_", "-")
-        if not (0.0 < value < np.inf):
-            raise InvalidArrayError(f"{option} must be above 0, got {value:g}")
-        if method != "auto":
-            raise InvalidArrayError(f"{option} needs --method auto, got {method!r}")
-    if "max_edge_rms" in budgets:
-        budgets["max_edge_rms"] /= 100.0
-    return budgets
 
 
 def read_channels(words: tuple[str, ...]) -> IntArray:
