@@ -1,9 +1,11 @@
-"""`skinmap simulate`: simulated touches on the skin, as a recording."""
+"""`skinmap simulate`: simulated touches on the skin, as a recording or as a live stream."""
 
 from __future__ import annotations
 
+import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -166,8 +168,6 @@ def command(
         given["foam"] = given.pop("foam_mm") / 1e3
     if publish is not None:
         _refuse_given("per_gesture", "pairs", "output", "subjects", "places", "physics")
-        from skinmap.cli.simulate.live import publish_touches
-
         streamed = publish_touches(
             robot, parts, publish, gestures=gestures, seconds=seconds, raw=raw, seed=seed,
             variety=number, sensing=given,
@@ -289,3 +289,72 @@ def _counts(labels: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str, int]:
     """How many of each label, those that were wanted first."""
     names = dict.fromkeys([*wanted, *sorted(labels)])
     return {name: labels.count(name) for name in names}
+
+
+def publish_touches(
+    robot: str,
+    parts: tuple[str, ...],
+    spec: str,
+    *,
+    gestures: Sequence[str],
+    seconds: float | None,
+    raw: bool,
+    seed: int,
+    variety: float,
+    sensing: Mapping[str, Any],
+) -> StreamResult:
+    """Stream touches until `seconds` have passed or Ctrl-C comes, then say what was sent."""
+    import numpy as np
+
+    from skinmap.live.publishing.publish import open_publisher, stream
+    from skinmap.live.sources.simulator import SimulatedSource
+    from skinmap.touch.gestures import gesture_set
+    from skinmap.touch.variety import draw_sensing
+
+    loaded, names = open_robot(robot, parts)
+    answers = replace(draw_sensing(variety, rng=np.random.default_rng(seed)), **sensing)
+    source = SimulatedSource(
+        loaded,
+        parts=names,
+        seed=seed,
+        kind="raw" if raw else "pressure",
+        gestures=gesture_set(gestures),
+        variety=variety,
+        sensing=answers,
+        seconds=float("inf") if seconds is None else seconds,
+    )
+    interrupted, began = False, time.perf_counter()
+    try:
+        info = source.info
+        with open_publisher(spec, info, topics=(info.kind,), robot=loaded) as publisher:
+            until = "ends by itself" if seconds is not None else "Ctrl-C ends it"
+            click.echo(
+                f"publishing {info.channels} channels of {loaded.name} at {info.rate:g} Hz as "
+                f"{spec}; {until}",
+                err=True,
+            )
+            began = time.perf_counter()
+            try:
+                stream(source, publisher)
+            except KeyboardInterrupt:
+                interrupted = True
+            took = time.perf_counter() - began
+            sent = publisher.sent
+    finally:
+        source.close()
+    played = sent / info.rate
+    labels = Counter(touch.label for touch in source.truth if touch.began < played)
+    return StreamResult(
+        robot=loaded.name,
+        seed=seed,
+        publish=spec,
+        kind=info.kind,
+        rate_hz=info.rate,
+        parts=list(names),
+        channels=info.channels,
+        samples=sent,
+        seconds=took,
+        behind_s=max(0.0, took - played),
+        touches=labels,
+        interrupted=interrupted,
+    )
