@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.cli.flatten.drawings import drawings_of, drawn_charts
-from skinmap.cli.flatten.options import FlatOptions
+from skinmap.cli.flatten.options import FlatOptions, drawings_of, drawn_charts
 from skinmap.cli.flatten.result import ComparedRow, FlattenResult, PatchRow, Spread, WorstFace
 from skinmap.cli.flatten.seam import seams_of
 from skinmap.errors import InvalidArrayError, MissingFileError
