@@ -291,7 +291,7 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
     """Through playback and touch loop: what is sought and stepped to is that very sample."""
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.playback import Playback
-    from viewer.playing.stepwise import Stepwise
+    from viewer.playing.playable import Stepwise
 
     n = len(icub.skin("left_hand"))
     count = 400
@@ -326,7 +326,7 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
 
 def test_one_by_one_passes_no_sample_over():
     from skinmap.live.sources.playback import Playback
-    from viewer.playing.stepwise import Stepwise
+    from viewer.playing.playable import Stepwise
 
     values = np.arange(300, dtype=np.float32)[:, None]
     info = StreamInfo("numbers", ("arm",), (1,), RATE)
