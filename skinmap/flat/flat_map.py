@@ -13,12 +13,11 @@ from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import FlatteningError, InvalidArrayError, SkinWarning
-from skinmap.flat.atlas import Laid, arrange
+from skinmap.flat.atlas import Laid, arrange, limb_frame, turn_upright
 from skinmap.flat.budget import check_budget
 from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, DiscMap, flatten_disc, map_disc
 from skinmap.flat.distortion import Distortion, edge_rms, measure_distortion
 from skinmap.flat.methods import check_effort, flatteners
-from skinmap.flat.orientation import limb_frame, turn_upright
 from skinmap.flat.periodic import METHOD as PERIODIC
 from skinmap.flat.periodic import periodic_map, tube_rims
 from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
