@@ -1,4 +1,4 @@
-"""Moments for whoever draws: the newest one, those to go back to, and when what was touched."""
+"""Moments to be drawn: the newest one, those to go back to, and when what was touched."""
 
 from __future__ import annotations
 
