@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
 
 MARKERS = "skinmap.wiring_markers"  # entry points of what shows the next place on the body
-MOST = 30
+MAX_TOUCHES = 30
 
 
 @click.command("wiring", short_help="Touch where it says: swapped, turned and mute modules.")
@@ -41,7 +41,7 @@ MOST = 30
     "--touch", "how", type=click.Choice(["poke", "stroke", "hand"]), default="poke",
     show_default=True, help="How the skin is touched.",
 )  # fmt: skip
-@click.option("--max-touches", type=click.IntRange(min=1), default=MOST, show_default=True,
+@click.option("--max-touches", type=click.IntRange(min=1), default=MAX_TOUCHES, show_default=True,
               help="Ask for so many at most.")  # fmt: skip
 @click.option("--places", type=click.Path(path_type=Path, dir_okay=False),
               help="Where a recording's touches were asked for: CSV `touch,x,y,z`.")  # fmt: skip

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 MM = 1e3
 ENOUGH = 0.02  # a place that would tell less is not worth a touch [nats]
 REST_SECONDS = 8.0
-REST_MOST = 3000  # samples of a recording's rest that are judged
+MAX_REST = 3000  # samples of a recording's rest that are judged
 HANDS = {"whole_hand", "forearm", "three_finger", "full_finger", "edge", "cylinder", "hand"}
 Answers = Mapping[str, FloatArray]  # (t, n) by part [counts]
 
@@ -249,7 +249,7 @@ def _examine_part(
         spans = np.array([[touch.first, touch.last] for touch in marked])
     else:
         spans = find_touches(Baseline.of(values, track.kind).answers(values))
-    quiet = values[untouched(len(values), spans)][:REST_MOST]
+    quiet = values[untouched(len(values), spans)][:MAX_REST]
     case.take_rest(quiet)
     base = Baseline.of(quiet, track.kind) if len(quiet) >= 10 else first
     labels = [touch.label for touch in marked] or [""] * len(spans)

@@ -145,9 +145,9 @@ def arrange(charts: Sequence[Laid], *, side: float = 1.0) -> list[FloatArray]:
         links = [(float(gaps[i, k]), i, k) for i in place for k in rest]
         _, parent, new = min(links)
         one, other, gap = charts[parent], charts[new], float(gaps[parent, new])
-        wish = place[parent] + _beside(one, other, gap, side)
+        wanted = place[parent] + _beside(one, other, gap, side)
         others = [(outlines[i], place[i], float(gaps[i, new])) for i in place]
-        place[new] = _nearest_free(outlines[new], wish, list(place).index(parent), others)
+        place[new] = _nearest_free(outlines[new], wanted, list(place).index(parent), others)
     moved = [chart.uv + place[k] for k, chart in enumerate(charts)]
     everything = np.concatenate(moved)
     centre = (everything.min(axis=0) + everything.max(axis=0)) / 2.0
@@ -237,18 +237,18 @@ def _carried(chart: Laid, vertex: int, way: FloatArray) -> FloatArray:
 
 
 def _nearest_free(
-    shape: Outline, wish: FloatArray, parent: int, others: list[tuple[Outline, FloatArray, float]]
+    shape: Outline, wanted: FloatArray, parent: int, others: list[tuple[Outline, FloatArray, float]]
 ) -> FloatArray:
     """The shift nearest to a requested one at which an outline has its gap to all that are placed.
 
-    The chart comes from outside towards its neighbour, from the side where the wish has it, until
+    The chart comes from outside towards its neighbour, from the side where it is wanted, until
     it would come too close to any; other sides are tried where a third chart stops it early.
     """
     centre, at, _ = others[parent]
-    away = (shape.middle + wish) - (centre.middle + at)
+    away = (shape.middle + wanted) - (centre.middle + at)
     length = float(np.linalg.norm(away))
     away = away / length if length > 0 else np.array([1.0, 0.0])
-    best, least = wish, np.inf
+    best, least = wanted, np.inf
     for turn in TURNS:
         c, s = np.cos(turn), np.sin(turn)
         direction = away @ np.array([[c, s], [-s, c]])
@@ -256,7 +256,7 @@ def _nearest_free(
         stops = [clearance(shape, line, direction, other, spot, gap) for other, spot, gap in others]
         stop = max(stops)
         shift = line + (stop if np.isfinite(stop) else 0.0) * direction
-        missed = float(np.linalg.norm(shift - wish))
+        missed = float(np.linalg.norm(shift - wanted))
         if missed < least:
             best, least = shift, missed
         if np.argmax(stops) == parent:

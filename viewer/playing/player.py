@@ -22,7 +22,7 @@ from skinmap.live.sources.source import SourceEnded
 from viewer.playing.playable import Feed, feed_of
 from viewer.playing.recent_moments import History, Outlet, Past, Timeline
 
-WAIT = 0.1  # longest wait of the thread before it looks for wishes again [s]
+WAIT = 0.1  # longest wait of the thread before it looks for requests again [s]
 SPEEDS = (1 / 16, 16.0)  # slowest and quickest
 LEAD = 0.6  # a seek starts so much earlier, unseen: touches are named from their past [s]
 PATIENCE = 3.0  # for the thread to end when it is closed [s]
