@@ -8,17 +8,14 @@ from typing import Any
 import click
 
 from skinmap.cli.evaluate.evaluation import ON_DATA, PROTOCOLS, Settings, work
-from skinmap.cli.evaluate.result import (
-    BaxterResult,
-    CostResult,
-    CrossPatchResult,
-    FingersResult,
-    HandsResult,
-    KasparResult,
-    PhysicsResult,
-    RecordingsResult,
-    TimeResult,
-)
+from skinmap.cli.evaluate.result.baxter import BaxterResult
+from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult
+from skinmap.cli.evaluate.result.in_time import TimeResult
+from skinmap.cli.evaluate.result.kaspar import KasparResult
+from skinmap.cli.evaluate.result.physics import PhysicsResult
+from skinmap.cli.evaluate.result.real_skin import FingersResult, HandsResult
+from skinmap.cli.evaluate.result.recordings import RecordingsResult
+from skinmap.cli.evaluate.result.social_touch import CostResult
 from skinmap.commands.options import out_folder, outside_option, part_option, prints, seed_option
 from skinmap.commands.profiles import from_profile, profile_option
 from skinmap.commands.workers import worker_options, workers_options

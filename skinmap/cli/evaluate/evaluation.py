@@ -10,27 +10,21 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import UNSET
 
-from skinmap.cli.evaluate.result import (
-    AccuracyRow,
-    BaxterResult,
+from skinmap.cli.evaluate.result import EvaluateResult
+from skinmap.cli.evaluate.result.baxter import BaxterResult, Confusion, MethodResult, SplitSpread
+from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult, PatchesRow
+from skinmap.cli.evaluate.result.in_time import TimeResult
+from skinmap.cli.evaluate.result.kaspar import (
     CarryOver,
     CarryRow,
     CarrySummary,
-    Confusion,
-    CostResult,
-    CrossPatchResult,
-    EvaluateResult,
     KasparResult,
-    LeakRow,
-    MethodResult,
-    PatchesRow,
-    PhysicsResult,
-    PhysicsRow,
-    RecordingsResult,
-    SplitSpread,
     SweepRow,
-    TimeResult,
 )
+from skinmap.cli.evaluate.result.physics import PhysicsResult, PhysicsRow
+from skinmap.cli.evaluate.result.recordings import LeakRow, RecordingsResult
+from skinmap.cli.evaluate.result.shared import AccuracyRow
+from skinmap.cli.evaluate.result.social_touch import CostResult
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.cli.evaluate.result import CountRow, FingersResult
+from skinmap.cli.evaluate.result.real_skin import CountRow, FingersResult
 from skinmap.commands.progress import progress
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skinmap.cli.evaluate.result import LeftOutRow
+from skinmap.cli.evaluate.result.recordings import LeftOutRow
 from skinmap.errors import InvalidArrayError, UnknownNameError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, IntArray
 from skinmap.cli.evaluate.fingers import data_folder
-from skinmap.cli.evaluate.result import HandRow, HandsResult
+from skinmap.cli.evaluate.result.real_skin import HandRow, HandsResult
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, MissingLibraryError, UnknownNameError
 

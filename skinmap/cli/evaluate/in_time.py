@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skinmap.cli.evaluate.result import SeenRow, StrokesRow, TimeResult
+from skinmap.cli.evaluate.result.in_time import SeenRow, StrokesRow, TimeResult
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 

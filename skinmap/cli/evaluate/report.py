@@ -7,20 +7,16 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from skinmap.cli.evaluate import social_touch
-from skinmap.cli.evaluate.result import (
-    AccuracyRow,
-    BaxterResult,
-    CostResult,
-    CrossPatchResult,
-    EvaluateResult,
-    FingersResult,
-    HandsResult,
-    KasparResult,
-    PhysicsResult,
-    RecordingsResult,
-    SweepRow,
-    TimeResult,
-)
+from skinmap.cli.evaluate.result import EvaluateResult
+from skinmap.cli.evaluate.result.baxter import BaxterResult
+from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult
+from skinmap.cli.evaluate.result.in_time import TimeResult
+from skinmap.cli.evaluate.result.kaspar import KasparResult, SweepRow
+from skinmap.cli.evaluate.result.physics import PhysicsResult
+from skinmap.cli.evaluate.result.real_skin import FingersResult, HandsResult
+from skinmap.cli.evaluate.result.recordings import RecordingsResult
+from skinmap.cli.evaluate.result.shared import AccuracyRow
+from skinmap.cli.evaluate.result.social_touch import CostResult
 from skinmap.report.image import media
 from skinmap.report.page import lines_page
 from skinmap.report.result import given, plain

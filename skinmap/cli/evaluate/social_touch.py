@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.cli.evaluate.result import CostResult, CostRow
+from skinmap.cli.evaluate.result.social_touch import CostResult, CostRow
 from skinmap.commands.progress import progress
 from skinmap.report.result import given
 from skinmap.report.table import Cell, Table
