@@ -39,7 +39,7 @@ COMMANDS = {
         "skinmap.cli.structures",
         "Periodic neighbourhood structures of the layout.",
     ),
-    "simulate": ("skinmap.cli.simulate.command", "Simulated touches on the skin, as a recording."),
+    "simulate": ("skinmap.cli.simulate", "Simulated touches on the skin, as a recording."),
     "train": ("skinmap.cli.train", "Train a touch classifier on recordings."),
     "evaluate": (
         "skinmap.cli.evaluate.command",
