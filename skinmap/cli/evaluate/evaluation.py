@@ -14,7 +14,6 @@ from msgspec import UNSET
 from skinmap.cli.evaluate.result import EvaluateResult
 from skinmap.cli.evaluate.result.baxter import BaxterResult, Confusion, MethodResult, SplitSpread
 from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult, PatchesRow
-from skinmap.cli.evaluate.result.in_time import TimeResult
 from skinmap.cli.evaluate.result.kaspar import (
     CarryOver,
     CarryRow,
@@ -42,6 +41,7 @@ ELSEWHERE = {
     "fingers": "skinmap.cli.evaluate.fingers",
     "hands": "skinmap.cli.evaluate.hands",
     "recordings": "skinmap.cli.evaluate.recordings",
+    "time": "skinmap.cli.evaluate.in_time",
 }
 
 
@@ -81,7 +81,6 @@ def work(settings: Settings) -> EvaluateResult:
         "baxter": _baxter,
         "cross-patch": _cross_patch,
         "physics": _physics,
-        "time": _time,
     }
     name = settings.protocol
     if name in runners:
@@ -293,15 +292,6 @@ def _physics_row(one: Judged) -> PhysicsRow:
         ece=one.ece,
         confusion=confusion,
     )
-
-
-def _time(settings: Settings) -> TimeResult:
-    from skinmap.cli.evaluate.in_time import work as in_time
-    from skinmap.touch.gestures import TIME
-
-    if settings.names:
-        raise click.UsageError("--protocol time judges the default classifier: no --classifier")
-    return in_time(settings, TIME if settings.gestures == "four" else chosen_gestures(settings))
 
 
 def _patches(robot: str, parts: tuple[str, ...]) -> list[Patch]:
