@@ -30,7 +30,7 @@ def check_finite(values: ArrayLike, name: str, shape: tuple[int | None, ...]) ->
     Parameters
     ----------
     values : array-like
-        What came.
+        The values to be checked.
     name : str
         How messages call it.
     shape : tuple of int or None

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-import skinmap.io.robots.urdf as urdf
+import skinmap.io.robots.mesh_file as mesh_file
 from skinmap.cache import Cache, CacheWarning, cached, hash_of, open_cache
 from skinmap.cli.main import cli
 from skinmap.errors import InvalidArrayError, OutputError, UnknownNameError
@@ -258,7 +258,9 @@ def test_two_processes_that_write_at_once_do_no_harm(tmp_path):
 def test_mesh_from_the_cache_is_the_mesh_of_the_file(folder, monkeypatch):
     parsed = []
     monkeypatch.setattr(
-        urdf, "_parsed", lambda path, merge, _f=urdf._parsed: parsed.append(path) or _f(path, merge)
+        mesh_file,
+        "_parsed",
+        lambda path, merge, _f=mesh_file._parsed: parsed.append(path) or _f(path, merge),
     )
     first, second = (load_robot("icub").mesh("r_forearm") for _ in range(2))
     assert len(parsed) == 1

@@ -164,8 +164,8 @@ def _handler(server: LabelServer) -> Callable[..., BaseHTTPRequestHandler]:
                 self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"nothing here\n")
                 return
             try:
-                wish = json.loads(body)
-                key, rest = str(wish["key"]), str(wish.get("rest", ""))
+                request = json.loads(body)
+                key, rest = str(request["key"]), str(request.get("rest", ""))
             except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
                 self._answer(HTTPStatus.BAD_REQUEST, "text/plain", b"not a key and a word\n")
                 return

@@ -34,8 +34,8 @@ from viewer.drawing.skin.lazy_maps import LazyMaps
 from viewer.export.html_page import page
 from viewer.export.thinned_moments import Excerpt
 from viewer.layers import Layers
+from viewer.playing.playable import stepwise
 from viewer.playing.player import Player
-from viewer.playing.stepwise import stepwise
 from viewer.view_options import Session
 from viewer.web.hub import Hub
 from viewer.web.offline_page_data import pack_reel

@@ -37,7 +37,7 @@ from viewer.interaction.saving import apply_view
 from viewer.interaction.selection import Selection
 from viewer.interaction.view_file import SavedView
 from viewer.layers import Layers, Range
-from viewer.playing.stepwise import stepwise
+from viewer.playing.playable import stepwise
 from viewer.scene import Scene
 
 LIVE = 5.0  # how long a live source is watched for a picture or a movie [s]

@@ -12,23 +12,27 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
+import trimesh
+from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
 from benchmarks.calibration.mounts import drift_rows, mount_rows
 from benchmarks.calibration.patches import Case, far_apart, icub_cases, simulate_touches
 from benchmarks.calibration.planes import plane_rows
-from benchmarks.calibration.units import unit_rows
 from benchmarks.calibration.wiring import wiring_rows
 from benchmarks.calibration.wraps import family_rows, family_touch_rows, wrong_rows
 from benchmarks.harness.record import RESULTS, about, commit, readable, write
 from benchmarks.harness.timing import timed
-from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
-from calibration.patch.link_surface import make_target
+from calibration import PatchCalibration, Status, locate_by_touch, register_scan, wrap_layout
+from calibration.patch.link_surface import OFFSET, make_target, rounded
+from skinmap.arrays import FloatArray
+from skinmap.geometry.proximity import closest_on_mesh
 
 TRUTH = "taxels of the built-in iCub; evidence simulated"
 WRAPS = (  # anchors, scale and jitter of the layout [m], goals for median and p95 [mm]
@@ -50,6 +54,10 @@ TOUCHES: tuple[tuple[int, dict[str, Any], float | None], ...] = (  # count, how,
     (32, {"noise": 1e-3, "one_module": True}, None),
     (7, {"noise": 1e-3}, None),
 )
+POINTS, NOISE, STRAY = 4000, 0.7e-3, 0.1
+TURN, SHIFT = np.radians(15.0), 15e-3
+MADE = 60  # meshes made besides the links
+SAME = 1e-6  # [m]
 
 
 def wrap_rows(cases: list[Case], repeats: int) -> list[dict[str, Any]]:
@@ -141,8 +149,6 @@ def scan_table(cases: list[Case], runs: int) -> Any:
     except ImportError:
         print("no table of scans: open3d is not installed", file=sys.stderr)
         return []
-    from benchmarks.calibration.scans import scan_rows
-
     return scan_rows(cases, runs)
 
 
@@ -209,6 +215,150 @@ def measure(
         keep(name, result[name])
         print(f"{name}: {cpu:.0f} s CPU", file=sys.stderr, flush=True)
     return result
+
+
+def scan_rows(cases: list[Case], runs: int) -> list[dict[str, Any]]:
+    """Registrations of scans of several links, and of a bare cylinder."""
+    links = list({len(case.vertices): case for case in cases}.values())
+    errors, seconds, statuses = [], [], []
+    for run in range(runs):
+        case = links[run % len(links)]
+        rng = np.random.default_rng([run, 6])
+        scan = _half(case.vertices, case.faces, rng)
+        T = _away(scan, rng)
+        start = time.process_time()
+        found = register_scan(scan @ T[:3, :3].T + T[:3, 3], case.vertices, case.faces, rng=rng)
+        seconds.append(time.process_time() - start)
+        back = found.T_mesh_scan @ T
+        errors.append(np.linalg.norm(scan @ back[:3, :3].T + back[:3, 3] - scan, axis=1).mean())
+        statuses.append(str(found.status))
+    tube = trimesh.creation.cylinder(radius=45e-3, height=0.2, sections=64)
+    rng = np.random.default_rng(6)
+    angle, height = rng.uniform(0, np.pi, POINTS), rng.uniform(-0.05, 0.05, POINTS)
+    points = np.column_stack([45e-3 * np.cos(angle), 45e-3 * np.sin(angle), height])
+    points += rng.normal(0, NOISE, points.shape)
+    bare = register_scan(points, tube.vertices, tube.faces, rng=rng)
+    return [
+        {
+            "what": "half a link, 0.7 mm noise, 10 % stray, from 15 degrees / 15 mm (simulated)",
+            "runs": runs,
+            "links": len(links),
+            "median_mm": 1e3 * float(np.median(errors)),
+            "max_mm": 1e3 * float(np.max(errors)),
+            "below_1_mm": float(np.mean(np.array(errors) < 1e-3)),
+            "statuses": {name: statuses.count(name) for name in sorted(set(statuses))},
+            "seconds": float(np.mean(seconds)),
+        },
+        {
+            "what": "bare cylinder (simulated)",
+            "status": str(bare.status),
+            "free_directions": list(bare.free_directions),
+        },
+    ]
+
+
+def _half(vertices: FloatArray, faces: Any, rng: np.random.Generator) -> FloatArray:
+    """The outer surface of a link as seen from one side."""
+    # Visual meshes have inner sheets that no scanner sees: the wrap's surface less its offset.
+    target = make_target(vertices, faces)
+    mesh = trimesh.Trimesh(target.vertices, target.faces, process=False)
+    points, face = trimesh.sample.sample_surface(mesh, 4 * POINTS, seed=int(rng.integers(2**30)))
+    normals = mesh.face_normals[face]
+    points = np.asarray(points - OFFSET * normals)
+    distance, _, _ = closest_on_mesh(points, vertices, faces)
+    # Where the wrap spans an opening there is nothing to scan.
+    seen = np.flatnonzero((normals @ rng.normal(size=3) > 0) & (distance < 1e-3))[:POINTS]
+    scan = points[seen]
+    scan = scan + rng.normal(0.0, NOISE, scan.shape)
+    stray = rng.random(len(scan)) < STRAY
+    low, high = scan.min(axis=0) - 0.02, scan.max(axis=0) + 0.02
+    scan[stray] = rng.uniform(low, high, (int(stray.sum()), 3))
+    return scan
+
+
+def _away(scan: FloatArray, rng: np.random.Generator) -> FloatArray:
+    way, side = (vector / np.linalg.norm(vector) for vector in rng.normal(size=(2, 3)))
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_rotvec(TURN * way).as_matrix()
+    middle = scan.mean(axis=0)
+    T[:3, 3] = middle - T[:3, :3] @ middle + SHIFT * side
+    return T
+
+
+def unit_rows(cases: list[Case]) -> list[dict[str, Any]]:
+    """Targets of links and made meshes, and patches on the links, read in both units."""
+    links = [case.vertices for case in {len(case.vertices): case for case in cases}.values()]
+    meshes = [*links, *_made()]
+    rows = []
+    for name, how in PAIRS.items():
+        same = [np.array_equal(*map(rounded, how(vertices))) for vertices in meshes]
+        rows.append({"files": name, "meshes": len(meshes), "same_target": int(sum(same))})
+    rows.append(_wrapped(cases))
+    return rows
+
+
+def _single(vertices: FloatArray, unit: float) -> FloatArray:
+    """Vertices [m] once through a file of single floats in a unit."""
+    return unit * (vertices / unit).astype(np.float32).astype(np.float64)
+
+
+def _decimals(vertices: FloatArray, unit: float) -> FloatArray:
+    return unit * np.round(vertices / unit, 8)
+
+
+PAIRS = {
+    "double floats": lambda x: (x, 1e-3 * (1e3 * x)),
+    "single floats, mm made from m": lambda x: (
+        _single(x, 1.0),
+        _single(_single(x, 1.0), 1e-3),
+    ),
+    "single floats, m made from mm": lambda x: (
+        _single(_single(x, 1e-3), 1.0),
+        _single(x, 1e-3),
+    ),
+    "single floats, both from doubles": lambda x: (_single(x, 1.0), _single(x, 1e-3)),
+    "text of 8 decimals, both from doubles": lambda x: (_decimals(x, 1.0), _decimals(x, 1e-3)),
+}
+
+
+def _made() -> list[FloatArray]:
+    """Bumpy balls and capsules, some on round numbers, some anywhere."""
+    rng = np.random.default_rng(0)
+    meshes = []
+    for number in range(MADE):
+        ball = trimesh.creation.icosphere(3, radius=0.05)
+        capsule = trimesh.creation.capsule(height=0.1, radius=0.04, count=[32, 32])
+        mesh = (ball, capsule)[number % 2]
+        points = mesh.vertices * rng.uniform(0.7, 1.3, 3) + rng.normal(0, 1e-3, mesh.vertices.shape)
+        turned = Rotation.random(rng=rng).apply(points) + rng.normal(0, 0.1, 3)
+        meshes.append(np.round(points, 6) if number % 3 == 0 else turned)
+    return meshes
+
+
+def _wrapped(cases: list[Case]) -> dict[str, Any]:
+    """All patches by six anchors, their links from single floats in metres and in millimetres."""
+    apart = []
+    for number, case in enumerate(cases):
+        rng = np.random.default_rng([number, 7])
+        taxels = far_apart(case.layout, 6, rng)
+        points = case.truth[taxels] + rng.normal(0.0, 1e-3, (6, 3))
+        metres = _single(case.vertices, 1.0)
+        found = [
+            wrap_layout(
+                layout, link, case.faces, taxels, places, rng=np.random.default_rng(number)
+            ).positions
+            for layout, link, places in (
+                (case.layout, metres, points),
+                (1e-3 * (1e3 * case.layout), _single(metres, 1e-3), 1e-3 * (1e3 * points)),
+            )
+        ]
+        apart.append(float(np.abs(found[1] - found[0]).max()))
+    return {
+        "files": "patches on links of single floats, mm made from m",
+        "patches": len(cases),
+        "same_within_1e-6": int(np.sum(np.array(apart) <= SAME)),
+        "furthest_m": max(apart),
+    }
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,6 @@ from benchmarks.harness import areas
 from benchmarks.harness.asked import judge, table_text
 from benchmarks.harness.bench_doc import write_doc
 from benchmarks.harness.bench_page import page_of
-from benchmarks.harness.figures import figures_of
 from benchmarks.harness.record import RESULTS, about, write
 from benchmarks.scale.needs_page import write_page
 
@@ -175,6 +174,60 @@ def _end(child: subprocess.Popen[bytes]) -> None:
 def _children_seconds() -> float:
     times = os.times()
     return times.children_user + times.children_system
+
+
+def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """All figures of a run.
+
+    Returns
+    -------
+    list of dict
+        `key`, which stays the same from run to run, `area, name, unit, value, better` ("less" or
+        "more") and `spread`: lower and upper quartile, or None where only one value was taken.
+    """
+    return [*_asked(result["asked"]), *_scaling(_rows(result, "scaling")),
+            *_needs(_rows(result, "needs"))]  # fmt: skip
+
+
+def _rows(result: Mapping[str, Any], area: str) -> Mapping[str, Any]:
+    return result["areas"].get(area, {}).get("rows") or {}
+
+
+def _asked(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    for row in rows:
+        value = row["got"]
+        if "kept in" in row["note"] or isinstance(value, bool | str | None):
+            continue
+        if row["bound"] != "equals":
+            better = "more" if row["bound"] == "least" else "less"
+            key, name = row["key"], row["what"]
+            yield _figure(key, name, row["unit"], value, better, row["spread"])
+
+
+def _scaling(rows: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for row in rows.get("curves", ()):
+        if "cpu_s" in row and not row["peer"]:
+            name = f"{row['curve']}, {row['taxels']:,} taxels"
+            key = f"scaling.{row['curve']}.{row['taxels']}"
+            yield _figure(f"{key}.s", name, "s", row["cpu_s"], "less", row.get("spread_s"))
+            if row.get("peak_mb") is not None:
+                yield _figure(f"{key}.mb", f"{name}, memory", "MB", row["peak_mb"], "less", None)
+
+
+def _needs(rows: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for row in rows.get("cases", ()):
+        name = f"{row['what']}: {row['case']}"
+        key = f"needs.{row['what']}.{row['case']}"
+        yield _figure(f"{key}.s", name, "s", row["cpu_s"], "less", row["spread_s"])
+        yield _figure(f"{key}.mb", f"{name}, memory", "MB", row["mb"], "less", row["spread_mb"])
+
+
+def _figure(
+    key: str, name: str, unit: str, value: float, better: str, spread: Any
+) -> dict[str, Any]:
+    quartiles = [spread[0], spread[-1]] if spread else None
+    return {"key": key, "area": key.partition(".")[0], "name": name, "unit": unit, "value": value,
+            "better": better, "spread": quartiles}  # fmt: skip
 
 
 if __name__ == "__main__":

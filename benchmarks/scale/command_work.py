@@ -59,7 +59,7 @@ def _mesh_map(path: str, method: str) -> None:
     import skinmap
     from skinmap.flat.geodesic import geodesic_stress
     from skinmap.flat.mesh_charts import mesh_surface
-    from skinmap.io.robots.urdf import read_mesh
+    from skinmap.io.robots.mesh_file import read_mesh
 
     flat = skinmap.flatten(mesh_surface(*read_mesh(Path(path), merge=False)), method=method)
     for chart in flat.charts:

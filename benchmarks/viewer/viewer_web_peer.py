@@ -12,7 +12,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -24,7 +23,7 @@ from skinmap.live.moment import Moment
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.body.bare_body import body_meshes
-from viewer.export.solids import CORNERS, DISC_SHARE, LIFT, disc_solid
+from viewer.export.gltf import CORNERS, DISC_SHARE, LIFT, disc_solid
 from viewer.layers import Layers
 from viewer.web.scene_data import CELL, triangles_of
 
@@ -83,12 +82,7 @@ class Viser:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._thread.join(5)
         self.server.stop()

@@ -1,8 +1,8 @@
 """Opens pages in headless Chromium and counts what they draw: ours and viser's, the same way.
 
-An update is a picture begun after a message came. So that nobody's counter is trusted alone, both
-are looked at a second time: in each frame of the browser the canvas is read, and pictures that
-differ from the one before are counted beside the updates of the same seconds.
+An update is a picture begun after a message came. Counters are checked a second time: in each frame
+of the browser the canvas is read, and pictures that differ from the one before are counted beside
+the updates of the same seconds.
 """
 
 from __future__ import annotations

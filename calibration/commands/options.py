@@ -11,9 +11,8 @@ from typing import Any, TypeVar, cast
 import click
 
 from calibration.patch.solver_budget import FULL, Effort
-from skinmap.commands.options import Number, out_folder, seed_option
+from skinmap.commands.options import Number, out_folder, seed_option, units_option
 from skinmap.commands.profiles import profile_option
-from skinmap.io.units import UNITS
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 TABLES = "Also write tables as the iCub's positions (.txt)."
@@ -26,14 +25,6 @@ loss_option = click.option(
     "--loss", type=click.Choice(["linear", "cauchy"]), default="cauchy", show_default=True,
     help="Squares, or a loss that outliers cannot pull.",
 )  # fmt: skip
-
-
-def units_option(of: str) -> Callable[[F], F]:
-    """`--units`, with the files that it holds for."""
-    return click.option(
-        "--units", type=click.Choice([*UNITS]), default="m", show_default=True,
-        help=f"Unit of {of}.",
-    )  # fmt: skip
 
 
 def format_option(

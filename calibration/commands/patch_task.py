@@ -30,7 +30,7 @@ from calibration.patch.solver_budget import FULL, Effort
 from calibration.patch.touch import Touch, locate_by_touch
 from calibration.patch.wrap import wrap_layout
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.io.robots.urdf import read_mesh
+from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.units import UNITS
 from skinmap.report.present import present, write_files
 
@@ -208,7 +208,7 @@ class SolvedPatch:
 
     def page(self, _: Path | None = None) -> str:
         """The report."""
-        from calibration.commands.patch_page import patch_page
+        from calibration.commands.pages import patch_page
 
         task = self.task
         return patch_page(task.title, self.result, self.found, self.board, task.link, task.kind)

@@ -100,8 +100,11 @@ class ResponseOptions:
               help="-1 where harder presses read lower.")  # fmt: skip
 @click.option("--rate", type=Number(min=0, min_open=True), default=50.0,
               show_default=True, help="Samples a second.")  # fmt: skip
-@click.option("--robot", default="icub", show_default=True, help="Robot of --part.")
-@click.option("--part", help="Part that was measured: the result remembers its skin.")
+@click.option(
+    "--robot", default="icub", show_default=True, metavar="ROBOT", help="Robot of --part."
+)
+@click.option("--part", metavar="PART",
+              help="Only this part of the robot: the result remembers its skin.")  # fmt: skip
 @out_folder("response.npz and the report")
 @accept_option()
 @profile_option()

@@ -16,10 +16,9 @@ from calibration.commands.options import (
     accept_option,
     format_option,
     mesh_option,
-    units_option,
 )
 from calibration.commands.results import MM, Calibrated, Matrix, grade
-from skinmap.commands.options import out_folder, prints, seed_option
+from skinmap.commands.options import out_folder, prints, seed_option, units_option
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.report.present import present
@@ -154,7 +153,7 @@ def _load(
     taxels_file: Path | None,
 ) -> ScanFiles:
     from calibration.files.tables import read_numbers, read_placed, read_points
-    from skinmap.io.robots.urdf import read_mesh
+    from skinmap.io.robots.mesh_file import read_mesh
     from skinmap.io.units import UNITS
 
     unit = UNITS[units]

@@ -146,6 +146,7 @@ class SelfTouchOptions:
 )  # fmt: skip
 @click.option(
     "--robot",
+    metavar="ROBOT",
     help="Robot that touched itself; without it, its parts are read from beside the recordings.",
 )
 @outside_option

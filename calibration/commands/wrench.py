@@ -16,10 +16,9 @@ from calibration.commands.options import (
     accept_option,
     format_option,
     loss_option,
-    units_option,
 )
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, judged
-from skinmap.commands.options import Number, out_folder, prints, seed_option
+from skinmap.commands.options import Number, out_folder, prints, seed_option, units_option
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.report.present import present
@@ -78,7 +77,7 @@ class PlacedPatch:
 
 @click.command("wrench")
 @click.argument("touches", type=FILE)
-@units_option("all lengths in the file; moments are newton times this unit")
+@units_option("the file; moments are newton times this unit")
 @click.option(
     "--point-mm", type=Number(min=0, min_open=True), default=3.0, show_default=True,
     help="Error of where the skin was pressed.",

@@ -13,7 +13,7 @@ from calibration.patch.patch_calibration import PatchCalibration
 from calibration.patch.touch import Touch
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError
-from skinmap.io.robots.urdf import MESH_SUFFIXES, read_mesh
+from skinmap.io.robots.mesh_file import MESH_SUFFIXES, read_mesh
 from skinmap.io.taxels.export import write_icub
 from skinmap.io.taxels.icub import CHANNELS_PER_MODULE
 from skinmap.io.taxels.table import COLUMNS, COVARIANCE

@@ -12,10 +12,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calibration.mount.agreement import Agreement, Jury
 from calibration.mount.chain_fit import Information, fit_chains, information, misses
 from calibration.mount.chains import Chain, TouchRecording
-from calibration.mount.observability import Unobserved, unobserved
+from calibration.mount.judgement import Agreement, Jury, Unobserved, unobserved
 from calibration.mount.pairing import Contacts, contacts_of
 from calibration.mount.rigid_mount import Loss, point_covariance
 from calibration.mount.unknowns import ChainState, Unknowns

@@ -14,13 +14,16 @@ from calibration.patch.status import weak_direction
 from calibration.plane.contacts import Plane, PlaneContacts
 from calibration.plane.model import Patch, PlaneProblem, PlaneState, patch_of
 from calibration.plane.poses import Proposal, most_telling, place_slopes
-from calibration.plane.solve import Solution, first_states, refine, solve
-from calibration.plane.verdict import (
+from calibration.plane.solve import (
     MANY_ODD,
+    Solution,
     assumed,
     contradicting,
+    first_states,
     judge,
+    refine,
     second_place,
+    solve,
     some,
 )
 from skinmap.arrays import BoolArray, FloatArray, IntArray

@@ -76,6 +76,11 @@ class Patch:
         return np.asarray(np.eye(int(self.module.max()) + 1)[self.module])
 
 
+_Normal = tuple[FloatArray, FloatArray]  # matrix, its upper triangle, and right side
+# Weights (m, n), scores (m, n), weighted slopes (m, n, main), 1 / tau, shifts' slopes (m, 3).
+_Evidence = tuple[FloatArray, FloatArray, FloatArray, float, FloatArray]
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Layout:
     """Columns of the unknowns."""
@@ -240,23 +245,14 @@ class PlaneProblem:
         normal[:main, depths] += k * weighted.sum(axis=1).T
         normal[depths, depths] += k * k * w.sum(axis=1)
         slope[depths] += k * g.sum(axis=1)
-        self._add_shifts(name, layout, normal, slope, w, g, weighted, k, shifts)
-        self._add_heights(name, layout, normal, slope, w, g, weighted, k, shifts)
+        seen = w, g, weighted, k, shifts
+        self._add_shifts(name, layout, (normal, slope), seen)
+        self._add_heights(name, layout, (normal, slope), seen)
         return float(loss.sum())
 
-    def _add_shifts(
-        self,
-        name: str,
-        layout: Layout,
-        normal: FloatArray,
-        slope: FloatArray,
-        w: FloatArray,
-        g: FloatArray,
-        weighted: FloatArray,
-        k: float,
-        shifts: FloatArray,
-    ) -> None:
+    def _add_shifts(self, name: str, layout: Layout, into: _Normal, seen: _Evidence) -> None:
         """Evidence on the modules' shifts, alone and with main unknowns and depths."""
+        (normal, slope), (w, g, weighted, k, shifts) = into, seen
         member = self.patches[name].member
         m, groups = len(w), member.shape[1]
         own = slice(layout.shift[name], layout.shift[name] + 3 * groups)
@@ -272,19 +268,9 @@ class PlaneProblem:
             normal[at, at] += square[one]
         slope[own] += np.einsum("mg,mk->gk", g @ member, shifts).ravel()
 
-    def _add_heights(
-        self,
-        name: str,
-        layout: Layout,
-        normal: FloatArray,
-        slope: FloatArray,
-        w: FloatArray,
-        g: FloatArray,
-        weighted: FloatArray,
-        k: float,
-        shifts: FloatArray,
-    ) -> None:
+    def _add_heights(self, name: str, layout: Layout, into: _Normal, seen: _Evidence) -> None:
         """Evidence on the taxels' heights, alone and with all other unknowns."""
+        (normal, slope), (w, g, weighted, k, shifts) = into, seen
         m, n = w.shape
         first = layout.height[name]
         own = np.arange(first, first + n)

@@ -19,9 +19,9 @@ from skinmap.commands.options import (
     prints,
     robot_option,
     seed_option,
+    units_option,
 )
 from skinmap.commands.profiles import profile_option
-from skinmap.io.units import UNITS
 from skinmap.report.present import present
 from skinmap.report.verdict import OK, Verdict
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
 
 MARKERS = "skinmap.wiring_markers"  # entry points of what shows the next place on the body
-MOST = 30
+MAX_TOUCHES = 30
 
 
 @click.command("wiring", short_help="Touch where it says: swapped, turned and mute modules.")
@@ -41,12 +41,11 @@ MOST = 30
     "--touch", "how", type=click.Choice(["poke", "stroke", "hand"]), default="poke",
     show_default=True, help="How the skin is touched.",
 )  # fmt: skip
-@click.option("--max-touches", type=click.IntRange(min=1), default=MOST, show_default=True,
+@click.option("--max-touches", type=click.IntRange(min=1), default=MAX_TOUCHES, show_default=True,
               help="Ask for so many at most.")  # fmt: skip
 @click.option("--places", type=click.Path(path_type=Path, dir_okay=False),
               help="Where a recording's touches were asked for: CSV `touch,x,y,z`.")  # fmt: skip
-@click.option("--units", type=click.Choice(tuple(UNITS)), default="m", show_default=True,
-              help="Of --places.")  # fmt: skip
+@units_option("--places")
 @click.option("--plant", "planted", multiple=True, metavar="FAULT",
               help="Of `sim`: swap:3,7 turn:5,120 mirror:5 mute:4 chains:0,1 reverse:0 "
               "mute-chain:1 channels:24,25; may be repeated.")  # fmt: skip
@@ -87,6 +86,7 @@ def wiring(
     """
     from calibration.wiring.channel_map import check_out
     from calibration.wiring.examination import Plan
+    from skinmap.io.units import UNITS
 
     loaded, names = open_robot(robot, parts)
     _check(source, planted, places)
@@ -102,7 +102,7 @@ def wiring(
                 marker=marker)  # fmt: skip
     try:
         if source == "sim":
-            from calibration.wiring.examination import examine_simulated
+            from calibration.wiring.person import examine_simulated
 
             examined = examine_simulated(loaded, names, planted, plan)
         elif _is_file(source):
@@ -123,7 +123,7 @@ def wiring(
 
 
 def _live(source: str, robot: Robot, parts: tuple[str, ...], plan: Plan) -> Examination:
-    from calibration.wiring.live_examination import examine_live
+    from calibration.wiring.person import examine_live
     from skinmap.live.sources.open_source import open_source
 
     opened = open_source(source, robot=robot, parts=parts or None, seed=plan.seed)

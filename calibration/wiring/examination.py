@@ -11,10 +11,9 @@ import numpy as np
 
 from calibration.files.asked_places import check_places, read_places
 from calibration.wiring.answer_model import THRESHOLD
-from calibration.wiring.boards import CHAIN, Boards, Wiring, boards_of
+from calibration.wiring.boards import CHAIN, Boards, boards_of
 from calibration.wiring.doctor import Doctor
-from calibration.wiring.faults import Fault, parse_fault
-from calibration.wiring.person import Patient, Person
+from calibration.wiring.faults import Fault
 from calibration.wiring.rest import FEWEST, RestFindings, judge_rest
 from calibration.wiring.touches import Baseline, find_touches, make_touch, untouched
 from skinmap.arrays import FloatArray
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 MM = 1e3
 ENOUGH = 0.02  # a place that would tell less is not worth a touch [nats]
 REST_SECONDS = 8.0
-REST_MOST = 3000  # samples of a recording's rest that are judged
+MAX_REST = 3000  # samples of a recording's rest that are judged
 HANDS = {"whole_hand", "forearm", "three_finger", "full_finger", "edge", "cylinder", "hand"}
 Answers = Mapping[str, FloatArray]  # (t, n) by part [counts]
 
@@ -189,59 +188,6 @@ def concluded(
     return Examination(source, robot.name, plan.how, tuple(cases.values()), planted, tuple(notes))
 
 
-# The simulated skin.
-
-
-def examine_simulated(
-    robot: Robot, parts: Sequence[str], planted: Sequence[str], plan: Plan
-) -> Examination:
-    """Plant faults in a simulated skin and let a simulated person touch where asked.
-
-    `planted` are words as `calibration.wiring.faults.parse_fault` reads them, for the first part,
-    or for another one as `part/swap:3,7`.
-    """
-    cases = open_cases(robot, parts, plan)
-    faults = _planted(planted, cases)
-    people: dict[str, Person] = {}
-    level: dict[str, Baseline] = {}
-    for number, (part, case) in enumerate(cases.items()):
-        wiring = Wiring.as_mapped(case.boards)
-        for fault in faults.get(part, ()):
-            wiring = fault.apply(wiring, case.boards)
-        rng = np.random.default_rng([plan.seed, number])
-        people[part] = Person(Patient(robot.skin(part)), rng, wiring.sources(case.boards))
-        rest = people[part].rest(round(50 * REST_SECONDS)).astype(np.float64)
-        case.take_rest(rest)
-        level[part] = Baseline.of(rest, "pressure")
-
-    def touched(part: str, path: FloatArray) -> Answers:
-        person = people[part]
-        sent = {"poke": person.poke, "hand": person.hold}.get(plan.how)
-        samples = person.stroke(path) if sent is None else sent(path[0])
-        answers = level[part].answers(samples)
-        if plan.marker is not None:
-            plan.marker.feed(part, answers.max(axis=0))
-        return {part: answers}
-
-    for _ in ask(cases, plan, touched):
-        pass  # a simulated skin always answers
-    return concluded("sim", robot, plan, cases, faults)
-
-
-def _planted(words: Sequence[str], cases: Mapping[str, Case]) -> dict[str, tuple[Fault, ...]]:
-    faults: dict[str, tuple[Fault, ...]] = {}
-    for word in words:
-        part, slash, rest = word.rpartition("/")
-        part = part if slash else next(iter(cases))
-        if part not in cases:
-            raise UnknownNameError("part", part, cases)
-        faults[part] = (*faults.get(part, ()), parse_fault(rest, cases[part].boards))
-    return faults
-
-
-# Recordings.
-
-
 def examine_recording(
     path: Path,
     robot: Robot,
@@ -303,7 +249,7 @@ def _examine_part(
         spans = np.array([[touch.first, touch.last] for touch in marked])
     else:
         spans = find_touches(Baseline.of(values, track.kind).answers(values))
-    quiet = values[untouched(len(values), spans)][:REST_MOST]
+    quiet = values[untouched(len(values), spans)][:MAX_REST]
     case.take_rest(quiet)
     base = Baseline.of(quiet, track.kind) if len(quiet) >= 10 else first
     labels = [touch.label for touch in marked] or [""] * len(spans)

@@ -1,23 +1,47 @@
-"""A simulated person who touches a simulated skin where asked, for trials and benchmarks.
+"""Who touches where the doctor asks: a simulated person, or one at the robot.
 
-The contacts are those of `skinmap.touch` (Hertz pads in the log map, Gaussian foam), not the
-doctor's own model of a touch; spikes, dead taxels, gross misses and islands of a hand are added.
+A simulated person's contacts are those of `skinmap.touch` (Hertz pads in the log map, Gaussian
+foam), not the doctor's own model of a touch; spikes, dead taxels, gross misses and islands of a
+hand are added.
 """
 
 from __future__ import annotations
 
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.wiring.answer_model import THRESHOLD
+from calibration.wiring.boards import Wiring
+from calibration.wiring.examination import (
+    REST_SECONDS,
+    Answers,
+    Case,
+    Examination,
+    Plan,
+    ask,
+    concluded,
+    next_touch,
+    open_cases,
+)
+from calibration.wiring.faults import Fault, parse_fault
+from calibration.wiring.touches import BEGINS, ENDS, Baseline
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.geometry.log_map import log_map
 from skinmap.geometry.triangles import unit
+from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.touch.gestures import Pad, poke, whole_hand
 from skinmap.touch.sensing import FULL_SCALE, Sensing
 from skinmap.touch.simulator import Stage, prepare, touch_loads
+
+if TYPE_CHECKING:
+    from skinmap.live.sources.source import Source
 
 REACH = 0.13  # of the log map round a place [m]
 POKE, PACE = 12, 0.13  # samples of a poke; speed of a stroke [m/s], sampled at 50 Hz
@@ -196,3 +220,163 @@ def _lay(patient: Patient, taxel: int, uv: FloatArray, point: FloatArray) -> Flo
     near = np.argsort(away)[:3]
     weight = 1.0 / (away[near] + 1e-4)
     return np.asarray((weight[:, None] * uv[near]).sum(axis=0) / weight.sum())
+
+
+def examine_simulated(
+    robot: Robot, parts: Sequence[str], planted: Sequence[str], plan: Plan
+) -> Examination:
+    """Plant faults in a simulated skin and let a simulated person touch where asked.
+
+    `planted` are words as `calibration.wiring.faults.parse_fault` reads them, for the first part,
+    or for another one as `part/swap:3,7`.
+    """
+    cases = open_cases(robot, parts, plan)
+    faults = _planted(planted, cases)
+    people: dict[str, Person] = {}
+    level: dict[str, Baseline] = {}
+    for number, (part, case) in enumerate(cases.items()):
+        wiring = Wiring.as_mapped(case.boards)
+        for fault in faults.get(part, ()):
+            wiring = fault.apply(wiring, case.boards)
+        rng = np.random.default_rng([plan.seed, number])
+        people[part] = Person(Patient(robot.skin(part)), rng, wiring.sources(case.boards))
+        rest = people[part].rest(round(50 * REST_SECONDS)).astype(np.float64)
+        case.take_rest(rest)
+        level[part] = Baseline.of(rest, "pressure")
+
+    def touched(part: str, path: FloatArray) -> Answers:
+        person = people[part]
+        sent = {"poke": person.poke, "hand": person.hold}.get(plan.how)
+        samples = person.stroke(path) if sent is None else sent(path[0])
+        answers = level[part].answers(samples)
+        if plan.marker is not None:
+            plan.marker.feed(part, answers.max(axis=0))
+        return {part: answers}
+
+    for _ in ask(cases, plan, touched):
+        pass  # a simulated skin always answers
+    return concluded("sim", robot, plan, cases, faults)
+
+
+def _planted(words: Sequence[str], cases: Mapping[str, Case]) -> dict[str, tuple[Fault, ...]]:
+    faults: dict[str, tuple[Fault, ...]] = {}
+    for word in words:
+        part, slash, rest = word.rpartition("/")
+        part = part if slash else next(iter(cases))
+        if part not in cases:
+            raise UnknownNameError("part", part, cases)
+        faults[part] = (*faults.get(part, ()), parse_fault(rest, cases[part].boards))
+    return faults
+
+
+def examine_live(source: Source, robot: Robot, parts: Sequence[str], plan: Plan) -> Examination:
+    """Ask a person at the robot to touch, one place after the other.
+
+    Raises
+    ------
+    SkinMismatchError
+        A stream of another skin.
+    InvalidArrayError
+        A stream that ends, or NaN in it.
+    """
+    from skinmap.live.sources.skins import check_skin
+
+    info = source.info
+    there = tuple(parts) or tuple(part for part in info.parts if part in robot.parts)
+    for part in there:
+        info.part_slice(part)
+    check_skin(info, robot)
+    cases = open_cases(robot, there, plan)
+    next_touch(cases, plan.how)  # what takes seconds once, before anybody waits for it
+    stream = _Stream(source, cases)
+    notes: list[str] = []
+    try:
+        level = stream.rest(cases, plan)
+        for words in ask(cases, plan, lambda *_: stream.touch(level, plan)):
+            notes.append(f"nothing answered within {plan.patience:.0f} s at: {words}")
+    except KeyboardInterrupt:
+        plan.told("interrupted")
+        notes.append("interrupted: judged by what was touched until then")
+    return concluded(info.name, robot, plan, cases, {}, notes)
+
+
+class _Stream:
+    """Samples of the parts under examination, touch by touch."""
+
+    def __init__(self, source: Source, cases: Mapping[str, Case]) -> None:
+        self.source, self.columns = source, {}
+        for part, case in cases.items():
+            rows = np.arange(source.info.channels)[source.info.part_slice(part)]
+            channels = case.boards.table.channels
+            self.columns[part] = rows if len(rows) == len(channels) else rows[channels]
+
+    def read(self) -> dict[str, FloatArray] | None:
+        """Samples by part, or None."""
+        from skinmap.live.sources.source import SourceEnded
+
+        try:
+            block = self.source.read(0.2)
+        except SourceEnded:
+            raise InvalidArrayError("the source ended before the examination did") from None
+        if block is None or len(block) == 0:
+            return None
+        values = np.asarray(block.values, np.float64)
+        if values.shape[1] != self.source.info.channels:
+            raise SkinMismatchError(
+                f"{values.shape[1]} values in a sample, {self.source.info.channels} expected"
+            )
+        if not np.isfinite(values).all():
+            return None  # a sample with holes is none
+        return {part: values[:, columns] for part, columns in self.columns.items()}
+
+    def some(self, count: int, *, patience: float) -> dict[str, FloatArray]:
+        """So many samples.
+
+        Raises
+        ------
+        InvalidArrayError
+            Too few came.
+        """
+        blocks: list[dict[str, FloatArray]] = []
+        end = time.monotonic() + patience
+        while sum(len(next(iter(b.values()))) for b in blocks) < count:
+            if time.monotonic() > end:
+                raise InvalidArrayError("the source sends too few samples for a rest")
+            if (block := self.read()) is not None:
+                blocks.append(block)
+        return {part: np.concatenate([b[part] for b in blocks]) for part in self.columns}
+
+    def rest(self, cases: Mapping[str, Case], plan: Plan) -> dict[str, Baseline]:
+        """Judge the rest at the beginning; what each part sends untouched."""
+        plan.told(f"do not touch the skin for {REST_SECONDS:.0f} s")
+        rate = self.source.info.rate or 50.0
+        samples = self.some(round(REST_SECONDS * rate), patience=5.0 * REST_SECONDS)
+        for part, case in cases.items():
+            case.take_rest(samples[part])
+        return {part: Baseline.of(samples[part], self.source.info.kind) for part in cases}
+
+    def touch(self, level: Mapping[str, Baseline], plan: Plan) -> dict[str, FloatArray] | None:
+        """Answers (t, n) by part from a touch's beginning to its end; None where none came."""
+        kept: dict[str, list[FloatArray]] = {part: [] for part in self.columns}
+        quiet, felt = 0, 0
+        end = time.monotonic() + plan.patience
+        while time.monotonic() < end:
+            block = self.read()
+            if block is None:
+                continue
+            active = np.zeros(len(next(iter(block.values()))), bool)
+            for part, values in block.items():
+                above = (values - level[part].level) * level[part].sign
+                active |= (above > THRESHOLD).any(axis=1)
+                if plan.marker is not None:
+                    plan.marker.feed(part, np.maximum(above[-1], 0.0))
+            if active.any() or felt:
+                for part, values in block.items():
+                    kept[part].append(values)
+                felt += int(active.sum())
+                quiet = 0 if active[-1] else quiet + len(active)
+            if felt and quiet > ENDS:
+                if felt >= BEGINS:
+                    return {p: level[p].answers(np.concatenate(v)) for p, v in kept.items()}
+                kept, felt, quiet = {part: [] for part in self.columns}, 0, 0  # a spike
+        return None

@@ -17,8 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from skinmap.geometry.mesh import TriangleMesh
-from skinmap.io.robots.mesh_file import write_mesh
-from skinmap.io.robots.urdf import read_mesh
+from skinmap.io.robots.mesh_file import read_mesh, write_mesh
 from skinmap.io.taxels.cyskin import CySkin, TactileMap, read_cyskin, write_cyskin
 
 HERE = Path(__file__).resolve().parent

@@ -72,7 +72,11 @@ class RecordingInfo:
 
 @click.command("info")
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--robot", help="Robot whose skin it must be; it also names a dumper's folders.")
+@click.option(
+    "--robot",
+    metavar="ROBOT",
+    help="Robot whose skin it must be; it also names a dumper's folders.",
+)
 @profile_option()
 @prints(RecordingInfo)
 def command(recording: Path, robot: str | None, as_json: bool) -> None:

@@ -1,4 +1,10 @@
-"""`skinmap`: the group of commands, each loaded only when it is called or listed."""
+"""`skinmap`: the group of commands, each loaded only when it is called or listed.
+
+Ctrl-C and a polite kill always end a command, and its workers with it. Some packages try an import
+and catch whatever is raised in it, `KeyboardInterrupt` too, to go on without the package (trimesh
+does): an interruption in that moment would be lost, or come back much later as some other error.
+So nothing is raised inside an import: a moment later is soon enough.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +12,16 @@ import atexit
 import importlib
 import logging
 import os
+import signal
 import sys
 import traceback
 import warnings
 from importlib.metadata import entry_points
+from types import FrameType
 
 import click
 
 from skinmap import __version__
-from skinmap.cli.interrupts import TerminatedError, end_on_interrupt, forget_interrupts
 from skinmap.commands.groups import NamedGroup
 from skinmap.commands.progress import QUIET
 from skinmap.errors import SkinError
@@ -32,7 +39,7 @@ COMMANDS = {
         "skinmap.cli.structures",
         "Periodic neighbourhood structures of the layout.",
     ),
-    "simulate": ("skinmap.cli.simulate.command", "Simulated touches on the skin, as a recording."),
+    "simulate": ("skinmap.cli.simulate", "Simulated touches on the skin, as a recording."),
     "train": ("skinmap.cli.train", "Train a touch classifier on recordings."),
     "evaluate": (
         "skinmap.cli.evaluate.command",
@@ -55,6 +62,8 @@ COMMANDS = {
     "cache": ("skinmap.cli.cache", "What is kept between runs, and dropping it."),
 }
 GROUP = "skinmap.commands"
+AGAIN = 0.1  # seconds until the next look
+IMPORTING = "<frozen importlib._bootstrap>"
 
 
 class LazyGroup(NamedGroup):
@@ -159,3 +168,44 @@ def _fail(message: str, code: int, debug: bool) -> None:
         traceback.print_exc()
     click.echo(visible(f"Error: {' '.join(message.split())}"), err=True)
     sys.exit(code)
+
+
+class TerminatedError(KeyboardInterrupt):
+    """A polite kill (SIGTERM): undone like Ctrl-C, with another exit code."""
+
+
+def end_on_interrupt() -> None:
+    """Raise `KeyboardInterrupt` on Ctrl-C and a polite kill, once no import is going on.
+
+    A shell's background job is started with Ctrl-C ignored, and goes on ignoring it.
+    """
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(kind) is not signal.SIG_IGN:
+            signal.signal(kind, _interrupted)
+    signal.signal(signal.SIGALRM, _again)
+
+
+def forget_interrupts() -> None:
+    """End at once from here on: the work is done, and nothing is left to be undone."""
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(kind) is _interrupted:
+            signal.signal(kind, signal.SIG_DFL)
+
+
+_due: list[int] = []  # what came inside an import, to be raised behind it
+
+
+def _interrupted(kind: int, frame: FrameType | None) -> None:
+    while frame is not None:
+        if frame.f_code.co_filename == IMPORTING:
+            _due[:] = [kind]
+            signal.setitimer(signal.ITIMER_REAL, AGAIN)
+            return
+        frame = frame.f_back
+    _due.clear()
+    raise TerminatedError if kind == signal.SIGTERM else KeyboardInterrupt
+
+
+def _again(_: int, frame: FrameType | None) -> None:
+    if _due:
+        _interrupted(_due[0], frame)

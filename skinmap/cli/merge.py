@@ -49,12 +49,14 @@ class MergeResult:
 
 
 @click.command("merge")
-@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument(
+    "recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path(path_type=Path)
+)
 @click.option(
     "-o", "--out", "output", type=click.Path(path_type=Path, dir_okay=False), required=True,
     help="Recording to write, .mcap or .npz; never one of those that are read.",
 )  # fmt: skip
-@click.option("--force", is_flag=True, help="Replace a file that is there.")
+@click.option("--force", is_flag=True, help="Replace files that are there.")
 @profile_option()
 @prints(MergeResult)
 def command(recordings: tuple[Path, ...], output: Path, force: bool, as_json: bool) -> None:

@@ -33,10 +33,15 @@ class ReplayResult:
 
 @click.command("replay")
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--robot", help="Robot whose skin it must be; it also names a dumper's folders.")
+@click.option(
+    "--robot",
+    metavar="ROBOT",
+    help="Robot whose skin it must be; it also names a dumper's folders.",
+)
 @part_option
 @click.option(
     "--publish",
+    metavar="SPEC",
     help="Where to: lsl:NAME, zmq:PORT, zmq:HOST:PORT, foxglove[:PORT] or zenoh[:PORT].",
 )
 @click.option(

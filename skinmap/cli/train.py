@@ -133,7 +133,9 @@ class TrainResult:
 
 
 @click.command("train")
-@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument(
+    "recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path(path_type=Path)
+)
 @robot_option
 @part_option
 @click.option(

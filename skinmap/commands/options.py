@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from skinmap.commands.profiles import profile_option as profile_option
+from skinmap.io.units import UNITS
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
@@ -48,7 +49,9 @@ outside_option = click.option(
 _robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
 _shown_argument = click.argument("robot", required=False, metavar="[ROBOT]")
 _robot_option = click.option(
-    "--robot", help="Robot that was recorded.  [default: what the recording says, else icub]"
+    "--robot",
+    metavar="ROBOT",
+    help="Robot that was recorded.  [default: what the recording says, else icub]",
 )
 
 
@@ -68,8 +71,25 @@ def robot_option(command: F) -> F:
 
 
 part_option = click.option(
-    "--part", "parts", multiple=True, help="Only this part; may be repeated."
+    "--part",
+    "parts",
+    multiple=True,
+    metavar="PART",
+    help="Only this part of the robot; may be repeated.",
 )
+
+
+def units_option(of: str) -> Callable[[F], F]:
+    """`--units`, with the files that it holds for."""
+    return click.option(
+        "--units",
+        type=click.Choice(tuple(UNITS)),
+        default="m",
+        show_default=True,
+        help=f"Unit of lengths in {of}.",
+    )
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 Kinds = tuple[type, ...]
 

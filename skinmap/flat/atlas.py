@@ -1,4 +1,7 @@
-"""The charts of a part as they lie on the body: neighbours side by side, gaps as on the body."""
+"""The charts of a part as they lie on the body: upright, neighbours side by side, gaps as there.
+
+Up is along the limb, the same for every pose and numbering.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.topology import boundary_loops, edges, loop_length
-from skinmap.geometry.triangles import cross_2d
+from skinmap.geometry.triangles import cross_2d, cross_products
 
 MAX_ARRANGED = 48  # charts: more are no skin of one limb, they go in shelves
 SAMPLES = 24  # vertices a chart that neighbours are laid out by
@@ -20,6 +23,88 @@ TOUCHING = 0.5  # in edges: charts of patches that touch on the body are still k
 ALIKE = 0.15  # in gaps: places this much further apart are as close, boards are laid by hand
 TURNS = np.radians([0, 15, -15, 30, -30, 50, -50, 75, -75, 105, -105, 140, -140, 180])
 MAX_CORNERS = 96  # of an outline that is compared with others; finer ones are coarsened
+LENGTH_SHARE = 0.2  # how much the spread counts against the normals: enough for flat plates
+SURE = 0.3  # cosine: an axis further than 73 degrees from the upward direction says nothing
+STEEP = 0.35  # slope: flatter charts lie across the limb, another direction has to tell
+
+
+def limb_frame(vertices: FloatArray, faces: IntArray, up: FloatArray | None = None) -> FloatArray:
+    """Directions (3, 3) in rows: along the limb, then the way most of its surface looks.
+
+    The surface of a limb looks away from its axis, so the axis is the direction that normals
+    contain least of; a plate has two such, and its length decides.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float
+        [m].
+    faces : (m, 3) array of int
+    up : (3,) array of float, optional
+        Upward direction. Where there is none, or the limb lies across it, the narrow end hangs
+        down: area reaches further below its centre than above.
+
+    Returns
+    -------
+    (3, 3) array of float
+        Unit vectors, orthogonal. They turn with the body, mirror with it, and do not depend on
+        the order of vertices or faces.
+    """
+    cross = cross_products(vertices, faces)
+    double = np.linalg.norm(cross, axis=1)
+    weight = double / double.sum()
+    normals = cross / np.where(double > 0, double, 1.0)[:, None]
+    looks = (normals * weight[:, None]).T @ normals
+    corners, share = vertices[faces].reshape(-1, 3), np.repeat(weight / 3.0, 3)
+    centred = corners - share @ corners
+    spread = (centred * share[:, None]).T @ centred
+    _, directions = np.linalg.eigh(looks - LENGTH_SHARE * spread / np.trace(spread))
+    axis = _signed(directions[:, 0], centred, share, up)
+    facing = weight @ normals - (weight @ normals @ axis) * axis
+    if np.linalg.norm(facing) < 1e-6:  # looks everywhere alike: a tube, a ball
+        facing = _signed(directions[:, 1], centred, share, None)
+    facing = facing / np.linalg.norm(facing)
+    return np.stack([axis, facing, np.cross(axis, facing)])
+
+
+def _signed(
+    axis: FloatArray, centred: FloatArray, weight: FloatArray, up: FloatArray | None
+) -> FloatArray:
+    if up is not None and abs(axis @ up) > SURE * np.linalg.norm(up):
+        return np.asarray(axis * np.sign(axis @ up))
+    height = centred @ axis
+    skew = weight @ height**3 / (weight @ height**2) ** 1.5
+    if abs(skew) > 1e-6:  # rounding on a body with two like ends stays below this
+        return np.asarray(-axis * np.sign(skew))
+    return np.asarray(axis * np.sign(axis[np.argmax(np.abs(axis))]))
+
+
+def upright(uv: FloatArray, height: FloatArray) -> FloatArray:
+    """Coordinates (n, 2) turned so that the values `height` (n,) [m] grow upwards on average."""
+    gradient = _slope(uv, height)
+    centred = uv - uv.mean(axis=0)
+    length = float(np.linalg.norm(gradient))
+    if length == 0.0:
+        return np.asarray(centred)
+    c, s = gradient[1] / length, gradient[0] / length
+    return np.asarray(centred @ np.array([[c, s], [-s, c]]))
+
+
+def turn_upright(uv: FloatArray, vertices: FloatArray, frame: FloatArray) -> FloatArray:
+    """A chart (n, 2) of vertices (n, 3) [m] turned so that the limb's axis points up.
+
+    On a chart that lies across the limb, such as the cap at its end, the way that the limb's
+    surface looks points down: the cap continues below it.
+    """
+    for direction in (frame[0], -frame[1], frame[2]):
+        height = vertices @ direction
+        if np.linalg.norm(_slope(uv, height)) > STEEP:
+            return upright(uv, height)
+    return upright(uv, vertices @ frame[0])
+
+
+def _slope(uv: FloatArray, height: FloatArray) -> FloatArray:
+    gradient, *_ = np.linalg.lstsq(uv - uv.mean(axis=0), height - height.mean(), rcond=None)
+    return np.asarray(gradient)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,9 +145,9 @@ def arrange(charts: Sequence[Laid], *, side: float = 1.0) -> list[FloatArray]:
         links = [(float(gaps[i, k]), i, k) for i in place for k in rest]
         _, parent, new = min(links)
         one, other, gap = charts[parent], charts[new], float(gaps[parent, new])
-        wish = place[parent] + _beside(one, other, gap, side)
+        wanted = place[parent] + _beside(one, other, gap, side)
         others = [(outlines[i], place[i], float(gaps[i, new])) for i in place]
-        place[new] = _nearest_free(outlines[new], wish, list(place).index(parent), others)
+        place[new] = _nearest_free(outlines[new], wanted, list(place).index(parent), others)
     moved = [chart.uv + place[k] for k, chart in enumerate(charts)]
     everything = np.concatenate(moved)
     centre = (everything.min(axis=0) + everything.max(axis=0)) / 2.0
@@ -152,18 +237,18 @@ def _carried(chart: Laid, vertex: int, way: FloatArray) -> FloatArray:
 
 
 def _nearest_free(
-    shape: Outline, wish: FloatArray, parent: int, others: list[tuple[Outline, FloatArray, float]]
+    shape: Outline, wanted: FloatArray, parent: int, others: list[tuple[Outline, FloatArray, float]]
 ) -> FloatArray:
     """The shift nearest to a requested one at which an outline has its gap to all that are placed.
 
-    The chart comes from outside towards its neighbour, from the side where the wish has it, until
+    The chart comes from outside towards its neighbour, from the side where it is wanted, until
     it would come too close to any; other sides are tried where a third chart stops it early.
     """
     centre, at, _ = others[parent]
-    away = (shape.middle + wish) - (centre.middle + at)
+    away = (shape.middle + wanted) - (centre.middle + at)
     length = float(np.linalg.norm(away))
     away = away / length if length > 0 else np.array([1.0, 0.0])
-    best, least = wish, np.inf
+    best, least = wanted, np.inf
     for turn in TURNS:
         c, s = np.cos(turn), np.sin(turn)
         direction = away @ np.array([[c, s], [-s, c]])
@@ -171,7 +256,7 @@ def _nearest_free(
         stops = [clearance(shape, line, direction, other, spot, gap) for other, spot, gap in others]
         stop = max(stops)
         shift = line + (stop if np.isfinite(stop) else 0.0) * direction
-        missed = float(np.linalg.norm(shift - wish))
+        missed = float(np.linalg.norm(shift - wanted))
         if missed < least:
             best, least = shift, missed
         if np.argmax(stops) == parent:
@@ -275,17 +360,6 @@ def _to_segments(points: FloatArray, start: FloatArray, end: FloatArray) -> Floa
     square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
     share = np.clip(((points - start) * way).sum(axis=1) / square, 0.0, 1.0)
     return np.asarray(np.linalg.norm(points - start - share[:, None] * way, axis=1))
-
-
-def upright(uv: FloatArray, height: FloatArray) -> FloatArray:
-    """Coordinates (n, 2) turned so that the values `height` (n,) [m] grow upwards on average."""
-    centred = uv - uv.mean(axis=0)
-    gradient, *_ = np.linalg.lstsq(centred, height - height.mean(), rcond=None)
-    length = float(np.linalg.norm(gradient))
-    if length == 0.0:
-        return np.asarray(centred)
-    c, s = gradient[1] / length, gradient[0] / length
-    return np.asarray(centred @ np.array([[c, s], [-s, c]]))
 
 
 def pack(charts: Sequence[FloatArray], gap: float) -> list[FloatArray]:

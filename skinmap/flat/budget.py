@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from skinmap.arrays import FloatArray
+from skinmap.errors import InvalidArrayError
 from skinmap.flat.dirichlet import locally_injective_map
 from skinmap.flat.disc import Disc
 from skinmap.flat.distortion import edge_rms
@@ -43,6 +45,29 @@ class Choice:
     method: str
     reason: str
     met: bool
+
+
+def check_budget(method: str, budgets: Mapping[str, float | None]) -> None:
+    """Refuse budgets that are not positive, or that no choice follows.
+
+    Parameters
+    ----------
+    method : str
+    budgets : mapping of str to float
+        Under the names that the user has for them: keywords, or options.
+
+    Raises
+    ------
+    InvalidArrayError
+    """
+    for name, value in budgets.items():
+        if value is None:
+            continue
+        if not 0.0 < value < math.inf:
+            raise InvalidArrayError(f"{name} must be above 0 and finite, got {value:g}")
+        if method != "auto":
+            auto = "--method auto" if name.startswith("-") else "method 'auto'"
+            raise InvalidArrayError(f"{name} needs {auto}, got {method!r}")
 
 
 def predicted_seconds(method: str, n: int) -> float:

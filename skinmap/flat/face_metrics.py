@@ -68,7 +68,6 @@ METRICS: Mapping[str, FaceMetric] = {
     ),
     "arap_energy": FaceMetric("ARAP energy", 0.0, 2e-3, False, lambda chart: chart.distortion.arap),
 }
-DEFAULT_METRIC = "edge_strain"
 
 
 def face_metric(name: str) -> FaceMetric:

@@ -13,15 +13,14 @@ from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import FlatteningError, InvalidArrayError, SkinWarning
-from skinmap.flat.atlas import Laid, arrange
-from skinmap.flat.contact_seams import Divided, seam_of_touches
+from skinmap.flat.atlas import Laid, arrange, limb_frame, turn_upright
+from skinmap.flat.budget import check_budget
 from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, DiscMap, flatten_disc, map_disc
 from skinmap.flat.distortion import Distortion, edge_rms, measure_distortion
-from skinmap.flat.distortion_seams import add_seams
 from skinmap.flat.methods import check_effort, flatteners
-from skinmap.flat.orientation import limb_frame, turn_upright
 from skinmap.flat.periodic import METHOD as PERIODIC
 from skinmap.flat.periodic import periodic_map, tube_rims
+from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
 from skinmap.flat.seams import CutMesh, open_surface, price_of, touch_counts
 from skinmap.geometry.topology import check_surface, edges
 from skinmap.skin.svg_picture import svg_picture
@@ -226,7 +225,7 @@ def flatten(
     'arap'
     """
     flatteners.get(method)
-    check_budget(method, max_seconds, max_edge_rms)
+    check_budget(method, {"max_seconds": max_seconds, "max_edge_rms": max_edge_rms})
     check_effort(method, iterations, precision)
     if max_distortion is not None and not max_distortion > ISOMETRY:
         raise InvalidArrayError(f"max_distortion must be above {ISOMETRY:g}, got {max_distortion}")
@@ -253,22 +252,6 @@ def flatten(
     for chart in charts:
         uv[chart.taxels] = chart.uv
     return FlatMap(mesh, tuple(charts), uv[mesh.representative])
-
-
-def check_budget(method: str, max_seconds: float | None, max_edge_rms: float | None) -> None:
-    """Refuse budgets that are not positive, or that no choice follows.
-
-    Raises
-    ------
-    InvalidArrayError
-    """
-    for name, value in (("max_seconds", max_seconds), ("max_edge_rms", max_edge_rms)):
-        if value is None:
-            continue
-        if not value > 0.0:
-            raise InvalidArrayError(f"{name} must be above 0, got {value}")
-        if method != "auto":
-            raise InvalidArrayError(f"{name} needs method 'auto', got {method!r}")
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -39,7 +39,7 @@ from skinmap.touch.grouping import RULE, GroupingRule
 from skinmap.touch.prepared_skin import PreparedSkin
 
 PACE = 100.0  # labels a second for each part at most
-MOST = 64  # samples that one step works on
+MAX_SAMPLES = 64  # samples that one step works on
 NAMED = 10  # live ones at most from one naming to the next: who comes late still gets labels
 logger = logging.getLogger(__name__)
 
@@ -274,7 +274,7 @@ class TouchLoop(Summary):
     def _next_run(self) -> tuple[bool, FloatArray, NDArray[Any]]:
         """Samples that one step works on: a few at once, one where none is to be passed over."""
         anew, times, values = self._runs.popleft()
-        most = 1 if self._singly or self.plays_ahead else MOST
+        most = 1 if self._singly or self.plays_ahead else MAX_SAMPLES
         if len(times) > most:
             self._runs.appendleft((False, times[most:], values[most:]))
         return anew, times[:most], values[:most]

@@ -33,7 +33,7 @@ CANDIDATES = 96  # shapes that are compared at a time, and
 COLUMNS = 512  # neighbourhoods that they are counted on: sampled evenly from what is uncovered
 POOLS = 16  # rounds of candidates
 REFINED = 3  # times that a prototype moves to the mean of its members
-MOST = 512  # prototypes: what noise leaves beyond them has no structure
+MAX_PROTOTYPES = 512  # prototypes: what noise leaves beyond them has no structure
 RARELY = 0.25  # a place that holds less of a neighbour than this, on average, is none
 ROWS = 16384  # neighbourhoods assigned at a time
 
@@ -224,7 +224,7 @@ def _cover(
     hoods, shapes, uncovered = seen.hoods, none, rows
     tolerance, rotations = none.tolerance, none.rotations
     for _ in range(POOLS):
-        if len(uncovered) == 0 or len(shapes) >= MOST:
+        if len(uncovered) == 0 or len(shapes) >= MAX_PROTOTYPES:
             break
         candidates, columns = _sampled(uncovered, CANDIDATES), _sampled(uncovered, COLUMNS)
         pool = as_prototypes(hoods, candidates, tolerance=tolerance, rotations=rotations)
@@ -234,7 +234,7 @@ def _cover(
         free = np.ones(len(columns), np.int64)
         every = len(candidates) == len(uncovered)
         floor = fewest if every else max(fewest, 2)
-        while len(shapes) < MOST:
+        while len(shapes) < MAX_PROTOTYPES:
             gain = free @ matches
             best = int(np.argmax(gain))
             if gain[best] < floor:

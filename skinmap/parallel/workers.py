@@ -2,15 +2,275 @@
 
 from __future__ import annotations
 
+import fcntl
+import io
+import json
+import os
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from skinmap.errors import InvalidArrayError
-from skinmap.parallel.pool import LocalPool, Pool
-from skinmap.parallel.resume import ResumeStore
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.cache import Arrays, Cache
+from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinWarning
+from skinmap.parallel.pool import ClusterPool, LocalPool, Pool
+
+FORMAT = 2
+MARK = "skinmap_resume"
+HEAD, KIND = "sweep.json", "results"
+# What decides about the bits of a result beside the task's content.
+LIBRARIES = ("skinmap", "numpy", "scipy", "scikit-learn", "libigl")
+NO_LIMIT = 1 << 62  # results that were waited for are never dropped
+KINDS = "biufcSUMm"  # of arrays: no objects, which would be pickled
+TREE = "tree"
+
+
+class ResumeStore:
+    """Finished results on disk, found by the key of their task.
+
+    An entry stands in the store as soon as its task is done, so that a killed run loses at most the
+    tasks under way. It is found by the content of its task: another setting, seed or skin has
+    another key, and nothing of another sweep is ever taken for ours.
+
+    Parameters
+    ----------
+    path : Path
+        A folder, made where it does not exist.
+    sweep : str
+        What the results are of ("evaluate kaspar").
+
+    Raises
+    ------
+    DataFormatError
+        Something else than such a folder, or the results of another sweep.
+    OutputError
+        A folder that cannot be written, or that another run has open.
+
+    Notes
+    -----
+    Results of another version of Skinmap or of the libraries below it are put aside
+    (`NAME.old`) with a warning: their bits may differ. Damaged entries are computed again, with a
+    warning too.
+    """
+
+    def __init__(self, path: Path, sweep: str) -> None:
+        self.path, self.sweep = path, sweep
+        self.recalled = 0
+        self._store = Cache(path, limit=NO_LIMIT)
+        try:
+            self._head = self._open()
+        except OutputError:
+            raise
+        except OSError as error:
+            raise self._cannot_write(error) from None
+        self._keys = {entry.path.stem for entry in self._store.entries() if entry.kind == KIND}
+
+    def __enter__(self) -> ResumeStore:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._keys
+
+    def recall(self, key: str) -> Any:
+        """The result under a key; KeyError where there is none or it cannot be read."""
+        if key not in self._keys:
+            raise KeyError(key)
+        arrays = self._store.get(KIND, key)
+        try:
+            result = unpack(arrays or {})
+        except (ValueError, LookupError, TypeError, RecursionError):
+            self._keys.discard(key)
+            raise KeyError(key) from None
+        self.recalled += 1
+        return result
+
+    def keep(self, key: str, result: Any) -> None:
+        """Write a result down, at once.
+
+        Raises
+        ------
+        OutputError
+            The disk is full or gone.
+        """
+        try:
+            self._store.write(KIND, key, pack(result), packed=True)
+        except OSError as error:
+            raise self._cannot_write(error) from None
+        self._keys.add(key)
+
+    def close(self) -> None:
+        """Let others have the folder; may be called twice."""
+        self._head.close()
+
+    def _open(self) -> io.TextIOWrapper:
+        """The head, locked for this run alone; made where there is none."""
+        empty = self.path.is_dir() and not any(self.path.iterdir())
+        if self.path.exists() and not empty and not (self.path / HEAD).is_file():
+            raise self._no_store()
+        self.path.mkdir(mode=0o700, exist_ok=True)
+        file = _locked(self.path / HEAD)
+        text = file.read()
+        try:
+            older = self._check_head(text) if text else None
+        except BaseException:
+            file.close()
+            raise
+        if older is not None:
+            file.close()
+            self._put_aside(older)
+            return self._open()
+        if not text:
+            head = json.dumps({MARK: FORMAT, "sweep": self.sweep, "versions": _versions()})
+            try:
+                file.write(head)
+                file.flush()
+            except OSError:
+                raw: Any = file.detach()
+                raw.detach().close()  # what waits to be written cannot be
+                raise
+        return file
+
+    def _put_aside(self, older: str) -> None:
+        aside = self.path.with_name(self.path.name + ".old")
+        number = 1
+        while aside.exists():
+            number += 1
+            aside = self.path.with_name(f"{self.path.name}.old{number}")
+        warnings.warn(
+            f"{str(self.path)!r} holds results of {older}, which may differ: all is computed "
+            f"anew, and that folder is now {aside.name!r}",
+            SkinWarning,
+            stacklevel=2,
+        )
+        os.replace(self.path, aside)
+
+    def _check_head(self, text: str) -> str | None:
+        """Which other version the store is of, or None; refuses other folders."""
+        try:
+            head = json.loads(text)
+            form, sweep, versions = head[MARK], str(head["sweep"]), dict(head["versions"])
+        except (ValueError, LookupError, TypeError, RecursionError):
+            raise self._no_store() from None
+        if sweep != self.sweep:
+            raise DataFormatError(
+                f"holds the results of {sweep[:100]!r}, this is {self.sweep!r}; name another "
+                "folder",
+                self.path,
+            )
+        if form != FORMAT:
+            return f"another format ({form!r}, this is {FORMAT})"
+        for name, ours in _versions().items():
+            if versions.get(name) != ours:
+                return f"{name} {versions.get(name)} (this is {ours})"
+        return None
+
+    def _no_store(self) -> DataFormatError:
+        return DataFormatError(
+            f"no folder of results to resume (nothing in it says so: {HEAD} is missing or of "
+            "another user); name another, or a new one",
+            self.path,
+        )
+
+    def _cannot_write(self, error: OSError) -> OutputError:
+        reason = error.strerror or type(error).__name__
+        return OutputError(f"cannot write {str(self.path)!r}: {reason}")
+
+
+def pack(value: Any) -> Arrays:
+    """A result as arrays that read back to the same bits, one of which is its structure.
+
+    Raises
+    ------
+    InvalidArrayError
+        Something other than numbers, texts, bytes, arrays, lists, tuples and dicts of them.
+    """
+    arrays: Arrays = {}
+    tree = json.dumps(_plain(value, arrays), separators=(",", ":")).encode()
+    return {**arrays, TREE: np.frombuffer(tree, np.uint8)}
+
+
+def unpack(arrays: Arrays) -> Any:
+    """What `pack` made arrays of.
+
+    Raises
+    ------
+    ValueError, LookupError, TypeError, RecursionError
+        Arrays that it did not make.
+    """
+    return _whole(json.loads(arrays[TREE].tobytes()), arrays)
+
+
+def _plain(value: Any, arrays: Arrays) -> Any:
+    """What JSON holds as it is; arrays by name, tuples, bytes and dicts by a tag."""
+    if value is None or type(value) in (bool, int, float, str):
+        return value
+    if isinstance(value, bytes):
+        return {"bytes": _named(np.frombuffer(value, np.uint8), arrays)}
+    if isinstance(value, np.ndarray):
+        return {"array": _named(value, arrays)}
+    if isinstance(value, np.generic):
+        return {"number": _named(np.asarray(value), arrays)}
+    if type(value) is list:
+        return [_plain(item, arrays) for item in value]
+    if type(value) is tuple:
+        return {"tuple": [_plain(item, arrays) for item in value]}
+    if type(value) is dict:
+        pairs = [[_plain(key, arrays), _plain(item, arrays)] for key, item in value.items()]
+        return {"dict": pairs}
+    raise InvalidArrayError(f"a result holds a {type(value).__qualname__}, which cannot be kept")
+
+
+def _named(array: NDArray[Any], arrays: Arrays) -> str:
+    if array.dtype.kind not in KINDS:
+        raise InvalidArrayError(f"a result holds an array of {array.dtype}, which cannot be kept")
+    name = f"a{len(arrays)}"
+    arrays[name] = array
+    return name
+
+
+def _whole(value: Any, arrays: Arrays) -> Any:
+    if isinstance(value, list):
+        return [_whole(item, arrays) for item in value]
+    if not isinstance(value, dict):
+        return value
+    ((tag, held),) = value.items()
+    if tag == "tuple":
+        return tuple(_whole(item, arrays) for item in held)
+    if tag == "dict":
+        return {_whole(key, arrays): _whole(item, arrays) for key, item in held}
+    array = arrays[held]
+    return {"array": array, "number": array[()], "bytes": array.tobytes()}[tag]
+
+
+def _versions() -> dict[str, str]:
+    return {name: version(name) for name in LIBRARIES}
+
+
+def _locked(path: Path) -> io.TextIOWrapper:
+    """The file, open for reading and writing by this run alone."""
+    file = path.open("a+", encoding="utf-8", errors="replace")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        file.seek(0)
+    except BlockingIOError:
+        file.close()
+        raise OutputError(f"{str(path.parent)!r} is in use by another run") from None
+    except BaseException:
+        file.close()
+        raise
+    return file
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +344,6 @@ def opened_pool(workers: Workers) -> Iterator[Pool | None]:
     if workers.pool is not None:
         yield workers.pool
     elif workers.backend == "dask":
-        from skinmap.parallel.cluster import ClusterPool
-
         pool = ClusterPool(str(workers.address))
         try:
             yield pool

@@ -21,7 +21,7 @@ from skinmap.skin.skin import Skin
 FAR = 5e-3  # a taxel further than this from where it should be is not there [m]
 STEADY = 0.5  # the middle nine tenths of the distances spread by less, in medians
 ALONG = np.radians(35.0)  # normals of skin on a cover keep within this of the link's
-MOST = 0.9  # share of the normals that do
+ALIGNED = 0.9  # share of the normals that do
 HIDDEN = 0.02  # share of taxels that may look into the body or lie inside it
 LAID = 0.25  # a rigid move that leaves less than this of the distance explains it
 
@@ -72,7 +72,7 @@ def judge_standing(skin: Skin, body: TriangleMesh, found: SkinFit, cover: float 
     hidden = float((found.inward | found.covered).mean())
     along = float((found.normal_angle < ALONG).mean())
     steady = high - low < STEADY * median and median > FAR
-    if not steady or hidden > HIDDEN or along < MOST:
+    if not steady or hidden > HIDDEN or along < ALIGNED:
         return Standing("a frame", far, low, median, high)
     moved = fit_to_mesh(skin.positions, body.vertices, body.faces)
     if moved.after.mean() < LAID * moved.before.mean():

@@ -44,7 +44,7 @@ ALPHA = 1.5  # in spacings: openings narrower than this are closed over
 OFFSET = 0.1  # in spacings: how far the wrap stays off the mesh
 FINE = 0.35  # in spacings: longest edge that distances are measured along
 LEAST = 1e-10  # of the body's size: flatter faces are none
-MOST = 4_000_000  # fine triangles: more would need more than about 2 GB
+MAX_TRIANGLES = 4_000_000  # fine triangles: more would need more than about 2 GB
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -220,10 +220,11 @@ def fine_surface(body: TriangleMesh, spacing: float) -> TriangleMesh:
         raise InvalidMeshError("the body has no faces that have an area: nothing to follow")
     area = float(face_areas(body.vertices, body.faces).sum())
     needed = 4.6 * area / (FINE * spacing) ** 2  # twice the triangles that would tile it evenly
-    if not needed < MOST:
+    if not needed < MAX_TRIANGLES:
         raise InvalidMeshError(
             f"the body is too large for taxels {spacing:.3g} of its units apart: about "
-            f"{needed:.2g} triangles are needed, at most {MOST:.0e}; cut it to the link's part"
+            f"{needed:.2g} triangles are needed, at most {MAX_TRIANGLES:.0e}; cut it to the "
+            "link's part"
         )
     return _divided(body if is_closed(body) else _wrapped(body, spacing), FINE * spacing)
 

@@ -9,7 +9,7 @@ import pytest
 def planted() -> dict:
     """A run of `make bench` as short as can be, with one area that failed."""
     from benchmarks.harness.asked import judge
-    from benchmarks.harness.figures import figures_of
+    from benchmarks.harness.bench import figures_of
     from benchmarks.harness.record import about
 
     curves = [

@@ -172,7 +172,7 @@ def test_a_joint_that_hardly_moves_is_asked_for():
 
 @pytest.mark.skipif(not NAO.is_dir(), reason="no NAO recordings beside the checkout")
 def test_a_real_robots_chains_from_rows_and_from_a_urdf_give_the_same(tmp_path):
-    from benchmarks.calibration.nao import as_urdf, real_data
+    from benchmarks.calibration.mounts import as_urdf, real_data
 
     data = real_data([NAO])
     other = as_urdf(data, NAO, tmp_path / "rows.urdf")

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.response.drift import DriftTracker
-from calibration.response.response import ResponseCalibration
+from calibration.response.response import DriftTracker, ResponseCalibration
 
 RATE, MINUTES, N, HELD = 10.0, 10.0, 40, 6
 PRESS = 80.0

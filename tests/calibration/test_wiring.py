@@ -16,8 +16,7 @@ from calibration.wiring.channel_map import corrected, write_map
 from calibration.wiring.doctor import Doctor
 from calibration.wiring.examination import Plan
 from calibration.wiring.faults import KINDS, Fault, parse_fault
-from calibration.wiring.live_examination import examine_live
-from calibration.wiring.person import Patient, Person
+from calibration.wiring.person import Patient, Person, examine_live
 from calibration.wiring.rest import judge_rest
 from calibration.wiring.touches import Baseline, find_touches, make_touch
 from skinmap.cli.main import cli

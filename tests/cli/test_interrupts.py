@@ -9,8 +9,7 @@ import threading
 
 import pytest
 
-from skinmap.cli.interrupts import TerminatedError, end_on_interrupt
-from skinmap.cli.main import main
+from skinmap.cli.main import TerminatedError, end_on_interrupt, main
 
 SWALLOWS = """
 import os, signal

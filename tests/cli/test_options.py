@@ -7,12 +7,14 @@ import shutil
 import sys
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
 import skinmap
 from skinmap.cli import main as program
 from skinmap.cli.main import cli
+from skinmap.io.units import UNITS
 from viewer.layers import LAYERS
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "robot"
@@ -129,3 +131,67 @@ def test_quiet_leaves_warnings_out(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(warnings, "showwarning", program._warn)
     assert "careful" in warned()
     assert warned("--quiet") == ""
+
+
+def commands(group: click.Group, above: str = "") -> dict[str, click.Command]:
+    """Every command by the words that call it, those of groups too."""
+    found = {}
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        if isinstance(command, click.Group):
+            found |= commands(command, f"{above}{name} ")
+        else:
+            found[above + name] = command
+    return found
+
+
+def named(option: str) -> dict[str, click.Option]:
+    """The option of that name of each command that has it."""
+    return {
+        words: one
+        for words, command in commands(cli).items()
+        for one in command.params
+        if option in one.opts
+    }
+
+
+@pytest.mark.parametrize(
+    ("option", "metavar", "begins", "fewest"),
+    [
+        ("--part", "PART", "Only this part of the robot", 15),
+        ("--units", None, "Unit of lengths in ", 7),
+        ("--robot", "ROBOT", "Robot ", 10),
+        ("--publish", "SPEC", "", 3),
+        ("--response", "[PART=]FILE", "Response calibration of a part ", 2),
+        ("--force", None, "Replace files that are there.", 3),
+        ("--seed", None, "Seed of all randomness.", 10),
+        ("--json", None, "Print one JSON object.", 20),
+    ],
+)
+def test_an_option_means_and_looks_the_same_in_all_commands(option, metavar, begins, fewest):
+    found = named(option)
+    assert len(found) >= fewest
+    for words, one in found.items():
+        assert one.metavar == metavar, words
+        assert (one.help or "").startswith(begins), words
+
+
+def test_units_are_one_set_with_one_default():
+    for words, one in named("--units").items():
+        assert (tuple(one.type.choices), one.default) == (tuple(UNITS), "m"), words
+
+
+def test_out_is_one_option_in_all_commands():
+    found = named("--out")
+    assert len(found) >= 15
+    assert all(one.opts == ["-o", "--out"] for one in found.values())
+    assert not named("--output")
+
+
+def test_recordings_are_called_so_in_all_commands():
+    for words, command in commands(cli).items():
+        for one in command.params:
+            if isinstance(one, click.Argument) and one.name.startswith("recording"):
+                shown = one.make_metavar(click.Context(command)).strip("[].")
+                assert shown == "RECORDING", words

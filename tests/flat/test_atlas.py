@@ -6,9 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skinmap.flat.atlas import MAX_ARRANGED, Laid, arrange, clearance, outline
+from skinmap.flat.atlas import (
+    MAX_ARRANGED,
+    Laid,
+    arrange,
+    clearance,
+    limb_frame,
+    outline,
+    turn_upright,
+    upright,
+)
 from skinmap.flat.flat_map import flatten
-from skinmap.flat.orientation import limb_frame, turn_upright, upright
 from skinmap.geometry.topology import half_edges
 from skinmap.geometry.triangles import cross_2d, signed_areas
 from skinmap.skin.skin import Skin, skin_from_points

@@ -7,11 +7,11 @@ import pytest
 import shapely
 
 from skinmap.errors import SkinWarning
-from skinmap.flat.bijective import Barrier, bijective_map
 from skinmap.flat.dirichlet import energy_and_gradient, locally_injective_map
 from skinmap.flat.disc import Disc
 from skinmap.flat.disc_map import flatten_disc
 from skinmap.flat.distortion import measure_distortion
+from skinmap.flat.methods import Barrier, bijective_map
 from skinmap.geometry.topology import boundary_loops
 
 

@@ -9,9 +9,9 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from skinmap.errors import FlatteningError, InvalidArrayError, InvalidMeshError
-from skinmap.flat.contact_seams import seam_of_touches
 from skinmap.flat.flat_map import flatten
 from skinmap.flat.mesh_charts import flatten_mesh, mesh_surface
+from skinmap.flat.seam_choice import seam_of_touches
 from skinmap.flat.seams import divided_touches, open_surface, path_along
 
 SHARE = 0.35

@@ -6,7 +6,7 @@ import trimesh
 
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.io.robots.manifest import load_robot
-from skinmap.io.robots.mesh_body import MeshBody
+from skinmap.io.robots.mesh_file import MeshBody
 from skinmap.io.taxels.table import write_csv
 from skinmap.skin.taxels import TaxelTable
 

@@ -18,7 +18,8 @@ from skinmap.errors import (
 )
 from skinmap.io.robots import urdf
 from skinmap.io.robots.manifest import data_folder, load_robot
-from skinmap.io.robots.urdf import UrdfBody, read_mesh
+from skinmap.io.robots.mesh_file import read_mesh
+from skinmap.io.robots.urdf import UrdfBody
 
 MANIFEST = """
 [robot]

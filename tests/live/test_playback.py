@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError
-from skinmap.live.sources.playback import MOST, Playback
-from skinmap.live.sources.source import Seekable, SourceEnded, StreamInfo, blocks
+from skinmap.live.sources.playback import Playback
+from skinmap.live.sources.source import MAX_BLOCK, Seekable, SourceEnded, StreamInfo, blocks
 
 
 def info(channels: int = 3, rate: float = 50.0) -> StreamInfo:
@@ -32,8 +32,8 @@ def test_playback_gives_every_sample_once_in_order_at_any_speed():
 
 
 def test_playback_keeps_blocks_small():
-    sizes = [len(block) for block in blocks(planted(3 * MOST + 1, speed=np.inf))]
-    assert sizes == [MOST, MOST, MOST, 1]
+    sizes = [len(block) for block in blocks(planted(3 * MAX_BLOCK + 1, speed=np.inf))]
+    assert sizes == [MAX_BLOCK, MAX_BLOCK, MAX_BLOCK, 1]
 
 
 def test_playback_gives_nothing_before_it_is_due():

@@ -1,14 +1,17 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from skinmap import registry
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live import open_publisher
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
+from skinmap.live.publishing.publish import publishers
 from skinmap.live.publishing.publisher import Publisher
 from skinmap.live.sources.source import StreamInfo
 
@@ -130,3 +133,22 @@ def test_open_publisher_says_what_there_is():
         open_publisher("tcp:5", INFO)
     with pytest.raises(UnknownNameError, match="no topic 'smell'; the topics are: raw, pressure"):
         open_publisher("zmq:5", INFO, topics=["smell"])
+
+
+def test_open_publisher_finds_those_of_other_packages(monkeypatch):
+    opened = []
+
+    def open_kept(address, info, topics, robot):
+        opened.append((address, info.name, topics, robot))
+        return Kept(topics)
+
+    point = SimpleNamespace(name="kept", load=lambda: open_kept)
+    groups = {"skinmap.publishers": [point]}
+    monkeypatch.setattr(registry, "entry_points", lambda group: groups.get(group, []))
+    monkeypatch.setattr(publishers, "_plugins", None)
+    kept = open_publisher("kept:here:5", INFO)
+    assert isinstance(kept, Kept)
+    assert opened == [("here:5", "demo", ("pressure", "contacts", "labels"), None)]
+    with pytest.raises(UnknownNameError, match=r"zmq:PORT.*kept"):
+        open_publisher("carrier-pigeon", INFO)
+    monkeypatch.setattr(publishers, "_plugins", None)  # not to be kept for other tests

@@ -23,7 +23,7 @@ import sys
 from pathlib import Path
 sys.path[:0] = [sys.argv[1]]
 from sweep_work import Draw, draw
-from skinmap.cli.interrupts import end_on_interrupt
+from skinmap.cli.main import end_on_interrupt
 from skinmap.parallel.run import run_tasks
 from skinmap.parallel.workers import Workers, open_workers
 end_on_interrupt()
@@ -38,7 +38,7 @@ with open_workers(Workers(jobs=2), resume=Path(sys.argv[3]), sweep="draws") as w
     ("kind", "said_last"),
     [
         (signal.SIGINT, "KeyboardInterrupt"),
-        (signal.SIGTERM, "skinmap.cli.interrupts.TerminatedError"),
+        (signal.SIGTERM, "skinmap.cli.main.TerminatedError"),
         (signal.SIGKILL, ""),  # no word can be said, but its workers notice
     ],
 )

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from skinmap.cli.main import cli, main
 from skinmap.errors import MissingLibraryError, UnreachableError, VersionMismatchError
-from skinmap.parallel.cluster import LIBRARIES, ClusterPool, check_versions
+from skinmap.parallel.pool import LIBRARIES, ClusterPool, check_versions
 from skinmap.parallel.run import run_tasks
 from skinmap.parallel.workers import Workers
 
@@ -51,7 +51,7 @@ def scheduler(monkeypatch):
         monkeypatch.setitem(
             sys.modules, "distributed", SimpleNamespace(Client=lambda *_, **__: client)
         )
-        monkeypatch.setattr("skinmap.parallel.cluster.WORKER_SECONDS", 0.0)
+        monkeypatch.setattr("skinmap.parallel.pool.WORKER_SECONDS", 0.0)
         return client
 
     return put

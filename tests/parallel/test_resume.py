@@ -13,9 +13,8 @@ from hypothesis import given
 
 from skinmap.cache import CacheWarning, content_key
 from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinWarning
-from skinmap.parallel.resume import ResumeStore, pack, unpack
 from skinmap.parallel.run import run_tasks
-from skinmap.parallel.workers import ONE, Workers, open_workers
+from skinmap.parallel.workers import ONE, ResumeStore, Workers, open_workers, pack, unpack
 
 sys.path.append(str(Path(__file__).parent))
 from sweep_work import Draw, draw, same
@@ -111,7 +110,7 @@ def test_an_entry_of_somebody_else_is_computed_again(tmp_path, tasks, runs):
 def test_results_of_another_version_are_put_aside(tmp_path, tasks, runs, monkeypatch):
     path = tmp_path / "sweep"
     sweep(path, tasks)
-    monkeypatch.setattr("skinmap.parallel.resume.version", lambda name: f"99 of {name}")
+    monkeypatch.setattr("skinmap.parallel.workers.version", lambda name: f"99 of {name}")
     with pytest.warns(SkinWarning, match=r"results of skinmap .* \(this is 99 of skinmap\)"):
         sweep(path, tasks)
     assert runs() == [2] * 6

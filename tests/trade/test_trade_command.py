@@ -27,7 +27,7 @@ def sketched(request, monkeypatch):
     """Plots that are quickly drawn, but in the tests that look at them."""
     if "drawn" not in request.fixturenames:
         monkeypatch.setattr(
-            "skinmap.cli.trade.figures.trade_figure", lambda *arguments: arguments[-1].touch()
+            "skinmap.cli.trade.report.trade_figure", lambda *arguments: arguments[-1].touch()
         )
 
 

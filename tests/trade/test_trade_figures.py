@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from skinmap.cli.trade.figures import number_points, scale_axes
+from skinmap.cli.trade.report import number_points, scale_axes
 from skinmap.report.figure import plain_figure
 from skinmap.trade.points import Point
 

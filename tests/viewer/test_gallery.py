@@ -39,7 +39,7 @@ def test_smaller_picture_keeps_rare_colours(tmp_path):
 
 
 def test_page_lists_every_key():
-    from viewer.interaction.keys import KEYS
+    from viewer.interaction.controls import KEYS
 
     page = (Path(__file__).parents[2] / "docs" / "viewer.md").read_text()
     for key in KEYS:

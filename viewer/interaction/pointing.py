@@ -13,10 +13,10 @@ from skinmap.live.moment import Moment
 from viewer.colours import INK
 from viewer.drawing.frame import camera
 from viewer.drawing.frame.camera import project
-from viewer.interaction.boxes import RING, TextBox, Trace2D
 from viewer.interaction.describe import describe
 from viewer.interaction.lasso import Lasso
 from viewer.interaction.mouse import Pace
+from viewer.interaction.overlays import RING, TextBox, Trace2D
 from viewer.interaction.picking import (
     MapTargets,
     Pick,

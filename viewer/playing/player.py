@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import threading
 import time
 from collections.abc import Callable, Iterable
 from typing import Self
@@ -18,15 +19,13 @@ from typing import Self
 from skinmap.errors import InvalidArrayError
 from skinmap.live.moment import Moment
 from skinmap.live.sources.source import SourceEnded
-from viewer.playing.latest_moment import Outlet
 from viewer.playing.playable import Feed, feed_of
-from viewer.playing.rewind import History, Past
-from viewer.playing.timeline import Timeline
-from viewer.playing.worker import Worker
+from viewer.playing.recent_moments import History, Outlet, Past, Timeline
 
-WAIT = 0.1  # longest wait of the thread before it looks for wishes again [s]
+WAIT = 0.1  # longest wait of the thread before it looks for requests again [s]
 SPEEDS = (1 / 16, 16.0)  # slowest and quickest
 LEAD = 0.6  # a seek starts so much earlier, unseen: touches are named from their past [s]
+PATIENCE = 3.0  # for the thread to end when it is closed [s]
 
 
 class Player:
@@ -349,3 +348,51 @@ class Player:
         if self._paused:
             self._past = Past(self._history.moments())
         self._outlet.show(moment, fresh=True)
+
+
+class Worker:
+    """One thread of a player.
+
+    Parameters
+    ----------
+    turn : callable
+        Done again and again; it sleeps by waiting for `wake`.
+    failed : callable
+        Told what a turn raised, after which there is no other.
+
+    Attributes
+    ----------
+    wake : threading.Event
+        Set where a turn is to end early.
+    """
+
+    def __init__(self, turn: Callable[[], None], failed: Callable[[Exception], None]) -> None:
+        self.wake = threading.Event()
+        self._turn, self._failed = turn, failed
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def start(self) -> None:
+        """Begin; more than once does no harm, and after `close` nothing begins."""
+        if self._thread is None and not self._stop.is_set():
+            self._thread = threading.Thread(target=self._run, name="player", daemon=True)
+            self._thread.start()
+
+    def close(self) -> None:
+        """End the thread; may be called twice."""
+        self._stop.set()
+        self.wake.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(PATIENCE)
+
+    def _run(self) -> None:
+        try:
+            while not self._stop.is_set():
+                self._turn()
+        except Exception as error:  # noqa: BLE001 - told to whoever draws
+            self._failed(error)

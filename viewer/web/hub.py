@@ -16,8 +16,7 @@ from viewer.layer import Layer, check_values
 from viewer.layers import LAYERS, Layers
 from viewer.playing.player import Player
 from viewer.web.packing import finite
-from viewer.web.picking import describe
-from viewer.web.sample import SampleWriter, layer_message
+from viewer.web.sample import SampleWriter, describe, layer_message
 from viewer.web.scene_data import WebScene
 
 if TYPE_CHECKING:

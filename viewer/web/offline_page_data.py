@@ -12,7 +12,7 @@ from skinmap.geometry.topology import edges
 from skinmap.live.moment import Moment
 from viewer.layer import Layer
 from viewer.layers import Layers
-from viewer.playing.timeline import Timeline
+from viewer.playing.recent_moments import Timeline
 from viewer.web.packing import pack, unpack
 from viewer.web.sample import SampleWriter, layer_message, taxel_bytes
 from viewer.web.scene_data import WebScene

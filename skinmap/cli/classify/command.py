@@ -50,7 +50,7 @@ from skinmap.report.table import Table
     "responses",
     multiple=True,
     metavar="[PART=]FILE",
-    help="Response calibration of a part that sends raw values.",
+    help="Response calibration of a part that sends raw values; may be repeated.",
 )
 @click.option(
     "--coverage",

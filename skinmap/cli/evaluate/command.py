@@ -8,17 +8,14 @@ from typing import Any
 import click
 
 from skinmap.cli.evaluate.evaluation import ON_DATA, PROTOCOLS, Settings, work
-from skinmap.cli.evaluate.result import (
-    BaxterResult,
-    CostResult,
-    CrossPatchResult,
-    FingersResult,
-    HandsResult,
-    KasparResult,
-    PhysicsResult,
-    RecordingsResult,
-    TimeResult,
-)
+from skinmap.cli.evaluate.result.baxter import BaxterResult
+from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult
+from skinmap.cli.evaluate.result.in_time import TimeResult
+from skinmap.cli.evaluate.result.kaspar import KasparResult
+from skinmap.cli.evaluate.result.physics import PhysicsResult
+from skinmap.cli.evaluate.result.real_skin import FingersResult, HandsResult
+from skinmap.cli.evaluate.result.recordings import RecordingsResult
+from skinmap.cli.evaluate.result.social_touch import CostResult
 from skinmap.commands.options import out_folder, outside_option, part_option, prints, seed_option
 from skinmap.commands.profiles import from_profile, profile_option
 from skinmap.commands.workers import worker_options, workers_options
@@ -28,13 +25,13 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 
 
 @click.command("evaluate")
-@click.argument("recordings", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("recordings", nargs=-1, metavar="[RECORDING...]", type=click.Path(path_type=Path))
 @click.option(
     "--protocol",
     metavar="|".join(PROTOCOLS) + "|RECORDING",
     help="What to measure; recordings are cross-validated by touch event.",
 )
-@click.option("--robot", help="Robot to simulate on, or that was recorded.")
+@click.option("--robot", metavar="ROBOT", help="Robot to simulate on, or that was recorded.")
 @click.option("--train-robot", help="cross-patch: train on this robot, test on --robot.")
 @outside_option
 @part_option

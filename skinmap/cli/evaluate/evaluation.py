@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,27 +11,18 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import UNSET
 
-from skinmap.cli.evaluate.result import (
-    AccuracyRow,
-    BaxterResult,
+from skinmap.cli.evaluate.result import EvaluateResult
+from skinmap.cli.evaluate.result.baxter import BaxterResult, Confusion, MethodResult, SplitSpread
+from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult, PatchesRow
+from skinmap.cli.evaluate.result.kaspar import (
     CarryOver,
     CarryRow,
     CarrySummary,
-    Confusion,
-    CostResult,
-    CrossPatchResult,
-    EvaluateResult,
     KasparResult,
-    LeakRow,
-    MethodResult,
-    PatchesRow,
-    PhysicsResult,
-    PhysicsRow,
-    RecordingsResult,
-    SplitSpread,
     SweepRow,
-    TimeResult,
 )
+from skinmap.cli.evaluate.result.physics import PhysicsResult, PhysicsRow
+from skinmap.cli.evaluate.result.shared import AccuracyRow
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 
@@ -43,6 +35,14 @@ if TYPE_CHECKING:
 TUNING_STEPS = 6  # about; only the bar shows it
 PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time", "cost", "fingers", "hands")
 ON_DATA = ("cost", "fingers", "hands")  # protocols of files that users bring
+# What evaluates these: each module has a function `work` of the settings.
+ELSEWHERE = {
+    "cost": "skinmap.cli.evaluate.social_touch",
+    "fingers": "skinmap.cli.evaluate.fingers",
+    "hands": "skinmap.cli.evaluate.hands",
+    "recordings": "skinmap.cli.evaluate.recordings",
+    "time": "skinmap.cli.evaluate.in_time",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,28 +81,16 @@ def work(settings: Settings) -> EvaluateResult:
         "baxter": _baxter,
         "cross-patch": _cross_patch,
         "physics": _physics,
-        "time": _time,
-        "cost": _cost,
-        "fingers": _fingers,
-        "hands": _hands,
-        "recordings": _recordings,
     }
-    return runners[settings.protocol](settings)
+    name = settings.protocol
+    if name in runners:
+        return runners[name](settings)
+    result: EvaluateResult = importlib.import_module(ELSEWHERE[name]).work(settings)
+    return result
 
 
-def _fingers(settings: Settings) -> EvaluateResult:
-    from skinmap.cli.evaluate.fingers import work as count_fingers
-
-    return count_fingers(settings)
-
-
-def _hands(settings: Settings) -> EvaluateResult:
-    from skinmap.cli.evaluate.hands import work as watch_hands
-
-    return watch_hands(settings)
-
-
-def _gestures(settings: Settings) -> tuple[str, ...]:
+def chosen_gestures(settings: Settings) -> tuple[str, ...]:
+    """Names of the gestures that were asked for."""
     from skinmap.touch.gestures import gesture_set
     from skinmap.touch.simulator import check_gestures
 
@@ -212,7 +200,7 @@ def _cross_patch(settings: Settings) -> CrossPatchResult:
 
     names = settings.names or DEFAULTS
     check_carries_over(names)
-    gestures = _gestures(settings)
+    gestures = chosen_gestures(settings)
     test = _patches(settings.robot or "icub", settings.parts)
     train = _patches(settings.train_robot, ()) if settings.train_robot else None
     if train is None and len(test) < 2:
@@ -263,7 +251,7 @@ def _physics(settings: Settings) -> PhysicsResult:
     loaded, parts = open_robot(settings.robot or "icub", settings.parts)
     skins = {part: PreparedSkin(loaded.skin(part)) for part in parts}
     tested = set(physics.mirror_pairs(skins).values())
-    gestures = _gestures(settings)
+    gestures = chosen_gestures(settings)
     # Touches of each physics; for each part a training of each physics, and one without each.
     worlds = 1 + len(VARIANTS)
     touches = len(VARIANTS) * len(tested) + len(skins)
@@ -306,15 +294,6 @@ def _physics_row(one: Judged) -> PhysicsRow:
     )
 
 
-def _time(settings: Settings) -> TimeResult:
-    from skinmap.cli.evaluate.in_time import work as in_time
-    from skinmap.touch.gestures import TIME
-
-    if settings.names:
-        raise click.UsageError("--protocol time judges the default classifier: no --classifier")
-    return in_time(settings, TIME if settings.gestures == "four" else _gestures(settings))
-
-
 def _patches(robot: str, parts: tuple[str, ...]) -> list[Patch]:
     from skinmap.classify.protocols.patches import cut_patches
 
@@ -326,56 +305,3 @@ def _touched(patches: list[Patch], **simulated: Any) -> list[Patch]:
     from skinmap.classify.protocols.patches import touch_patches
 
     return touch_patches(patches, **simulated)
-
-
-def _cost(settings: Settings) -> CostResult:
-    from skinmap.cli.evaluate.social_touch import work as judge
-
-    return judge(settings)
-
-
-def _recordings(settings: Settings) -> RecordingsResult:
-    from skinmap.classify.classifier import DEFAULT, classifiers
-    from skinmap.classify.protocols.recordings import KINDS, evaluate_recordings
-    from skinmap.cli.collection import collect
-    from skinmap.cli.evaluate.groups import judge_groups, judged_touches
-
-    collection = collect(settings.recordings, settings.robot, settings.parts)
-    only = () if settings.gestures in ("four", "all") else _labels(settings)
-    chosen = judged_touches(collection, only)
-    grouped = bool(settings.leave_out) or settings.leaks
-    names = settings.names or ((DEFAULT,) if grouped else classifiers.names())
-    with progress(len(names) * len(KINDS) * settings.seeds, "recordings") as advance:
-        found = evaluate_recordings(
-            [one.touch for one in chosen],
-            names=names,
-            seeds=settings.all_seeds,
-            folds=settings.folds,
-            optional=not settings.names,
-            workers=settings.workers,
-            progress=advance,
-        )
-    labels = [one.touch.label for one in chosen]
-    people = {name: count for name, count in collection.count("person").items() if name}
-    return RecordingsResult(
-        robot=", ".join(dict.fromkeys(robot for robot, _ in collection.skins)),
-        parts=list(collection.parts),
-        recordings=[str(path) for path in settings.recordings],
-        folds=settings.folds,
-        seeds=settings.all_seeds,
-        touches={label: labels.count(label) for label in dict.fromkeys(sorted(labels))},
-        table=[AccuracyRow(**row) for row in found["table"]],
-        leak=[LeakRow(**row) for row in found["leak"]],
-        left_out=judge_groups(settings, chosen, names) if grouped else [],
-        sessions=collection.count("session"),
-        people=people,
-        warnings=list(collection.doubts()),
-        skipped=found["skipped"],
-    )
-
-
-def _labels(settings: Settings) -> tuple[str, ...]:
-    """Labels asked for, given or by default; `eight` are those of the simulator."""
-    if settings.gestures == "eight":
-        return _gestures(settings)
-    return tuple(name.strip() for name in settings.gestures.split(","))

@@ -7,15 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from skinmap.cli.evaluate.result import (
-    CrossPatchResult,
-    FingersResult,
-    HandsResult,
-    KasparResult,
-    RecordingsResult,
-    SweepRow,
-    TimeResult,
-)
+from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult
+from skinmap.cli.evaluate.result.in_time import TimeResult
+from skinmap.cli.evaluate.result.kaspar import KasparResult, SweepRow
+from skinmap.cli.evaluate.result.real_skin import FingersResult, HandsResult
+from skinmap.cli.evaluate.result.recordings import RecordingsResult
 from skinmap.report.figure import plain_figure, save_figure
 from skinmap.report.result import given
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.cli.evaluate.result import CountRow, FingersResult
+from skinmap.cli.evaluate.result.real_skin import CountRow, FingersResult
 from skinmap.commands.progress import progress
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def work(settings: Settings) -> FingersResult:
     from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
     from skinmap.touch.prepared_skin import PreparedSkin
 
-    arrays, patch = find_pressed(data_folder(settings.recordings), ARCHIVE, FOLDER)
+    arrays, patch = find_pressed(settings.recordings[0], ARCHIVE, FOLDER)
     data = read_pressed(arrays, patch)
     classes = protocol.check_fingers(finger_counts(data, arrays))
     skin = PreparedSkin(data.skin)
@@ -73,11 +73,6 @@ def work(settings: Settings) -> FingersResult:
         width=_row(*pairs["width"]),
         trained=_row(*pairs["trained"]),
     )
-
-
-def data_folder(given: tuple[Path, ...]) -> Path:
-    """The one folder that was named."""
-    return given[0]
 
 
 def finger_counts(data: PressedSkin, path: Path) -> IntArray:

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, IntArray
-from skinmap.cli.evaluate.fingers import data_folder
-from skinmap.cli.evaluate.result import HandRow, HandsResult
+from skinmap.cli.evaluate.result.real_skin import HandRow, HandsResult
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, MissingLibraryError, UnknownNameError
 
@@ -57,7 +56,7 @@ def work(settings: Settings) -> HandsResult:
     from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
     from skinmap.touch.prepared_skin import PreparedSkin
 
-    arrays, patch = find_pressed(data_folder(settings.recordings), ARCHIVE, FOLDER)
+    arrays, patch = find_pressed(settings.recordings[0], ARCHIVE, FOLDER)
     data = read_pressed(arrays, patch)
     skin = PreparedSkin(data.skin)
     with progress(3, "hands") as advance:

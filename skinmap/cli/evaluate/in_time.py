@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+import click
 import numpy as np
 
-from skinmap.cli.evaluate.result import SeenRow, StrokesRow, TimeResult
+from skinmap.cli.evaluate.evaluation import chosen_gestures
+from skinmap.cli.evaluate.result.in_time import SeenRow, StrokesRow, TimeResult
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 TRAININGS = 8  # of a seed
 
 
-def work(settings: Settings, gestures: Sequence[str]) -> TimeResult:
+def work(settings: Settings) -> TimeResult:
     """Run the protocol.
 
     Raises
@@ -32,8 +34,12 @@ def work(settings: Settings, gestures: Sequence[str]) -> TimeResult:
     from skinmap.classify.protocols.physics import OURS
     from skinmap.live.contacts.stroke_errors import stroke_errors
     from skinmap.physics.variants import DEFAULT, FROZEN
+    from skinmap.touch.gestures import TIME
     from skinmap.touch.prepared_skin import PreparedSkin
 
+    if settings.names:
+        raise click.UsageError("--protocol time judges the default classifier: no --classifier")
+    gestures = TIME if settings.gestures == "four" else chosen_gestures(settings)
     loaded, parts = open_robot(settings.robot or "icub", settings.parts)
     sizes: dict[int, str] = {}  # mirror images on both sides of the test would flatter
     for part in parts:

@@ -6,21 +6,16 @@ import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from skinmap.cli.evaluate import social_touch
-from skinmap.cli.evaluate.result import (
-    AccuracyRow,
-    BaxterResult,
-    CostResult,
-    CrossPatchResult,
-    EvaluateResult,
-    FingersResult,
-    HandsResult,
-    KasparResult,
-    PhysicsResult,
-    RecordingsResult,
-    SweepRow,
-    TimeResult,
-)
+from skinmap.cli.evaluate.result import EvaluateResult
+from skinmap.cli.evaluate.result.baxter import BaxterResult
+from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult
+from skinmap.cli.evaluate.result.in_time import TimeResult
+from skinmap.cli.evaluate.result.kaspar import KasparResult, SweepRow
+from skinmap.cli.evaluate.result.physics import PhysicsResult
+from skinmap.cli.evaluate.result.real_skin import FingersResult, HandsResult
+from skinmap.cli.evaluate.result.recordings import RecordingsResult
+from skinmap.cli.evaluate.result.shared import AccuracyRow
+from skinmap.cli.evaluate.result.social_touch import CostResult
 from skinmap.report.image import media
 from skinmap.report.page import lines_page
 from skinmap.report.result import given, plain
@@ -40,7 +35,7 @@ def lines(result: EvaluateResult) -> Iterator[str | Table]:
     if isinstance(result, TimeResult):
         return _time(result)
     if isinstance(result, CostResult):
-        return social_touch.lines(result)
+        return _cost(result)
     if isinstance(result, FingersResult):
         return _fingers(result)
     if isinstance(result, HandsResult):
@@ -252,6 +247,28 @@ def _time(result: TimeResult) -> Iterator[str | Table]:
     yield Table(["physics", "strokes", *heads], rows)
     for name, why in result.skipped.items():
         yield f"{name} was left out: {why}"
+
+
+def _cost(result: CostResult) -> Iterator[str | Table]:
+    yield (
+        f"{result.captures} captures of {len(result.gestures)} gestures by {result.subjects} "
+        f"subjects, {result.classifier}; named right in %"
+    )
+    rows: list[list[Cell]] = [
+        [
+            row.variant,
+            row.left_out,
+            row.captures,
+            *map(_percent, (row.right, row.first, row.chance)),
+        ]
+        for row in result.rows
+    ]
+    yield Table(["variant", "left out", "captures", "right", "first samples", "chance"], rows)
+    for row in result.rows:
+        if row.reason:
+            yield f"{row.variant}, {row.left_out}: {row.reason}"
+    for what, share in result.published.items():
+        yield f"published, subjects left out, {what}: {100 * share:.0f} %"
 
 
 def _recordings(result: RecordingsResult) -> Iterator[str | Table]:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.cli.evaluate.result import CostResult, CostRow
+from skinmap.cli.evaluate.result.social_touch import CostResult, CostRow
 from skinmap.commands.progress import progress
-from skinmap.report.result import given
-from skinmap.report.table import Cell, Table
 
 if TYPE_CHECKING:
     from skinmap.cli.evaluate.evaluation import Settings
@@ -62,31 +59,3 @@ def work(settings: Settings) -> CostResult:
         rows=rows,
         published=dict(PUBLISHED),
     )
-
-
-def lines(result: CostResult) -> Iterator[str | Table]:
-    """The table, with the published figures below."""
-    yield (
-        f"{result.captures} captures of {len(result.gestures)} gestures by {result.subjects} "
-        f"subjects, {result.classifier}; named right in %"
-    )
-    rows: list[list[Cell]] = [
-        [
-            row.variant,
-            row.left_out,
-            row.captures,
-            *map(_percent, (row.right, row.first, row.chance)),
-        ]
-        for row in result.rows
-    ]
-    yield Table(["variant", "left out", "captures", "right", "first samples", "chance"], rows)
-    for row in result.rows:
-        if row.reason:
-            yield f"{row.variant}, {row.left_out}: {row.reason}"
-    for what, share in result.published.items():
-        yield f"published, subjects left out, {what}: {100 * share:.0f} %"
-
-
-def _percent(share: float | None) -> str:
-    known = given(share)
-    return "" if known is None else f"{100 * known:.1f}"

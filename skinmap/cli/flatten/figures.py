@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.flat.atlas import limb_frame
 from skinmap.flat.drawing_comparison import DrawnChart
 from skinmap.flat.face_metrics import METRICS, FaceMetric, seam_edges
 from skinmap.flat.flat_map import Chart, FlatMap
-from skinmap.flat.orientation import limb_frame
 from skinmap.geometry.triangles import face_normals
 from skinmap.report.figure import picture_bytes, plain_figure
 from skinmap.report.projection import View, choose_views, draw_surface, visible

@@ -14,7 +14,7 @@ from skinmap.cli.flatten.result import Spread
 from skinmap.flat.face_metrics import METRICS, face_metric
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.flat_maps.surface_files import write_obj_with_uv, write_vtp_with_uv
-from skinmap.io.robots.urdf import MESH_SUFFIXES
+from skinmap.io.robots.mesh_file import MESH_SUFFIXES
 from skinmap.report.image import image, media
 from skinmap.report.page import heading, note, page
 from skinmap.report.result import given

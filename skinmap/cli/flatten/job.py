@@ -11,21 +11,20 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.cli.flatten.drawings import drawings_of, drawn_charts
-from skinmap.cli.flatten.options import FlatOptions
+from skinmap.cli.flatten.options import FlatOptions, drawings_of, drawn_charts
 from skinmap.cli.flatten.result import ComparedRow, FlattenResult, PatchRow, Spread, WorstFace
 from skinmap.cli.flatten.seam import seams_of
 from skinmap.errors import InvalidArrayError, MissingFileError
-from skinmap.flat.contact_seams import Divided
 from skinmap.flat.distortion import Distortion
 from skinmap.flat.drawing_comparison import DrawnChart
 from skinmap.flat.face_metrics import FaceMetric, face_metric, worst_faces
 from skinmap.flat.flat_map import Chart, FlatMap, flatten
 from skinmap.flat.geodesic import geodesic_stress
 from skinmap.flat.mesh_charts import mesh_surface
+from skinmap.flat.seam_choice import Divided
 from skinmap.io.flat_maps.drawing import Drawing
 from skinmap.io.flat_maps.tactile_maps import read_tactile_maps
-from skinmap.io.robots.urdf import read_mesh
+from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.taxels.cyskin import read_cyskin, read_cyskin_taxels
 from skinmap.io.text import check_file
 from skinmap.parallel.run import run_tasks

@@ -1,27 +1,40 @@
-"""What `skinmap flatten` was asked for, every name and number checked before any work is done."""
+"""What `skinmap flatten` was asked for, every name and number checked before any work is done.
+
+And the maps that others drew, to compare ours with: by hand, or in the file of the skin.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skinmap.arrays import IntArray
 from skinmap.cli.flatten.seam import NONE, Seam, read_seam
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, MissingFileError, SkinWarning, UnknownNameError
+from skinmap.flat.budget import check_budget
+from skinmap.flat.drawing_comparison import DrawnChart, compare_drawing
 from skinmap.flat.face_metrics import face_metric
 from skinmap.flat.flat_map import DEFAULT as DEFAULT_METHOD
-from skinmap.flat.flat_map import ISOMETRY
+from skinmap.flat.flat_map import ISOMETRY, FlatMap
 from skinmap.flat.methods import check_effort, flatteners
+from skinmap.io.flat_maps.drawing import Drawing, read_drawing
+from skinmap.io.flat_maps.tactile_maps import read_tactile_maps
 from skinmap.surface.surface_mesh import MESHING
+
+if TYPE_CHECKING:
+    from skinmap.cli.flatten.job import Surfaces
 
 DRAWING = "drawing"
 THEIRS = "theirs"  # flat maps in the files of the skin
 OWN, FIXED = "own", "fixed"  # scales of colours
 MAX_CHANNEL = 10_000_000
+Read = Callable[[int], Mapping[str, Drawing]]  # of the number of taxels
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -46,7 +59,7 @@ class FlatOptions:
     scale : str
         Of the colours: "own" range of each map, or "fixed" for the metric.
     budgets : dict
-        `max_seconds` and `max_edge_rms`, those that were given.
+        `max_seconds` [s] and `max_edge_rms`, a share; None where they were not given.
     seed : int
     iterations : int or None
         None takes the method's own number.
@@ -64,7 +77,7 @@ class FlatOptions:
     seam: Seam = field(default_factory=Seam)
     max_distortion: float | None = None
     scale: str = "own"
-    budgets: Mapping[str, float] = field(default_factory=dict)
+    budgets: Mapping[str, float | None] = field(default_factory=dict)
     seed: int = 0
     iterations: int | None = None
     precision: str = "float64"
@@ -105,6 +118,7 @@ def checked_options(
     flatteners.get(method)
     if meshing is not None and meshing not in MESHING:
         raise UnknownNameError("meshing method", meshing, MESHING)
+    check_budget(method, {"--max-seconds": max_seconds, "--max-edge-rms": max_edge_rms})
     check_effort(method, iterations, precision)
     others, drawn = check_compare(compare)
     face_metric(metric)
@@ -120,7 +134,10 @@ def checked_options(
         seam=where,
         max_distortion=max_distortion,
         scale=scale,
-        budgets=check_budget(method, max_seconds, max_edge_rms),
+        budgets={
+            "max_seconds": max_seconds,
+            "max_edge_rms": None if max_edge_rms is None else max_edge_rms / 100.0,
+        },
         seed=seed,
         iterations=iterations,
         precision=precision,
@@ -156,29 +173,6 @@ def check_compare(words: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return methods, tuple(name for name in names if name not in methods)
 
 
-def check_budget(
-    method: str, max_seconds: float | None, max_edge_rms: float | None
-) -> dict[str, float]:
-    """The budgets that were given: seconds, and the edge error as a share.
-
-    Raises
-    ------
-    InvalidArrayError
-        One that is not above zero, or with another method than `auto`.
-    """
-    given = {"max_seconds": max_seconds, "max_edge_rms": max_edge_rms}
-    budgets = {name: value for name, value in given.items() if value is not None}
-    for name, value in budgets.items():
-        option = "--" + name.replace("_", "-")
-        if not (0.0 < value < np.inf):
-            raise InvalidArrayError(f"{option} must be above 0, got {value:g}")
-        if method != "auto":
-            raise InvalidArrayError(f"{option} needs --method auto, got {method!r}")
-    if "max_edge_rms" in budgets:
-        budgets["max_edge_rms"] /= 100.0
-    return budgets
-
-
 def read_channels(words: tuple[str, ...]) -> IntArray:
     """Channels (k,) of lists such as `3,8,20-31`, each once.
 
@@ -199,3 +193,79 @@ def read_channels(words: tuple[str, ...]) -> IntArray:
             )
         found.update(range(low, high + 1))
     return np.array(sorted(found), np.int64)
+
+
+def drawings_of(options: FlatOptions, surfaces: Surfaces) -> dict[str, Read]:
+    """What reads the drawings of each part, by their names.
+
+    Raises
+    ------
+    MissingFileError, UnknownNameError
+        A drawing, or maps of theirs, were asked for and there are none.
+    """
+    found: dict[str, list[Read]] = {}
+    for part, path in _drawings(options, surfaces).items():
+        found.setdefault(part, []).append(_reader(path))
+    for part, theirs in _theirs(options, surfaces).items():
+        found.setdefault(part, []).append(lambda _, theirs=theirs: theirs())  # type: ignore[misc]
+    return {part: _every(reads) for part, reads in found.items()}
+
+
+def _reader(path: Path) -> Read:
+    if path.suffix.lower() == ".json":
+        return lambda count: read_tactile_maps([path], count)
+    return lambda _: {DRAWING: read_drawing(path)}
+
+
+def _every(reads: list[Read]) -> Read:
+    return lambda count: {name: one for read in reads for name, one in read(count).items()}
+
+
+def _theirs(
+    options: FlatOptions, surfaces: Surfaces
+) -> Mapping[str, Callable[[], Mapping[str, Drawing]]]:
+    """What reads the maps that the files of each part bring."""
+    if not options.with_theirs:
+        return {}
+    if not surfaces.theirs:
+        raise UnknownNameError(f"flat maps in the files of {surfaces.name} (CySkin):", THEIRS, ())
+    _warn_without(set(surfaces.makers) - set(surfaces.theirs), "tactile map")
+    return surfaces.theirs
+
+
+def _drawings(options: FlatOptions, surfaces: Surfaces) -> dict[str, Path]:
+    """The drawing of each part that has one."""
+    if not options.with_drawing:
+        return {}
+    if options.drawing is not None:
+        if not options.drawing.is_file():
+            raise MissingFileError(
+                options.drawing, "a drawing of iCubSkinGui (.ini) or CySkin maps (.json)"
+            )
+        return dict.fromkeys(surfaces.makers, options.drawing)
+    if not surfaces.drawings:
+        raise MissingFileError(
+            "drawing",
+            f"`drawing = ...` for a part in the manifest of {surfaces.name}, or --drawing FILE",
+        )
+    _warn_without(set(surfaces.makers) - set(surfaces.drawings), "drawing")
+    return dict(surfaces.drawings)
+
+
+def _warn_without(parts: set[str], what: str) -> None:
+    if parts:
+        warnings.warn(f"no {what} of {', '.join(sorted(parts))}", SkinWarning, stacklevel=3)
+
+
+def drawn_charts(flat: FlatMap, drawing: Drawing) -> list[DrawnChart]:
+    """The drawing laid over each chart of a part."""
+    return [
+        compare_drawing(
+            chart,
+            flat.mesh.vertices[chart.taxels],
+            flat.mesh.skin.channels[chart.taxels],
+            drawing.channels,
+            drawing.xy,
+        )
+        for chart in flat.charts
+    ]

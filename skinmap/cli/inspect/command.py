@@ -67,7 +67,9 @@ def work(
         inspect_part,
         inspect_table,
         repair_steps,
+        write_inspection,
     )
+    from skinmap.io.output import staged_file
 
     steps = repair_steps(skipped)
     tables = list(dict.fromkeys(Path(robot) for robot in robots))
@@ -88,9 +90,6 @@ def work(
     files = [] if html is None else [str(html)]
     result = InspectResult(robot=name, parts=rows, taxels=taxels, files=files)
     if html is not None:
-        from skinmap.cli.inspect.report import write_inspection
-        from skinmap.io.output import staged_file
-
         with staged_file(html) as stage:
             write_inspection(result, loaded, stage)
     return result

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
-from skinmap.cli.trade.result import CheckResult, TradeResult
+from skinmap.cli.trade.result import CheckedRow, CheckFailed, CheckResult, Cost, TradeResult
 from skinmap.commands.options import (
     open_robot,
     out_folder,
@@ -19,11 +20,17 @@ from skinmap.commands.options import (
     seed_option,
 )
 from skinmap.commands.progress import progress
+from skinmap.profile import read_profile
 from skinmap.report.present import present
 from skinmap.report.result import significant
+from skinmap.report.table import Cell, Table
+from skinmap.trade.points import describe
+from skinmap.trade.profile_file import machine
+from skinmap.trade.task import tasks
 
 if TYPE_CHECKING:
     from skinmap.cli.trade.report import Traded
+    from skinmap.trade.check import Checked
     from skinmap.trade.front import Budget
     from skinmap.trade.points import Failure
     from skinmap.trade.runner import Measured
@@ -102,9 +109,9 @@ def command(
         return
     from skinmap.cli.trade.report import lines, report, result_of, write
 
-    tasks, failures = _tasks(names)
-    budgets = _budgets(tasks, budgets_ms, max_errors)
-    traded = work(tasks, failures, budgets, robot, parts, range(seed, seed + seeds))
+    chosen, failures = _tasks(names)
+    budgets = _budgets(chosen, budgets_ms, max_errors)
+    traded = work(chosen, failures, budgets, robot, parts, range(seed, seed + seeds))
     present(
         result_of(traded, out),
         lambda _: lines(traded),
@@ -155,14 +162,12 @@ def _check(
     as_json: bool,
 ) -> None:
     """Check a profile; exits with 1 where it does not keep what it predicts."""
-    from skinmap.cli.trade.check import given, lines, work
-
     writing = {"budgets_ms": "--budget-ms", "max_errors": "--max-error", "out": "--out"}
     for option in (option for name, option in writing.items() if given(name)):
         raise click.UsageError(f"--check recommends and writes nothing: it takes no {option}")
     only = None if ALL in names else names
-    result = work(path, robot, parts, only, seed, seeds)
-    present(result, lines, as_json=as_json, number=significant)
+    result = check_work(path, robot, parts, only, seed, seeds)
+    present(result, check_lines, as_json=as_json, number=significant)
     if not result.within:
         click.get_current_context().exit(1)
 
@@ -173,7 +178,6 @@ def _tasks(names: tuple[str, ...]) -> tuple[dict[str, TradeTask], list[Any]]:
 
     from skinmap.profile import TASKS
     from skinmap.trade.points import Failure
-    from skinmap.trade.task import tasks
 
     if ALL not in names:
         return {name: tasks.get(name) for name in dict.fromkeys(names)}, []
@@ -258,3 +262,91 @@ def _refuse_nothing(found: Mapping[str, Any], failures: list[Any]) -> None:
 
         said = "; ".join(f"{one.task}: {one.reason}" for one in failures[:3])
         raise SkinError(f"nothing could be measured: {said}")
+
+
+def check_work(
+    path: Path,
+    robot: str,
+    parts: tuple[str, ...],
+    names: tuple[str, ...] | None,
+    seed: int,
+    seeds: int,
+) -> CheckResult:
+    """Check a profile, on its own robot, parts, tasks and seeds where nothing else is given."""
+    from skinmap.trade.check import check_profile
+    from skinmap.trade.runner import steps
+
+    profile = read_profile(path)
+    robot = robot if given("robot") or not profile.robot else profile.robot
+    parts = parts or tuple(part for part in profile.part.split(",") if part)
+    first = seed if given("seed") or profile.seed is None else profile.seed
+    count = seeds if given("seeds") or profile.seeds is None else profile.seeds
+    known = {name: tasks.get(name) for name in names or profile.predicted}
+    loaded, wanted = open_robot(robot, parts)
+    with progress(len(known) * steps(1, count), "check") as advance:
+        checked, failures = check_profile(
+            profile, known, loaded, wanted, seeds=range(first, first + count), progress=advance
+        )
+    return CheckResult(
+        robot=robot,
+        parts=list(wanted),
+        seed=first,
+        seeds=count,
+        machine=machine(),
+        profile=str(path),
+        checked=[_row(one) for one in checked],
+        failed=[CheckFailed(task=one.task, reason=one.reason) for one in failures],
+        within=not failures and all(one.within for one in checked),
+    )
+
+
+def given(name: str) -> bool:
+    """Whether a parameter stands on the command line."""
+    source = click.get_current_context().get_parameter_source(name)
+    return source is ParameterSource.COMMANDLINE
+
+
+def _row(one: Checked) -> CheckedRow:
+    return CheckedRow(
+        task=one.point.task,
+        setting=dict(one.point.setting),
+        unit=one.point.unit,
+        predicted=Cost(seconds=one.seconds, error=one.error),
+        measured=Cost(seconds=one.point.seconds, error=one.point.error),
+        slower=one.slower,
+        raw_seconds_ratio=one.raw_ratio,
+        seconds_ratio=one.seconds_ratio,
+        error_ratio=one.error_ratio,
+        within=one.within,
+    )
+
+
+def check_lines(result: CheckResult) -> Iterator[str | Table]:
+    """For people: measured beside predicted."""
+    from skinmap.trade.check import ERROR_WITHIN, TIME_WITHIN
+
+    columns = ["task", "setting", "ms", "predicted", "raw ratio", "pace", "ratio"]
+    rows: list[list[Cell]] = [
+        [
+            one.task,
+            describe(one.setting),
+            1e3 * one.measured.seconds,
+            1e3 * one.predicted.seconds,
+            one.raw_seconds_ratio,
+            one.slower,
+            one.seconds_ratio,
+            f"{one.measured.error:.3g} {one.unit}",
+            f"{one.predicted.error:.3g} {one.unit}",
+            one.error_ratio,
+            "as predicted" if one.within else "differs",
+        ]
+        for one in result.checked
+    ]
+    yield Table([*columns, "error", "predicted", "ratio", ""], rows)
+    yield (
+        f"as predicted: the time within {100 * TIME_WITHIN:.0f} % (ratio: raw ratio over pace, "
+        "which is how many times as long a fixed piece of work takes now), "
+        f"the error within {100 * ERROR_WITHIN:.0f} %"
+    )
+    for one in result.failed:
+        yield f"not measured: {one.task}: {one.reason}"

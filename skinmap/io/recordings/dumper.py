@@ -106,7 +106,7 @@ def read_log(path: Path) -> tuple[FloatArray, NDArray[Any], str]:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or a line that is none (says which): only the last may be cut off.
+        No such file, or an invalid line (says which): only the last may be cut off.
     """
     check_file(path, "a log of the data dumper", MAX_BYTES)
     times: list[float] = []

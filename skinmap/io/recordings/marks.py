@@ -135,7 +135,7 @@ class MarkEditor:
         Raises
         ------
         ValueError
-            No such key, nothing to change, or a number that is none.
+            No such key, nothing to change, or an invalid number.
         InvalidArrayError
             A name, a split or a join that cannot be.
         """

@@ -24,8 +24,8 @@ from skinmap.errors import (
     UnknownNameError,
 )
 from skinmap.geometry.mesh import TriangleMesh
-from skinmap.io.robots.mesh_body import MeshBody
-from skinmap.io.robots.urdf import UrdfBody, read_mesh
+from skinmap.io.robots.mesh_file import MeshBody, read_mesh
+from skinmap.io.robots.urdf import UrdfBody
 from skinmap.io.taxels.pieces import joined, placed, with_ids
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.io.text import is_file, read_text
@@ -39,8 +39,6 @@ MODEL_PACKAGES = ("icub-models",)
 MAX_DEGREES = 36_000  # a hundred turns
 MAX_POSE_MM = 1e5  # a hundred metres: no part stands further from its link
 MAX_COVER_MM = 1e3
-
-
 Triple = tuple[float, float, float]
 
 

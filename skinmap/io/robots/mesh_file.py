@@ -1,16 +1,78 @@
-"""Writing of a link's mesh: binary PLY, which shares vertices and so is a third of an STL."""
+"""Mesh files of links, through trimesh and as binary PLY, and a body that is one mesh file."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from skinmap.arrays import FloatArray
+from skinmap.cache import Ingredient, cached
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.geometry.mesh import TriangleMesh
+from skinmap.io.safe_xml import read_xml
+from skinmap.io.text import check_file, is_file
+from skinmap.skin.joints import Joint
+
+# trimesh reads more, archives and scene formats among them, that may name or unpack other files.
+MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".glb", ".gltf", ".off")
+MAX_MESH_BYTES = 512 * 2**20
+# Kept once read: files that say all themselves (a .gltf names others), and are slow to parse.
+WHOLE = (".stl", ".obj", ".ply", ".dae", ".glb", ".off")
+WORTH_KEEPING = 50_000  # [bytes]
+LINK = "body"  # of a body that is one mesh file
+
+
+def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray]:
+    """Vertices (n, 3) and faces (m, 3) of a mesh file in its own units, through trimesh.
+
+    `merge` joins vertices that are closer than 1e-8 units; right for robots, whose unit is known.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, not a mesh that can be read, one without a triangle, or above 512 MB.
+    """
+    check_file(path, "a mesh", MAX_MESH_BYTES)
+    suffix = path.suffix.lower()
+    if suffix not in MESH_SUFFIXES:
+        raise DataFormatError(f"not a mesh; the formats are: {', '.join(MESH_SUFFIXES)}", path)
+
+    def parse() -> dict[str, np.ndarray]:
+        vertices, faces = _parsed(path, merge)
+        return {"vertices": vertices, "faces": faces}
+
+    if suffix not in WHOLE or path.stat().st_size < WORTH_KEEPING:
+        made = parse()
+    else:
+        what: list[Ingredient] = [path.read_bytes(), suffix, merge]
+        made = cached("mesh", what, parse, made_by=("trimesh", "pycollada"))
+    return made["vertices"], made["faces"]
+
+
+def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
+    import trimesh
+
+    if path.suffix.lower() == ".dae":
+        read_xml(path, "a COLLADA mesh", MAX_MESH_BYTES)  # COLLADA is XML with all its doors
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # merging casts to whole numbers
+            mesh = trimesh.load_mesh(str(path), process=merge)
+        vertices = np.asarray(mesh.vertices, np.float64)
+        faces = np.asarray(mesh.faces, np.int64)
+    except Exception as error:  # each format has its own kinds of failure
+        raise DataFormatError(f"not a mesh that can be read: {error}", path) from error
+    if len(faces) == 0 or not np.isfinite(vertices).all():
+        raise DataFormatError("a mesh without triangles or with NaN in it", path)
+    return vertices, faces
 
 
 def write_mesh(mesh: TriangleMesh, path: Path) -> None:
-    """Write a mesh as binary PLY: single-precision vertices [m], then triangles."""
+    """Write a mesh as binary PLY: single-precision vertices [m], then triangles.
+
+    Vertices are shared, so it is a third of an STL.
+    """
     header = [
         "ply",
         "format binary_little_endian 1.0",
@@ -25,3 +87,75 @@ def write_mesh(mesh: TriangleMesh, path: Path) -> None:
     faces["count"], faces["corners"] = 3, mesh.faces
     vertices = mesh.vertices.astype("<f4").tobytes()
     path.write_bytes("\n".join(header).encode("ascii") + b"\n" + vertices + faces.tobytes())
+
+
+class MeshBody:
+    """One link called "body", without joints.
+
+    Parameters
+    ----------
+    path : Path
+        A mesh file that trimesh reads (STL, OBJ, PLY, DAE, GLB, ...).
+    scale : float
+        Metres a unit of the file.
+
+    Raises
+    ------
+    MissingFileError
+        No such file; whether it is a mesh shows when it is asked for.
+    """
+
+    def __init__(self, path: Path, *, scale: float = 1.0) -> None:
+        if not is_file(path):
+            raise MissingFileError(path, "a mesh file")
+        self.path, self.scale = path, scale
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """The one link."""
+        return (LINK,)
+
+    @property
+    def visible_links(self) -> tuple[str, ...]:
+        """The one link."""
+        return (LINK,)
+
+    @property
+    def joints(self) -> dict[str, tuple[float, float]]:
+        """No joints."""
+        return {}
+
+    @property
+    def sliding_joints(self) -> frozenset[str]:
+        """None: there are no joints."""
+        return frozenset()
+
+    @property
+    def tree(self) -> dict[str, Joint]:
+        """No joint above the one link."""
+        return {}
+
+    def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
+        """The identity (4, 4) for the one link.
+
+        Raises
+        ------
+        UnknownNameError
+            Any joint: there are none.
+        """
+        for name in angles:
+            raise UnknownNameError("joint", name, ())
+        return {LINK: np.eye(4)}
+
+    def mesh(self, link: str) -> TriangleMesh:
+        """The mesh [m].
+
+        Raises
+        ------
+        UnknownNameError, DataFormatError
+            Another link, or a file that is no mesh.
+        """
+        if link != LINK:
+            raise UnknownNameError("link", link, self.links)
+        vertices, faces = read_mesh(self.path)
+        return TriangleMesh(vertices * self.scale, faces)

@@ -6,22 +6,22 @@ from collections.abc import Callable
 from pathlib import Path
 
 from skinmap.errors import UnknownNameError
-from skinmap.io.taxels.cyskin import read_cyskin_taxels
-from skinmap.io.taxels.icub import read_icub
-from skinmap.io.taxels.skinware import read_skinware
-from skinmap.io.taxels.table import read_csv
-from skinmap.io.taxels.tactile_urdf import read_tactile_urdf
 from skinmap.io.text import check_file
 from skinmap.registry import Registry
 from skinmap.skin.taxels import TaxelTable
 
 Reader = Callable[[Path], TaxelTable]
-readers: Registry[Reader] = Registry("taxel format", "skinmap.readers")
-readers.register("csv")(read_csv)
-readers.register("cyskin")(read_cyskin_taxels)
-readers.register("icub")(read_icub)
-readers.register("skinware")(read_skinware)
-readers.register("urdf")(read_tactile_urdf)
+readers: Registry[Reader] = Registry(
+    "taxel format",
+    "skinmap.readers",
+    built_in={
+        "csv": "skinmap.io.taxels.table:read_csv",
+        "cyskin": "skinmap.io.taxels.cyskin:read_cyskin_taxels",
+        "icub": "skinmap.io.taxels.icub:read_icub",
+        "skinware": "skinmap.io.taxels.skinware:read_skinware",
+        "urdf": "skinmap.io.taxels.tactile_urdf:read_tactile_urdf",
+    },
+)
 # `skin.calib` is the name that Skinware gives its database.
 SUFFIXES = {
     ".csv": "csv", ".txt": "icub", ".json": "cyskin", ".calib": "skinware", ".urdf": "urdf",

@@ -12,16 +12,18 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.surface_path import SurfaceWalker
-from skinmap.live.contacts.contact_splitting import (
+from skinmap.live.contacts.events import ContactEvent, Happening
+from skinmap.live.contacts.followed_contact import (
     LANDED,
     NEAR,
     PARTED,
     PRINT,
+    SAMPLES,
+    SETTLED,
     Cutter,
+    Track,
     claim,
 )
-from skinmap.live.contacts.events import ContactEvent, Happening
-from skinmap.live.contacts.followed_contact import SAMPLES, SETTLED, Track
 from skinmap.live.contacts.sample_contacts import RELEASE, Components, measure
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts import ACTIVE

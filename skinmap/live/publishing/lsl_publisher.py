@@ -16,6 +16,7 @@ from skinmap.live.network.lsl_description import TEXT_TYPE, TYPE, describe
 from skinmap.live.network.lsl_settings import keep_on_loopback, load_lsl, split_scope
 from skinmap.live.publishing.publisher import Publisher, Topic
 from skinmap.live.sources.source import StreamInfo
+from skinmap.skin.robot import Robot
 
 TAKEN = 0.3  # so long a stream of the same name is looked for [s]
 BUFFERED = 5  # kept for a follower who reads too slowly [s]
@@ -31,6 +32,8 @@ class LslPublisher(Publisher):
         "NAME", or "//any/NAME" for the whole network.
     info : StreamInfo
     topics : sequence of str
+    robot : Robot, optional
+        Not needed.
 
     Raises
     ------
@@ -38,7 +41,9 @@ class LslPublisher(Publisher):
         Another stream has that name.
     """
 
-    def __init__(self, address: str, info: StreamInfo, topics: Sequence[Topic]) -> None:
+    def __init__(
+        self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
+    ) -> None:
         super().__init__(info, topics)
         self._scope, self.name = split_scope(address)
         self._lsl = load_lsl(self._scope)

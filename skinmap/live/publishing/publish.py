@@ -3,16 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 from skinmap.errors import UnknownNameError
-from skinmap.live.publishing.foxglove_publisher import FoxglovePublisher
-from skinmap.live.publishing.lsl_publisher import LslPublisher
 from skinmap.live.publishing.publisher import Publisher, Topic
-from skinmap.live.publishing.zenoh_publisher import ZenohPublisher
-from skinmap.live.publishing.zmq_publisher import ZmqPublisher
 from skinmap.live.sources.source import Source, SourceEnded, StreamInfo
+from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 
+
+class OpenPublisher(Protocol):
+    """What an entry point of the group `skinmap.publishers` names.
+
+    `address` is what follows the colon of "name:address", empty where there is none; a robot that
+    a way has no use for is left alone.
+    """
+
+    def __call__(  # noqa: D102 - the class says it
+        self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None
+    ) -> Publisher: ...
+
+
+publishers: Registry[OpenPublisher] = Registry(
+    "way to publish",
+    "skinmap.publishers",
+    built_in={
+        "foxglove": "skinmap.live.publishing.foxglove_publisher:FoxglovePublisher",
+        "lsl": "skinmap.live.publishing.lsl_publisher:LslPublisher",
+        "zenoh": "skinmap.live.publishing.zenoh_publisher:ZenohPublisher",
+        "zmq": "skinmap.live.publishing.zmq_publisher:ZmqPublisher",
+    },
+)
 WAYS = ("lsl:NAME", "zmq:PORT", "zmq:HOST:PORT", "zenoh[:PORT]", "foxglove[:PORT]")
 POLL = 0.2  # so often a silent source lets an interruption through [s]
 
@@ -30,8 +51,9 @@ def open_publisher(
     ----------
     spec : str
         "lsl:NAME", "zmq:PORT" or "zmq:HOST:PORT", "zenoh" or "zenoh:PORT", "foxglove" or
-        "foxglove:PORT". Without a host nobody but this machine can follow; "lsl://any/NAME",
-        "zmq:*:PORT", "zenoh:*:PORT" and "foxglove:*:PORT" open it, with a warning.
+        "foxglove:PORT", "NAME" or "NAME:ADDRESS" of the group `skinmap.publishers`. Without a host
+        nobody but this machine can follow; "lsl://any/NAME", "zmq:*:PORT", "zenoh:*:PORT" and
+        "foxglove:*:PORT" open it, with a warning.
     info : StreamInfo
         Of the samples.
     topics : sequence of {"raw", "pressure", "contacts", "labels"}, optional
@@ -51,15 +73,11 @@ def open_publisher(
     """
     way, _, address = spec.partition(":")
     wanted: Sequence[Topic] = (info.kind, "contacts", "labels") if topics is None else topics
-    if way == "zmq":
-        return ZmqPublisher(address, info, wanted)
-    if way == "lsl":
-        return LslPublisher(address, info, wanted)
-    if way == "zenoh":
-        return ZenohPublisher(address, info, wanted, robot)
-    if way == "foxglove":
-        return FoxglovePublisher(address, info, wanted, robot)
-    raise UnknownNameError("way to publish", way, WAYS)
+    names = publishers.names()
+    if way not in names:
+        said = {one.partition(":")[0].partition("[")[0] for one in WAYS}
+        raise UnknownNameError("way to publish", way, (*WAYS, *(n for n in names if n not in said)))
+    return publishers.get(way)(address, info, wanted, robot)
 
 
 def stream(source: Source, publisher: Publisher) -> None:

@@ -17,6 +17,7 @@ from skinmap.live.network.addresses import parse_address, warn_if_open
 from skinmap.live.network.messages import DTYPES, Header, dtype_code, pack_info
 from skinmap.live.publishing.publisher import Publisher, Topic
 from skinmap.live.sources.source import StreamInfo
+from skinmap.skin.robot import Robot
 
 HEARTBEAT = 0.2  # between two descriptions, so that a dead publisher shows within 1 s [s]
 LINGER = 200  # for what is on its way when the publisher closes [ms]
@@ -32,6 +33,8 @@ class ZmqPublisher(Publisher):
         "PORT" or "HOST:PORT".
     info : StreamInfo
     topics : sequence of str
+    robot : Robot, optional
+        Not needed.
 
     Raises
     ------
@@ -39,7 +42,9 @@ class ZmqPublisher(Publisher):
         The port is in use, or the address is not of this machine.
     """
 
-    def __init__(self, address: str, info: StreamInfo, topics: Sequence[Topic]) -> None:
+    def __init__(
+        self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
+    ) -> None:
         import zmq
 
         super().__init__(info, topics)

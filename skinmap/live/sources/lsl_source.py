@@ -18,7 +18,7 @@ from skinmap.live.network.lsl_settings import load_lsl, split_scope
 from skinmap.live.sources.part_filter import follow
 from skinmap.live.sources.receiver import SILENT
 from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import Block, Source, StreamInfo
+from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo
 from skinmap.skin.robot import Robot
 
 WAIT = 2.0  # for a stream of that name [s]
@@ -29,7 +29,6 @@ AGAIN = 0.3  # for one look for a stream that was lost [s]
 BUFFERED = 5  # kept by LSL itself while nobody reads [s]
 CORRECT = 2.0  # between two looks at the other machine's clock [s]
 MAX_VALUES = 1 << 22  # in one block
-MOST = 256  # samples in one block
 NUMBERS = (1, 2, 4, 5, 6)  # channel formats: float32, double64, int32, int16, int8
 
 
@@ -69,7 +68,7 @@ class LslSource(Source):
         super().__init__(info)
         self._last_seen = time.perf_counter()
         self._uid = ""  # whoever comes back under the name will do
-        rows = max(1, min(MOST, MAX_VALUES // self._info.channels))
+        rows = max(1, min(MAX_BLOCK, MAX_VALUES // self._info.channels))
         self._buffer = np.empty((rows, self._info.channels), self._inlet.np_dtype)
         self._asked = time.perf_counter()
 

@@ -12,9 +12,7 @@ from numpy.typing import ArrayLike
 from skinmap.arrays import FloatArray, check_finite
 from skinmap.errors import InvalidArrayError
 from skinmap.io.recordings.recorded_stream import Samples
-from skinmap.live.sources.source import Block, Seekable, SourceEnded, StreamInfo
-
-MOST = 256  # samples in one block: what is given at once stays small
+from skinmap.live.sources.source import MAX_BLOCK, Block, Seekable, SourceEnded, StreamInfo
 
 
 class Playback(Seekable):
@@ -37,7 +35,7 @@ class Playback(Seekable):
 
     Notes
     -----
-    Nothing is left out: who reads late gets all samples that are due. Times are the recording's
+    Nothing is left out: a slow reader gets all samples that are due. Times are the recording's
     own, so they jump back when it starts again and where `seek` leads back.
     """
 
@@ -187,13 +185,13 @@ class Playback(Seekable):
         """What is due, and the row moved behind it."""
         row = self._row
         if np.isinf(self._speed):
-            stop = row + MOST
+            stop = row + MAX_BLOCK
         elif self._when(self._times[row]) > now:
             return None
         else:
             due = self._played + (now - self._since) * self._speed
             stop = max(int(np.searchsorted(self._times, due, side="right")), row + 1)
-        stop = min(stop, row + MOST, len(self._times))
+        stop = min(stop, row + MAX_BLOCK, len(self._times))
         values = self._values[row:stop]
         arrived = now if np.isinf(self._speed) else self._when(self._times[stop - 1])
         block = Block(self._times[row:stop], values, min(arrived, now))

@@ -1,4 +1,4 @@
-"""A source of one part, made of a function that asks a device for what came: see its example."""
+"""A source of one part, made of a function that asks a device for new samples: see its example."""
 
 from __future__ import annotations
 

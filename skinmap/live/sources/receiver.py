@@ -13,7 +13,7 @@ from skinmap.live.sources.foreign_source import as_source
 from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.source import Block, Relay, Source, SourceEnded
 
-MAX_BYTES = 64_000_000  # kept for who reads late: 3.7 s of a whole iCub at 1 kHz in float32
+MAX_BYTES = 64_000_000  # kept for a slow reader: 3.7 s of a whole iCub at 1 kHz in float32
 POLL = 0.1  # the thread looks so often whether it is to stop [s]
 SILENT = 0.8  # without a sign of life, a source counts as dead: well within a second [s]
 LATE = 2.0  # periods after the one before, from which a block counts as late
@@ -27,7 +27,7 @@ class Receiver(Relay):
     source : Source
         Read from the thread only, and closed with this.
     most_bytes : int
-        Values kept for who reads late; the oldest samples go first.
+        Values kept for a slow reader; the oldest samples go first.
 
     Notes
     -----

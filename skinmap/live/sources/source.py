@@ -21,6 +21,7 @@ from skinmap.io.recordings.recorded_stream import Kind, StreamInfo
 from skinmap.live.sources.sample_counts import Counts
 
 __all__ = [
+    "MAX_BLOCK",
     "Block",
     "Kind",
     "Relay",
@@ -34,6 +35,7 @@ __all__ = [
 ]
 
 
+MAX_BLOCK = 256  # samples in one: what is given at once stays small
 SIMULATION = "simulation"  # the clock of samples that are made when they are asked for
 
 

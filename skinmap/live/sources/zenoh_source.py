@@ -29,7 +29,7 @@ from skinmap.live.network.zenoh_ros2 import (
 from skinmap.live.sources.part_filter import follow
 from skinmap.live.sources.receiver import SILENT
 from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.source import MAX_BLOCK, Block, Source, SourceEnded, StreamInfo
 from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
 
@@ -37,7 +37,6 @@ logger = logging.getLogger(__name__)
 
 WAIT = 3.0  # for a first message [s]
 QUEUED = 1000  # samples kept here between two reads: 20 s at 50 Hz
-MOST = 256  # samples in one block
 CLOUD = dds_name("sensor_msgs/PointCloud2")
 ARRAYS = {
     dds_name(f"std_msgs/{name}MultiArray"): kind
@@ -110,7 +109,7 @@ class ZenohSource(Source):
         found: list[tuple[float, NDArray[Any]]] = []
         deadline = time.perf_counter() + timeout
         arrived = self._last_seen
-        while len(found) < MOST:
+        while len(found) < MAX_BLOCK:
             left = 0.0 if found else max(0.0, deadline - time.perf_counter())
             try:
                 arrived, kind, message, beside = (

@@ -17,7 +17,7 @@ from skinmap.live.network.messages import Header, unpack_header, unpack_info, un
 from skinmap.live.sources.part_filter import follow
 from skinmap.live.sources.receiver import SILENT
 from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import Block, Source, StreamInfo
+from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo
 from skinmap.skin.robot import Robot
 
 logger = logging.getLogger(__name__)
@@ -25,7 +25,6 @@ logger = logging.getLogger(__name__)
 WAIT = 3.0  # for a publisher's description [s]
 LARGEST_INFO = 1 << 16  # bytes of a description that are read
 QUEUED_BYTES = 16_000_000  # kept by ZeroMQ itself while nobody reads
-MOST = 256  # samples in one block
 FRAMES = 3  # of a sample: topic, header, values
 
 
@@ -100,7 +99,7 @@ class ZmqSource(Source):
             left = deadline - time.perf_counter()
             if self._socket.poll(max(0, int(1e3 * left + 0.999))) == 0:
                 return None
-            for _ in range(MOST):  # bounded: what is refused must not keep us here
+            for _ in range(MAX_BLOCK):  # bounded: what is refused must not keep us here
                 try:
                     frames = self._receive(zmq.NOBLOCK)
                 except zmq.Again:

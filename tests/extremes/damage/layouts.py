@@ -28,8 +28,8 @@ from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.flat_maps.surface_files import write_obj_with_uv
 from skinmap.io.flat_maps.tactile_maps import read_tactile_maps
 from skinmap.io.robots.manifest import data_folder, load_robot
-from skinmap.io.robots.mesh_file import write_mesh
-from skinmap.io.robots.urdf import UrdfBody, read_mesh
+from skinmap.io.robots.mesh_file import read_mesh, write_mesh
+from skinmap.io.robots.urdf import UrdfBody
 from skinmap.io.taxels.cyskin import (
     CySkin,
     TactileMap,
@@ -283,13 +283,13 @@ TARGETS = [
            ("skinmap.io.robots.manifest.load_robot",
             "skinmap.io.robots.manifest.read_manifest"), ROBOT),
     Target("urdf", "damaged.urdf", lambda: [URDF], walk_body,
-           ("skinmap.io.robots.urdf.read_urdf", "skinmap.io.robots.urdf_elements.read_joints",
-            "skinmap.io.robots.urdf_elements.read_links"), ROBOT),
+           ("skinmap.io.robots.urdf.read_urdf", "skinmap.io.robots.urdf.read_joints",
+            "skinmap.io.robots.urdf.read_links"), ROBOT),
     Target("mesh-written", "m.ply",
            lambda: [written(lambda p: write_mesh(TriangleMesh(*read_ply()), p))], read_mesh),
     Target("flat-map", "m.obj", lambda: [flat_map()], read_mesh),
     *(Target(f"mesh-{kind}", f"m.{kind}", lambda kind=kind: [mesh(kind)], read_mesh,
-             ("skinmap.io.robots.urdf.read_mesh",)) for kind in MESHES),
+             ("skinmap.io.robots.mesh_file.read_mesh",)) for kind in MESHES),
     Target("link", "m.stl", lambda: [mesh("stl")], lambda p: load_link(p, 1e-3),
            ("calibration.commands.patch_task.load_link",)),
     Target("board", "board.csv", lambda: [BOARD.encode()], read_board, (f"{CAL}.read_board",)),

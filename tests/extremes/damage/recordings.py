@@ -45,7 +45,7 @@ from skinmap.io.ros2.bag import read_bag, read_bag_mapping
 from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.live.sources.zenoh_source import CLOUD, values_of
-from skinmap.parallel.resume import ResumeStore
+from skinmap.parallel.workers import ResumeStore
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording, save_recordings
 

@@ -7,9 +7,8 @@ from functools import cache
 
 import numpy as np
 
-from calibration.response.drift import DriftTracker
 from calibration.response.gain import ReferenceLoads
-from calibration.response.response import ResponseCalibration
+from calibration.response.response import DriftTracker, ResponseCalibration
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.loop import TouchLoop

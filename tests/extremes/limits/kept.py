@@ -15,7 +15,7 @@ from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError
 from skinmap.io.recordings.mcap_recording import McapRecording
 from skinmap.io.recordings.mcap_track import read_track
 from skinmap.io.recordings.touch_files import load_recordings
-from skinmap.parallel.resume import pack, unpack
+from skinmap.parallel.workers import pack, unpack
 from skinmap.touch.recording import Recording, save_recordings
 
 from .law import Law, Outside

@@ -1,7 +1,7 @@
 import numpy as np
 
 from skinmap.geometry.mesh import TriangleMesh
-from viewer.drawing.body.decimation import cluster
+from viewer.drawing.body.bare_body import cluster
 
 
 def plate(n: int = 20, z: float = 0.0, flip: bool = False):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from viewer.drawing.frame.camera import project
-from viewer.interaction.keys import KEYS, help_lines
+from viewer.interaction.controls import KEYS, help_lines
 from viewer.layers import LAYERS
 
 

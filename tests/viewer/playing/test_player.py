@@ -15,8 +15,7 @@ from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.live.sources.source import Seekable, SourceEnded, StreamInfo
 from viewer.playing.player import Player
-from viewer.playing.rewind import LENGTH, MEMORY, MINUTE, History, size, small
-from viewer.playing.timeline import Timeline
+from viewer.playing.recent_moments import LENGTH, MEMORY, MINUTE, History, Timeline, size, small
 
 DEADLINE = 10.0  # far beyond what any machine needs: a test that waits so long has failed
 RATE = 50.0
@@ -292,7 +291,7 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
     """Through playback and touch loop: what is sought and stepped to is that very sample."""
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.playback import Playback
-    from viewer.playing.stepwise import Stepwise
+    from viewer.playing.playable import Stepwise
 
     n = len(icub.skin("left_hand"))
     count = 400
@@ -327,7 +326,7 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
 
 def test_one_by_one_passes_no_sample_over():
     from skinmap.live.sources.playback import Playback
-    from viewer.playing.stepwise import Stepwise
+    from viewer.playing.playable import Stepwise
 
     values = np.arange(300, dtype=np.float32)[:, None]
     info = StreamInfo("numbers", ("arm",), (1,), RATE)

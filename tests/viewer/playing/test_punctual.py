@@ -7,7 +7,7 @@ import pytest
 
 from skinmap.live.moment import Moment
 from viewer.playing.frame_deadline import OLDEST, PATIENCE, Punctual
-from viewer.playing.latest_moment import Outlet
+from viewer.playing.recent_moments import Outlet
 
 PERIOD = 0.02
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from viewer.interaction.keys import KEYS, MOUSE
-from viewer.interaction.presets import preset
+from viewer.drawing.frame.framing import preset
+from viewer.interaction.controls import KEYS, MOUSE
 from viewer.interaction.view_file import SavedView, load_view
 
 PAGE_NAMES = {"space": " ", "bracketleft": "[", "bracketright": "]", "plus": "+", "minus": "-"}

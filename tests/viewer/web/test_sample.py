@@ -9,8 +9,14 @@ from skinmap.live.moment import Moment
 from viewer.drawing.touches.outlines import outline_touch
 from viewer.layers import LAYERS, Layers
 from viewer.web.packing import unpack
-from viewer.web.picking import describe
-from viewer.web.sample import UNKNOWN, SampleWriter, layer_message, table_rows, taxel_bytes
+from viewer.web.sample import (
+    UNKNOWN,
+    SampleWriter,
+    describe,
+    layer_message,
+    table_rows,
+    taxel_bytes,
+)
 from viewer.web.scene_data import make_scene
 
 PARTS = ("torso", "left_arm")

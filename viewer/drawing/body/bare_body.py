@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import pyvista as pv
 
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import cross_products, unit
 from skinmap.skin.robot import Robot
-from viewer.drawing.body.decimation import cluster
 from viewer.drawing.frame.polydata import make_mesh
 
 Links = Iterable[str] | Literal["all", "skin"] | None
 CELL = 4e-3  # of meshes for a screen that is not known [m]
+COHERENT = 0.75  # length of a group's mean normal: below, its triangles face several ways
+AWAY = -0.3  # component along a cell's main axis from which a triangle belongs to its other wall
+SIDES = 7  # one for smooth groups, and the six ways to face along an axis
 
 
 def drawable(mesh: TriangleMesh, *, cell: float = CELL) -> pv.PolyData:
@@ -66,3 +71,85 @@ def check_links(robot: Robot, links: Links, parts: Iterable[str] = ()) -> tuple[
 def body_meshes(robot: Robot, links: Links = None, *, cell: float = CELL) -> dict[str, pv.PolyData]:
     """Drawable mesh of each link asked for, in the link's frame; no other link is read."""
     return {link: drawable(robot.mesh(link), cell=cell) for link in check_links(robot, links)}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Clustered:
+    """A reduced mesh.
+
+    Attributes
+    ----------
+    vertices, normals : (v, 3) float
+        [m] and unit; vertices of a sharp edge are there once for each side of it.
+    faces : (m, 3) int
+        As the mesh's own, counter-clockwise seen from outside.
+    """
+
+    vertices: FloatArray
+    normals: FloatArray
+    faces: IntArray
+
+
+def cluster(mesh: TriangleMesh, cell: float) -> Clustered:
+    """Merge the vertices within each cell of a grid; triangles that collapse disappear.
+
+    Linear in the number of triangles, so a whole robot is reduced at each start and nothing is kept
+    on disk. After Rossignac and Borrel, "Multi-resolution 3D approximations for rendering complex
+    scenes", 1993; the normals are ours.
+
+    Triangles of a cell that face one way get one normal, so that smooth surfaces shade smoothly;
+    where they do not, at an edge or a corner, each side gets its own, so that it stays sharp. So
+    do the two walls of a thin cover. Vertices of one cell share their place: nothing tears.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        m triangles [m]; repeated corners, as in CAD exports, do no harm.
+    cell : float
+        Side of a cell [m]: no vertex moves further than its diagonal.
+    """
+    if mesh.faces.size == 0:
+        none = np.zeros((0, 3))
+        return Clustered(none, none, np.zeros((0, 3), np.int64))
+    corners = cell_numbers(mesh.vertices, cell)[mesh.faces].ravel()
+    cross = cross_products(mesh.vertices, mesh.faces)
+    normals, weight = np.repeat(cross, 3, axis=0), np.repeat(np.linalg.norm(cross, axis=1), 3)
+    main = _sums(corners, np.abs(normals)).argmax(axis=1)[corners]
+    row = np.arange(len(corners))
+    groups = 2 * corners + (normals[row, main] < AWAY * weight)
+    place = _sums(corners, mesh.vertices[mesh.faces.ravel()] * weight[:, None])
+    place /= np.maximum(np.bincount(corners, weight), 1e-30)[:, None]
+    total = np.bincount(groups, weight)
+    sharp = np.linalg.norm(_sums(groups, normals), axis=1) < COHERENT * total
+    axis = np.abs(normals).argmax(axis=1)
+    side = 1 + 2 * axis + (normals[row, axis] < 0.0)
+    # Triangles that collapse still say which way the surface faces, so they count for normals.
+    used, keys = np.unique(SIDES * groups + np.where(sharp[groups], side, 0), return_inverse=True)
+    a, b, c = corners.reshape(-1, 3).T
+    faces = _distinct(keys.reshape(-1, 3)[(a != b) & (b != c) & (c != a)])
+    drawn, numbers = np.unique(faces, return_inverse=True)
+    vertices = place[used[drawn] // (2 * SIDES)]
+    return Clustered(vertices, unit(_sums(keys, normals)[drawn]), numbers.reshape(-1, 3))
+
+
+def cell_numbers(points: FloatArray, cell: float) -> IntArray:
+    """(n,) number from 0 of the occupied cell in which each point (n, 3) lies."""
+    grid = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
+    columns, rows = grid[:, 1].max() + 1, grid[:, 2].max() + 1
+    key = (grid[:, 0] * columns + grid[:, 1]) * rows + grid[:, 2]
+    return np.asarray(np.unique(key, return_inverse=True)[1].reshape(-1))
+
+
+def _sums(groups: IntArray, values: FloatArray) -> FloatArray:
+    """(g, 3) sum of values (k, 3) in each group 0..g-1."""
+    return np.stack([np.bincount(groups, column) for column in values.T], axis=1)
+
+
+def _distinct(faces: IntArray) -> IntArray:
+    """Faces without repetition; those with the same corners the other way round stay."""
+    first = faces.argmin(axis=1)
+    row = np.arange(len(faces))
+    turned = np.stack([faces[row, (first + k) % 3] for k in range(3)], axis=1)
+    size = int(faces.max(initial=0)) + 1
+    key = (turned[:, 0] * size + turned[:, 1]) * size + turned[:, 2]
+    return np.asarray(turned[np.unique(key, return_index=True)[1]])

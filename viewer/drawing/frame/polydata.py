@@ -26,16 +26,6 @@ def make_lines(points: ArrayLike, pairs: NDArray[Any]) -> pv.PolyData:
     return mesh
 
 
-def write_values(mesh: pv.PolyData, name: str, values: NDArray[Any]) -> None:
-    """Replace the values of a point array in place.
-
-    Item assignment tells VTK that the array changed; writing to a plain view would not, and
-    the picture would stay as it was.
-    """
-    array: Any = mesh.point_data[name]
-    array[:] = values
-
-
 def join(meshes: Sequence[pv.PolyData]) -> pv.PolyData:
     """All meshes as one."""
     append = vtkAppendPolyData()

@@ -1,5 +1,5 @@
 // The keys of the page and what they do; the help lists them all. Where the window has the same key
-// (viewer/interaction/keys.py), it does the same here, in the same words.
+// (viewer/interaction/controls.py), it does the same here, in the same words.
 
 import { $, made } from "./dom.js";
 

@@ -130,7 +130,7 @@ export class Film {
     }, Math.max(LEAST, (1e3 * gap) / this.speed));
   }
 
-  // As `viewer/web/picking.py` tells it.
+  // As `viewer/web/sample.py` tells it.
   describe({ part, taxel }) {
     const { page, arrays } = this, { header } = page, scene = page.arrays, moment = this.moments[this.now];
     const one = header.parts.find(({ name }) => name === part), k = one.taxels[0] + taxel;

@@ -1,17 +1,18 @@
-"""`skinmap simulate`: simulated touches on the skin, as a recording."""
+"""`skinmap simulate`: simulated touches on the skin, as a recording or as a live stream."""
 
 from __future__ import annotations
 
+import time
 import warnings
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import click
 from click.core import ParameterSource
 
-from skinmap.cli.simulate.result import SimulatedPart, SimulateResult, StreamResult
 from skinmap.commands.options import (
     Number,
     open_robot,
@@ -43,6 +44,91 @@ SENSING: dict[str, tuple[type, str]] = {
     "bits": (int, "Resolution, 1 to 8; 8 by default."),
     "rate": (float, "Samples a second; 50 by default."),
 }
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SimulatedPart:
+    """The touches of one part.
+
+    Attributes
+    ----------
+    part
+        Its name.
+    samples
+        Of its recording.
+    touches
+        How many by label.
+    subjects
+        People who touched it.
+    """
+
+    part: str
+    samples: int
+    touches: dict[str, int]
+    subjects: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SimulateResult:
+    """A recording that was simulated.
+
+    Attributes
+    ----------
+    robot, seed
+        What it was made of.
+    variety
+        How far touches and sensors were drawn at random, 0 to 1.
+    parts
+        In the order of the recording.
+    files
+        The recording.
+    """
+
+    robot: str
+    seed: int
+    variety: float
+    parts: list[SimulatedPart]
+    files: list[str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StreamResult:
+    """A stream that was simulated, with `--publish`.
+
+    Attributes
+    ----------
+    robot, seed
+        What it was made of.
+    publish
+        Where to.
+    kind
+        What its values are.
+    rate_hz
+        Samples a second, as it was asked for.
+    parts, channels
+        Whose values it has, and how many.
+    samples, seconds
+        That went out, and how long that took.
+    behind_s
+        How late the last samples went out.
+    touches
+        How many by label.
+    interrupted
+        Whether Ctrl-C ended it.
+    """
+
+    robot: str
+    seed: int
+    publish: str
+    kind: Literal["raw", "pressure"]
+    rate_hz: float
+    parts: list[str]
+    channels: int
+    samples: int
+    seconds: float
+    behind_s: float
+    touches: dict[str, int]
+    interrupted: bool
 
 
 def sensing_options(command: Any) -> Any:
@@ -166,8 +252,6 @@ def command(
         given["foam"] = given.pop("foam_mm") / 1e3
     if publish is not None:
         _refuse_given("per_gesture", "pairs", "output", "subjects", "places", "physics")
-        from skinmap.cli.simulate.live import publish_touches
-
         streamed = publish_touches(
             robot, parts, publish, gestures=gestures, seconds=seconds, raw=raw, seed=seed,
             variety=number, sensing=given,
@@ -289,3 +373,72 @@ def _counts(labels: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str, int]:
     """How many of each label, those that were wanted first."""
     names = dict.fromkeys([*wanted, *sorted(labels)])
     return {name: labels.count(name) for name in names}
+
+
+def publish_touches(
+    robot: str,
+    parts: tuple[str, ...],
+    spec: str,
+    *,
+    gestures: Sequence[str],
+    seconds: float | None,
+    raw: bool,
+    seed: int,
+    variety: float,
+    sensing: Mapping[str, Any],
+) -> StreamResult:
+    """Stream touches until `seconds` have passed or Ctrl-C comes, then say what was sent."""
+    import numpy as np
+
+    from skinmap.live.publishing.publish import open_publisher, stream
+    from skinmap.live.sources.simulator import SimulatedSource
+    from skinmap.touch.gestures import gesture_set
+    from skinmap.touch.variety import draw_sensing
+
+    loaded, names = open_robot(robot, parts)
+    answers = replace(draw_sensing(variety, rng=np.random.default_rng(seed)), **sensing)
+    source = SimulatedSource(
+        loaded,
+        parts=names,
+        seed=seed,
+        kind="raw" if raw else "pressure",
+        gestures=gesture_set(gestures),
+        variety=variety,
+        sensing=answers,
+        seconds=float("inf") if seconds is None else seconds,
+    )
+    interrupted, began = False, time.perf_counter()
+    try:
+        info = source.info
+        with open_publisher(spec, info, topics=(info.kind,), robot=loaded) as publisher:
+            until = "ends by itself" if seconds is not None else "Ctrl-C ends it"
+            click.echo(
+                f"publishing {info.channels} channels of {loaded.name} at {info.rate:g} Hz as "
+                f"{spec}; {until}",
+                err=True,
+            )
+            began = time.perf_counter()
+            try:
+                stream(source, publisher)
+            except KeyboardInterrupt:
+                interrupted = True
+            took = time.perf_counter() - began
+            sent = publisher.sent
+    finally:
+        source.close()
+    played = sent / info.rate
+    labels = Counter(touch.label for touch in source.truth if touch.began < played)
+    return StreamResult(
+        robot=loaded.name,
+        seed=seed,
+        publish=spec,
+        kind=info.kind,
+        rate_hz=info.rate,
+        parts=list(names),
+        channels=info.channels,
+        samples=sent,
+        seconds=took,
+        behind_s=max(0.0, took - played),
+        touches=labels,
+        interrupted=interrupted,
+    )

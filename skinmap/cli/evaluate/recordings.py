@@ -1,4 +1,4 @@
-"""Sessions, people, places and parts left out in turn, and the control beside each figure."""
+"""Recordings, cross-validated: by event, and with sessions, people, places and parts left out."""
 
 from __future__ import annotations
 
@@ -7,13 +7,63 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skinmap.cli.evaluate.result import LeftOutRow
+from skinmap.cli.evaluate.evaluation import chosen_gestures
+from skinmap.cli.evaluate.result.recordings import LeakRow, LeftOutRow, RecordingsResult
+from skinmap.cli.evaluate.result.shared import AccuracyRow
+from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, UnknownNameError
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.left_out import Control, LeftOutTrial
     from skinmap.cli.collection import Collected, Collection
     from skinmap.cli.evaluate.evaluation import Settings
+
+
+def work(settings: Settings) -> RecordingsResult:
+    """Judge classifiers on touches that were recorded."""
+    from skinmap.classify.classifier import DEFAULT, classifiers
+    from skinmap.classify.protocols.recordings import KINDS, evaluate_recordings
+    from skinmap.cli.collection import collect
+
+    collection = collect(settings.recordings, settings.robot, settings.parts)
+    only = () if settings.gestures in ("four", "all") else _labels(settings)
+    chosen = judged_touches(collection, only)
+    grouped = bool(settings.leave_out) or settings.leaks
+    names = settings.names or ((DEFAULT,) if grouped else classifiers.names())
+    with progress(len(names) * len(KINDS) * settings.seeds, "recordings") as advance:
+        found = evaluate_recordings(
+            [one.touch for one in chosen],
+            names=names,
+            seeds=settings.all_seeds,
+            folds=settings.folds,
+            optional=not settings.names,
+            workers=settings.workers,
+            progress=advance,
+        )
+    labels = [one.touch.label for one in chosen]
+    people = {name: count for name, count in collection.count("person").items() if name}
+    return RecordingsResult(
+        robot=", ".join(dict.fromkeys(robot for robot, _ in collection.skins)),
+        parts=list(collection.parts),
+        recordings=[str(path) for path in settings.recordings],
+        folds=settings.folds,
+        seeds=settings.all_seeds,
+        touches={label: labels.count(label) for label in dict.fromkeys(sorted(labels))},
+        table=[AccuracyRow(**row) for row in found["table"]],
+        leak=[LeakRow(**row) for row in found["leak"]],
+        left_out=judge_groups(settings, chosen, names) if grouped else [],
+        sessions=collection.count("session"),
+        people=people,
+        warnings=list(collection.doubts()),
+        skipped=found["skipped"],
+    )
+
+
+def _labels(settings: Settings) -> tuple[str, ...]:
+    """Labels asked for, given or by default; `eight` are those of the simulator."""
+    if settings.gestures == "eight":
+        return chosen_gestures(settings)
+    return tuple(name.strip() for name in settings.gestures.split(","))
 
 
 def judged_touches(collection: Collection, only: Sequence[str]) -> list[Collected]:

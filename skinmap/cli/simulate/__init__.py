@@ -1,1 +1,0 @@
-"""`skinmap simulate`: into recordings and as a live stream."""

@@ -1,0 +1,268 @@
+"""Moments to be drawn: the newest one, those to go back to, and when what was touched."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.live.moment import Moment
+from viewer.colours import class_colour
+
+MINUTE = 60.0  # that is remembered [s]
+MEMORY = 64_000_000  # bytes at most: a minute of the whole iCub at 50 Hz, in float32
+LENGTH = 6000  # moments, however small they are
+MAX_SPANS = 1000  # remembered; the oldest are forgotten first
+
+
+class Outlet:
+    """One moment at a time, with its number and age.
+
+    Parameters
+    ----------
+    clock : callable
+        Seconds of this machine.
+
+    Attributes
+    ----------
+    news : threading.Condition
+        Guards the rest, may be entered again by who holds it; told of each new moment.
+    moment : Moment or None
+        What is to be shown; None before the first sample.
+    number : int
+        Changes with each new moment to be shown.
+    oldest : float
+        Largest age of a moment when it was taken to be drawn [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.clock = clock
+        self.news = threading.Condition()
+        self.moment: Moment | None = None
+        self.number = 0
+        self.oldest = 0.0
+        self._taken = 0
+        self._closed = False
+        self._arrived = math.nan  # when what is to be shown came, in the clock's seconds
+        self._drawn = math.nan  # when what was taken came
+
+    @property
+    def age(self) -> float:
+        """How long ago the sample arrived that was taken last [s]; NaN before the first."""
+        return self.clock() - self._drawn
+
+    def show(self, moment: Moment, *, fresh: bool = False) -> None:
+        """Put a moment there: one that has just come, or one of the past."""
+        with self.news:
+            if fresh:
+                late = moment.latency if math.isfinite(moment.latency) else 0.0
+                self._arrived = self.clock() - late
+            self.moment = moment
+            self.tell()
+
+    def tell(self) -> None:
+        """Wake who waits: something has changed."""
+        with self.news:
+            self.number += 1
+            self.news.notify_all()
+
+    def take(self, *, live: bool) -> Moment | None:
+        """What is to be shown, None where nothing has changed since the last call."""
+        with self.news:
+            if self.number == self._taken:
+                return None
+            self._taken, self._drawn = self.number, self._arrived
+            if live and self.moment is not None and not self.moment.stale:
+                self.oldest = max(self.oldest, self.age)
+            return self.moment
+
+    def wait(self, number: int, timeout: float) -> bool:
+        """Wait until something else than `number` is to be shown; False after `timeout` [s]."""
+        with self.news:
+            return self.news.wait_for(lambda: self.number != number or self._closed, timeout)
+
+    def close(self) -> None:
+        """Release all waiting threads."""
+        with self.news:
+            self._closed = True
+            self.news.notify_all()
+
+
+class History:
+    """The last moments, oldest first, in as few bytes as their numbers need."""
+
+    def __init__(self) -> None:
+        self._moments: deque[Moment] = deque()
+        self._bytes = 0
+
+    def __len__(self) -> int:
+        return len(self._moments)
+
+    @property
+    def newest(self) -> Moment | None:
+        """The latest moments."""
+        return self._moments[-1] if self._moments else None
+
+    @property
+    def oldest(self) -> Moment | None:
+        """The earliest moment that is remembered."""
+        return self._moments[0] if self._moments else None
+
+    def moments(self) -> tuple[Moment, ...]:
+        """All that is remembered, oldest first."""
+        return tuple(self._moments)
+
+    def add(self, moment: Moment) -> None:
+        """Remember a moment, and forget the oldest where it gets too much."""
+        kept = replace(moment, pressures=small(moment.pressures), raw=small(moment.raw))
+        self._moments.append(kept)
+        self._bytes += size(kept)
+        while len(self._moments) > 2 and (
+            len(self._moments) > LENGTH
+            or self._bytes > MEMORY
+            or kept.time - self._moments[0].time > MINUTE
+        ):
+            self._bytes -= size(self._moments.popleft())
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._moments.clear()
+        self._bytes = 0
+
+
+class Past:
+    """Moments to step through while the picture is halted, from the newest backwards.
+
+    Parameters
+    ----------
+    moments : tuple of Moment
+        Oldest first.
+    """
+
+    def __init__(self, moments: tuple[Moment, ...] = ()) -> None:
+        self._moments = moments
+        self._cursor = len(moments) - 1
+
+    @property
+    def newest(self) -> bool:
+        """Whether nothing newer is remembered than what is shown."""
+        return self._cursor >= len(self._moments) - 1
+
+    def step(self, count: int) -> Moment | None:
+        """The moment `count` later (negative: earlier); None where none is remembered."""
+        goal = self._cursor + count
+        if not 0 <= goal < len(self._moments):
+            return None
+        self._cursor = goal
+        return self._moments[goal]
+
+    def at(self, time: float) -> Moment | None:
+        """The moment nearest to a time [s]; None where nothing is remembered."""
+        if not self._moments:
+            return None
+        self._cursor = min(
+            range(len(self._moments)), key=lambda k: abs(self._moments[k].time - time)
+        )
+        return self._moments[self._cursor]
+
+
+def small(values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Arrays as bytes where they hold whole counts, else in single precision."""
+    found = {}
+    for part, array in values.items():
+        own = np.asarray(array)
+        if own.dtype == np.uint8:
+            found[part] = own
+            continue
+        with np.errstate(invalid="ignore"):
+            counts = own.astype(np.uint8)
+        found[part] = counts if np.array_equal(counts, own) else own.astype(np.float32)
+    return found
+
+
+def size(moment: Moment) -> int:
+    """Bytes of the moment's arrays."""
+    return sum(v.nbytes for v in moment.pressures.values()) + sum(
+        v.nbytes for v in moment.raw.values()
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """One touch from its first sample to the last that was seen [s], in the moments' clock."""
+
+    part: str
+    label: str
+    began: float
+    ended: float
+
+    def to_json(self, origin: float) -> list[Any]:
+        """Beginning and end from the origin [s], colour and words."""
+        words = f"{self.label} on {self.part}".replace("_", " ")
+        began, ended = round(self.began - origin, 3), round(self.ended - origin, 3)
+        return [began, ended, class_colour(self.label), words]
+
+
+class Timeline:
+    """Spans of all touches that passed, however often a recording is led through them.
+
+    Attributes
+    ----------
+    version : int
+        Changes with each span that begins or gets another name.
+    """
+
+    def __init__(self) -> None:
+        self.version = 0
+        self._spans: list[Span] = []
+        self._open: dict[tuple[str, int], int] = {}  # place of a touch's span in the list
+
+    @classmethod
+    def of(cls, moments: Iterable[Moment]) -> Timeline:
+        """That of some moments."""
+        made = cls()
+        for moment in moments:
+            made.see(moment)
+        return made
+
+    def see(self, moment: Moment) -> None:
+        """Take a moment in."""
+        now: dict[tuple[str, int], int] = {}
+        for touch in moment.touches:
+            key = (touch.part, touch.identity)
+            place = self._open.get(key)
+            if place is None:
+                place = self._place(touch.part, moment.time)
+                if place is None:
+                    place = len(self._spans)
+                    self._spans.append(Span(touch.part, touch.label, moment.time, moment.time))
+                    self.version += 1
+            span = self._spans[place]
+            self.version += span.label != touch.label
+            ended = max(span.ended, moment.time)
+            self._spans[place] = replace(span, label=touch.label, ended=ended)
+            now[key] = place
+        self.version += len(self._open.keys() - now.keys())
+        self._open = now
+        if (over := len(self._spans) - MAX_SPANS) > 0:
+            del self._spans[:over]
+            self._open = {key: at - over for key, at in now.items() if at >= over}
+
+    def _place(self, part: str, time: float) -> int | None:
+        """The span that a touch was in when its time was played before."""
+        taken = set(self._open.values())
+        for place, span in enumerate(self._spans):
+            if span.part == part and span.began <= time <= span.ended and place not in taken:
+                return place
+        return None
+
+    def spans(self) -> tuple[Span, ...]:
+        """All of them, in the order in which they came."""
+        return tuple(self._spans)
