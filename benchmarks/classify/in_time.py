@@ -110,7 +110,7 @@ def cost() -> dict[str, float]:
         tracker.update(k / 50.0, sample)
         tracks = tracker.present
         began = time.process_time()
-        book.update(k / 50.0, {one.identity: [one] for one in tracks})
+        book.update(k / 50.0, {one.identity: [one] for one in tracks}, sample)
         for one in tracks:
             book.motion(one.identity, one.part, one.normal)
         spent.append(time.process_time() - began)

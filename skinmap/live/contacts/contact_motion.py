@@ -15,14 +15,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray, freeze
+from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.geometry.proximity import median_spacing
 from skinmap.live.contacts.followed_contact import DRAWING, Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import Skin
 from skinmap.summary import Summary
+from skinmap.touch.contacts import ACTIVE
 from skinmap.touch.flat_flow import FlatFlow
+from skinmap.touch.motion_features import presses
 
 Method = Literal["places", "flow"]
 Triple = tuple[float, float, float]
@@ -109,11 +112,15 @@ class Course:
         While it moved evenly [m/s].
     length : float
         Of the way [m].
+    up, right : float
+        How far it came in the part's axes, as of `Motion` [m].
     """
 
     heading: Heading = "still"
     speed: float = 0.0
     length: float = 0.0
+    up: float = 0.0
+    right: float = 0.0
 
 
 class RolledWay:
@@ -352,31 +359,56 @@ class MotionBook:
         skins = [one.skin for one in skin.skins.values()]
         self._spacing = [median_spacing(one.positions) for one in skins]
         self._axes = [_axes_of(one) for one in skins]
+        self._places: FloatArray = np.column_stack([skin.positions, skin.normals])
 
     def update(
         self,
         time: float,
         groups: Mapping[int, Sequence[Track]],
-        pressures: FloatArray | None = None,
+        pressures: FloatArray,
     ) -> None:
-        """Take the contacts of a sample, by the number of what is followed.
-
-        Flow needs the pressures (N,) too.
-        """
+        """Take the contacts of a sample with pressures (N,), by the number of what is followed."""
         for number, members in groups.items():
-            if number not in self.ways:
-                self.ways[number] = RolledWay(self._spacing[members[0].part], self.window)
-            centre, normal, load = _middle(members)
-            way = self.ways[number]
-            before = way.at
-            way.add(time, centre, normal, load)
-            if self._flow is not None and pressures is not None:
+            rows = [one.taxels for one in members]
+            index = rows[0] if len(rows) == 1 else np.concatenate(rows)
+            centre, normal = self.middle(index, pressures[index])
+            load = sum(one.load for one in members)
+            self.add(time, number, members[0].part, centre, normal, load)
+            if self._flow is not None:
                 self._add_flow(time, number, members, pressures, np.array(centre))
-            step = way.step_to(before)
-            if step is not None:
-                up, right = self._axes_at(members[0].part, normal)
-                way.gone[0] += dot(step, up)
-                way.gone[1] += dot(step, right)
+
+    def middle(self, taxels: IntArray, pressures: FloatArray) -> tuple[Triple, Triple]:
+        """Centre [m] and mean normal of taxels (k,) with pressures (k,).
+
+        Each counts by its area, as it speaks for that, and by the root of its pressure: gains of
+        taxels and what is stiff below the skin move the heaviest spot about inside of a contact.
+        """
+        share = np.sqrt(np.maximum(pressures, 0.0)) * self.skin.areas[taxels]
+        x, y, z, a, b, c = (share @ self._places[taxels]).tolist()
+        whole = float(share.sum())
+        size = math.sqrt(a * a + b * b + c * c)
+        if whole <= 0 or size < OPPOSED * whole:  # both sides of a limb: no plane is theirs
+            a, b, c = self.skin.normals[taxels[0]].tolist()
+            size = 1.0
+        if whole <= 0:
+            x, y, z = self.skin.positions[taxels].mean(axis=0).tolist()
+            whole = 1.0
+        return (x / whole, y / whole, z / whole), (a / size, b / size, c / size)
+
+    def add(
+        self, time: float, number: int, part: int, centre: Triple, normal: Triple, load: float
+    ) -> None:
+        """Take the centre [m], mean normal and load of what is followed at a time [s]."""
+        way = self.ways.get(number)
+        if way is None:
+            way = self.ways[number] = RolledWay(self._spacing[part], self.window)
+        before = way.at
+        way.add(time, centre, normal, load)
+        step = way.step_to(before)
+        if step is not None:
+            up, right = self._axes_at(part, normal)
+            way.gone[0] += dot(step, up)
+            way.gone[1] += dot(step, right)
 
     def _add_flow(
         self,
@@ -430,11 +462,11 @@ class MotionBook:
             return Course()
         speed, (up, right) = way.speed, way.gone
         if way.length < SHORT or speed <= 0:
-            return Course(speed=speed, length=way.length)
+            return Course("still", speed, way.length, up, right)
         word: Heading = heading(up, right, 1.0, 0.0)
         if math.hypot(up, right) < STRAIGHT * way.length:
             word = "to and fro"
-        return Course(word, speed, way.length)
+        return Course(word, speed, way.length, up, right)
 
     def join(self, number: int, into: int) -> None:
         """A touch turned out to be part of another one."""
@@ -469,20 +501,28 @@ class MotionBook:
         return _any_axes(normal)[0]
 
 
-def _middle(members: Sequence[Track]) -> tuple[Triple, Triple, float]:
-    """Centre, normal and load of some contacts together."""
-    whole = sum(one.load for one in members)
-    centre = normal = (0.0, 0.0, 0.0)
-    for one in members:
-        share = one.load / whole if whole > 0 else 1.0 / len(members)
-        (x, y, z), (a, b, c) = one.centre.tolist(), one.normal.tolist()
-        centre = (centre[0] + share * x, centre[1] + share * y, centre[2] + share * z)
-        normal = (normal[0] + share * a, normal[1] + share * b, normal[2] + share * c)
-    size = math.hypot(*normal)
-    if size < OPPOSED:  # both sides of a limb: no plane is theirs
-        a, b, c = members[0].normal.tolist()
-        return centre, (a, b, c), whole
-    return centre, (normal[0] / size, normal[1] / size, normal[2] / size), whole
+def recorded_course(book: MotionBook, samples: NDArray[np.uint8], rate: float) -> Course:
+    """How a recorded touch went in its longest press.
+
+    Parameters
+    ----------
+    book : MotionBook
+        Of its part alone; what it followed before is forgotten.
+    samples : (k, n) array of 0 to 255
+        Of the taxels of the touch; those of others are 0.
+    rate : float
+        Samples a second.
+    """
+    book.forget()
+    weight = np.where(samples > ACTIVE, samples, 0).astype(np.float64)
+    loads = weight.sum(axis=1)
+    longest = max(presses(loads, rate), key=lambda one: one[1] - one[0], default=(0, 0))
+    for row in range(*longest):
+        index = np.flatnonzero(weight[row])
+        centre, normal = book.middle(index, weight[row, index])
+        book.add(row / rate, 0, 0, centre, normal, float(loads[row]))
+        book.ways[0].velocity()
+    return book.course(0)
 
 
 def heading(up: float, right: float, speed: float, error: float) -> Heading:
