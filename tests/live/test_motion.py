@@ -60,7 +60,7 @@ def test_headings_are_words_of_the_part():
     assert heading(-0.1, 0.02, 0.1, 0.01) == "down"
     assert heading(0.01, 0.1, 0.1, 0.01) == "round right"
     assert heading(0.01, -0.1, 0.1, 0.01) == "round left"
-    assert heading(0.1, 0.0, 0.1, 0.06) == "still"  # no more than twice its error
+    assert heading(0.1, 0.0, 0.1, 0.11) == "still"  # no more than its error
 
 
 @pytest.fixture(scope="module")
