@@ -155,9 +155,10 @@ class RolledWay:
         self.speeds: deque[tuple[float, float]] = deque(maxlen=PLACES)
         self._moved = False
         self._heaviest = 0.0
-        # Time, place in the plane and way so far, row by row; the last rows are what counts.
-        self._rows: FloatArray = np.zeros((2 * PLACES, 4))
-        self._count = 0
+        # Time and place in the plane, and the way so far, column by column; the last ones count.
+        self._rows: FloatArray = np.zeros((3, 2 * PLACES))
+        self._ways: list[tuple[float, float]] = []
+        self._first = 0  # column of the window's first place
         self._axes: tuple[Triple, Triple] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._centre: Triple = (0.0, 0.0, 0.0)
         self._normal: Triple = (0.0, 0.0, 0.0)
@@ -168,26 +169,27 @@ class RolledWay:
     def add(self, time: float, centre: Triple, normal: Triple, load: float) -> None:
         """Follow the centre [m] of a touch whose skin faces along a normal."""
         self._heaviest = max(self._heaviest, load)
-        if self._count == 0:
+        if not self._ways:
             self._axes = _any_axes(normal)
             self._centre, self._normal = centre, normal
         elif load < DRAWING * self._heaviest:
             return  # what lets go draws no way
         x, y = self._rolled(centre, normal)
         step = math.hypot(x - self._at[0], y - self._at[1])
-        past = time - float(self._rows[self._count - 1, 0]) if self._count else 0.0
+        past = time - self._ways[-1][0] if self._ways else 0.0
         if past > 0 and step > FASTEST * past + 0.5 * self.spacing:
             # A contact came or went: the plane is moved on instead.
             x, y = self._at
             self._begin_at(centre, normal, self._at)
         elif step >= LAID:
             self._begin_at(centre, normal, (x, y))
-        if self._count == len(self._rows):
-            self._rows[:PLACES] = self._rows[PLACES:]
-            self._count = PLACES
+        if len(self._ways) == 2 * PLACES:
+            self._rows[:, :PLACES] = self._rows[:, PLACES:]
+            del self._ways[:PLACES]
+            self._first = max(0, self._first - PLACES)
         self._lengthen(x, y, past)
-        self._rows[self._count] = time, x, y, self.length
-        self._count += 1
+        self._rows[:, len(self._ways)] = time, x, y
+        self._ways.append((time, self.length))
         self._velocity = None
 
     def _lengthen(self, x: float, y: float, past: float) -> None:
@@ -257,29 +259,33 @@ class RolledWay:
 
     def _slope(self) -> tuple[tuple[float, float], float]:
         """Slope in the plane and its standard error."""
-        rows = self._rows[max(0, self._count - PLACES) : self._count]
-        unknown = (0.0, 0.0), float("inf")
-        if len(rows) < 3:
-            return unknown
-        now, way = rows[-1, 0], rows[-1, 3]
-        first = min(
-            int(rows[:, 3].searchsorted(way - PITCHES * self.spacing)),
-            int(rows[:, 0].searchsorted(now - self.window)),
-        )
-        first = max(first, int(rows[:, 0].searchsorted(now - LONGEST)))
-        if len(rows) - first < 3:
-            return unknown
-        rows = rows[first:]
+        first, count = self._begin_window(), len(self._ways)
+        if count - first < 3:
+            return (0.0, 0.0), float("inf")
+        rows = self._rows[:, first:count]
         slope, away, spread = _line(rows)
         half = len(away) // 2  # np.median takes several times as long
-        middle = float(np.partition(away, half)[half])
-        keep = away <= 9.0 * middle + (0.1 * self.spacing) ** 2
-        if not keep.all() and np.count_nonzero(keep) >= 3:
-            # Once more without what lies far off: a landing, a contact that came.
-            slope, away, spread = _line(rows[keep])
-        variance = float(away.mean()) / 2.0 + (WOBBLE * self.spacing) ** 2
+        most = 9.0 * float(np.partition(away, half)[half]) + (0.1 * self.spacing) ** 2
+        if away.max() > most:
+            keep = away <= most
+            if np.count_nonzero(keep) >= 3:
+                # Once more without what lies far off: a landing, a contact that came.
+                slope, away, spread = _line(rows[:, keep])
+        variance = 0.5 * float(np.add.reduce(away)) / len(away) + (WOBBLE * self.spacing) ** 2
         error = math.sqrt(variance / (FREE * spread)) if spread > 0 else float("inf")
         return slope, error
+
+    def _begin_window(self) -> int:
+        """Column of the first place that a velocity is taken from; it only moves on."""
+        ways, first = self._ways, self._first
+        now, way = ways[-1] if ways else (0.0, 0.0)
+        early, near = now - self.window, way - PITCHES * self.spacing
+        while first < len(ways) and (
+            ways[first][0] < now - LONGEST or (ways[first][0] < early and ways[first][1] < near)
+        ):
+            first += 1
+        self._first = first
+        return first
 
     def _rolled(self, centre: Triple, normal: Triple) -> tuple[float, float]:
         """Place in the plane of a centre one step further."""
@@ -320,15 +326,15 @@ class RolledWay:
 
 
 def _line(rows: FloatArray) -> tuple[tuple[float, float], FloatArray, float]:
-    """Slope of a line through places over times (k, >= 3), squared residuals and variance of t."""
-    mean = rows[:, :3].sum(axis=0) / len(rows)
-    t, x, y = (rows[:, :3] - mean).T
-    spread = float(t @ t)
-    if spread <= 0:
-        return (0.0, 0.0), x * x + y * y, 0.0
-    u, v = float(t @ x) / spread, float(t @ y) / spread
-    dx, dy = x - u * t, y - v * t
-    return (u, v), dx * dx + dy * dy, spread / len(rows)
+    """Slope of a line through times and places (3, k), squared residuals and variance of times."""
+    count = rows.shape[1]
+    away = rows - np.add.reduce(rows, axis=1, keepdims=True) / count
+    t, places = away[0], away[1:]
+    spread, tx, ty = (away @ t).tolist()
+    u, v = (tx / spread, ty / spread) if spread > 0 else (0.0, 0.0)
+    left = places - np.array([[u], [v]]) * t
+    left *= left
+    return (u, v), left[0] + left[1], spread / count
 
 
 def dot(one: Triple, other: Triple) -> float:
@@ -374,7 +380,7 @@ class MotionBook:
         skins = [one.skin for one in skin.skins.values()]
         self._spacing = [median_spacing(one.positions) for one in skins]
         self._axes = [_axes_of(one) for one in skins]
-        self._padded = np.zeros(len(skin) + 1)
+        self._beside = np.zeros(len(skin) + 1, np.bool_)
         self._places: FloatArray = np.column_stack([skin.positions, skin.normals])
 
     def update(
@@ -398,11 +404,12 @@ class MotionBook:
 
         They tell where its edge lies in between.
         """
-        beside = self.skin.neighbours[taxels].ravel()
-        level = self._padded
-        level[:-1] = pressures
-        faint = beside[(level[beside] > 0.0) & (level[beside] <= ACTIVE)]
-        return np.concatenate([taxels, np.unique(faint)]) if len(faint) else taxels
+        self._beside[self.skin.neighbours[taxels]] = True
+        near = np.flatnonzero(self._beside[:-1])
+        self._beside[near] = self._beside[-1] = False
+        level = pressures[near]
+        faint = near[(level > 0.0) & (level <= ACTIVE)]
+        return np.concatenate([taxels, faint]) if len(faint) else taxels
 
     def middle(self, taxels: IntArray, pressures: FloatArray) -> tuple[Triple, Triple]:
         """Centre [m] and mean normal of taxels (k,) with pressures (k,).
