@@ -140,8 +140,6 @@ class RolledWay:
 
     Attributes
     ----------
-    length : float
-        [m].
     gone : list of 2 float
         How far up and to the right it has come [m].
     speeds : deque of (float, float)
@@ -150,7 +148,8 @@ class RolledWay:
 
     def __init__(self, spacing: float, window: float = WINDOW) -> None:
         self.spacing, self.window = spacing, window
-        self.length = 0.0
+        self._passed = 0.0  # of the smoothed way [m]
+        self._last = (0.0, 0.0)
         self.gone = [0.0, 0.0]  # up and to the right, in sum [m]
         self.speeds: deque[tuple[float, float]] = deque(maxlen=PLACES)
         self._moved = False
@@ -189,7 +188,8 @@ class RolledWay:
             self._first = max(0, self._first - PLACES)
         self._lengthen(x, y, past)
         self._rows[:, len(self._ways)] = time, x, y
-        self._ways.append((time, self.length))
+        self._ways.append((time, self._passed))
+        self._last = (x, y)
         self._velocity = None
 
     def _lengthen(self, x: float, y: float, past: float) -> None:
@@ -200,8 +200,14 @@ class RolledWay:
         )
         step = math.hypot(self._smooth[0] - self._anchor[0], self._smooth[1] - self._anchor[1])
         if step >= STRIDE * self.spacing:
-            self.length += step
+            self._passed += step
             self._anchor = self._smooth
+
+    @property
+    def length(self) -> float:
+        """Of the way: the smoothed one, and from its last step to the last place [m]."""
+        x, y = self._last
+        return self._passed + math.hypot(x - self._anchor[0], y - self._anchor[1])
 
     @property
     def at(self) -> tuple[float, float]:
