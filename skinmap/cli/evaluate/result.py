@@ -759,6 +759,9 @@ class FingersResult:
         Contacts of the live tracker in the heaviest sample; nothing is fitted.
     width
         Without training: two lengths from a third of the recordings, judged on the others.
+    chosen, chosen_numbers
+        The same where the third chooses which number of contact geometry counts, too: nothing of
+        the rule is known from the recordings that judge it. And what it chose, of each seed.
     trained
         Extra trees on contact geometry, a region of the skin left out in turn.
     files
@@ -781,6 +784,8 @@ class FingersResult:
     finger_mm: float
     live: CountRow
     width: CountRow
+    chosen: CountRow
+    chosen_numbers: list[str]
     trained: CountRow
     files: list[str] = field(default_factory=list)
 
