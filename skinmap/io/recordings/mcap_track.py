@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -155,9 +156,8 @@ def _touches(index: Index, stamps: IntArray, head: dict[str, str]) -> tuple[Mark
         if not isinstance(subject, int) or not isinstance(owners, dict | None) or not words:
             raise DataFormatError(f"touch {event} of {part!r} is damaged", index.path)
         motion = _true_motion(one.get("motion"), f"touch {event} of {part!r}", index.path)
-        touches.append(
-            MarkedTouch(part, event, one["label"], first, last, subject, owners, *said, motion)
-        )
+        mark = MarkedTouch(part, event, one["label"], first, last, subject, owners, *said)
+        touches.append(replace(mark, motion=motion))
     return tuple(touches)
 
 
