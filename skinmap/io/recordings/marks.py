@@ -261,8 +261,8 @@ def _marked(
             label = JOIN.join(check_label(word) for word in label.split(JOIN))
     except InvalidArrayError as error:
         raise DataFormatError(str(error), path, line) from None
-    said = [cells.get(key, "") for key in ("session", "person")]
-    return MarkedTouch(cells["part"], 0, label, first, last, 0, None, *said)
+    session, person = cells.get("session", ""), cells.get("person", "")
+    return MarkedTouch(cells["part"], 0, label, first, last, session=session, person=person)
 
 
 def remarked(recording: Recording, marks: Marks, path: Path) -> Recording:
