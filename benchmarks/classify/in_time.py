@@ -88,7 +88,10 @@ def several(found: Sequence[Judged]) -> dict[str, Any]:
     return {
         "mean": float(np.mean(means)),
         "spread": float(np.std(means)),
-        "per_class": {k: float(np.nanmean([one.per_class.get(k, np.nan) for one in found])) for k in labels},
+        "per_class": {
+            label: float(np.nanmean([one.per_class.get(label, np.nan) for one in found]))
+            for label in labels
+        },
     }
 
 
