@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from benchmarks import ROOT
 from benchmarks.harness.record import about, write
 from skinmap import load_robot
 from skinmap.classify.protocols.in_time import evaluate_in_time, play
+from skinmap.classify.protocols.physics import OURS, Judged
 from skinmap.cli.evaluate.in_time import strokes_row
 from skinmap.errors import UnknownNameError
 from skinmap.live.contacts.contact_motion import MotionBook
@@ -44,36 +46,58 @@ def skins_of(robot: str, parts: tuple[str, ...] = ()) -> dict[str, PreparedSkin]
     return {part: PreparedSkin(loaded.skin(part)) for part in sizes.values()}
 
 
-def names(skins: dict[str, PreparedSkin], per_gesture: int, seed: int) -> dict[str, Any]:
+def names(skins: dict[str, PreparedSkin], per_gesture: int, seeds: Sequence[int]) -> dict[str, Any]:
     """Names, presses, directions and speeds on the iCub, in three physics."""
-    played = play(skins, ["ours", DEFAULT, FROZEN], TIME, per_gesture, seed)
-    found = evaluate_in_time(played, seed=seed)
+    found, errors = [], dict[str, list[Any]]()
+    for seed in seeds:
+        played = play(skins, [OURS, DEFAULT, FROZEN], TIME, per_gesture, seed)
+        found.append(evaluate_in_time(played, seed=seed))
+        for each in played:
+            errors.setdefault(each.physics, []).extend(stroke_errors(each.skin, each.recording))
     rows = [
         {
-            "features": one.features, "tested_on": one.judged.tested_on, "seen": one.seen,
-            "mean": one.judged.mean, "per_class": one.judged.per_class,
+            "features": first.features, "tested_on": first.judged.tested_on, "seen": first.seen,
+            **several([one.rows[number].judged for one in found]),
         }
-        for one in found.rows
+        for number, first in enumerate(found[0].rows)
     ]  # fmt: skip
     mean = {(row["features"], row["tested_on"], row["seen"]): row["mean"] for row in rows}
-    whole = mean["and motion", "ours", 1.0]
-    errors: dict[str, list[Any]] = {}
-    for each in played:
-        errors.setdefault(each.physics, []).extend(stroke_errors(each.skin, each.recording))
+    whole = mean["and motion", OURS, 1.0]
+    alone, together = (
+        float(np.mean([getattr(one, name) for one in found]))
+        for name in ("still_alone", "still_together")
+    )
     return {
         "rows": rows,
-        "gained_points": 100.0 * (whole - mean["contact geometry", "ours", 1.0]),
-        "half_seen": mean["and motion", "ours", 0.5] / whole,
-        "still_lost_points": 100.0 * (found.still_alone - found.still_together),
-        "still_alone": found.still_alone,
-        "presses_right": dict(found.counted),
+        "named": whole,
+        "gained_points": 100.0 * (whole - mean["contact geometry", OURS, 1.0]),
+        "half_seen": mean["and motion", OURS, 0.5] / whole,
+        "still_lost_points": 100.0 * (alone - together),
+        "still_alone": alone,
+        "presses_right": {
+            one: float(np.mean([each.counted[one] for each in found])) for one in found[0].counted
+        },
         "strokes": [plain(strokes_row(name, own)) for name, own in errors.items()],
     }
 
 
-def other_robots(strokes: int, seed: int) -> list[dict[str, Any]]:
+def several(found: Sequence[Judged]) -> dict[str, Any]:
+    """Mean over classes and seeds, its spread over the seeds, and the mean of each class."""
+    means = [one.mean for one in found]
+    labels = list(found[0].per_class)
+    return {
+        "mean": float(np.mean(means)),
+        "spread": float(np.std(means)),
+        "per_class": {
+            label: float(np.nanmean([one.per_class.get(label, np.nan) for one in found]))
+            for label in labels
+        },
+    }
+
+
+def other_robots(strokes: int, seeds: Sequence[int]) -> list[dict[str, Any]]:
     """Directions and speeds of strokes on other lattices."""
-    rows = []
+    rows: list[dict[str, Any]] = []
     for robot, parts in ROBOTS:
         try:
             skins = skins_of(robot, parts)
@@ -81,10 +105,10 @@ def other_robots(strokes: int, seed: int) -> list[dict[str, Any]]:
             rows.append({"robot": robot, "missing": "no such robot here"})
             continue
         found = []
-        for part, skin in skins.items():
-            made = simulate(skin.skin, rng=seed, gestures=["stroke"], per_gesture=strokes)
-            found += stroke_errors(skin, made)
-            del part
+        for skin in skins.values():
+            for seed in seeds:
+                made = simulate(skin.skin, rng=seed, gestures=["stroke"], per_gesture=strokes)
+                found += stroke_errors(skin, made)
         rows.append({"robot": robot, "parts": list(skins), **plain(strokes_row("ours", found))})
     return rows
 
@@ -110,7 +134,7 @@ def cost() -> dict[str, float]:
         tracker.update(k / 50.0, sample)
         tracks = tracker.present
         began = time.process_time()
-        book.update(k / 50.0, {one.identity: [one] for one in tracks})
+        book.update(k / 50.0, {one.identity: [one] for one in tracks}, sample)
         for one in tracks:
             book.motion(one.identity, one.part, one.normal)
         spent.append(time.process_time() - began)
@@ -126,12 +150,13 @@ def main() -> None:
     """Measure and write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--touches", type=int, default=24, help="of each gesture on each part")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seeds", type=int, default=2)
     chosen = parser.parse_args()
+    seeds = list(range(chosen.seeds))
     found = {
-        **about("full"), "touches": chosen.touches, "seed": chosen.seed, "cost": cost(),
-        "robots": other_robots(2 * chosen.touches, chosen.seed),
-        "icub": names(skins_of("icub"), chosen.touches, chosen.seed),
+        **about("full"), "touches": chosen.touches, "seeds": seeds, "cost": cost(),
+        "robots": other_robots(2 * chosen.touches, seeds),
+        "icub": names(skins_of("icub"), chosen.touches, seeds),
     }  # fmt: skip
     write(OUT, found)
     print(OUT.read_text())

@@ -9,6 +9,9 @@ only and leaves out what takes long.
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+import tempfile
 import warnings
 from pathlib import Path
 from typing import Any
@@ -33,6 +36,7 @@ from skinmap.surface.surface_mesh import build_surface
 from skinmap.touch.contact_image import ContactImageGeometry, compiled_gathers, image_geometry
 from skinmap.touch.paper_image import paper_images
 
+CYSKIN = Path(__file__).resolve().parents[3] / "shared" / "data" / "cyskin" / "ur10e"
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000)
 LARGE = 1_000_000
 PLOTTED = ("fast", "balanced", "dirichlet", "libigl LSCM", "libigl ARAP-10 from BFF",
@@ -62,6 +66,7 @@ def measure(quick: bool, *, sizes: tuple[int, ...] = SIZES, large: int = LARGE) 
         "exponents": exponents(rows),
         "cost_model": cost_model(rows),
         "icub": icub_row(repeats=1 if quick else 5),
+        "ur10e": ur10e_row(),
         "meshing": meshing_rows((1_000,) if quick else (1_000, 10_000)),
         "meshing_peers_not_installed": missing(),
     }
@@ -118,6 +123,41 @@ def icub_row(repeats: int) -> dict[str, Any]:
         "seconds": float(np.median(np.sum(times[1:], axis=1))),
         "seconds_quartiles": quartiles(np.sum(times[1:], axis=1)),
         **normals_of(robot, skins),
+    }
+
+
+def ur10e_row() -> dict[str, Any]:
+    """The second real skin on our meshes and, where its laboratory's files are, on theirs."""
+    import skinmap
+    from skinmap.flat.flat_map import flatten
+    from skinmap.surface.surface_mesh import build_surface
+
+    robot = skinmap.load_robot("ur10e-cyskin")
+    meshes = [build_surface(robot.skin(part)) for part in robot.parts]
+    maps = [flatten(mesh) for mesh in meshes]
+    charts = [chart for flat in maps for chart in flat.charts]
+    return {
+        "taxels": sum(len(np.unique(mesh.faces)) for mesh in meshes),
+        "patches": len(charts),
+        "flips": sum(flat.flips for flat in maps),
+        "edge_rms_percent": max(100.0 * chart.distortion.edge_rms for chart in charts),
+        "theirs": [theirs_row(path) for path in sorted(CYSKIN.glob("ur10e_*_patch1.json"))],
+    }
+
+
+def theirs_row(path: Path) -> dict[str, Any]:
+    """Our edge error on the mesh of a CySkin file, and that of the best map that came with it."""
+    command = [str(Path(sys.executable).with_name("skinmap")), "flatten", str(path)]
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [*command, "--compare", "theirs", "--json"],
+            check=True, capture_output=True, text=True, cwd=folder,
+        )  # fmt: skip
+    found = json.loads(done.stdout)
+    return {
+        "file": path.name,
+        "ours_percent": max(one["edge_rms_percent"] for one in found["patches"]),
+        "theirs_percent": min(one["edge_rms_percent"] for one in found["compare"]),
     }
 
 

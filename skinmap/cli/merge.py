@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from skinmap.touch.recording import Recording
+    from skinmap.touch.true_motion import TrueMotion
 
 APART = 1.0  # seconds between the end of one recording and the beginning of the next
 SAME_RATE = 0.01  # share by which rates may differ
@@ -150,11 +151,14 @@ def join(recordings: Sequence[tuple[str, Recording]]) -> Recording:
                 f"{first.rate:.4g}: they do not follow each other; `train` takes both"
             )
     times, events, shift, count = [], [], 0.0, 0
+    motions: list[TrueMotion | None] = []
     for _, one in recordings:
         begin = float(one.times[0]) if len(one.times) else 0.0
         times.append(one.times - begin + shift)
         events.append(np.where(one.events >= 0, one.events + count, -1))
         count += len(one.labels)
+        truth = one.motions or (None,) * len(one.labels)
+        motions += [None if true is None else true.shifted(shift - begin) for true in truth]
         shift = float(times[-1][-1]) + APART if len(one.times) else shift
     owners = None
     if any(one.owners is not None for _, one in recordings):
@@ -170,6 +174,7 @@ def join(recordings: Sequence[tuple[str, Recording]]) -> Recording:
         robot=first.robot,
         sessions=tuple(said or name for name, one in recordings for said in one.sessions),
         people=tuple(who for _, one in recordings for who in one.people),
+        motions=tuple(motions) if any(motions) else (),
     )
 
 

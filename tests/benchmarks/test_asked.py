@@ -14,6 +14,7 @@ CALIBRATION = RESULTS / "calibration.json"
 # New with this table: older files of results lack them.
 NEWER = {
     "taxels", "normals_deg_median", "normals_within_15_deg_percent", "seconds", "ok",
+    "ur10e",
 }  # fmt: skip
 
 

@@ -19,7 +19,8 @@ from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulator import simulate
 
 FOOT = ("--part", "left_foot")
-TOUCH = {"heading", "speed_mm_s", "presses", "period_s", "early_label", "early_s"} | {
+TOUCH = {
+    "heading", "up_mm", "right_mm", "speed_mm_s", "presses", "period_s", "early_label", "early_s",
     "event", "touch", "part", "label", "confidence", "names", "start_s", "duration_s", "area_mm2",
     "path_mm", "peak", "centre_mm", "contacts",
 }  # fmt: skip

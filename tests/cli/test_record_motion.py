@@ -36,5 +36,5 @@ def test_motion_is_recorded_for_any_mcap_reader(tmp_path):
     for one in moving:
         # Written to the micrometre a second.
         assert abs(np.linalg.norm(one["velocity_m_s"]) - one["speed_m_s"]) < 1e-5
-        assert one["speed_m_s"] > 2 * one["error_m_s"]
+        assert one["speed_m_s"] > one["error_m_s"]
     np.testing.assert_array_equal(read_track(out).values[:], made.pressures)  # as without motion

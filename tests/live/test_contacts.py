@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skinmap.geometry.proximity import closest_on_mesh
+from skinmap.live.contacts.followed_contact import Cutter
 from skinmap.live.contacts.sample_contacts import (
     Components,
     basins,
@@ -141,3 +142,21 @@ def test_numbering_of_parts_does_not_change_measures(prepared):
     second = measure(other, other.starts[1] + rows, label, 1, pressures)
     np.testing.assert_array_equal(first.centre, second.centre)
     np.testing.assert_array_equal(first.area, second.area)
+
+
+def test_summits_are_as_far_apart_as_the_skin_between_them():
+    """Round a limb as long as its arc, along it and on flat skin as straight."""
+    count, radius = 24, 9e-3
+    angle, height = np.meshgrid(np.arange(count) * 2 * np.pi / count, np.arange(0.0, 0.03, 3e-3))
+    normals = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], -1).reshape(-1, 3)
+    points = radius * normals + np.array([0.0, 0.0, 1.0]) * height.reshape(-1, 1)
+    joined = JoinedSkin({"limb": PreparedSkin(skin_from_points(points, normals, part="limb"))})
+    cutter = Cutter(joined, Components(joined))
+    round_it = cutter._along_skin(np.arange(1, count // 2 + 1), 0)
+    np.testing.assert_allclose(
+        round_it, radius * 2 * np.pi / count * np.arange(1, count // 2 + 1), rtol=1e-9
+    )
+    np.testing.assert_allclose(cutter._along_skin(np.array([count, 5 * count]), 0), [3e-3, 15e-3])
+    sheet = JoinedSkin({"sheet": flat_skin([[0, 0, 0], [0.02, 0, 0], [0, 0.02, 0]])})
+    flat = Cutter(sheet, Components(sheet))
+    np.testing.assert_allclose(flat._along_skin(np.array([1, 2]), 0), [0.02, 0.02])

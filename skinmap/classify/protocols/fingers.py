@@ -48,11 +48,6 @@ class Described:
     centres: FloatArray
 
     @property
-    def widths(self) -> FloatArray:
-        """(f,) how far the touch spreads across itself, standard deviation [mm]."""
-        return self.numbers[:, WIDTH]
-
-    @property
     def touched(self) -> BoolArray:
         """(f,) whether anything is."""
         return np.asarray(self.numbers[:, : len(FEATURES)].any(axis=1))
@@ -100,7 +95,9 @@ def describe(
     return Described(np.array(numbers).reshape(len(files), -1), np.array(centres))
 
 
-def count_by_width(found: Described, narrow: float, finger: float) -> IntArray:
+def count_by_width(
+    found: Described, narrow: float, finger: float, *, number: int = WIDTH
+) -> IntArray:
     """(f,) fingers: none where nothing is touched, else one more for each finger's width.
 
     Parameters
@@ -108,24 +105,42 @@ def count_by_width(found: Described, narrow: float, finger: float) -> IntArray:
     found : Described
     narrow, finger : float
         Spread across the touch of one finger at most, and what each further one adds [mm].
+    number : int
+        Another of `FEATURES` that grows with the fingers.
     """
-    more = np.ceil((found.widths - narrow) / finger)
-    return np.where(found.touched, np.clip(1 + more, 1, MOST), 0).astype(np.int64)
+    return _counts(found.numbers[:, number], found.touched, np.array(narrow), np.array(finger))
 
 
-def fit_widths(found: Described, fingers: IntArray, rows: BoolArray) -> tuple[float, float]:
+def _counts(
+    values: FloatArray, touched: BoolArray, narrow: FloatArray, finger: FloatArray
+) -> IntArray:
+    """(..., f) fingers by numbers (f,), for thresholds (...)."""
+    more = np.ceil((values - narrow[..., None]) / finger[..., None])
+    return np.where(touched, np.clip(1 + more, 1, MOST), 0).astype(np.int64)
+
+
+def fit_widths(
+    found: Described, fingers: IntArray, rows: BoolArray, *, number: int = WIDTH
+) -> tuple[float, float]:
     """The two lengths [mm] that count the recordings of some rows (f,) best."""
-    widths = found.widths[rows & found.touched]
-    middle = float(np.median(widths)) if len(widths) else 1.0
-    best, chosen = -1.0, (middle, max(middle, 1e-3))
-    for narrow in np.linspace(0.0, 1.5 * middle, LENGTHS).tolist():
-        for finger in np.linspace(0.1, 1.5, LENGTHS) * max(middle, 1e-3):
-            counts = count_by_width(found, narrow, float(finger))[rows]
-            off = np.abs(counts - fingers[rows])
-            score = float((off == 0).mean() + NEARLY * (off <= 1).mean())
-            if score > best:
-                best, chosen = score, (narrow, float(finger))
-    return chosen
+    return _fit(found, fingers, rows, number)[1:]
+
+
+def _fit(
+    found: Described, fingers: IntArray, rows: BoolArray, number: int
+) -> tuple[float, float, float]:
+    """What the best two thresholds are worth on some rows (f,), and they."""
+    values, touched = found.numbers[rows, number], found.touched[rows]
+    middle = float(np.median(values[touched])) if touched.any() else 1.0
+    narrow, finger = np.meshgrid(
+        np.linspace(0.0, 1.5 * middle, LENGTHS),
+        np.linspace(0.1, 1.5, LENGTHS) * max(middle, 1e-3),
+        indexing="ij",
+    )
+    off = np.abs(_counts(values, touched, narrow, finger) - fingers[rows])
+    score = (off == 0).mean(axis=-1) + NEARLY * (off <= 1).mean(axis=-1)
+    best = int(score.argmax())
+    return float(score.flat[best]), float(narrow.flat[best]), float(finger.flat[best])
 
 
 def zero_training(
@@ -147,6 +162,21 @@ def zero_training(
         tests.append(~chosen)
     narrow, finger = np.median(np.array(lengths), axis=0).tolist()
     return judge("width of the touch", counts, tests, fingers), (narrow, finger)
+
+
+def chosen_number(
+    found: Described, fingers: IntArray, seeds: Sequence[int]
+) -> tuple[Counted, tuple[str, ...]]:
+    """The same where the third says too which of all `FEATURES` counts, and its name each time."""
+    counts, tests, names = [], [], []
+    for seed in seeds:
+        third = _third(fingers, np.random.default_rng(seed))
+        fits = [_fit(found, fingers, third, k) for k in range(len(FEATURES))]
+        best = max(range(len(fits)), key=lambda k: fits[k][0])
+        counts.append(count_by_width(found, *fits[best][1:], number=best))
+        tests.append(~third)
+        names.append(FEATURES[best])
+    return judge("a number that the third chose", counts, tests, fingers), tuple(names)
 
 
 def trained(

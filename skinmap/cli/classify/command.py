@@ -162,7 +162,11 @@ def _lines(result: ClassifyResult) -> Iterator[str | Table]:
     for row, touch in zip(rows, result.touches, strict=True):
         names = None if touch.names is None else tuple(touch.names)
         row[3] = in_words(Prediction(touch.label, touch.confidence, names))
-    yield Table([*keys[:-1], "recorded"], rows)
+    heads = [*keys[:-1], "recorded"]
+    if any(touch.heading != "still" for touch in result.touches):
+        heads.append("heading")
+        rows = [[*row, one.heading] for row, one in zip(rows, result.touches, strict=True)]
+    yield Table(heads, rows)
     yield from health_lines(result.health)
     right = round((result.accuracy or 0.0) * result.events)
     yield f"{right} of {result.events} as recorded"

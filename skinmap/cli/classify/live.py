@@ -222,6 +222,8 @@ def touch_line(touch: TouchEvent) -> LiveTouch:
         centre_mm=(touch.centre * MM).tolist(),
         contacts=touch.contacts,
         heading=touch.heading,
+        up_mm=touch.up * MM,
+        right_mm=touch.right * MM,
         speed_mm_s=touch.speed * MM,
         presses=touch.presses,
         period_s=touch.period if touch.presses > 1 else None,

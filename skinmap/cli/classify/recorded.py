@@ -17,8 +17,10 @@ from skinmap.cli.classify.result import ClassifyResult, Health, NamedRow, NameSe
 from skinmap.commands.options import open_robot
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import load_recordings
+from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
+from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.grouping import GroupingRule
-from skinmap.touch.motion_features import MOTION_FEATURES, motion_features
+from skinmap.touch.motion_features import MM, MOTION_FEATURES, motion_features
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
 
@@ -96,14 +98,14 @@ def _name_events(
     rule = GroupingRule(span=rule.span, together=rule.together, rate=rate)
     rows = []
     right = 0
-    rest = recording.rest()
+    rest, book = recording.rest(), MotionBook(JoinedSkin({recording.part: skin}))
     for event, label, samples in recording.touches():
         owners = None if recording.owners is None else recording.owners[event]
         person = int(recording.subjects[event])
         named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
         right += all_right(named, samples, label, owners)
-        moved = [_motion(skin, samples, one.taxels, rate) for one in named]
-        moved = moved or [_motion(skin, samples[:0], np.zeros(len(skin), bool), rate)]
+        moved = [_motion(skin, book, samples, one.taxels, rate) for one in named]
+        moved = moved or [_motion(skin, book, samples[:0], np.zeros(len(skin), bool), rate)]
         alone = None if classifier.coverage is None else (NO_CONTACT,)
         nothing = Prediction(NO_CONTACT, 1.0, alone)
         said = [one.prediction for one in named] or [nothing]
@@ -124,14 +126,22 @@ def _name_events(
 
 
 def _motion(
-    skin: PreparedSkin, samples: NDArray[np.uint8], taxels: BoolArray, rate: float
+    skin: PreparedSkin,
+    book: MotionBook,
+    samples: NDArray[np.uint8],
+    taxels: BoolArray,
+    rate: float,
 ) -> dict[str, Any]:
     """What a row says of how a touch went on."""
     own = np.where(taxels, samples, 0).astype(np.uint8)
     found = motion_features(skin.geometry, own, rate)
     number = dict(zip(MOTION_FEATURES, found.tolist(), strict=True))
     presses = int(number["presses"])
+    course = recorded_course(book, own, rate)
     return {
+        "heading": course.heading,
+        "up_mm": course.up * MM,
+        "right_mm": course.right * MM,
         "way_mm": number["way_mm"],
         "speed_mm_s": number["speed_mm_s"],
         "presses": presses,

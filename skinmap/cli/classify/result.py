@@ -43,6 +43,11 @@ class NamedRow:
         them where no name is likely enough. Else null.
     recorded_label
         The name that it was recorded with.
+    heading
+        Where it went in the part's axes: up, down, round left or right as one sees who looks at the
+        skin, to and fro, or still.
+    up_mm, right_mm
+        How far it came in the part's axes, in the longest press.
     way_mm, speed_mm_s
         How far its centre went along the skin, and how fast; 0 where it stayed.
     presses, period_ms
@@ -58,6 +63,9 @@ class NamedRow:
     confidence: float
     names: list[str] | None
     recorded_label: str
+    heading: str
+    up_mm: float
+    right_mm: float
     way_mm: float
     speed_mm_s: float
     presses: int
@@ -143,6 +151,8 @@ class LiveTouch:
     heading
         Where it went in the part's axes: up, down, round left or right as one sees who looks at the
         skin, to and fro, or still.
+    up_mm, right_mm
+        How far it came in the part's axes.
     speed_mm_s
         While it moved evenly; 0 where it stayed.
     presses, period_s
@@ -166,6 +176,8 @@ class LiveTouch:
     centre_mm: list[float]
     contacts: int
     heading: str
+    up_mm: float
+    right_mm: float
     speed_mm_s: float
     presses: int
     period_s: float | None

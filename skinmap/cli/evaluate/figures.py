@@ -135,7 +135,7 @@ def time_figure(result: TimeResult, path: Path) -> None:
 
 def fingers_figure(result: FingersResult, path: Path) -> None:
     """Fingers that touched against fingers counted, by each method."""
-    rows = (result.live, result.width, result.trained)
+    rows = (result.live, result.width, result.chosen, result.trained)
     figure = plain_figure((4.2 * len(rows), 4.6))
     for axis, row in zip(figure.subplots(1, len(rows), squeeze=False)[0], rows, strict=True):
         values = np.array(row.confusion)

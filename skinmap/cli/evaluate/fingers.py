@@ -37,8 +37,8 @@ def work(settings: Settings) -> FingersResult:
     data = read_pressed(arrays, patch)
     classes = protocol.check_fingers(finger_counts(data, arrays))
     skin = PreparedSkin(data.skin)
-    pairs: dict[str, list[Counted]] = {"live": [], "width": [], "trained": []}
-    regions, lengths = None, []
+    pairs: dict[str, list[Counted]] = {"live": [], "width": [], "chosen": [], "trained": []}
+    regions, lengths, numbers = None, [], []
     with progress(2 * (2 + settings.seeds * protocol.REGIONS), "fingers") as advance:
         for first in (None, protocol.FIRST):
             found = protocol.describe(skin, data.files, first=first)
@@ -46,16 +46,16 @@ def work(settings: Settings) -> FingersResult:
             regions = protocol.places(found) if regions is None else regions
             advance("described")
             width, own = protocol.zero_training(found, classes, settings.all_seeds)
+            number, names = protocol.chosen_number(found, classes, settings.all_seeds)
+            numbers.append(list(names))
             trees = protocol.trained(found, classes, regions, settings.all_seeds, advance)
             every = np.ones(len(classes), bool)
             live = [tracked(skin, data, first=first)]
             contacts = protocol.judge("live contacts", live, [every], classes)
             lengths.append(own)
             advance("tracked")
-            for key, one in zip(
-                ("live", "width", "trained"), (contacts, width, trees), strict=True
-            ):
-                pairs.setdefault(key, []).append(one)
+            for key, one in zip(pairs, (contacts, width, number, trees), strict=True):
+                pairs[key].append(one)
     return FingersResult(
         robot=data.skin.part,
         taxels=len(skin),
@@ -71,6 +71,8 @@ def work(settings: Settings) -> FingersResult:
         finger_mm=lengths[0][1],
         live=_row(*pairs["live"]),
         width=_row(*pairs["width"]),
+        chosen=_row(*pairs["chosen"]),
+        chosen_numbers=numbers[0],
         trained=_row(*pairs["trained"]),
     )
 

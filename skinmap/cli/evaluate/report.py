@@ -179,7 +179,7 @@ def _fingers(result: FingersResult) -> Iterator[str | Table]:
             row.method, _percent(row.exact), _percent(row.within_one), _percent(row.spread),
             _percent(row.control), _percent(row.control_within_one),
         ]
-        for row in (result.live, result.width, result.trained)
+        for row in (result.live, result.width, result.chosen, result.trained)
     ]  # fmt: skip
     head = ["fingers counted by", "exact", "within one", "std", "control", "within one"]
     yield Table(head, rows)

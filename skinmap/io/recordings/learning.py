@@ -2,7 +2,8 @@
 
 times (t,), and for each part: PART/values (t, n), PART/events (t,), PART/labels (k,),
 PART/subjects (k,), PART/sessions (k,), PART/people (k,), and of its taxels PART/channels,
-PART/modules, PART/positions, PART/normals;
+PART/modules, PART/positions, PART/normals; of touches whose true motion is known (number k)
+PART/motions/k/presses (p, 2) and PART/motions/k/way (w, 4), as docs/recordings.md has them;
 joints (j,) and angles (t, j) where there are any. HDF5 has the rest as attributes, NPZ as JSON in
 `about`.
 """
@@ -21,6 +22,7 @@ from skinmap.errors import DataFormatError, OutputError
 from skinmap.io.recordings.marked_events import part_events, taxel_columns
 from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, StreamInfo
 from skinmap.touch.recording import Recording
+from skinmap.touch.true_motion import TrueMotion
 
 FORMAT = "skinmap-arrays-1"
 BLOCK = 1024  # samples that are read, compressed and written at once
@@ -44,6 +46,10 @@ def arrays_of(track: RecordedStream, path: Path) -> Iterator[tuple[str, NDArray[
         yield f"{part}/subjects", marked.subjects
         if marked.owners is not None:
             yield f"{part}/owners", marked.owners.astype(np.int8)
+        for event, motion in enumerate(marked.motions):
+            if motion is not None:
+                for name, array in motion.to_arrays().items():
+                    yield f"{part}/motions/{event}/{name}", array
         table = track.tables.get(part)
         if table is not None:
             for name in ("channels", "modules", "positions", "normals"):
@@ -209,6 +215,7 @@ def recordings_of_arrays(arrays: Any, path: Path) -> list[Recording]:
         columns = taxel_columns(channels, values.shape[1], part, path)
         if values.dtype != np.uint8:
             raise DataFormatError(f"pressures of {part!r} are {values.dtype}, not uint8", path)
+        motions = [_motion(arrays, part, k) for k in range(len(arrays[f"{part}/labels"]))]
         found.append(
             Recording(
                 part,
@@ -220,6 +227,7 @@ def recordings_of_arrays(arrays: Any, path: Path) -> list[Recording]:
                 arrays.get(f"{part}/owners", None),
                 sessions=_words(arrays, f"{part}/sessions"),
                 people=_words(arrays, f"{part}/people"),
+                motions=tuple(motions) if any(motions) else (),
             )
         )
     return found
@@ -283,8 +291,17 @@ def _marks(arrays: Any, part: str) -> Iterator[MarkedTouch]:
         if len(rows):
             label, session, person = said
             yield MarkedTouch(
-                part, event, label, int(rows[0]), int(rows[-1]), session=session, person=person
-            )
+                part, event, label, int(rows[0]), int(rows[-1]), session=session, person=person,
+                motion=_motion(arrays, part, event),
+            )  # fmt: skip
+
+
+def _motion(arrays: Any, part: str, event: int) -> TrueMotion | None:
+    start = f"{part}/motions/{event}/"
+    names = ("presses", "way", "turned")
+    if start + "way" not in arrays:
+        return None
+    return TrueMotion.from_arrays({name: arrays[start + name] for name in names})
 
 
 def _words(arrays: Any, name: str) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ task the names of what touches then; `meta/skin.json` says where each taxel is.
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import IntArray
-from skinmap.errors import DataFormatError, MissingLibraryError
+from skinmap.errors import DataFormatError, MissingLibraryError, SkinWarning
 from skinmap.io.recordings.learning import BLOCK, about
 from skinmap.io.recordings.recorded_stream import RecordedStream
 
@@ -52,6 +53,13 @@ def write_lerobot(track: RecordedStream, folder: Path) -> None:
             "a LeRobot data set needs pyarrow: pip install 'skinmap[lerobot]'"
         ) from error
     fps = round(track.info.rate)
+    if any(touch.motion is not None for touch in track.touches):
+        warnings.warn(
+            "a LeRobot data set does not keep the true motion of touches, .mcap, .npz, .h5 and "
+            "Zarr do",
+            SkinWarning,
+            stacklevel=2,
+        )
     if len(track.times) == 0 or fps < 1:
         raise DataFormatError(f"{len(track.times)} samples at {track.info.rate:g} Hz", folder)
     tasks, task_of = _tasks(track)

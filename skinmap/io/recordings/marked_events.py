@@ -14,6 +14,7 @@ from skinmap.arrays import IntArray
 from skinmap.errors import DataFormatError
 from skinmap.io.recordings.recorded_stream import MarkedTouch
 from skinmap.touch.recording import Recording
+from skinmap.touch.true_motion import TrueMotion
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -26,6 +27,7 @@ class PartEvents:
     owners: IntArray | None
     sessions: tuple[str, ...]
     people: tuple[str, ...]
+    motions: tuple[TrueMotion | None, ...]  # empty where none is known
 
 
 def touches_of(recording: Recording) -> list[MarkedTouch]:
@@ -43,6 +45,7 @@ def touches_of(recording: Recording) -> list[MarkedTouch]:
             _owners(recording, event),
             recording.sessions[event],
             recording.people[event],
+            recording.motions[event] if recording.motions else None,
         )
         for first, after in zip(changes[:-1].tolist(), changes[1:].tolist(), strict=True)
         if (event := int(events[first])) >= 0
@@ -88,6 +91,7 @@ def part_events(touches: Sequence[MarkedTouch], count: int, taxels: int, path: P
     place = {number: row for row, number in enumerate(numbers)}
     events = np.full(count, -1)
     labels, sessions, people = ([""] * len(numbers) for _ in range(3))
+    motions: list[TrueMotion | None] = [None] * len(numbers)
     subjects = np.zeros(len(numbers), np.int64)
     joined = any(touch.owners for touch in touches)
     owners = np.full((len(numbers), taxels), -1) if joined else None
@@ -98,10 +102,12 @@ def part_events(touches: Sequence[MarkedTouch], count: int, taxels: int, path: P
         span = events[touch.first : touch.last + 1]
         span[span < 0] = row  # what began first keeps its samples
         labels[row], subjects[row] = touch.label, touch.subject
-        sessions[row], people[row] = touch.session, touch.person
+        sessions[row], people[row], motions[row] = touch.session, touch.person, touch.motion
         if owners is not None:
             owners[row] = _owner_row(touch.owners or {}, taxels, path)
-    return PartEvents(events, tuple(labels), subjects, owners, tuple(sessions), tuple(people))
+    known = tuple(motions) if any(motions) else ()
+    words = tuple(labels), tuple(sessions), tuple(people)
+    return PartEvents(events, words[0], subjects, owners, *words[1:], known)
 
 
 def _owner_row(owners: Mapping[str, list[int]], taxels: int, path: Path) -> IntArray:

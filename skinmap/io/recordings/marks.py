@@ -68,8 +68,9 @@ class Marks:
                 f"a touch of samples {one.first} to {one.last} cannot be split at {row}"
             )
         number = 1 + max(other.event for other in self.touches if other.part == one.part)
-        later = replace(one, event=number, first=row, owners=None)
-        return self._with(place, replace(one, last=row - 1, owners=None), later)
+        whole = replace(one, owners=None, motion=None)
+        later = replace(whole, event=number, first=row)
+        return self._with(place, replace(whole, last=row - 1), later)
 
     def join(self, place: int) -> Marks:
         """One touch and the next one of its part as one, by the first one's name.
@@ -85,7 +86,7 @@ class Marks:
             raise InvalidArrayError(f"no later touch of {one.part!r} to join with")
         last = max(one.last, self.touches[later[0]].last)
         rest = tuple(t for k, t in enumerate(self.touches) if k not in (place, later[0]))
-        return Marks((*rest, replace(one, last=last, owners=None)))
+        return Marks((*rest, replace(one, last=last, owners=None, motion=None)))
 
     def _with(self, place: int, *others: MarkedTouch) -> Marks:
         return Marks((*self.touches[:place], *others, *self.touches[place + 1 :]))
@@ -192,7 +193,7 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
     ----------
     path : Path
     before : Marks
-        What the recording has; owners of touches whose times stay are kept.
+        What the recording has; owners are kept, and motions of touches whose times stay.
     times : (t,) float
         [s].
     parts : sequence of str
@@ -223,7 +224,9 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
         old = known.get((one.part, event))
         owners = old.owners if old is not None and JOIN in one.label else None
         subject = 0 if old is None else old.subject
-        one = replace(one, event=event, owners=owners, subject=subject)
+        same = old is not None and (old.first, old.last) == (one.first, one.last)
+        motion = old.motion if old is not None and same else None
+        one = replace(one, event=event, owners=owners, subject=subject, motion=motion)
         clash = next((t for t in found if t.part == one.part and _overlap(t, one)), None)
         if clash is not None:
             raise DataFormatError(
@@ -258,8 +261,8 @@ def _marked(
             label = JOIN.join(check_label(word) for word in label.split(JOIN))
     except InvalidArrayError as error:
         raise DataFormatError(str(error), path, line) from None
-    said = [cells.get(key, "") for key in ("session", "person")]
-    return MarkedTouch(cells["part"], 0, label, first, last, 0, None, *said)
+    session, person = cells.get("session", ""), cells.get("person", "")
+    return MarkedTouch(cells["part"], 0, label, first, last, session=session, person=person)
 
 
 def remarked(recording: Recording, marks: Marks, path: Path) -> Recording:
@@ -274,4 +277,5 @@ def remarked(recording: Recording, marks: Marks, path: Path) -> Recording:
         owners=found.owners,
         sessions=found.sessions,
         people=found.people,
+        motions=found.motions,
     )

@@ -32,6 +32,7 @@ from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.skin.taxels import TaxelTable
+from skinmap.touch.true_motion import TrueMotion
 
 FORMAT = "skinmap-mcap-2"
 METADATA = "skinmap"
@@ -239,6 +240,7 @@ class McapRecording:
         owners: Mapping[str, list[int]] | None = None,
         session: str = "",
         person: str = "",
+        motion: TrueMotion | None = None,
     ) -> None:
         """Mark a touch; what is said at its end counts more than what was said before.
 
@@ -256,6 +258,8 @@ class McapRecording:
             Taxels of each touch that the label joins.
         session, person : str
             Where they are not those of the file.
+        motion : TrueMotion, optional
+            Its true way, presses and speed, where they are known.
         """
         content: dict[str, Any] = {"part": part, "event": event, "label": label, "began_s": began}
         content["subject"] = subject
@@ -265,6 +269,8 @@ class McapRecording:
             content["owners"] = owners
         said = {"session": session, "person": person}
         content |= {key: word for key, word in said.items() if word}
+        if motion is not None:
+            content["motion"] = {key: one.tolist() for key, one in motion.to_arrays().items()}
         stamp = nanoseconds_of(began if ended is None else ended)
         text = json.dumps(content, separators=(",", ":"))
         self._message(TOUCHES, stamp, text_message(text), 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ from skinmap.io.ros2.messages import read_joints, read_text
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED
 from skinmap.io.taxels.table import parse_csv
 from skinmap.skin.taxels import TaxelTable
+from skinmap.touch.true_motion import TrueMotion
 
 FORMATS = ("skinmap-mcap-1", FORMAT)  # the first had touches and angles as bare JSON
 OLD_JOINTS = "/joints"
@@ -153,8 +155,20 @@ def _touches(index: Index, stamps: IntArray, head: dict[str, str]) -> tuple[Mark
         words = all(isinstance(word, str) for word in said)
         if not isinstance(subject, int) or not isinstance(owners, dict | None) or not words:
             raise DataFormatError(f"touch {event} of {part!r} is damaged", index.path)
-        touches.append(MarkedTouch(part, event, one["label"], first, last, subject, owners, *said))
+        motion = _true_motion(one.get("motion"), f"touch {event} of {part!r}", index.path)
+        mark = MarkedTouch(part, event, one["label"], first, last, subject, owners, *said)
+        touches.append(replace(mark, motion=motion))
     return tuple(touches)
+
+
+def _true_motion(told: Any, whose: str, path: Path) -> TrueMotion | None:
+    """The motion that a mark tells; None where it tells none."""
+    if told is None:
+        return None
+    try:
+        return TrueMotion.from_arrays(told)
+    except (KeyError, TypeError, ValueError, IndexError):
+        raise DataFormatError(f"the motion of {whose} is damaged", path) from None
 
 
 def _angles(index: Index, stamps: IntArray) -> tuple[tuple[str, ...], FloatArray]:
@@ -375,6 +389,8 @@ def touch_message(one: MarkedTouch, times: FloatArray) -> tuple[int, bytes]:
     }
     if one.owners:
         content["owners"] = dict(one.owners)
+    if one.motion is not None:
+        content["motion"] = {key: rows.tolist() for key, rows in one.motion.to_arrays().items()}
     stamp = nanoseconds_of(content["ended_s"])
     return stamp, json.dumps(content, separators=(",", ":")).encode()
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError, SkinWarning, UnknownNameError
 from skinmap.skin.taxels import TaxelTable
+from skinmap.touch.true_motion import TrueMotion
 
 Kind = Literal["raw", "pressure"]
 GAP = 1.5  # median steps between two samples that count as a gap
@@ -128,6 +129,8 @@ class MarkedTouch:
         Taxels (dense rows) of each of the touches that the label joins, by their number.
     session, person : str
         When it was recorded, and who touched, in words; empty where nobody said.
+    motion : TrueMotion, optional
+        Its true way, presses and speed, where they are known.
     """
 
     part: str
@@ -139,6 +142,7 @@ class MarkedTouch:
     owners: Mapping[str, list[int]] | None = None
     session: str = ""
     person: str = ""
+    motion: TrueMotion | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,6 +58,7 @@ def write_rosbag2(track: RecordedStream, folder: Path) -> None:
                     ended=float(track.times[touch.last]),
                     subject=touch.subject,
                     owners=touch.owners,
+                    motion=touch.motion,
                 )
     finally:
         recording.close()

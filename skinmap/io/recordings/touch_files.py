@@ -251,6 +251,7 @@ def _write_mark(file: McapRecording, touch: MarkedTouch, times: FloatArray) -> N
         owners=touch.owners,
         session=touch.session,
         person=touch.person,
+        motion=touch.motion,
     )
 
 
@@ -296,6 +297,7 @@ def recordings_of(track: RecordedStream, path: Path) -> list[Recording]:
                 sessions=marked.sessions,
                 people=marked.people,
                 fingerprint=track.info.fingerprints.get(part, ""),
+                motions=marked.motions,
             )
         )
     return found

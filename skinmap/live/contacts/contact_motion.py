@@ -15,36 +15,44 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray, freeze
+from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.geometry.proximity import median_spacing
 from skinmap.live.contacts.followed_contact import DRAWING, Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import Skin
 from skinmap.summary import Summary
+from skinmap.touch.contacts import ACTIVE
 from skinmap.touch.flat_flow import FlatFlow
+from skinmap.touch.motion_features import presses
 
 Method = Literal["places", "flow"]
 Triple = tuple[float, float, float]
 Heading = Literal["still", "up", "down", "round left", "round right", "to and fro"]
 WINDOW = 0.2  # a velocity is taken from the places of so long at least [s]
-LONGEST = 0.8  # and at most [s]
-PITCHES = (
-    2.5  # and from a way of so many spacings: over one the lattice makes the centre go unevenly
-)
+LONGEST = 1.0  # and at most [s]
+# And from a way of so many spacings: over one the lattice makes the centre go unevenly, over some
+# the islands of a contact do.
+PITCHES = 5.0
 PLACES = 256  # that are kept
 # Of the middle speed: less is landing, turning or leaving; and the share of the others that the
 # speed of a touch exceeds. Fitted on strokes on three parts of the iCub, our own and MuJoCo's.
 EVEN, UPPER = 0.8, 60.0
 STILL = 8e-3  # slower is still: a resting finger trembles [m/s]
 FASTEST = 1.0  # nobody strokes quicker: a step beyond is a contact that came or went [m/s]
-FREE = 0.22  # residuals that are free of each other on the way of one spacing
+# Of the variance of a window's residuals that its slope may be wrong by: the centre wanders within
+# the contact, over ways as long as the window's, so that little of it shows as residuals. Fitted on
+# our strokes and two variants of MuJoCo's: nine of ten velocities are wrong by less than twice it.
+FREE = 0.25
 WOBBLE = 0.12  # by which the lattice misplaces a centre, in spacings: the least error of a place
 STEEP = 0.35  # of what is up, less is left in the skin's plane: its long axis tells instead
 SHORT = 15e-3  # a shorter way has no heading [m]
 STRAIGHT = 0.5  # of the way, a touch that comes less far goes to and fro
 OPPOSED = 0.05  # shorter mean normals are of contacts that face away from each other
-LAID = 1e-3  # steps are laid into the plane when they are so long: noise adds no way [m]
+LAID = 1e-3  # steps are laid into the plane when they are so long [m]
+# The way is that of the smoothed place, in steps of so many spacings: what trembles adds no length.
+SMOOTH, STRIDE = 0.05, 0.25  # [s]
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -109,11 +117,15 @@ class Course:
         While it moved evenly [m/s].
     length : float
         Of the way [m].
+    up, right : float
+        How far it came in the part's axes, as of `Motion` [m].
     """
 
     heading: Heading = "still"
     speed: float = 0.0
     length: float = 0.0
+    up: float = 0.0
+    right: float = 0.0
 
 
 class RolledWay:
@@ -128,8 +140,6 @@ class RolledWay:
 
     Attributes
     ----------
-    length : float
-        [m].
     gone : list of 2 float
         How far up and to the right it has come [m].
     speeds : deque of (float, float)
@@ -138,44 +148,66 @@ class RolledWay:
 
     def __init__(self, spacing: float, window: float = WINDOW) -> None:
         self.spacing, self.window = spacing, window
-        self.length = 0.0
+        self._passed = 0.0  # of the smoothed way [m]
+        self._last = (0.0, 0.0)
         self.gone = [0.0, 0.0]  # up and to the right, in sum [m]
         self.speeds: deque[tuple[float, float]] = deque(maxlen=PLACES)
         self._moved = False
         self._heaviest = 0.0
-        # Time, place in the plane and way so far, row by row; the last rows are what counts.
-        self._rows: FloatArray = np.zeros((2 * PLACES, 4))
-        self._count = 0
+        # Time and place in the plane, and the way so far, column by column; the last ones count.
+        self._rows: FloatArray = np.zeros((3, 2 * PLACES))
+        self._ways: list[tuple[float, float]] = []
+        self._first = 0  # column of the window's first place
         self._axes: tuple[Triple, Triple] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._centre: Triple = (0.0, 0.0, 0.0)
         self._normal: Triple = (0.0, 0.0, 0.0)
         self._at = (0.0, 0.0)
+        self._smooth = self._anchor = (0.0, 0.0)
         self._velocity: tuple[FloatArray, float] | None = None
 
     def add(self, time: float, centre: Triple, normal: Triple, load: float) -> None:
         """Follow the centre [m] of a touch whose skin faces along a normal."""
         self._heaviest = max(self._heaviest, load)
-        if self._count == 0:
+        if not self._ways:
             self._axes = _any_axes(normal)
             self._centre, self._normal = centre, normal
         elif load < DRAWING * self._heaviest:
             return  # what lets go draws no way
         x, y = self._rolled(centre, normal)
         step = math.hypot(x - self._at[0], y - self._at[1])
-        past = time - float(self._rows[self._count - 1, 0]) if self._count else 0.0
+        past = time - self._ways[-1][0] if self._ways else 0.0
         if past > 0 and step > FASTEST * past + 0.5 * self.spacing:
             # A contact came or went: the plane is moved on instead.
             x, y = self._at
             self._begin_at(centre, normal, self._at)
         elif step >= LAID:
-            self.length += step
             self._begin_at(centre, normal, (x, y))
-        if self._count == len(self._rows):
-            self._rows[:PLACES] = self._rows[PLACES:]
-            self._count = PLACES
-        self._rows[self._count] = time, x, y, self.length
-        self._count += 1
+        if len(self._ways) == 2 * PLACES:
+            self._rows[:, :PLACES] = self._rows[:, PLACES:]
+            del self._ways[:PLACES]
+            self._first = max(0, self._first - PLACES)
+        self._lengthen(x, y, past)
+        self._rows[:, len(self._ways)] = time, x, y
+        self._ways.append((time, self._passed))
+        self._last = (x, y)
         self._velocity = None
+
+    def _lengthen(self, x: float, y: float, past: float) -> None:
+        share = -math.expm1(-past / SMOOTH)
+        self._smooth = (
+            self._smooth[0] + share * (x - self._smooth[0]),
+            self._smooth[1] + share * (y - self._smooth[1]),
+        )
+        step = math.hypot(self._smooth[0] - self._anchor[0], self._smooth[1] - self._anchor[1])
+        if step >= STRIDE * self.spacing:
+            self._passed += step
+            self._anchor = self._smooth
+
+    @property
+    def length(self) -> float:
+        """Of the way: the smoothed one, and from its last step to the last place [m]."""
+        x, y = self._last
+        return self._passed + math.hypot(x - self._anchor[0], y - self._anchor[1])
 
     @property
     def at(self) -> tuple[float, float]:
@@ -193,9 +225,8 @@ class RolledWay:
     def velocity(self) -> tuple[FloatArray, float]:
         """Velocity (3,) and its standard error [m/s]: a line through the last places.
 
-        The window goes back until the way in it is `PITCHES` spacings. Its residuals are as the
-        lattice repeats, not from sample to sample: there are as many free ones as spacings
-        on the way.
+        The window goes back until the way in it is `PITCHES` spacings. Its residuals repeat as the
+        lattice does, not from sample to sample, so that their number does not make it better.
         """
         if self._velocity is None:
             slope, error = self._slope()
@@ -205,7 +236,7 @@ class RolledWay:
             speed = math.hypot(*slope)
             if speed > STILL and math.isfinite(error):
                 self.speeds.append((speed, error))
-                self._moved |= speed > 2.0 * error
+                self._moved |= speed > error
         return self._velocity
 
     def set_velocity(self, velocity: FloatArray) -> None:
@@ -215,7 +246,7 @@ class RolledWay:
         self._velocity = velocity, error
         if speed > STILL and math.isfinite(error):
             self.speeds.append((speed, error))
-            self._moved |= speed > 2.0 * error
+            self._moved |= speed > error
 
     @property
     def speed(self) -> float:
@@ -234,30 +265,33 @@ class RolledWay:
 
     def _slope(self) -> tuple[tuple[float, float], float]:
         """Slope in the plane and its standard error."""
-        rows = self._rows[max(0, self._count - PLACES) : self._count]
-        unknown = (0.0, 0.0), float("inf")
-        if len(rows) < 3:
-            return unknown
-        now, way = rows[-1, 0], rows[-1, 3]
-        first = min(
-            int(rows[:, 3].searchsorted(way - PITCHES * self.spacing)),
-            int(rows[:, 0].searchsorted(now - self.window)),
-        )
-        first = max(first, int(rows[:, 0].searchsorted(now - LONGEST)))
-        if len(rows) - first < 3:
-            return unknown
-        rows = rows[first:]
+        first, count = self._begin_window(), len(self._ways)
+        if count - first < 3:
+            return (0.0, 0.0), float("inf")
+        rows = self._rows[:, first:count]
         slope, away, spread = _line(rows)
         half = len(away) // 2  # np.median takes several times as long
-        middle = float(np.partition(away, half)[half])
-        keep = away <= 9.0 * middle + (0.1 * self.spacing) ** 2
-        if not keep.all() and np.count_nonzero(keep) >= 3:
-            # Once more without what lies far off: a landing, a contact that came.
-            slope, away, spread = _line(rows[keep])
-        variance = max(float(away.mean()) / 2.0, (WOBBLE * self.spacing) ** 2)
-        free = max(1.0, FREE * (way - float(rows[0, 3])) / self.spacing)
-        error = math.sqrt(variance / (free * spread)) if spread > 0 else float("inf")
+        most = 9.0 * float(np.partition(away, half)[half]) + (0.1 * self.spacing) ** 2
+        if away.max() > most:
+            keep = away <= most
+            if np.count_nonzero(keep) >= 3:
+                # Once more without what lies far off: a landing, a contact that came.
+                slope, away, spread = _line(rows[:, keep])
+        variance = 0.5 * float(np.add.reduce(away)) / len(away) + (WOBBLE * self.spacing) ** 2
+        error = math.sqrt(variance / (FREE * spread)) if spread > 0 else float("inf")
         return slope, error
+
+    def _begin_window(self) -> int:
+        """Column of the first place that a velocity is taken from; it only moves on."""
+        ways, first = self._ways, self._first
+        now, way = ways[-1] if ways else (0.0, 0.0)
+        early, near = now - self.window, way - PITCHES * self.spacing
+        while first < len(ways) and (
+            ways[first][0] < now - LONGEST or (ways[first][0] < early and ways[first][1] < near)
+        ):
+            first += 1
+        self._first = first
+        return first
 
     def _rolled(self, centre: Triple, normal: Triple) -> tuple[float, float]:
         """Place in the plane of a centre one step further."""
@@ -298,15 +332,15 @@ class RolledWay:
 
 
 def _line(rows: FloatArray) -> tuple[tuple[float, float], FloatArray, float]:
-    """Slope of a line through places over times (k, >= 3), squared residuals and variance of t."""
-    mean = rows[:, :3].sum(axis=0) / len(rows)
-    t, x, y = (rows[:, :3] - mean).T
-    spread = float(t @ t)
-    if spread <= 0:
-        return (0.0, 0.0), x * x + y * y, 0.0
-    u, v = float(t @ x) / spread, float(t @ y) / spread
-    dx, dy = x - u * t, y - v * t
-    return (u, v), dx * dx + dy * dy, spread / len(rows)
+    """Slope of a line through times and places (3, k), squared residuals and variance of times."""
+    count = rows.shape[1]
+    away = rows - np.add.reduce(rows, axis=1, keepdims=True) / count
+    t, places = away[0], away[1:]
+    spread, tx, ty = (away @ t).tolist()
+    u, v = (tx / spread, ty / spread) if spread > 0 else (0.0, 0.0)
+    left = places - np.array([[u], [v]]) * t
+    left *= left
+    return (u, v), left[0] + left[1], spread / count
 
 
 def dot(one: Triple, other: Triple) -> float:
@@ -352,31 +386,69 @@ class MotionBook:
         skins = [one.skin for one in skin.skins.values()]
         self._spacing = [median_spacing(one.positions) for one in skins]
         self._axes = [_axes_of(one) for one in skins]
+        self._beside = np.zeros(len(skin) + 1, np.bool_)
+        self._places: FloatArray = np.column_stack([skin.positions, skin.normals])
 
     def update(
         self,
         time: float,
         groups: Mapping[int, Sequence[Track]],
-        pressures: FloatArray | None = None,
+        pressures: FloatArray,
     ) -> None:
-        """Take the contacts of a sample, by the number of what is followed.
-
-        Flow needs the pressures (N,) too.
-        """
+        """Take the contacts of a sample with pressures (N,), by the number of what is followed."""
         for number, members in groups.items():
-            if number not in self.ways:
-                self.ways[number] = RolledWay(self._spacing[members[0].part], self.window)
-            centre, normal, load = _middle(members)
-            way = self.ways[number]
-            before = way.at
-            way.add(time, centre, normal, load)
-            if self._flow is not None and pressures is not None:
+            rows = [one.taxels for one in members]
+            index = self._with_faint(rows[0] if len(rows) == 1 else np.concatenate(rows), pressures)
+            centre, normal = self.middle(index, pressures[index])
+            load = sum(one.load for one in members)
+            self.add(time, number, members[0].part, centre, normal, load)
+            if self._flow is not None:
                 self._add_flow(time, number, members, pressures, np.array(centre))
-            step = way.step_to(before)
-            if step is not None:
-                up, right = self._axes_at(members[0].part, normal)
-                way.gone[0] += dot(step, up)
-                way.gone[1] += dot(step, right)
+
+    def _with_faint(self, taxels: IntArray, pressures: FloatArray) -> IntArray:
+        """The taxels of a contact, and those beside them that feel too little to be part of it.
+
+        They tell where its edge lies in between.
+        """
+        self._beside[self.skin.neighbours[taxels]] = True
+        near = np.flatnonzero(self._beside[:-1])
+        self._beside[near] = self._beside[-1] = False
+        level = pressures[near]
+        faint = near[(level > 0.0) & (level <= ACTIVE)]
+        return np.concatenate([taxels, faint]) if len(faint) else taxels
+
+    def middle(self, taxels: IntArray, pressures: FloatArray) -> tuple[Triple, Triple]:
+        """Centre [m] and mean normal of taxels (k,) with pressures (k,).
+
+        Each counts by its area, as it speaks for that, and by the root of its pressure: gains of
+        taxels and what is stiff below the skin move the heaviest spot about inside of a contact.
+        """
+        share = np.sqrt(np.maximum(pressures, 0.0)) * self.skin.areas[taxels]
+        x, y, z, a, b, c = (share @ self._places[taxels]).tolist()
+        whole = float(share.sum())
+        size = math.sqrt(a * a + b * b + c * c)
+        if whole <= 0 or size < OPPOSED * whole:  # both sides of a limb: no plane is theirs
+            a, b, c = self.skin.normals[taxels[0]].tolist()
+            size = 1.0
+        if whole <= 0:
+            x, y, z = self.skin.positions[taxels].mean(axis=0).tolist()
+            whole = 1.0
+        return (x / whole, y / whole, z / whole), (a / size, b / size, c / size)
+
+    def add(
+        self, time: float, number: int, part: int, centre: Triple, normal: Triple, load: float
+    ) -> None:
+        """Take the centre [m], mean normal and load of what is followed at a time [s]."""
+        way = self.ways.get(number)
+        if way is None:
+            way = self.ways[number] = RolledWay(self._spacing[part], self.window)
+        before = way.at
+        way.add(time, centre, normal, load)
+        step = way.step_to(before)
+        if step is not None:
+            up, right = self._axes_at(part, normal)
+            way.gone[0] += dot(step, up)
+            way.gone[1] += dot(step, right)
 
     def _add_flow(
         self,
@@ -430,11 +502,11 @@ class MotionBook:
             return Course()
         speed, (up, right) = way.speed, way.gone
         if way.length < SHORT or speed <= 0:
-            return Course(speed=speed, length=way.length)
+            return Course("still", speed, way.length, up, right)
         word: Heading = heading(up, right, 1.0, 0.0)
         if math.hypot(up, right) < STRAIGHT * way.length:
             word = "to and fro"
-        return Course(word, speed, way.length)
+        return Course(word, speed, way.length, up, right)
 
     def join(self, number: int, into: int) -> None:
         """A touch turned out to be part of another one."""
@@ -469,25 +541,33 @@ class MotionBook:
         return _any_axes(normal)[0]
 
 
-def _middle(members: Sequence[Track]) -> tuple[Triple, Triple, float]:
-    """Centre, normal and load of some contacts together."""
-    whole = sum(one.load for one in members)
-    centre = normal = (0.0, 0.0, 0.0)
-    for one in members:
-        share = one.load / whole if whole > 0 else 1.0 / len(members)
-        (x, y, z), (a, b, c) = one.centre.tolist(), one.normal.tolist()
-        centre = (centre[0] + share * x, centre[1] + share * y, centre[2] + share * z)
-        normal = (normal[0] + share * a, normal[1] + share * b, normal[2] + share * c)
-    size = math.hypot(*normal)
-    if size < OPPOSED:  # both sides of a limb: no plane is theirs
-        a, b, c = members[0].normal.tolist()
-        return centre, (a, b, c), whole
-    return centre, (normal[0] / size, normal[1] / size, normal[2] / size), whole
+def recorded_course(book: MotionBook, samples: NDArray[np.uint8], rate: float) -> Course:
+    """How a recorded touch went in its longest press.
+
+    Parameters
+    ----------
+    book : MotionBook
+        Of its part alone; what it followed before is forgotten.
+    samples : (k, n) array of 0 to 255
+        Of the taxels of the touch; those of others are 0.
+    rate : float
+        Samples a second.
+    """
+    book.forget()
+    weight = np.where(samples > ACTIVE, samples, 0).astype(np.float64)
+    loads = weight.sum(axis=1)
+    longest = max(presses(loads, rate), key=lambda one: one[1] - one[0], default=(0, 0))
+    for row in range(*longest):
+        index = np.flatnonzero(weight[row])
+        centre, normal = book.middle(index, weight[row, index])
+        book.add(row / rate, 0, 0, centre, normal, float(loads[row]))
+        book.ways[0].velocity()
+    return book.course(0)
 
 
 def heading(up: float, right: float, speed: float, error: float) -> Heading:
-    """A velocity [m/s] as a word; slower than `STILL` or than twice its error is still."""
-    if speed < STILL or not speed > 2.0 * error:
+    """A velocity [m/s] as a word; slower than `STILL` or than its error is still."""
+    if speed < STILL or not speed > error:
         return "still"
     if abs(up) >= abs(right):
         return "up" if up > 0 else "down"

@@ -68,6 +68,8 @@ class TouchEvent(Summary):
     heading : str
         Where it went in the part's axes: "up", "down", "round left", "round right", "to and fro"
         or "still".
+    up, right : float
+        How far it came in these axes [m].
     speed : float
         While it moved evenly [m/s]; 0 where it stayed.
     presses : int
@@ -94,6 +96,8 @@ class TouchEvent(Summary):
     contacts: int
     names: tuple[str, ...] | None = None
     heading: str = "still"
+    up: float = 0.0
+    right: float = 0.0
     speed: float = 0.0
     presses: int = 1
     period: float = float("nan")

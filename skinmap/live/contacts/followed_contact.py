@@ -156,7 +156,7 @@ class Cutter:
     """
 
     def __init__(self, skin: JoinedSkin, components: Components) -> None:
-        self._positions, self._areas = skin.positions, skin.areas
+        self._positions, self._normals, self._areas = skin.positions, skin.normals, skin.areas
         self._sheets = skin.patch_of
         self._components = components
         self.settled = SETTLED
@@ -218,8 +218,7 @@ class Cutter:
 
         Maxima of the pressure by their persistence: regions grow downhill from their summits and,
         where two meet, are one unless the saddle lies below `depth` of the lower summit, the
-        summits are a fingertip apart and each region is as large as a print. Within that distance
-        straight lines and paths along the skin are the same.
+        summits are a fingertip apart along the skin and each region is as large as a print.
         """
         one = np.zeros(len(index), np.int64)
         areas = self._areas[index]
@@ -227,14 +226,13 @@ class Cutter:
         if not 2.0 * PRINT <= total <= PALM:
             return one
         beside = self._components.local(index)
-        away = self._positions[index] - self._positions[index[pressures.argmax()]]
-        summit = pressures >= pressures[beside].max(axis=1)
-        if not (np.einsum("ij,ij->i", away, away)[summit] >= CLOSE * CLOSE).any():
+        highest = index[int(pressures.argmax())]
+        summit = index[pressures >= pressures[beside].max(axis=1)]
+        if not (self._along_skin(summit, highest) >= CLOSE).any():
             return one
         tops, region = np.unique(basins(beside, pressures), return_inverse=True)
         size = np.bincount(region, areas).tolist()
         height = pressures[tops].tolist()
-        places = self._positions[index[tops]]
         root = list(range(len(tops)))
         sheet = self._sheets[index]
         for saddle, a, b in _saddles(beside, pressures, region):
@@ -247,10 +245,9 @@ class Cutter:
             if a == b:
                 continue
             high, low = (a, b) if height[a] >= height[b] else (b, a)
-            gap = places[a] - places[b]
             limit = min(depth, PARTED) if joint else depth
             deep = saddle <= limit * height[low] and min(size[a], size[b]) >= PRINT
-            if not (deep and float(gap @ gap) >= CLOSE * CLOSE):
+            if not deep or self._along_skin(index[tops[[a]]], index[tops[b]])[0] < CLOSE:
                 root[low] = high
                 size[high] += size[low]
         for number, parent in enumerate(root):
@@ -258,6 +255,16 @@ class Cutter:
                 parent = root[parent]
             root[number] = parent
         return np.asarray(np.unique(np.array(root)[region], return_inverse=True)[1])
+
+    def _along_skin(self, some: IntArray, one: int) -> FloatArray:
+        """(k,) ways along the skin from some taxels (k,) to one of the same sheet [m].
+
+        Each is the arc of a circle whose ends have their normals: exact on balls and round limbs,
+        and as long as the straight line where the skin is flat.
+        """
+        straight = np.linalg.norm(self._positions[some] - self._positions[one], axis=1)
+        half = 0.5 * np.arccos(np.clip(self._normals[some] @ self._normals[one], -1.0, 1.0))
+        return np.asarray(straight / np.sinc(half / np.pi))
 
     def _keep_flat(
         self,

@@ -148,14 +148,12 @@ class TouchBook:
                 over.append(self._end(entry))
         return over
 
-    def follow(
-        self, time: float, tracks: Sequence[Track], pressures: FloatArray | None = None
-    ) -> None:
-        """Follow the motion of the contacts of a sample."""
+    def follow(self, time: float, tracks: Sequence[Track], pressures: FloatArray) -> None:
+        """Follow the motion of the contacts of a sample with pressures (N,)."""
         groups = _by_touch(tracks)
         self.motions.update(time, groups, pressures)
         several = [one for own in groups.values() if len(own) > 1 for one in own]
-        self.pieces.update(time, {one.identity: [one] for one in several})
+        self.pieces.update(time, {one.identity: [one] for one in several}, pressures)
 
     @property
     def lasting(self) -> dict[int, int]:
@@ -323,6 +321,8 @@ class TouchBook:
             len(entry.contacts),
             entry.name.names,
             gone.heading,
+            gone.up,
+            gone.right,
             gone.speed,
             entry.presses,
             entry.period,

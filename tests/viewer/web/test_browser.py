@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from skinmap.live.contacts.contact_motion import Motion
+from skinmap.live.moment import Moment
+from viewer.colours import class_colour
 from viewer.web.server import WebServer
 
 
@@ -200,3 +204,56 @@ def test_a_resting_picture_is_the_same_with_and_without_the_graphics_card(tab, s
     assert red > 0.9 * skin  # 200 of 254 is a red, on all the skin that is seen
     # Shares and shades are rounded; one takes the table's nearest row, the other between two.
     assert gap <= 6
+
+
+PLACES = """(points) => {
+  const { picture, camera, header } = skinmap, m = picture.model(header.parts[0].link);
+  const { clientWidth, clientHeight } = picture.canvas;
+  return points.map((p) => camera.project([0, 1, 2].map((r) => m[12 + r] + m[r] * p[0]
+    + m[4 + r] * p[1] + m[8 + r] * p[2]))).map(([x, y]) => [x * clientWidth, y * clientHeight]);
+}"""
+
+
+def test_a_moving_touch_draws_its_trace_and_an_arrow(open_tab, start, icub, moments):
+    """What a touch that moves adds to the picture of the same one at rest lies along both."""
+    chest, touch = icub.skin("torso"), moments[-1].touches[0]
+    normal = chest.normals[int(np.argmin(((chest.positions - touch.centre) ** 2).sum(axis=1)))]
+    up = chest.up - (chest.up @ normal) * normal
+    up /= np.linalg.norm(up)
+    side = np.cross(up, normal)
+    trail = touch.centre - np.linspace(0.06, 0.0, 30)[:, None] * up
+    rest = replace(touch, normal=normal, path=touch.centre[None])
+    motion = Motion(0.2 * up, 0.02, 0.2, 0.0, "up", 0.06)  # its arrow is 60 mm long
+    shown = (rest, rest, replace(rest, path=trail, motion=motion, confidence=0.8))
+    pressed = moments[-1].pressures
+    tab = open_tab(
+        start(moments=[Moment(float(k), pressed, (one,)) for k, one in enumerate(shown)]).url
+    )
+    tab.wait()
+    tab.step()
+    tab.wait(".label:text-is('caress 90 %')")
+    before = tab.pixels()
+    tab.step()
+    tab.wait(".label:text-is('caress 80 %')")
+    assert "up 200 mm/s" in tab.page.locator("#touch-list").inner_text()
+    tint = np.array([int(class_colour("caress")[k : k + 2], 16) for k in (1, 3, 5)])
+
+    def tinted(picture: np.ndarray) -> np.ndarray:
+        return np.abs(picture - tint).max(axis=-1) < 48
+
+    added = tinted(tab.pixels()) & ~tinted(before)
+    height, width = added.shape
+
+    def drawn(points: np.ndarray) -> np.ndarray:
+        """Whether something was drawn within three pixels of places on the chest."""
+        places = tab.page.evaluate(PLACES, points.tolist())
+        rows = np.clip(np.round(places).astype(int), 3, [width - 4, height - 4])
+        return np.array([added[y - 3 : y + 4, x - 3 : x + 4].any() for x, y in rows.tolist()])
+
+    along = touch.centre + np.linspace(0.025, 0.05, 8)[:, None] * up + 4e-3 * normal
+    assert drawn(along).mean() > 0.7  # the arrow
+    assert drawn(trail[:15] + 3e-3 * normal).mean() > 0.7
+    aside = np.vstack([trail[:15], along]) + np.sign(side[0]) * 0.05 * side
+    assert drawn(aside).mean() < 0.1  # the control
+    assert tab.faults == []
+    tab.context.close()

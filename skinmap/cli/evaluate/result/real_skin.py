@@ -56,6 +56,9 @@ class FingersResult(RealSkin):
         Contacts of the live tracker in the heaviest sample; nothing is fitted.
     width
         Without training: two lengths from a third of the recordings, judged on the others.
+    chosen, chosen_numbers
+        The same where the third chooses which number of contact geometry counts, too: nothing of
+        the rule is known from the recordings that judge it. And what it chose, of each seed.
     trained
         Extra trees on contact geometry, a region of the skin left out in turn.
     """
@@ -69,6 +72,8 @@ class FingersResult(RealSkin):
     finger_mm: float
     live: CountRow
     width: CountRow
+    chosen: CountRow
+    chosen_numbers: list[str]
     trained: CountRow
 
 
