@@ -1,8 +1,8 @@
 # Variables: PYTHON (interpreter that makes .venv), UV (empty: use venv and pip even where uv is
 # present), OUT (where the demo writes), ARGS (passed on to the demo or to pytest), JOBS (processes
 # that test), DIST (wheels), INSTALL (0: missing system packages are not installed, only named),
-# FUZZ_EXAMPLES, FUZZ_SECONDS and TARGETS (of `make fuzz`: examples of each kind of damage, how long
-# it follows coverage, and of which readers).
+# FUZZ_EXAMPLES, FUZZ_SECONDS and TARGETS (of `make fuzz`: damaged inputs of each reader, how long it
+# follows coverage in seconds of CPU, and of which readers).
 PYTHON ?= python3
 OUT ?= build/demo
 DIST ?= dist
@@ -10,8 +10,8 @@ ARGS ?=
 JOBS ?= 2
 export INSTALL ?= 1
 TARGETS ?=
-FUZZ_EXAMPLES ?= 5000
-FUZZ_SECONDS ?= 60
+FUZZ_EXAMPLES ?= 15000
+FUZZ_SECONDS ?= 10
 
 BIN := .venv/bin
 READY := .venv/.ready
@@ -34,8 +34,8 @@ test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
 	@$(BIN)/python scripts/system_packages.py --browser
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(ARGS)
 
-fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each kind, then FUZZ_SECONDS by coverage
-	HYPOTHESIS_PROFILE=fuzz FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(BIN)/python -m pytest tests -m fuzz --timeout 0 -o faulthandler_timeout=0 $(ARGS)
+fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each reader, then FUZZ_SECONDS by coverage
+	$(BIN)/python -m benchmarks.reliability.accidents --inputs $(FUZZ_EXAMPLES) $(TARGETS)
 	$(BIN)/python scripts/fuzz.py --seconds $(FUZZ_SECONDS) $(TARGETS)
 
 audit: $(READY)  ## known holes of the pinned versions (asks the service of pip-audit)
