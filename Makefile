@@ -10,8 +10,8 @@ ARGS ?=
 JOBS ?= 2
 export INSTALL ?= 1
 TARGETS ?=
-FUZZ_EXAMPLES ?= 15000
-FUZZ_SECONDS ?= 10
+FUZZ_EXAMPLES ?= 10000
+FUZZ_SECONDS ?= 5
 
 BIN := .venv/bin
 READY := .venv/.ready
@@ -35,6 +35,7 @@ test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(ARGS)
 
 fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each reader, then FUZZ_SECONDS by coverage
+	HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest tests --ignore tests/extremes -m fuzz --timeout 0 -o faulthandler_timeout=0 $(ARGS)
 	$(BIN)/python -m benchmarks.reliability.accidents --inputs $(FUZZ_EXAMPLES) $(TARGETS)
 	$(BIN)/python scripts/fuzz.py --seconds $(FUZZ_SECONDS) $(TARGETS)
 

@@ -1,6 +1,6 @@
 """Damage every reader by what makes it take new ways (coverage-guided, with atheris).
 
-    python scripts/fuzz.py [--seconds 10] [--corpus build/fuzz] [TARGET...]
+    python scripts/fuzz.py [--seconds 5] [--corpus build/fuzz] [TARGET...]
 
 Each target runs in a process of its own (forked after the modules are imported with counters in
 them, which takes 15 s of CPU), from real small files and from what an earlier run found worth
@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the targets one after the other; 1 where one of them found something."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("targets", nargs="*", help="all by default")
-    parser.add_argument("--seconds", type=int, default=10, help="of CPU for each target (10)")
+    parser.add_argument("--seconds", type=int, default=5, help="of CPU for each target (5)")
     parser.add_argument("--corpus", type=Path, default=Path("build/fuzz"))
     given = parser.parse_args(arguments)
     try:

@@ -1,6 +1,6 @@
 """Every reader at random damage, as fast as it reads: an error of ours or a value, nothing else.
 
-`python -m benchmarks.reliability.accidents [--inputs 15000] [--seconds 20] [READER...]` takes the
+`python -m benchmarks.reliability.accidents [--inputs 10000] [--seconds 10] [READER...]` takes the
 targets and the accidents of tests/extremes/damage, each reader in a process of its own. A finding
 is an error or a warning that is not ours, more than 10 s of CPU for one input, or 200 MB more than
 whole files took; its smallest input stays in build/fuzz, where `make fuzz` keeps its counts too.
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     Accident = tuple[str, float, float, bytes]
 
-INPUTS, SECONDS = 15_000, 20.0  # of each reader, whichever comes first; seconds of CPU
+INPUTS, SECONDS = 10_000, 10.0  # of each reader, whichever comes first; seconds of CPU
 LONGEST = 10.0  # CPU seconds for one input: real files of this size take a millisecond
 STEPS = 4  # accidents of one input at most
 ENOUGH = 5  # findings of one reader
@@ -45,7 +45,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("readers", nargs="*", help="all by default")
     parser.add_argument("--inputs", type=int, default=INPUTS)
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="of CPU (20)")
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="of CPU (10)")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     strange = [name for name in given.readers if name not in load_targets()]
