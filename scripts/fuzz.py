@@ -117,7 +117,7 @@ def fuzz(name: str, folder: Path, seconds: int, tried: Synchronized[int]) -> Non
         for number, seed in enumerate(target.seeds()):
             (folder / "kept" / f"original-{number}").write_bytes(seed)
             target.try_one(seed, place)  # what it imports is imported by now
-        base, ends = accidents.resident_mb(), time.process_time() + seconds
+        base, ends = cuts.resident_mb(), time.process_time() + seconds
 
         def one(data: bytes) -> None:
             if time.process_time() > ends:

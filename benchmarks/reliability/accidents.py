@@ -9,10 +9,8 @@ whole files took; its smallest input stays in build/fuzz, where `make fuzz` keep
 from __future__ import annotations
 
 import argparse
-import contextlib
 import hashlib
 import json
-import resource
 import signal
 import sys
 import tempfile
@@ -24,7 +22,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks import ROOT
-from benchmarks.reliability.cuts import MOST_MB, SCRATCH, TooLongError, apart, load_targets
+from benchmarks.reliability.cuts import (
+    MOST_MB,
+    SCRATCH,
+    TooLongError,
+    apart,
+    load_targets,
+    peak_mb,
+    resident_mb,
+)
 
 if TYPE_CHECKING:
     from damage.target import Target
@@ -120,7 +126,7 @@ def examine(
         "runs": runs,
         "cpu_s": time.process_time() - began,
         "longest_s": longest,
-        "more_mb": _peak() - base,
+        "more_mb": peak_mb() - base,
         "findings": findings,
     }
 
@@ -151,8 +157,8 @@ def trouble(target: Target, data: bytes, folder: Path, base: float) -> tuple[str
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)
-    if not said and _peak() - base > MOST_MB:
-        said = f"memory: {_peak() - base:.0f} MB more than whole files took"
+    if not said and peak_mb() - base > MOST_MB:
+        said = f"memory: {peak_mb() - base:.0f} MB more than whole files took"
         resident_mb()  # the next one that takes as much is told apart
     return said, time.process_time() - began
 
@@ -181,18 +187,6 @@ def keep(folder: Path, data: bytes) -> Path:
 
 def _too_long(*_: object) -> None:
     raise TooLongError(f"longer than {LONGEST:g} s of CPU")
-
-
-def resident_mb() -> float:
-    """Memory of this process now [MB], from which its peak is counted afresh."""
-    with contextlib.suppress(OSError):  # where the mark cannot be set back the peak stays
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-    return _peak()
-
-
-def _peak() -> float:
-    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return kilobytes / 1024
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ has a checksum no number may differ without a word; where it has none that is co
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import hashlib
 import json
@@ -122,6 +123,19 @@ def apart(work: Callable[..., dict[str, Any]], *given: Any) -> tuple[dict[str, A
     return found, process.exitcode or 0
 
 
+def resident_mb() -> float:
+    """Memory of this process now [MB], from which its peak is counted afresh."""
+    with contextlib.suppress(OSError):  # where the mark cannot be set back the peak stays
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    return peak_mb()
+
+
+def peak_mb() -> float:
+    """Most memory of this process since [MB]."""
+    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return kilobytes / 1024
+
+
 def _examine(name: str, places: int, seed: int) -> dict[str, Any]:
     target, rng = load_targets()[name], np.random.default_rng(seed)
     with tempfile.TemporaryDirectory(dir=SCRATCH) as folder:
@@ -144,7 +158,7 @@ def examine(
     counts, faults, longest = Counter[str](), list[str](), 0.0
     originals = list(target.seeds())
     wholes = [read(target, one, folder)[1] for one in originals]
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = resident_mb()
     each = -(-places // len(originals))
     for original, whole in zip(originals, wholes, strict=True):
         for how, data in damaged(original, each, rng=rng):
@@ -160,16 +174,16 @@ def examine(
                 if checked:
                     faults.append(f"{how}: another number, without a word")
             counts[outcome] += 1
-    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    if (after - before) / 1024 > MOST_MB:
-        faults.append(f"{(after - before) / 1024:.0f} MB more than the whole file took")
+    more = peak_mb() - before
+    if more > MOST_MB:
+        faults.append(f"{more:.0f} MB more than the whole file took")
     return {
         "bytes": [len(one) for one in originals],
         "files": counts.total() + len(faults) - checked * counts["changed"],
         **{name: counts[name] for name in OUTCOMES},
         "checked": checked,
         "faults": faults,
-        "more_mb": (after - before) / 1024,
+        "more_mb": more,
         "longest_s": longest,
     }
 

@@ -178,6 +178,10 @@ def npy(shape: str) -> bytes:
     return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head.encode()
 
 
+CYSKIN = b"""{"info": {"file_version": 2}, "skin": {"taxels": [{"id": 1, "x": [0, 0, %s],
+    "n": [%s, 0, 0]}]}}"""
+
+
 @pytest.mark.parametrize(
     ("target", "content", "said"),
     [
@@ -187,6 +191,8 @@ def npy(shape: str) -> bytes:
         ("module-layout-csv", b"slot,x_mm\n" + b"1" * 200_000, "not a module layout"),
         ("samples-npy", npy("(99999999999999999999, 2)"), "too large"),
         ("anchors", b"channel,x,y,z\n99999999999999999999,0,0,0\n", "whole numbers from 0"),
+        ("taxels-cyskin", CYSKIN % (b"1e200", b"1"), "Expected `float` <= 1000000.0"),
+        ("taxels-cyskin", CYSKIN % (b"0", b"-1e200"), "Expected `float` >= -1000000.0"),
         ("batch", b"name,layout,mesh,anchors\n" + b"a" * 200_000, "not CSV: field larger"),
     ],
 )
