@@ -7,7 +7,7 @@ import os
 import shutil
 import struct
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -184,12 +184,10 @@ def _opened(path: Path, fps: float) -> Iterator[Any]:
             "ffmpeg_log_level": "error",
         }
     open_writer: Any = imageio.get_writer
-    writer = open_writer(str(path), **options)
-    try:
+    # A gif is kept in memory to its end anyway, and written here: imageio would try it thrice.
+    buffer = io.BytesIO()
+    where = {"uri": buffer, "format": "GIF"} if path.suffix == ".gif" else {"uri": str(path)}
+    with closing(open_writer(**where, **options)) as writer:
         yield writer
-    finally:
-        try:
-            writer.close()
-        finally:
-            if path.suffix == ".gif":
-                writer.closed = True  # or imageio tries again when it is forgotten
+    if path.suffix == ".gif":
+        path.write_bytes(buffer.getvalue())
