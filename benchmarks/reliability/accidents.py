@@ -145,11 +145,13 @@ def accidents(rng: np.random.Generator) -> Iterator[list[Accident]]:
             ]  # fmt: skip
 
 
-def trouble(target: Target, data: bytes, folder: Path, base: float) -> tuple[str, float]:
+def trouble(
+    target: Target, data: bytes, folder: Path, base: float, *, longest: float = LONGEST
+) -> tuple[str, float]:
     """What is wrong about how an input is taken ("" where nothing is), and its CPU time [s]."""
     began, said = time.process_time(), ""
     before = signal.signal(signal.SIGPROF, _too_long)
-    signal.setitimer(signal.ITIMER_PROF, LONGEST)
+    signal.setitimer(signal.ITIMER_PROF, longest)
     try:
         target.try_one(data, folder)
     except Exception as error:  # noqa: BLE001 - what else comes is what is looked for
@@ -186,7 +188,7 @@ def keep(folder: Path, data: bytes) -> Path:
 
 
 def _too_long(*_: object) -> None:
-    raise TooLongError(f"longer than {LONGEST:g} s of CPU")
+    raise TooLongError("too many seconds of CPU for one input")
 
 
 if __name__ == "__main__":
