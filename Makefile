@@ -96,11 +96,11 @@ bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 mi
 bench-scale: $(READY)  ## one thousand robots, estimated and measured up to what fits, to benchmarks/results
 	$(BIN)/python -m benchmarks.scale.scale $(ARGS)
 
-soak: $(READY)  ## files cut, disks full, commands stopped, recorders killed, memory: a table (ARGS="--quick", ARGS=stops)
+soak: $(READY)  ## files cut, disks full, commands stopped, recorders killed, memory: a table (ARGS=--quick, ARGS=stops)
 	$(BIN)/python -m benchmarks.reliability.soak $(ARGS)
 
 reliability: $(READY)  ## docs/reliability.md from what `make soak` and `make fuzz` measured
-	$(BIN)/python -m benchmarks.reliability.soak fuzz
+	$(BIN)/python -m benchmarks.reliability.soak accidents fuzz
 	$(BIN)/python -m benchmarks.reliability.page
 
 bench-viewer: $(READY)  ## frames, start-up, age and memory of the viewer (4 min), to benchmarks/results (ARGS=--quick)

@@ -192,8 +192,15 @@ CYSKIN = b"""{"info": {"file_version": 2}, "skin": {"taxels": [{"id": 1, "x": [0
         ("module-layout-csv", b"slot,x_mm\n" + b"1" * 200_000, "not a module layout"),
         ("samples-npy", npy("(99999999999999999999, 2)"), "too large"),
         ("anchors", b"channel,x,y,z\n99999999999999999999,0,0,0\n", "whole numbers from 0"),
-        ("taxels-cyskin", CYSKIN % (b"1e200", b"1"), "Expected `float` <= 1000000.0"),
-        ("taxels-cyskin", CYSKIN % (b"0", b"-1e200"), "Expected `float` >= -1000000.0"),
+        ("taxels-cyskin", CYSKIN % (b"1e200", b"1"), "must be a number up to 1000000"),
+        ("taxels-cyskin", CYSKIN % (b"0", b"-1e200"), "must be a number from -1000000"),
+        ("channel-mapping", b"a = " + b"[" * 2000, "not a mapping of a recording"),
+        ("channel-mapping", b"a = " + b"9" * 5000, "not a mapping of a recording"),
+        (
+            "marks",
+            b"part,event,began_s,ended_s,label\na,%s,0,0.1,b\n" % (b"1" * 5000),
+            "no touch has the number 1111",
+        ),
         ("batch", b"name,layout,mesh,anchors\n" + b"a" * 200_000, "not CSV: field larger"),
     ],
 )
