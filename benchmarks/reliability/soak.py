@@ -36,12 +36,14 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="see whether it runs; nothing is kept")
     parser.add_argument("--updates", type=int, default=200_000, help="of window and page")
     parser.add_argument("--samples", type=int, default=4_320_000, help="of the loop (a day)")
+    parser.add_argument("--each", type=int, default=stops.EACH, help="stops by each signal")
+    parser.add_argument("--places", type=int, default=cuts.PLACES, help="of cuts and changes")
     given = parser.parse_args()
     strange = [name for name in given.parts if name not in PARTS]
     if strange:
         print(f"no part {strange[0]!r}; the parts are: {', '.join(PARTS)}", file=sys.stderr)
         return 2
-    LENGTHS.update(updates=given.updates, samples=given.samples)
+    LENGTHS.update({name: getattr(given, name) for name in LENGTHS})
     found: dict[str, Any] = {}
     if FILE.exists() and not given.quick:
         found = json.loads(FILE.read_text(encoding="utf-8"))
@@ -61,7 +63,7 @@ def main() -> int:
     return 1 if faulty else 0
 
 
-LENGTHS = {"updates": 200_000, "samples": 4_320_000}
+LENGTHS = {"updates": 0, "samples": 0, "each": 0, "places": 0}  # as the command was given them
 
 
 def _program(*words: str) -> Any:
@@ -134,11 +136,13 @@ def _shown(program: str, quick: bool) -> dict[str, Any]:
 PARTS: dict[str, Part] = {
     "accidents": _accidents,
     "fuzz": _coverage,
-    "cuts": lambda quick: cuts.measure(places=4 if quick else cuts.PLACES),
+    "cuts": lambda quick: cuts.measure(places=4 if quick else LENGTHS["places"]),
     "large": lambda quick: large.measure(megabytes=0.2 if quick else large.MEGABYTES),
     "full disk": lambda quick: full_disk.measure(QUICK_DISK if quick else [*full_disk.COMMANDS]),
     "stops": lambda quick: (
-        stops.measure(each=1, names=["simulate"], kinds=["SIGTERM"]) if quick else stops.measure()
+        stops.measure(each=1, names=["simulate"], kinds=["SIGTERM"])
+        if quick
+        else stops.measure(each=LENGTHS["each"])
     ),
     "kills": lambda quick: _kills(quick, 0),
     "kills beside": lambda quick: _kills(quick, 3),
