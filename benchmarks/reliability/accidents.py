@@ -146,7 +146,13 @@ def accidents(rng: np.random.Generator) -> Iterator[list[Accident]]:
 
 
 def trouble(
-    target: Target, data: bytes, folder: Path, base: float, *, longest: float = LONGEST
+    target: Target,
+    data: bytes,
+    folder: Path,
+    base: float,
+    *,
+    longest: float = LONGEST,
+    most_mb: float = MOST_MB,
 ) -> tuple[str, float]:
     """What is wrong about how an input is taken ("" where nothing is), and its CPU time [s]."""
     began, said = time.process_time(), ""
@@ -159,7 +165,7 @@ def trouble(
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)
-    if not said and peak_mb() - base > MOST_MB:
+    if not said and peak_mb() - base > most_mb:
         said = f"memory: {peak_mb() - base:.0f} MB more than whole files took"
         resident_mb()  # the next one that takes as much is told apart
     return said, time.process_time() - began

@@ -19,6 +19,7 @@ import numpy as np
 
 from benchmarks.reliability.accidents import trouble
 from benchmarks.reliability.cuts import (
+    MOST_MB,
     SCRATCH,
     apart,
     is_file,
@@ -50,7 +51,7 @@ def measure(*, megabytes: float = MEGABYTES, kinds: list[str] | None = None) -> 
     """Memory, time and what was wrong of each kind, each in a process of its own."""
     rows = {}
     for name in kinds or [name for name, one in load_targets().items() if is_file(one)]:
-        row, code = apart(_examine, name, megabytes)
+        row, code = apart(examine, name, megabytes)
         rows[name] = row or {"megabytes": 0.0, "more_mb": 0.0, "longest_s": 0.0,
                              "faults": [f"the process ended with {code}"]}  # fmt: skip
     return {
@@ -62,7 +63,8 @@ def measure(*, megabytes: float = MEGABYTES, kinds: list[str] | None = None) -> 
     }
 
 
-def _examine(name: str, megabytes: float) -> dict[str, Any]:
+def examine(name: str, megabytes: float) -> dict[str, Any]:
+    """Memory, time and faults of a large file of one kind, in this process."""
     target = load_targets()[name]
     with tempfile.TemporaryDirectory(dir=SCRATCH) as scratch:
         folder = Path(scratch)
@@ -76,7 +78,8 @@ def _examine(name: str, megabytes: float) -> dict[str, Any]:
         more, longest, faults = 0.0, 0.0, list[str]()
         for how, data in (("whole", whole), ("cut", whole[:half]), ("changed", bytes(changed))):
             base = resident_mb()
-            said, took = trouble(target, data, folder, base, longest=LONGEST)
+            most = MOST_MB * max(1.0, len(data) / 1e7)
+            said, took = trouble(target, data, folder, base, longest=LONGEST, most_mb=most)
             more, longest = max(more, peak_mb() - base), max(longest, took)
             faults += [f"{how}: {said}"[:200]] if said else []
     return {"megabytes": len(whole) / 1e6, "more_mb": more, "longest_s": longest, "faults": faults}
