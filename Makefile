@@ -1,8 +1,8 @@
 # Variables: PYTHON (interpreter that makes .venv), UV (empty: use venv and pip even where uv is
 # present), OUT (where the demo writes), ARGS (passed on to the demo or to pytest), JOBS (processes
 # that test), DIST (wheels), INSTALL (0: missing system packages are not installed, only named),
-# FUZZ_EXAMPLES, FUZZ_SECONDS and TARGETS (of `make fuzz`: examples of each kind of damage, how long
-# it follows coverage, and of which readers).
+# FUZZ_EXAMPLES, FUZZ_SECONDS and TARGETS (of `make fuzz`: damaged inputs of each reader, how long it
+# follows coverage in seconds of CPU, and of which readers).
 PYTHON ?= python3
 OUT ?= build/demo
 DIST ?= dist
@@ -10,8 +10,8 @@ ARGS ?=
 JOBS ?= 2
 export INSTALL ?= 1
 TARGETS ?=
-FUZZ_EXAMPLES ?= 5000
-FUZZ_SECONDS ?= 60
+FUZZ_EXAMPLES ?= 10000
+FUZZ_SECONDS ?= 5
 
 BIN := .venv/bin
 READY := .venv/.ready
@@ -34,8 +34,9 @@ test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
 	@$(BIN)/python scripts/system_packages.py --browser
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(ARGS)
 
-fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each kind, then FUZZ_SECONDS by coverage
-	HYPOTHESIS_PROFILE=fuzz FUZZ_EXAMPLES=$(FUZZ_EXAMPLES) $(BIN)/python -m pytest tests -m fuzz --timeout 0 -o faulthandler_timeout=0 $(ARGS)
+fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each reader, then FUZZ_SECONDS by coverage
+	HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest tests --ignore tests/extremes -m fuzz --timeout 0 -o faulthandler_timeout=0 $(ARGS)
+	$(BIN)/python -m benchmarks.reliability.accidents --inputs $(FUZZ_EXAMPLES) $(TARGETS)
 	$(BIN)/python scripts/fuzz.py --seconds $(FUZZ_SECONDS) $(TARGETS)
 
 audit: $(READY)  ## known holes of the pinned versions (asks the service of pip-audit)
@@ -95,11 +96,11 @@ bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 mi
 bench-scale: $(READY)  ## one thousand robots, estimated and measured up to what fits, to benchmarks/results
 	$(BIN)/python -m benchmarks.scale.scale $(ARGS)
 
-soak: $(READY)  ## files cut, disks full, commands stopped, recorders killed, memory: a table (ARGS="--quick", ARGS=stops)
+soak: $(READY)  ## files cut, disks full, commands stopped, recorders killed, memory: a table (ARGS=--quick, ARGS=stops)
 	$(BIN)/python -m benchmarks.reliability.soak $(ARGS)
 
 reliability: $(READY)  ## docs/reliability.md from what `make soak` and `make fuzz` measured
-	$(BIN)/python -m benchmarks.reliability.soak fuzz
+	$(BIN)/python -m benchmarks.reliability.soak accidents fuzz
 	$(BIN)/python -m benchmarks.reliability.page
 
 bench-viewer: $(READY)  ## frames, start-up, age and memory of the viewer (4 min), to benchmarks/results (ARGS=--quick)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -17,7 +18,8 @@ def compile_loop(function: Loop, **options: Any) -> Loop:
     """A function compiled on its first call; the machine code is kept on disk where it may be.
 
     numba keeps it beside the source, or in the user's cache folder where the source may not be
-    written to; with neither, as in a read-only installation, it is compiled in each process.
+    written to; with neither, as in a read-only installation or on a full disk, it is compiled in
+    each process.
 
     Raises
     ------
@@ -31,9 +33,17 @@ def compile_loop(function: Loop, **options: Any) -> Loop:
             "compiled loops need the package numba: pip install numba"
         ) from None
     try:
-        return numba.njit(cache=True, nogil=True, **options)(function)
+        loop: Any = numba.njit(cache=True, nogil=True, **options)(function)
     except RuntimeError:  # "no locator available": nowhere to write
         return numba.njit(nogil=True, **options)(function)
+    save = loop._cache.save_overload
+
+    def save_where_there_is_room(*given: Any) -> None:
+        with suppress(OSError):  # a disk that is full costs the next process time, and us nothing
+            save(*given)
+
+    loop._cache.save_overload = save_where_there_is_room
+    return loop
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import subprocess
@@ -118,3 +119,19 @@ def test_without_numba_it_is_said(monkeypatch):
     with pytest.raises(MissingLibraryError, match="pip install numba"):
         compile_loop(double)
     assert not pays(1, 2)
+
+
+@needs_numba
+def test_a_full_disk_costs_the_next_process_time_and_nothing_else(monkeypatch):
+    from numba.core.caching import IndexDataCacheFile
+
+    tried = []
+
+    def full(*given):
+        tried.append(given)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(IndexDataCacheFile, "save", full)
+    monkeypatch.setattr(IndexDataCacheFile, "load", lambda *_: None)
+    assert compile_loop(double)(3) == 6
+    assert tried

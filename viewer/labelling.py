@@ -156,7 +156,9 @@ def _handler(server: LabelServer) -> Callable[..., BaseHTTPRequestHandler]:
         def do_POST(self) -> None:
             length = self.headers.get("Content-Length", "")
             # Read whoever sends it: a browser that is cut off while it sends sees no answer.
-            body = self.rfile.read(min(int(length), LARGEST) if length.isdigit() else 0)
+            body = self.rfile.read(
+                min(int(length), LARGEST) if length.isdecimal() and len(length) < 10 else 0
+            )
             asked = self._asked()
             if asked is None:
                 return

@@ -1,8 +1,15 @@
-"""Memory of the live loop over many samples."""
+"""Memory of the live loop over many samples, and whether its end is that of a fresh start.
+
+`python -m benchmarks.live.live_memory --samples 4320000` (a day at 50 Hz) prints one JSON object.
+"""
 
 from __future__ import annotations
 
+import argparse
+import json
 import time
+from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +17,7 @@ import numpy as np
 
 from skinmap.classify.classifier import TouchClassifier
 from skinmap.live.loop import TouchLoop
+from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.simulator import SimulatedSource
 from skinmap.live.sources.source import SourceEnded, StreamInfo
@@ -17,12 +25,13 @@ from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 
 PAGE = 4096
+TAIL = 500  # moments that are compared with those of a fresh start
 
 
 def soak(
     robot: Robot, skins: dict[str, PreparedSkin], model: TouchClassifier, samples: int
 ) -> dict[str, Any]:
-    """Resident memory over many samples through the whole loop."""
+    """Resident memory over many samples through the whole loop, and its last moments."""
     made = SimulatedSource(robot, seed=5, speed=float("inf"), seconds=60.0)
     blocks = []
     try:
@@ -33,49 +42,84 @@ def soak(
     except SourceEnded:
         made.close()
     values = np.concatenate(blocks)
-    source = Playback(
-        StreamInfo("soak", made.info.parts, made.info.widths, 50.0),
-        np.arange(samples) / 50.0,
-        Repeated(values, samples),
-        speed=float("inf"),
-    )
-    # Ten labels a second: it is memory that is looked at, and 200,000 samples are 67 minutes.
-    loop = TouchLoop(robot, source, classifier=model, skins=skins, pace=10.0)
+    info = StreamInfo("soak", made.info.parts, made.info.widths, 50.0)
+
+    def begun(first: int) -> TouchLoop:
+        times = np.arange(first, samples) / 50.0
+        played = Repeated(values, samples - first, first)
+        source = Playback(info, times, played, speed=float("inf"))
+        # Ten labels a second: it is memory that is looked at, and 200,000 samples are 67 minutes.
+        return TouchLoop(robot, source, classifier=model, skins=skins, pace=10.0)
+
+    loop, last = begun(0), deque[Moment](maxlen=TAIL)
     early = float("nan")
     steady = min(10_000, samples // 4)
     start = time.process_time()
     moments = ended = 0
     most = 0.0
-    for _ in loop:
+    for moment in loop:
+        last.append(moment)
         moments += 1
         ended += len(loop.finished())
         if moments == steady:
             early = resident_mb()
         if moments >= steady and moments % 1000 == 0:
             most = max(most, resident_mb() - early)
+    resident = resident_mb()
+    spent = time.process_time() - start
+    fresh = deque(begun(max(0, samples - 2 * len(values))), maxlen=TAIL)
     return {
         "samples": moments,
         "touches": ended,
-        "cpu_ms_a_sample": (time.process_time() - start) / moments * 1e3,
+        "cpu_ms_a_sample": spent / moments * 1e3,
         "resident_mb": early,
-        "grown_mb": resident_mb() - early,
+        "grown_mb": resident - early,
         "most_grown_mb": most,
+        "same_as_fresh": same(last, fresh),
     }
+
+
+def same(some: Iterable[Moment], others: Iterable[Moment]) -> bool:
+    """Whether moments show the same pressures to the bit, and touches at the same taxels."""
+    return [_shown(one) for one in some] == [_shown(one) for one in others]
+
+
+def _shown(moment: Moment) -> tuple[object, ...]:
+    touches = sorted((one.part, one.taxels.tobytes()) for one in moment.touches)
+    return moment.time, {p: one.tobytes() for p, one in moment.pressures.items()}, touches
 
 
 class Repeated:
     """Samples over and over: `Samples` of a playback."""
 
-    def __init__(self, values: np.ndarray, count: int) -> None:
-        self._values, self._count = values, count
+    def __init__(self, values: np.ndarray, count: int, first: int = 0) -> None:
+        self._values, self._count, self._first = values, count, first
 
     def __len__(self) -> int:
         return self._count
 
     def __getitem__(self, rows: slice) -> np.ndarray:
-        return self._values[np.arange(*rows.indices(self._count)) % len(self._values)]
+        places = np.arange(*rows.indices(self._count)) + self._first
+        return self._values[places % len(self._values)]
 
 
 def resident_mb() -> float:
     """Resident memory of this process [MB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 1e6
+
+
+def main() -> None:
+    """Print the figures of a long loop."""
+    import skinmap
+    from benchmarks.live.live import train
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--samples", type=int, default=4_320_000)
+    samples = parser.parse_args().samples
+    robot = skinmap.load_robot("icub")
+    skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
+    print(json.dumps(soak(robot, skins, train(skins), samples)))
+
+
+if __name__ == "__main__":
+    main()

@@ -19,6 +19,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +35,9 @@ LONGEST_LOSS = 0.2  # seconds that a killed process may lose
 MAX_MB = 70.0
 PLAYED = 500  # samples that a child plays over and over
 FEWEST, MOST = 10, 120  # samples that a child sends before it is killed
-WAIT = 60.0  # for a child to start [s]
+WAIT = 300.0  # for a child to start [s]
+LAST = ("nice", "-n", "19")
+BUSY = "while True: pass"
 REPORT = struct.Struct("<I")
 
 
@@ -42,17 +46,29 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--child", nargs=2, type=Path, metavar=("SAMPLES", "FILE"))
     parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument(
+        "--beside",
+        type=int,
+        default=0,
+        metavar="N",
+        help="busy programs beside recorders that have the lowest priority",
+    )
     parser.add_argument("--minutes", type=float, default=MINUTES)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     if arguments.child:
         record_until_killed(*arguments.child)
         return
-    found = measure(kills=arguments.kills, minutes=arguments.minutes, seed=arguments.seed)
+    found = measure(
+        kills=arguments.kills, minutes=arguments.minutes, seed=arguments.seed,
+        beside=arguments.beside,
+    )  # fmt: skip
     print(json.dumps(found, indent=2))
 
 
-def measure(*, kills: int = 50, minutes: float = MINUTES, seed: int = 0) -> dict[str, Any]:
+def measure(
+    *, kills: int = 50, minutes: float = MINUTES, seed: int = 0, beside: int = 0
+) -> dict[str, Any]:
     """All figures of recordings.
 
     Parameters
@@ -62,15 +78,21 @@ def measure(*, kills: int = 50, minutes: float = MINUTES, seed: int = 0) -> dict
     minutes : float
         Simulated time that is recorded to measure size and speed.
     seed : int
+    beside : int
+        Busy programs beside recorders that have the lowest priority; 0 for recorders as they are.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         samples, size = measure_size(folder, minutes=minutes, seed=seed)
-        losses = kill_many(folder, samples, kills, rng=np.random.default_rng(seed))
+        with busy(beside):
+            losses = kill_many(
+                folder, samples, kills, rng=np.random.default_rng(seed), last=beside > 0
+            )
         full = fill_disk(folder, samples)
     return {
         "size": size,
         "kills": {
+            "beside": beside,
             "count": len(losses),
             "opened": sum(one["opened"] for one in losses),
             "most_lost_s": max((one["lost_s"] for one in losses), default=None),
@@ -131,6 +153,18 @@ def measure_size(
     }
 
 
+@contextmanager
+def busy(count: int) -> Iterator[None]:
+    """So many programs that do nothing but compute."""
+    programs = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for program in programs:
+            program.kill()
+            program.wait()
+
+
 def kill_many(
     folder: Path,
     samples: NDArray[np.uint8],
@@ -138,18 +172,22 @@ def kill_many(
     *,
     rng: np.random.Generator,
     most: int = MOST,
+    last: bool = False,
 ) -> list[dict[str, Any]]:
-    """What each of many children lost; they are killed after at most so many samples."""
+    """What each of many children lost; they are killed after at most so many samples.
+
+    With `last` they have the lowest priority of all.
+    """
     stored = folder / "samples.npy"
     np.save(stored, samples)
     return [
-        kill_once(stored, folder / f"kill_{number}.mcap", rng=rng, most=most)
+        kill_once(stored, folder / f"kill_{number}.mcap", rng=rng, most=most, last=last)
         for number in range(kills)
     ]
 
 
 def kill_once(
-    stored: Path, path: Path, *, rng: np.random.Generator, most: int = MOST
+    stored: Path, path: Path, *, rng: np.random.Generator, most: int = MOST, last: bool = False
 ) -> dict[str, Any]:
     """Kill a child that records at a random moment; what it had sent and what is found.
 
@@ -164,6 +202,7 @@ def kill_once(
     after = int(rng.integers(FEWEST, most))
     child = subprocess.Popen(
         [
+            *LAST * last,
             sys.executable,
             "-m",
             "benchmarks.live.recordings",

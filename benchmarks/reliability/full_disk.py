@@ -43,6 +43,25 @@ COMMANDS = {
     "calibrate batch": f"calibrate batch {BOARD}/patches.csv -o OUT",
     "calibrate response": f"calibrate response {BOARD}/rest.npy -o OUT",
     "flatten --resume": "flatten icub --part left_hand --resume OUT",
+    "calibrate touch": f"calibrate touch --layout {BOARD}/board.csv --mesh {BOARD}/link.stl "
+    f"--touches {BOARD}/touches.csv -o OUT",
+    "calibrate plane": f"calibrate plane {BOARD}/plane/presses.npz --robot icub "
+    "--part right_forearm -o OUT",
+    "calibrate selftouch": f"calibrate selftouch {BOARD}/selftouch --robot icub "
+    "--calibrate left_forearm -o OUT",
+    "calibrate wrench": f"calibrate wrench {BOARD}/wrench.npz -o OUT",
+    "wiring": "wiring sim --part right_forearm --plant swap:3,7 -o OUT.csv",
+    "structures": "structures icub --part left_foot -o OUT",
+    "merge": "merge IN.mcap IN.mcap -o OUT.mcap",
+    "label": "label IN.mcap --csv MARKS.csv -o OUT.mcap",
+    "label --write-csv": "label IN.npz --write-csv OUT.csv",
+    "trade": "trade icub --part left_hand --task flatten --seeds 1 -o OUT",
+    "view --screenshot": "view icub --part left_hand --source sim --screenshot OUT.png",
+    "view --movie": "view icub --part left_hand --source sim --seconds 1 --movie OUT.gif",
+    "view --html": "view icub --part left_hand --source sim --seconds 1 --html OUT.html",
+    "view --gltf": "view icub --part left_hand --source sim --gltf OUT.glb",
+    "anchors --screenshot": f"anchors --layout {BOARD}/board.csv --mesh {BOARD}/link.stl "
+    f"--anchors {BOARD}/anchors.csv --screenshot OUT.png",
 }
 
 
@@ -63,7 +82,7 @@ def measure(names: Sequence[str] = tuple(COMMANDS)) -> dict[str, Any]:
 
 
 def make_inputs(folder: Path) -> None:
-    """A recording in each format."""
+    """A recording in each format, and the touches of one as a table."""
     from click.testing import CliRunner
 
     from skinmap.cli.main import cli
@@ -73,6 +92,7 @@ def make_inputs(folder: Path) -> None:
         made = CliRunner().invoke(cli, words.split())
         if made.exit_code:
             raise RuntimeError(made.output)
+    CliRunner().invoke(cli, f"label {folder}/in.mcap --write-csv {folder}/marks.csv".split())
 
 
 def refuse(name: str, folder: Path, *, room: int = ROOM) -> dict[str, Any]:
@@ -85,6 +105,7 @@ def refuse(name: str, folder: Path, *, room: int = ROOM) -> dict[str, Any]:
     place = folder / name.replace(" ", "_")
     place.mkdir()
     text = COMMANDS[name].replace("OUT", str(place / "out")).replace("IN.", f"{folder}/in.")
+    text = text.replace("MARKS", f"{folder}/marks")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     cache, os.environ["SKINMAP_CACHE"] = os.environ.get("SKINMAP_CACHE"), "off"
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))

@@ -77,7 +77,8 @@ def page(found: Mapping[str, Any]) -> str:
         *(f"| {promise} | `{test.replace(', ', '`, `')}` |" for promise, test in TESTED), "",
         "## Files cut, and with one byte changed", "", UNSEEN,
         *_kinds(found.get("cuts")),
-        "## Damage by what makes a reader take new ways", "", *_fuzzed(found.get("fuzz")),
+        "## Files of 10 MB", "", *_large(found.get("large")),
+        "## Damaged inputs", "", *_fuzzed(found.get("accidents"), found.get("fuzz")),
         "## Commands stopped at random moments", "", *_stopped(found.get("stops")),
     ]  # fmt: skip
     return "\n".join(lines).rstrip() + "\n"
@@ -106,13 +107,36 @@ def _kinds(cuts: Mapping[str, Any] | None) -> list[str]:
     return [*lines, ""]
 
 
-def _fuzzed(fuzz: Mapping[str, Any] | None) -> list[str]:
-    if fuzz is None or not fuzz["targets"]:
+def _large(large: Mapping[str, Any] | None) -> list[str]:
+    if large is None:
         return ["Not measured here.", ""]
-    rest = [f"| {name} | {row['runs']:,} | {'yes' if row['found'] else 'no'} |"
-            for name, row in fuzz["targets"].items()]  # fmt: skip
-    return [f"{fuzz['seconds']} s a reader.", "", "| reader | inputs | found something |",
-            "|---|---|---|", *rest, ""]  # fmt: skip
+    rest = [
+        f"| {name} | {row['megabytes']:.1f} | {row['more_mb']:.0f} | {row['longest_s']:.1f} | "
+        f"{len(row['faults'])} |"
+        for name, row in large["kinds"].items()
+    ]
+    return ["| kind | file [MB] | memory [MB] | CPU [s] | faults |", "|---|---|---|---|---|",
+            *rest, ""]  # fmt: skip
+
+
+def _fuzzed(random: Mapping[str, Any] | None, guided: Mapping[str, Any] | None) -> list[str]:
+    """Inputs of each reader, at random and by coverage."""
+    if not (random and random["targets"]) and not (guided and guided["targets"]):
+        return ["Not measured here.", ""]
+    none: Mapping[str, Any] = {"targets": {}, "seconds": 0, "inputs": 0}
+    random, guided = random or none, guided or none
+    lines = [
+        f"At random {random['inputs']:,} inputs of each reader, or for {random['seconds']:g} s of "
+        f"CPU; then by what makes it take new ways for {guided['seconds']:g} s of CPU.", "",
+        "| reader | at random | by coverage | found something |", "|---|---|---|---|",
+    ]  # fmt: skip
+    for name in [*random["targets"], *(guided["targets"].keys() - random["targets"].keys())]:
+        one, other = random["targets"].get(name), guided["targets"].get(name)
+        counts = [f"{row['runs']:,}" if row else "" for row in (one, other)]
+        found = bool(one and one["findings"]) or bool(other and other["found"])
+        lines.append(f"| {name} | {' | '.join(counts)} | {'yes' if found else 'no'} |")
+    whole = sum(row["runs"] for kind in (random, guided) for row in kind["targets"].values())
+    return [*lines, "", f"{whole:,} inputs in all.", ""]
 
 
 def _stopped(stops: Mapping[str, Any] | None) -> list[str]:
@@ -134,13 +158,29 @@ def _kills(one: Mapping[str, Any]) -> str:
             f"lost (goal {kills['goal_s']} s)")  # fmt: skip
 
 
+def _shown(one: Mapping[str, Any]) -> str:
+    return (f"{one['updates']:,} of 200,000 updates, grown by {one['grown_mb']:.1f} MB, "
+            f"{one['cpu_ms_per_update']:.2f} ms an update; its end {_end(one)}")  # fmt: skip
+
+
+def _end(one: Mapping[str, Any]) -> str:
+    return "is that of a fresh start" if one["same_as_fresh"] else "DIFFERS from a fresh start"
+
+
 CUTS, SOAK = "benchmarks/reliability/cuts.py", "make soak"
 MEASURED = [
-    ("fuzz", "Damage guided by coverage ends in a line: no traceback, hang or 2 GB", "make fuzz",
+    ("accidents", "Random damage ends in a line: no traceback, no 10 s, no 200 MB", "make fuzz",
+     lambda one: f"{one['runs']:,} inputs of {len(one['targets'])} readers, {one['faults']} found; "
+     f"at most {one['most_mb']:.0f} MB, {one['longest_s']:.1f} s"),
+    ("fuzz", "Damage guided by coverage ends in a line, too", "make fuzz",
      lambda one: f"{one['runs']:,} inputs of {len(one['targets'])} readers, {one['faults']} found"),
     ("cuts", "Files cut or with a byte changed open whole, say what was lost, or are refused", CUTS,
      lambda one: f"{one['files']:,} files of {len(one['kinds'])} kinds, {one['faults']} faults; at "
      f"most {one['most_mb']:.0f} MB more than the whole file, {one['longest_s']:.1f} s"),
+    ("large", "A file of 10 MB, whole, cut or changed, takes less than 200 MB",
+     "benchmarks/reliability/large.py",
+     lambda one: f"{len(one['kinds'])} kinds, at most {one['most_mb']:.0f} MB and "
+     f"{one['longest_s']:.1f} s of CPU, {one['faults']} faults"),
     ("full disk", "A disk without room is one line in every command that writes, and nothing half "
      "written", "benchmarks/reliability/full_disk.py",
      lambda one: f"{len(one['commands'])} commands, {one['faults']} faults"),
@@ -149,13 +189,17 @@ MEASURED = [
      lambda one: f"{one['stops']} stops of {len(one['commands'])} commands, {one['under_way']} "
      f"under way, {one['faults']} faults"),
     ("kills", "A killed recorder loses at most 0.2 s", "benchmarks/live/recordings.py", _kills),
+    ("kills beside", "With the lowest priority beside three busy programs, too",
+     "benchmarks/live/recordings.py", _kills),
     ("press", "A press that is held stays one contact", SOAK,
      lambda one: f"{one['minutes']:g} minutes, {one['contacts']} contact, "
      f"{one['samples_without']} samples without"),
     ("loop", "The loop's memory stays", SOAK,
-     lambda one: f"{one['samples']:,} samples, grown by at most {one['most_grown_mb']:.1f} MB"),
-    ("window", "The window's memory stays", SOAK,
-     lambda one: f"{one['updates']:,} updates, grown by {one['grown_mb']:.1f} MB"),
+     lambda one: f"{one['samples']:,} of the 4,320,000 samples of a day, grown by at most "
+     f"{one['most_grown_mb']:.1f} MB, {one['cpu_ms_a_sample']:.2f} ms a sample; its end "
+     f"{_end(one)}"),
+    ("window", "The window's memory stays", SOAK, lambda one: _shown(one)),
+    ("page", "The page's server keeps its memory", SOAK, lambda one: _shown(one)),
 ]  # fmt: skip
 
 if __name__ == "__main__":

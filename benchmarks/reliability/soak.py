@@ -2,7 +2,8 @@
 
 `python -m benchmarks.reliability.soak [--quick] [PART...]` writes benchmarks/results/
 reliability.json, part by part, so that a run that is interrupted has lost one; `make reliability`
-makes docs/reliability.md of it. What `make fuzz` tried is taken from build/fuzz.
+makes docs/reliability.md of it. Whole it takes half a day; `--quick` takes two minutes and keeps
+nothing. What `make fuzz` tried is taken from build/fuzz.
 """
 
 from __future__ import annotations
@@ -17,11 +18,14 @@ from typing import Any
 
 from benchmarks import ROOT
 from benchmarks.harness.record import RESULTS, commit
-from benchmarks.reliability import cuts, full_disk, stops
+from benchmarks.reliability import accidents, cuts, full_disk, large, stops
 from benchmarks.reliability.page import rows
 
 FILE = RESULTS / "reliability.json"
-COUNTS = ROOT / "build" / "fuzz" / "counts.json"
+COVERAGE = accidents.CORPUS / "counts.json"
+QUICK_DISK = ("export csv", "export .h5", "label --write-csv")
+MOST_GROWN_MB = 5.0  # of the loop
+MOST_WINDOW_MB = 20.0  # of window and page, whose pictures are kept in pieces of many sizes
 Part = Callable[[bool], Mapping[str, Any]]
 
 
@@ -30,11 +34,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", help=f"all by default: {', '.join(PARTS)}")
     parser.add_argument("--quick", action="store_true", help="see whether it runs; nothing is kept")
+    parser.add_argument("--updates", type=int, default=200_000, help="of window and page")
+    parser.add_argument("--samples", type=int, default=4_320_000, help="of the loop (a day)")
+    parser.add_argument("--each", type=int, default=stops.EACH, help="stops by each signal")
+    parser.add_argument("--places", type=int, default=cuts.PLACES, help="of cuts and changes")
     given = parser.parse_args()
     strange = [name for name in given.parts if name not in PARTS]
     if strange:
         print(f"no part {strange[0]!r}; the parts are: {', '.join(PARTS)}", file=sys.stderr)
         return 2
+    LENGTHS.update({name: getattr(given, name) for name in LENGTHS})
     found: dict[str, Any] = {}
     if FILE.exists() and not given.quick:
         found = json.loads(FILE.read_text(encoding="utf-8"))
@@ -47,10 +56,14 @@ def main() -> int:
         }
         if not given.quick:
             FILE.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    table = rows(found)
-    for promise, _, figure, date in table:
-        print(f"{promise[:60]:60} {figure[:70]:70} {date}")
-    return 1 if any(one.get("faults") for one in found.values()) else 0
+    for promise, _, figure, date in rows(found):
+        print(f"{promise[:60]:60} {figure[:100]:100} {date}")
+    faulty = [name for name, one in found.items() if one.get("faults")]
+    print(f"faults in: {', '.join(faulty)}" if faulty else "no faults")
+    return 1 if faulty else 0
+
+
+LENGTHS = {"updates": 0, "samples": 0, "each": 0, "places": 0}  # as the command was given them
 
 
 def _program(*words: str) -> Any:
@@ -61,21 +74,39 @@ def _program(*words: str) -> Any:
     return json.loads(ran.stdout)
 
 
-def _fuzzed(_: bool) -> dict[str, Any]:
-    """What the last `make fuzz` tried."""
-    if not COUNTS.exists():
-        return {"seconds": 0, "targets": {}, "runs": 0, "faults": 0}
-    kept = json.loads(COUNTS.read_text(encoding="utf-8"))
+def _accidents(quick: bool) -> dict[str, Any]:
+    """What the last `make fuzz` tried at random; a few inputs of each reader in a quick run."""
+    if quick:
+        kept = {"inputs": 5, "seconds": 1.0, "targets": dict(accidents.measure((), 5, 1.0, 0))}
+    elif accidents.COUNTS.exists():
+        kept = json.loads(accidents.COUNTS.read_text(encoding="utf-8"))
+    else:
+        kept = {"inputs": 0, "seconds": 0.0, "targets": {}}
+    each = kept["targets"].values()
+    return {
+        **kept,
+        "runs": sum(one["runs"] for one in each),
+        "most_mb": max((one["more_mb"] for one in each), default=0.0),
+        "longest_s": max((one["longest_s"] for one in each), default=0.0),
+        "faults": sum(len(one["findings"]) for one in each),
+    }
+
+
+def _coverage(_: bool) -> dict[str, Any]:
+    """What the last `make fuzz` tried by coverage."""
+    kept: dict[str, Any] = {"seconds": 0, "targets": {}}
+    if COVERAGE.exists():
+        kept = json.loads(COVERAGE.read_text(encoding="utf-8"))
     each = kept["targets"].values()
     runs, faults = sum(one["runs"] for one in each), sum(one["found"] for one in each)
     return {**kept, "runs": runs, "faults": faults}
 
 
-def _kills(quick: bool) -> dict[str, Any]:
+def _kills(quick: bool, beside: int) -> dict[str, Any]:
     """Recorders that are killed, and one on a full disk."""
-    kills, minutes = ("2", "0.1") if quick else ("50", "1")
-    words = ("benchmarks.live.recordings", "--kills", kills, "--minutes", minutes)
-    found: dict[str, Any] = _program(*words)
+    kills, minutes = ("1", "0.1") if quick else ("50", "1")
+    words = ("--kills", kills, "--minutes", minutes, "--beside", str(beside))
+    found: dict[str, Any] = _program("benchmarks.live.recordings", *words)
     killed = found["kills"]
     lost = killed["most_lost_s"] > killed["goal_s"]
     return {**found, "faults": int(lost) + killed["count"] - killed["opened"]}
@@ -83,30 +114,42 @@ def _kills(quick: bool) -> dict[str, Any]:
 
 def _press(quick: bool) -> dict[str, Any]:
     words = ["benchmarks.live.live", "--only", "press", *["--quick"] * quick]
-    return dict(_program(*words))
+    found: dict[str, Any] = _program(*words)
+    return {**found, "faults": abs(found["contacts"] - 1) + found["samples_without"]}
 
 
 def _loop(quick: bool) -> dict[str, Any]:
-    words = ["benchmarks.live.live", "--only", "soak", *["--quick"] * quick]
-    found: dict[str, Any] = _program(*words)
-    return {**found, "faults": int(found["most_grown_mb"] > MOST_GROWN_MB)}
+    samples = 1500 if quick else LENGTHS["samples"]
+    found: dict[str, Any] = _program("benchmarks.live.live_memory", "--samples", str(samples))
+    grown, other = found["most_grown_mb"] > MOST_GROWN_MB, not found["same_as_fresh"]
+    return {**found, "faults": int(grown) + int(other)}
 
 
-def _window(quick: bool) -> dict[str, Any]:
-    words = ["benchmarks.viewer.viewer_soak", "--updates", "2000" if quick else "200000"]
-    return dict(_program(*words))
+def _shown(program: str, quick: bool) -> dict[str, Any]:
+    """Window or page, over many updates."""
+    updates = 500 if quick else LENGTHS["updates"]
+    found: dict[str, Any] = _program(program, "--updates", str(updates))
+    grown, other = found["grown_mb"] > MOST_WINDOW_MB, not found["same_as_fresh"]
+    return {**found, "faults": int(grown) + int(other)}
 
 
-MOST_GROWN_MB = 5.0  # of the loop
 PARTS: dict[str, Part] = {
-    "fuzz": _fuzzed,
-    "cuts": lambda quick: cuts.measure(places=10 if quick else cuts.PLACES),
-    "full disk": lambda _: full_disk.measure(),
-    "stops": lambda quick: stops.measure(each=1, names=["simulate"] if quick else ()),
-    "kills": _kills,
+    "accidents": _accidents,
+    "fuzz": _coverage,
+    "cuts": lambda quick: cuts.measure(places=4 if quick else LENGTHS["places"]),
+    "large": lambda quick: large.measure(megabytes=0.2 if quick else large.MEGABYTES),
+    "full disk": lambda quick: full_disk.measure(QUICK_DISK if quick else [*full_disk.COMMANDS]),
+    "stops": lambda quick: (
+        stops.measure(each=1, names=["simulate"], kinds=["SIGTERM"])
+        if quick
+        else stops.measure(each=LENGTHS["each"])
+    ),
+    "kills": lambda quick: _kills(quick, 0),
+    "kills beside": lambda quick: _kills(quick, 3),
     "press": _press,
     "loop": _loop,
-    "window": _window,
+    "window": lambda quick: _shown("benchmarks.viewer.viewer_soak", quick),
+    "page": lambda quick: _shown("benchmarks.viewer.page_soak", quick),
 }
 
 if __name__ == "__main__":

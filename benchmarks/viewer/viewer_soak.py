@@ -49,9 +49,12 @@ def memory_mb() -> float:
 
 
 def soak(
-    scene: Any, updates: int, report: Callable[[str], None] = lambda _: None
+    scene: Any,
+    updates: int,
+    report: Callable[[str], None] = lambda _: None,
+    fresh: Callable[[], Any] | None = None,
 ) -> dict[str, Any]:
-    """Show so many updates, as fast as they can be drawn."""
+    """Show so many updates, as fast as they can be drawn; and the last in a fresh scene, too."""
     skins = {part: layer.skin for part, layer in scene.layers.items()}
     source = moments(skins)
     before, started = 0.0, time.process_time()
@@ -63,11 +66,19 @@ def soak(
         scene.refresh()
         if number % 20_000 == 0:
             report(f"{number:,} updates, {memory_mb():.1f} MB")
-    return {
+    told = {
         "updates": updates,
         "cpu_ms_per_update": (time.process_time() - started) / updates * 1e3,
         "grown_mb": memory_mb() - before,
     }
+    if fresh is not None:  # the last moment in a new window
+        last, other = next(source), fresh()
+        for one in (scene, other):
+            one.show_moment(last)
+            one.refresh()
+        told["same_as_fresh"] = bool(np.array_equal(scene.frame(), other.frame()))
+        other.close()
+    return told
 
 
 class Live:
@@ -159,8 +170,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--updates", type=int, default=200_000)
     options = parser.parse_args()
-    scene = Scene.load("icub", ["torso"], links="skin", window_size=SIZE)
-    told = soak(scene, options.updates, lambda line: print(line, file=sys.stderr, flush=True))
+
+    def load() -> Any:
+        return Scene.load("icub", ["torso"], links="skin", window_size=SIZE)
+
+    def report(line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+    told = soak(load(), options.updates, report, load)
     print(json.dumps(told))
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+import io
+from array import array
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -148,9 +150,12 @@ def read_table(
     DataFormatError
         A missing or unknown column, a row of another length, a word that is no number.
     """
-    names, lines, rows = read_cells(path, needed, known, first)
-    values = [parse_floats(row, path, line) for row, line in zip(rows, lines, strict=True)]
-    return names, np.array(values), lines
+    names, rows = _rows(path, needed, known, first)
+    values, lines = array("d"), []  # a word takes ten times the memory of its number
+    for line, row in rows:
+        values.extend(parse_floats(row, path, line))
+        lines.append(line)
+    return names, np.array(values).reshape(len(lines), len(names)), lines
 
 
 def read_cells(
@@ -171,8 +176,16 @@ def read_cells(
     DataFormatError
         A missing or unknown column, a row of another length, no row.
     """
-    reader = csv.reader(read_text(path).splitlines(keepends=True))
-    rows, lines = [], []
+    names, found = _rows(path, needed, known, first)
+    lines, rows = zip(*found, strict=True)
+    return names, list(lines), list(rows)
+
+
+def _rows(
+    path: Path, needed: Sequence[str], known: Sequence[str], first: Sequence[str]
+) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
+    """Names of the columns, and line and words of each row; errors are those of `read_cells`."""
+    reader = csv.reader(io.StringIO(read_text(path), newline=""))
     try:
         names = [cell.strip().lower() for cell in next(reader, [])]
         others = names[1:] if first and names and names[0] in first else names
@@ -188,20 +201,27 @@ def read_cells(
                 path,
                 1,
             )
-        for row in reader:
-            if not row:
-                continue
-            if len(row) != len(names):
-                raise DataFormatError(
-                    f"expected {len(names)} columns, got {len(row)}", path, reader.line_num
-                )
-            rows.append(row)
-            lines.append(reader.line_num)
     except csv.Error as error:
         raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
-    if not rows:
-        raise DataFormatError("the table has no row", path, 1)
-    return names, lines, rows
+
+    def rows() -> Iterator[tuple[int, list[str]]]:
+        empty = True
+        try:
+            for row in reader:
+                if not row:
+                    continue
+                if len(row) != len(names):
+                    raise DataFormatError(
+                        f"expected {len(names)} columns, got {len(row)}", path, reader.line_num
+                    )
+                empty = False
+                yield reader.line_num, row
+        except csv.Error as error:
+            raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
+        if empty:
+            raise DataFormatError("the table has no row", path, 1)
+
+    return names, rows()
 
 
 def check_channels(
@@ -267,17 +287,21 @@ def read_numbers(path: Path, columns: Sequence[str] | None) -> FloatArray:
     DataFormatError
         Another header, rows of different lengths, a word that is no number (says which line).
     """
-    lines = [line for line in enumerate(read_text(path).splitlines(), start=1) if line[1].strip()]
+    texts = enumerate(io.StringIO(read_text(path), newline=None), start=1)
+    lines = ((line, text) for line, text in texts if text.strip())
+    width = None
     if columns is not None:
-        head = tuple(cell.strip() for cell in lines[0][1].split(",")) if lines else ()
-        if head != tuple(columns):
+        _, text = next(lines, (0, ""))
+        if tuple(cell.strip() for cell in text.split(",")) != tuple(columns):
             raise DataFormatError(f"expected the header {','.join(columns)}", path, 1)
-        lines = lines[1:]
-    rows = [parse_floats(text.split(","), path, line) for line, text in lines]
-    if not rows:
-        raise DataFormatError("the table has no row", path, 1)
-    width = len(columns or rows[0])
-    for row, (line, _) in zip(rows, lines, strict=True):
+        width = len(columns)
+    values = array("d")
+    for line, text in lines:
+        row = parse_floats(text.split(","), path, line)
+        width = len(row) if width is None else width
         if len(row) != width:
             raise DataFormatError(f"expected {width} columns, got {len(row)}", path, line)
-    return np.array(rows)
+        values.extend(row)
+    if not values or width is None:
+        raise DataFormatError("the table has no row", path, 1)
+    return np.array(values).reshape(-1, width)

@@ -11,6 +11,7 @@ from calibration.wiring.boards import Boards, Wiring
 from calibration.wiring.faults import Fault
 from skinmap.arrays import IntArray
 from skinmap.errors import InvalidArrayError, OutputError
+from skinmap.io.output import staged_file
 from skinmap.io.taxels.table import write_csv
 from skinmap.skin.taxels import TaxelTable
 
@@ -138,9 +139,5 @@ def write_map(table: TaxelTable, path: Path) -> None:
         It exists by now, or its folder does not.
     """
     check_free(path)
-    try:
-        with path.open("x", encoding="utf-8"):
-            pass
-        write_csv(table, path)
-    except OSError as error:
-        raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None
+    with staged_file(path) as stage:
+        write_csv(table, stage)

@@ -88,6 +88,7 @@ def command(
               skinmap label touch.mcap --write-csv touches.csv
               skinmap label touch.mcap --csv touches.csv -o named.mcap
     """
+    from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import Marks, marks_csv, read_marks
     from skinmap.live.sources.open_recording import open_track
     from skinmap.touch.labels import RESERVED, UNNAMED, check_label
@@ -104,7 +105,8 @@ def command(
         marks = read_marks(table, marks, track.times, track.parts)
     files = []
     if write_csv is not None:
-        write_csv.write_text(marks_csv(marks, track.times), encoding="utf-8")
+        with staged_file(write_csv) as stage:
+            stage.write_text(marks_csv(marks, track.times), encoding="utf-8")
         files.append(str(write_csv))
     elif table is None:
         edit = _page() if web else by_keys

@@ -38,9 +38,9 @@ def staged_folder(out: Path) -> Iterator[Path]:
     except OSError as error:
         raise OutputError(f"cannot write to the folder {str(out)!r}: {error.strerror}") from None
     try:
-        with _refusals(out, stage):
+        with refusals(out, stage):
             yield stage
-        with _refusals(out, out), undisturbed():
+        with refusals(out, out), undisturbed():
             for path in sorted(path for path in stage.rglob("*") if path.is_file()):
                 target = out / path.relative_to(stage)
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -84,9 +84,9 @@ def staged_file(path: Path) -> Iterator[Path]:
     try:
         if path.is_dir():
             raise OutputError(f"cannot write {str(path)!r}: it is a folder")
-        with _refusals(path, stage):
+        with refusals(path, stage):
             yield stage
-        with _refusals(path, path):
+        with refusals(path, path):
             stage.chmod(0o666 & ~_umask())
             os.replace(stage, path)
     finally:
@@ -111,7 +111,7 @@ def undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def _refusals(named: Path, place: Path) -> Iterator[None]:
+def refusals(named: Path, place: Path) -> Iterator[None]:
     """An error of the system while writing at a place, as a line that names the result."""
     try:
         yield

@@ -19,7 +19,7 @@ from skinmap.arrays import BoolArray, FloatArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.proximity import median_spacing
 
-MAX_BYTES = 64 * 2**20  # as of every text file that is read
+MAX_BYTES = 2**20  # the largest board has some tens of slots
 # What strange content comes to: deep nests, numbers that no float holds and cells without end too.
 NO_LAYOUT = (
     ValueError, TypeError, KeyError, IndexError, OverflowError, RecursionError, csv.Error, OSError,

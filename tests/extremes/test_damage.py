@@ -20,7 +20,8 @@ from hypothesis import strategies as st
 
 from calibration.files.mount_files import read_wrenches
 from skinmap import archive
-from skinmap.errors import DataFormatError, InvalidArrayError
+from skinmap.errors import DataFormatError, InvalidArrayError, MessageError
+from skinmap.io.ros2.messages import cloud_points
 from skinmap.live.network.addresses import parse_address
 from skinmap.touch.recording import Recording
 from viewer.interaction.view_file import load_view
@@ -178,6 +179,10 @@ def npy(shape: str) -> bytes:
     return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head.encode()
 
 
+CYSKIN = b"""{"info": {"file_version": 2}, "skin": {"taxels": [{"id": 1, "x": [0, 0, %s],
+    "n": [%s, 0, 0]}]}}"""
+
+
 @pytest.mark.parametrize(
     ("target", "content", "said"),
     [
@@ -187,6 +192,15 @@ def npy(shape: str) -> bytes:
         ("module-layout-csv", b"slot,x_mm\n" + b"1" * 200_000, "not a module layout"),
         ("samples-npy", npy("(99999999999999999999, 2)"), "too large"),
         ("anchors", b"channel,x,y,z\n99999999999999999999,0,0,0\n", "whole numbers from 0"),
+        ("taxels-cyskin", CYSKIN % (b"1e200", b"1"), "must be a number up to 1000000"),
+        ("taxels-cyskin", CYSKIN % (b"0", b"-1e200"), "must be a number from -1000000"),
+        ("channel-mapping", b"a = " + b"[" * 2000, "not a mapping of a recording"),
+        ("channel-mapping", b"a = " + b"9" * 5000, "not a mapping of a recording"),
+        (
+            "marks",
+            b"part,event,began_s,ended_s,label\na,%s,0,0.1,b\n" % (b"1" * 5000),
+            "no touch has the number 1111",
+        ),
         ("batch", b"name,layout,mesh,anchors\n" + b"a" * 200_000, "not CSV: field larger"),
     ],
 )
@@ -261,6 +275,16 @@ def test_wrenches_that_no_float_holds_are_refused_with_a_line(tmp_path, forces):
     with warnings.catch_warnings(), pytest.raises(DataFormatError, match="must be numbers"):
         warnings.simplefilter("error")
         read_wrenches(tmp_path / "w.npz")
+
+
+@pytest.mark.parametrize("row_step", [0, 4, 2**32 - 1])
+def test_clouds_of_billions_of_rows_in_a_few_bytes_are_refused_at_once(row_step):
+    """Rows that lie on each other took a minute and all memory."""
+    with pytest.raises(MessageError, match="contradicts itself: 4294967295 rows of"):
+        cloud_points([("f", 0, 7, 1)], "<", 4, row_step, (2**32 - 1, 1), bytes(4))
+    rows = np.arange(6, dtype="<f4").tobytes()  # of two points, and four bytes of nothing behind
+    made = cloud_points([("f", 0, 7, 1)], "<", 4, 12, (2, 2), rows[:20])
+    assert made["f"].tolist() == [0.0, 1.0, 3.0, 4.0]
 
 
 def test_ports_of_thousands_of_digits_are_no_addresses():

@@ -1,4 +1,7 @@
-"""Files of nearly 10 MB are read or refused in less than 200 MB and without a hang."""
+"""Files of nearly 10 MB are read or refused in less than 200 MB and without a hang.
+
+All kinds are in benchmarks/reliability/large.py.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,9 @@ import subprocess
 import sys
 
 import pytest
+
+from benchmarks.reliability import large
+from benchmarks.reliability.cuts import MOST_MB, apart
 
 # The largest of each kind, all of it in the rows: what a generator gone wild would leave.
 HEADS = {
@@ -49,3 +55,12 @@ def test_large_tables_take_less_than_200_mb(tmp_path, format):
         timeout=60,
     )
     assert float(result.stdout.split()[-1]) < 200.0, result.stdout
+
+
+@pytest.mark.parametrize("kind", ["touches", "numbers", "module-layout-csv"])
+def test_large_tables_of_other_readers_take_no_more(kind):
+    """A fifth of the size and of the memory; words of all rows together took twice as much."""
+    found, code = apart(large.examine, kind, large.MEGABYTES / 5)
+    assert found is not None, f"the process ended with {code}"
+    assert not found["faults"]
+    assert found["more_mb"] < MOST_MB / 5

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import os
 import shutil
+import struct
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
@@ -14,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.errors import InvalidArrayError, OutputError
-from skinmap.io.output import staged_file
+from skinmap.io.output import refusals, staged_file
 
 Picture = NDArray[np.uint8]
 MOVIE_FPS = 25.0  # of movies of a scene: every other sample at 50 Hz
+BOX = struct.Struct(">I4s")  # length and kind: what an .mp4 file is made of
 QUALITY = "26"  # x264's constant rate factor: labels stay sharp, 6 s take about 1 MB
 
 
@@ -72,7 +75,19 @@ def moved_file(path: Path) -> Iterator[Path]:
         raise OutputError(f"cannot write {str(path)!r}: {why}")
     with TemporaryDirectory(prefix="skinmap-", ignore_cleanup_errors=True) as folder:
         stage = Path(folder) / f"movie{path.suffix}"
-        yield stage
+        unfinished = OutputError(
+            f"cannot write {str(path)!r}: ffmpeg left no whole movie, for want of room in "
+            f"{str(Path(folder).parent)!r} perhaps"
+        )
+        try:
+            with refusals(path, stage):
+                yield stage
+        except OSError as error:
+            if "FFMPEG COMMAND" in str(error):  # it ended while pictures were written
+                raise unfinished from None
+            raise
+        if path.suffix == ".mp4" and not is_whole(stage):  # nobody looks at its exit code
+            raise unfinished
         with staged_file(path) as copy:
             shutil.copyfile(stage, copy)
 
@@ -95,7 +110,7 @@ class MovieWriter:
         self.count = 0
         self._stack = ExitStack()
         self._stage = self._stack.enter_context(moved_file(self.path))
-        self._writer = self._stack.enter_context(closing(_open(self._stage, fps)))
+        self._writer = self._stack.enter_context(_opened(self._stage, fps))
         self._size: tuple[int, int] | None = None
 
     def add(self, picture: Picture) -> None:
@@ -119,6 +134,20 @@ class MovieWriter:
         return self.path
 
 
+def is_whole(path: Path) -> bool:
+    """Whether the boxes of an .mp4 file end where it ends, and one of them is its index."""
+    kinds, place, size = set[bytes](), 0, path.stat().st_size if path.exists() else 0
+    with path.open("rb") if size else io.BytesIO() as file:
+        while place < size:
+            file.seek(place)
+            length, kind = BOX.unpack(file.read(BOX.size).ljust(BOX.size))
+            if length == 1:
+                length = int.from_bytes(file.read(8), "big")
+            kinds.add(kind)
+            place += max(length, BOX.size)
+    return place == size and b"moov" in kinds
+
+
 def has_ffmpeg() -> bool:
     """Whether imageio finds an ffmpeg: its own wheel brings one on common machines."""
     try:
@@ -131,8 +160,7 @@ def has_ffmpeg() -> bool:
 
 def _write(path: Path, frames: Iterable[Picture], fps: float) -> int:
     count = 0
-    # `closing`, as imageio's own with statement leaves ffmpeg running after an exception.
-    with closing(_open(path, fps)) as writer:
+    with _opened(path, fps) as writer:
         for picture in frames:
             height, width = picture.shape[:2]
             writer.append_data(picture[: height - height % 2, : width - width % 2])
@@ -140,8 +168,9 @@ def _write(path: Path, frames: Iterable[Picture], fps: float) -> int:
     return count
 
 
-def _open(path: Path, fps: float) -> Any:
-    """The writer of imageio for a path."""
+@contextmanager
+def _opened(path: Path, fps: float) -> Iterator[Any]:
+    """The writer of imageio for a path, closed once: ffmpeg ends, whatever happens."""
     import imageio
 
     options: dict[str, Any] = {"duration": 1000.0 / fps, "loop": 0}
@@ -155,4 +184,10 @@ def _open(path: Path, fps: float) -> Any:
             "ffmpeg_log_level": "error",
         }
     open_writer: Any = imageio.get_writer
-    return open_writer(str(path), **options)
+    # A gif is kept in memory to its end anyway, and written here: imageio would try it thrice.
+    buffer = io.BytesIO()
+    where = {"uri": buffer, "format": "GIF"} if path.suffix == ".gif" else {"uri": str(path)}
+    with closing(open_writer(**where, **options)) as writer:
+        yield writer
+    if path.suffix == ".gif":
+        path.write_bytes(buffer.getvalue())

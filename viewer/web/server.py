@@ -48,6 +48,8 @@ PORT = 8080
 LARGEST = 4096  # bytes of a message from a page: it sends wishes of some words
 CLIENTS = 8  # pages at once
 LEVEL = 6  # of gzip: a scene of the whole iCub takes a fifth of a second
+OPEN = 256  # connections at once, of those too that have not said what they want
+OPENING = 10.0  # for a request to come whole [s]
 PATIENCE = 5.0  # for threads to end [s]
 SCENE = "scene.bin"
 
@@ -175,6 +177,7 @@ class WebServer:
 
     def __init__(self, listening: socket.socket, guard: Guard, hub: Hub, clients: int) -> None:
         self._socket, self.guard, self.hub, self._most = listening, guard, hub, clients
+        self.connections = 0
         self._packed = gzip.compress(hub.scene.packed, LEVEL, mtime=0)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
@@ -228,7 +231,23 @@ class WebServer:
             self._done.set()
 
     async def _main(self) -> None:
+        from websockets.asyncio.server import ServerConnection
         from websockets.asyncio.server import serve as listen
+
+        web = self
+
+        class Counted(ServerConnection):
+            """A connection that is one of not too many: each takes a file of the process."""
+
+            def connection_made(self, transport: asyncio.BaseTransport) -> None:
+                web.connections += 1
+                super().connection_made(transport)
+                if web.connections > OPEN:
+                    self.transport.abort()
+
+            def connection_lost(self, error: Exception | None) -> None:
+                web.connections -= 1
+                super().connection_lost(error)
 
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
         quiet = logging.getLogger(f"{__name__}.connections")
@@ -239,6 +258,8 @@ class WebServer:
             process_request=self._answer,
             max_size=LARGEST,
             max_queue=8,
+            open_timeout=OPENING,
+            create_connection=Counted,
             compression=None,
             close_timeout=1,
             server_header=None,

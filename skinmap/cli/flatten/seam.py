@@ -14,6 +14,7 @@ from skinmap.arrays import BoolArray, IntArray
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, SkinMismatchError
 from skinmap.surface.surface_mesh import SurfaceMesh
 
+MAX_BYTES = 2**16  # of a file of channels: a seam passes some hundred taxels
 CONTACTS, SHORTEST, NONE = "contacts", "shortest", "none"
 MAX_CHANNEL = 10_000_000
 
@@ -163,6 +164,9 @@ def read_cuts(path: Path, meshes: Mapping[str, SurfaceMesh]) -> dict[str, IntArr
 
 def _lines(path: Path) -> Sequence[tuple[int, IntArray]]:
     """The paths of a file: number of the line, channels (k,)."""
+    from skinmap.io.text import check_file
+
+    check_file(path, "a file of channels", MAX_BYTES)
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -117,7 +117,7 @@ def read_mapping(path: Path) -> Mapping:
 def _mapping(text: str, path: Path) -> Mapping:
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # huge numbers, deep nests are no TOML errors
         raise DataFormatError(f"not a mapping of a recording: {error}", path) from None
     fail = partial(DataFormatError, path=path)
     found = checked(table, Mapping, what="the mapping", fail=fail)

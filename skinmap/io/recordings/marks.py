@@ -19,6 +19,7 @@ from skinmap.touch.labels import JOIN, UNNAMED, check_label
 from skinmap.touch.recording import Recording
 
 COLUMNS = ("part", "event", "began_s", "ended_s", "label", "session", "person")
+MAX_DIGITS = 9  # of the number of a touch
 BLOCK = 1024  # samples that are read at once
 KEYS = (
     "enter next, b back, g N go to touch N, n NAME name, s split (s SECONDS after its beginning), "
@@ -219,7 +220,9 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
         cells = dict(zip(rows[0], (cell.strip() for cell in row), strict=True))
         one = _marked(cells, times, parts, path, line)
         number = cells.get("event", "")
-        event = int(number) if number.isdigit() else free
+        if len(number) > MAX_DIGITS:
+            raise DataFormatError(f"no touch has the number {number[:20]}...", path, line)
+        event = int(number) if number.isdecimal() else free
         free = max(free, event) + 1
         old = known.get((one.part, event))
         owners = old.owners if old is not None and JOIN in one.label else None

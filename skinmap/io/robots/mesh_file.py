@@ -11,6 +11,7 @@ from skinmap.arrays import FloatArray
 from skinmap.cache import Ingredient, cached
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.geometry.mesh import TriangleMesh
+from skinmap.io.robots.mesh_bounds import check_collada, check_gltf, check_scene
 from skinmap.io.safe_xml import read_xml
 from skinmap.io.text import check_file, is_file
 from skinmap.skin.joints import Joint
@@ -54,13 +55,21 @@ def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray
 def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
     import trimesh
 
-    if path.suffix.lower() == ".dae":
-        read_xml(path, "a COLLADA mesh", MAX_MESH_BYTES)  # COLLADA is XML with all its doors
+    if (suffix := path.suffix.lower()) == ".dae":
+        root = read_xml(path, "a COLLADA mesh", MAX_MESH_BYTES)  # COLLADA is XML with all its doors
     try:
+        if suffix == ".dae":
+            check_collada(root, path)
+        elif suffix in (".glb", ".gltf"):
+            check_gltf(path)
         with np.errstate(over="ignore", invalid="ignore"):  # merging casts to whole numbers
-            mesh = trimesh.load_mesh(str(path), process=merge)
+            scene = trimesh.load_scene(str(path), process=merge)
+            check_scene(scene, path)
+            mesh = scene.to_mesh()
         vertices = np.asarray(mesh.vertices, np.float64)
         faces = np.asarray(mesh.faces, np.int64)
+    except DataFormatError:
+        raise
     except Exception as error:  # each format has its own kinds of failure
         raise DataFormatError(f"not a mesh that can be read: {error}", path) from error
     if len(faces) == 0 or not np.isfinite(vertices).all():

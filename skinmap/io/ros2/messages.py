@@ -216,6 +216,13 @@ def cloud_points(
         height, width = shape
         if height * width == 0:
             return np.zeros(0, kind)
+        if height > 1 and (
+            row_step < width * step or (height - 1) * row_step + width * step > len(data)
+        ):
+            raise ValueError(
+                f"{height} rows of {row_step} bytes for {width} points of {step} bytes in "
+                f"{len(data)} bytes"
+            )
         rows = [
             np.frombuffer(data, kind, width, row * row_step if height > 1 else 0)
             for row in range(height)

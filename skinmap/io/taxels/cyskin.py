@@ -34,10 +34,12 @@ from skinmap.validation import checked
 VERSION = "2"
 SLOTS = 16  # ids of a module
 ALONE = 4  # a module of one taxel where most have so many is a number that stands for none
+MAX_REAL = 1e6  # of places [m] and normals: their squares are numbers too
 PLACEHOLDERS = ("", "tbd", "todo", "none", "unknown")  # names of frames that name no link
 
-Place = Annotated[list[float], msgspec.Meta(min_length=3, max_length=3)]
-Spot = Annotated[list[float], msgspec.Meta(min_length=2, max_length=3)]  # on a map; a third is zero
+Real = Annotated[float, msgspec.Meta(ge=-MAX_REAL, le=MAX_REAL)]
+Place = Annotated[list[Real], msgspec.Meta(min_length=3, max_length=3)]
+Spot = Annotated[list[Real], msgspec.Meta(min_length=2, max_length=3)]  # on a map; a third is zero
 Corners = Annotated[list[int], msgspec.Meta(min_length=3, max_length=3)]
 Number = Annotated[int, msgspec.Meta(ge=-MAX_CHANNEL, le=MAX_CHANNEL)]
 

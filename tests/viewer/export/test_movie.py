@@ -1,3 +1,4 @@
+import resource
 import subprocess
 
 import imageio_ffmpeg
@@ -62,3 +63,19 @@ def test_write_movie_that_fails_midway_leaves_nothing(tmp_path):
 def test_write_movie_into_a_missing_folder_says_so(tmp_path):
     with pytest.raises(OutputError, match="none"):
         write_movie(tmp_path / "none" / "film.mp4", pictures(2), 25)
+
+
+@pytest.mark.parametrize(
+    ("name", "frames"), [("film.mp4", 12), ("film.mp4", 400), ("film.gif", 12)]
+)
+def test_a_movie_that_a_full_disk_cuts_is_one_line_and_no_file(tmp_path, rng, name, frames):
+    """ffmpeg's own exit code is seen by nobody: the file's boxes are counted."""
+    noise = rng.integers(0, 255, (64, 80, 3), np.uint8)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (600, before[1]))
+    try:
+        with pytest.raises(OutputError, match=r"cannot write '.*film\.[a-z0-9]{3}': "):
+            write_movie(tmp_path / name, (np.roll(noise, k, 1) for k in range(frames)), 25)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not list(tmp_path.iterdir())
