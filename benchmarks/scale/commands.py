@@ -71,8 +71,8 @@ LEFT_OUT = {
 
 # The quick form: by the beginning of their line.
 QUICK = (
-    "inspect", "flatten icub", "flatten saddle_1000.ply", "structures", "export", "view icub --part",
-    "cache",
+    "inspect", "flatten icub", "flatten saddle_1000.ply", "structures", "export", "cache",
+    "view icub --part",
 )  # fmt: skip
 
 
