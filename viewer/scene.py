@@ -334,11 +334,11 @@ class Scene:
 
     def screenshot(self, path: str | Path) -> Path:
         """Write a still of the scene, smoothed, turned to show its touches."""
-        import imageio.v3 as iio
+        from PIL import Image
 
         picture = self.canvas.draw(self, 360.0, samples=STILL_SAMPLES)
         with staged_file(Path(path)) as stage:
-            iio.imwrite(stage, picture)
+            Image.fromarray(picture).save(stage)
         return Path(path)
 
     def frame(self, step: float = TURN_STEP) -> NDArray[np.uint8]:

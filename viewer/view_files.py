@@ -24,7 +24,8 @@ from viewer.view_options import Look, Session, new_layers, new_scene
 STILL_SIZE = (1600, 1100)
 MOVIE_SIZE = (1024, 768)
 RISE = 12.0  # of the views that a moment is judged from [deg]
-MOVIE_SECONDS = 7.0  # of the simulator, which has no end
+# Of the simulator, which has no end: a picture sees some four touches of a part begin and grow.
+MOVIE_SECONDS, STILL_SECONDS = 7.0, 5.0
 CALM = 1.6  # how far the camera of a movie turns between two pictures [deg]: 40 a second
 
 
@@ -126,9 +127,11 @@ def _stills(
 
 
 def _length(session: Session, wanted: Wanted) -> float | None:
-    if wanted.seconds is None and wanted.movie is not None and session.simulated:
+    if wanted.seconds is not None or not session.simulated:
+        return wanted.seconds
+    if wanted.movie is not None:
         return MOVIE_SECONDS
-    return wanted.seconds
+    return STILL_SECONDS if wanted.html is None else None  # a page plays what was watched
 
 
 def _start(wanted: Wanted) -> float:

@@ -14,12 +14,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from skinmap.cli.late_modules import run_late
+
 ARRAYS = ("numpy", "scipy.sparse.csgraph", "scipy.sparse.linalg", "scipy.spatial", "click", "rich")
 MESHES = (*ARRAYS, "igl", "lxml.etree", "icub_models")
 FLAT = (*MESHES, "shapely", "potpourri3d")
 PLOTS = ("matplotlib.figure", "matplotlib.backends.backend_agg", "matplotlib.collections")
-SCENE = (*FLAT, "pyvista", "vtkmodules.vtkRenderingOpenGL2")
-MODEL = (*FLAT, "skops.io", "sklearn.svm")
+FILE = (*FLAT, "trimesh")  # of a mesh that no robot brings
+NAMES = (*FLAT, "sklearn.base")
+TRAINING = (*NAMES, "sklearn.svm", "sklearn.linear_model", "sklearn.model_selection")
+SCENE = (*NAMES, "pyvista.plotting", "vtkmodules.vtkRenderingOpenGL2", "PIL.Image")
 
 
 def _surfaces(robot: str, *parts: str) -> list[Any]:
@@ -79,9 +83,14 @@ def _inspect(*parts: str) -> None:
 def _structures() -> None:
     import skinmap
     from skinmap.neighbours.structures import find_structures
+    from skinmap.report.structure_figures import body_figure, structures_figure
+    from skinmap.touch.prepared_skin import PreparedSkin
 
-    for mesh in _surfaces("icub", "right_leg_upper"):
-        find_structures(skinmap.flatten(mesh))
+    robot = skinmap.load_robot("icub")
+    skin = PreparedSkin(robot.skin("right_leg_upper"))
+    found = find_structures(skin.neighbourhoods(symmetry=6), rotations=6)
+    structures_figure({"right_leg_upper": skin}, found, Path("work.png"))
+    body_figure(robot, {"right_leg_upper": skin}, found, Path("work.png"))
 
 
 def _simulate() -> None:
@@ -107,6 +116,19 @@ def _classify() -> None:
     skinmap.classify(touches, skinmap.load_classifier("touch.skinmodel"), robot)
 
 
+def _still(*parts: str) -> None:
+    """A still of what the simulator touches for a while."""
+    import skinmap
+    from viewer.view_files import STILL_SECONDS
+    from viewer.view_options import Session
+
+    robot = skinmap.load_robot("icub")
+    session = Session(robot, parts or robot.parts)
+    session.prepare()
+    felt = list(session.moments(STILL_SECONDS))
+    skinmap.show(robot, moments=felt, parts=parts or None, path="work.png")
+
+
 Work = tuple[tuple[str, ...], Callable[[], Any]]
 WORKS: dict[str, Work] = {
     "inspect": (MESHES, _inspect),
@@ -120,16 +142,19 @@ WORKS: dict[str, Work] = {
     "structures": ((*MESHES, *PLOTS), _structures),
     "export": (MESHES, lambda: _surfaces("icub", "torso")),
     "simulate": (MESHES, _simulate),
-    "train": (MODEL, _train),
-    "classify": (MODEL, _classify),
-    "nothing": (("click", "rich"), lambda: None),
+    "train": (TRAINING, _train),
+    "classify": (NAMES, _classify),
+    "still": (SCENE, _still),
+    "still_part": (SCENE, lambda: _still("left_arm")),
+    "nothing": (("numpy", "click", "rich"), lambda: None),
 }
 
 
 def main() -> None:
     """Import, then work."""
     name, *rest = sys.argv[1:]
-    modules, work = WORKS.get(name, (FLAT, lambda: _mesh_map(*rest)))
+    modules, work = WORKS.get(name, (FILE, lambda: _mesh_map(*rest)))
+    run_late()  # as commands do
     for module in modules:
         import_module(module)
     if "--imports" in rest:

@@ -1,10 +1,10 @@
 """Whole commands in fresh processes: CPU, wall and memory beside imports and necessary work.
 
 The commands are those of README.md, and sizes of meshes and recordings over decades. Each runs
-once to fill the cache, then in turns; the ratio is its CPU time over that of the imports and the
-work that its output needs (command_work.py). Writes benchmarks/results/commands.json, which
-`make bench-compare` reads too, and its table into docs/benchmarks.md. `--quick` runs each
-once, without the longest, and the first run is the one that counts.
+once to fill the cache, then again, the shorter the more often (the longest not at all); the ratio
+is its CPU time over that of the imports and the work that its output needs (command_work.py).
+Writes benchmarks/results/commands.json, which `make bench-compare` reads too, and its table into
+docs/benchmarks.md. `--quick` takes a minute: a few commands, each once more.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from benchmarks.harness.record import RESULTS, about, write
 from benchmarks.harness.timing import quartiles
 
 TURNS = 3
-LONGEST = 600.0  # wall time of a command [s]
+ALL_TURNS_S = 6.0  # CPU time that a command may take in all turns, if it needs no more for one [s]
+LONG_S = 15.0  # a command that takes more is run once: its first run is the one that counts
 SIZES = (1_000, 10_000, 100_000)  # vertices of a mesh
 PER_GESTURE = (2, 20)  # touches of a recording, of each gesture and part
 
@@ -54,6 +55,7 @@ WORK_OF = {
     "simulate icub --per-gesture": "simulate",
     "train": "train",
     "classify touch.skinmodel touches.npz": "classify",
+    "view icub --source sim --screenshot": "still",
     "cache": "nothing",
 }
 # What does not end by itself, or has an input that another terminal makes.
@@ -68,7 +70,12 @@ LEFT_OUT = {
 }
 
 
-LONG = ("demo", "trade", "calibrate batch")  # not in the quick form
+LAST = ("demo", "trade")  # the longest
+# The quick form: by the beginning of their line.
+QUICK = (
+    "inspect", "flatten icub", "flatten saddle_1000.ply", "structures", "export", "cache",
+    "view icub --part",
+)  # fmt: skip
 
 
 def readme_lines() -> list[str]:
@@ -84,21 +91,19 @@ def left_out(line: str) -> str:
     return next((why for word, why in LEFT_OUT.items() if word in line), "")
 
 
-def commands(folder: Path, quick: bool) -> Iterator[Command]:
+def commands(folder: Path) -> Iterator[Command]:
     """All that is measured, what later ones need first."""
     lines = [line for line in readme_lines() if not left_out(line)]
-    if quick:
-        lines = [line for line in lines if not line.startswith(LONG)]
     lines.sort(key=lambda line: not line.startswith(("simulate", "train")))
-    for line in lines:
+    for line in sorted(lines, key=lambda line: line.startswith(LAST)):
         work = next((work for start, work in WORK_OF.items() if line.startswith(start)), "")
         mesh = (str(ROOT / "data/kaspar/meshes/hand.ply"), "accurate") if work == "mesh" else ()
         yield Command(line, work, mesh)
     yield Command("inspect icub --json", "inspect")
     yield Command("flatten icub --json", "flatten")
     yield Command("flatten icub --part left_arm --out one", "flatten_out")
-    yield Command("view icub --part right_forearm --source sim --screenshot part.png")
-    for size in SIZES[: 1 if quick else None]:
+    yield Command("view icub --part left_arm --source sim --screenshot part.png", "still_part")
+    for size in SIZES:
         path = folder / f"saddle_{size}.ply"
         _saddle(path, size)
         yield Command(f"flatten {path.name} --json", "mesh", (str(path), "balanced"))
@@ -158,21 +163,26 @@ def measure(quick: bool, only: str = "") -> list[dict[str, Any]]:
             "OMP_NUM_THREADS": "1",
             "OPENBLAS_NUM_THREADS": "1",
         }
-        for command in commands(folder, quick):
+        for command in commands(folder):
+            if quick and not command.line.startswith(QUICK):
+                continue
             if only and only not in command.line and not command.line.startswith("simulate icub -"):
                 continue
-            rows.append(_row(command, folder, environment, 0 if quick else TURNS))
+            rows.append(_row(command, folder, environment, 1 if quick else TURNS))
             print(_words(rows[-1]), file=sys.stderr)
     return rows
 
 
-def _row(command: Command, folder: Path, environment: dict[str, str], turns: int) -> dict[str, Any]:
+def _row(command: Command, folder: Path, environment: dict[str, str], most: int) -> dict[str, Any]:
     skinmap = [sys.executable, "-c", "from skinmap.cli.main import main; main()"]
     words = [*skinmap, *shlex.split(command.line)]
     first = spent(words, folder, environment)
-    found = [first] if not turns else [spent(words, folder, environment) for _ in range(turns)]
-    if first["code"] or any(one["code"] for one in found):
-        return {"command": command.line, "failed": first["errors"].strip() or "another time"}
+    turns = turns_of(first["cpu_s"], most)
+    again = first["cpu_s"] <= LONG_S
+    found = [spent(words, folder, environment) for _ in range(turns)] if again else [first]
+    for one in (first, *found):
+        if one["code"]:
+            return {"command": command.line, "failed": one["errors"].strip() or "without a word"}
     cpu = quartiles([one["cpu_s"] for one in found])
     row = {
         "command": command.line,
@@ -180,7 +190,7 @@ def _row(command: Command, folder: Path, environment: dict[str, str], turns: int
         "spread_s": cpu if turns > 1 else None,
         "wall_s": float(np.median([one["wall_s"] for one in found])),
         "mb": float(np.median([one["mb"] for one in found])),
-        "first_cpu_s": first["cpu_s"],
+        "first_cpu_s": first["cpu_s"] if again else None,
     }
     if command.work:
         row |= _needs(command, folder, environment, turns)
@@ -188,13 +198,18 @@ def _row(command: Command, folder: Path, environment: dict[str, str], turns: int
     return row
 
 
+def turns_of(cpu: float, most: int) -> int:
+    """How often a command is run again that took some CPU time [s]: once at least."""
+    return int(np.clip(ALL_TURNS_S / max(cpu, 1e-3), 1, most))
+
+
 def _needs(
     command: Command, folder: Path, environment: dict[str, str], turns: int
 ) -> dict[str, float]:
     own = [sys.executable, "-m", "benchmarks.scale.command_work", command.work, *command.arguments]
-    imports = [spent([*own, "--imports"], folder, environment)["cpu_s"] for _ in range(turns or 1)]
-    works = []
-    for _ in range(turns or 1):
+    imports, works = [], []
+    for _ in range(turns):
+        imports.append(spent([*own, "--imports"], folder, environment)["cpu_s"])
         done = spent(own, folder, environment)
         if done["code"]:
             raise RuntimeError(f"the work of `{command.line}` fails: {done['errors']}")

@@ -2,7 +2,8 @@
 
 The decision value of the SVM is a sum over bins of sum_i c_i min(h_i, x), which is piecewise
 linear in x with a bend at each support value h_i. Sorted support values with running sums give
-it exactly for any x, and for whole counts so does a table of its values at 0, 1, 2 and so on.
+it exactly for any x, and for whole counts so does a table of its values at 0, 1, 2 and so on. A
+value's piece is looked up in equal buckets and only sought inside the right one.
 
 Maji, Berg and Malik, "Classification using Intersection Kernel Support Vector Machines is
 Efficient", CVPR 2008.
@@ -16,6 +17,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from skinmap.arrays import FloatArray, IntArray
@@ -24,6 +26,10 @@ from skinmap.errors import MissingLibraryError
 
 TABLE = 2**23  # numbers in a table at most (64 MB)
 COMPILE = 2_000_000  # bins from which compiling pays by itself
+BUCKETS = 4  # a bend: most values are found by one look
+LINEAR = 8  # bends up to which looking at one after the other is quicker than halving
+FEW = 16  # samples whose bins are looked up at once
+SAMPLES = 256  # that the compiled loop works on at a time
 
 logger = logging.getLogger(__name__)
 
@@ -47,16 +53,14 @@ class AdditiveFunction:
         intercept: FloatArray,
     ) -> None:
         self.intercept = np.asarray(intercept, np.float64)
-        self.start = np.concatenate([[0], np.cumsum([len(bend) for bend in bends])])
-        self.bends = np.concatenate([np.zeros(0), *bends])
-        self._bends = np.append(self.bends, np.inf)  # what a search behind the last one reads
-        # f = base + slope x, before each bend and behind the last: one row more than bends.
-        self.slope = np.concatenate(
-            [np.vstack([slope, np.zeros(len(self.intercept))]) for slope in slopes]
+        self.top = int(max((bend[-1] for bend in bends if len(bend)), default=0.0))
+        # f = base + slope x, before each bend and behind the last: one piece more than bends.
+        self.pieces = np.concatenate(
+            [np.stack([_bases(b, s), _and_none(s)], 1) for b, s in zip(bends, slopes, strict=True)]
         )
-        self.base = np.concatenate([_bases(b, s) for b, s in zip(bends, slopes, strict=True)])
-        self.top = int(self.bends.max(initial=0.0))
-        self.rows = self._tabulate()
+        self.ends = np.concatenate([np.append(bend, np.inf) for bend in bends])  # of the pieces
+        self.scale, self.first, self._most = _buckets(bends)
+        self.rows = self._tabulate(bends)
         self._offset = np.arange(len(bends)) * (self.top + 1)
         self._kernel: Any = None
 
@@ -68,11 +72,12 @@ class AdditiveFunction:
             return np.asarray(self._kernel(x))
         if self.rows is not None and bool((x == np.floor(x)).all()):
             return _look_up(self.rows, self._offset, self.top, x) + self.intercept
-        if len(x) == 1:
-            return self._one(x[0])
+        if len(x) < FEW:
+            return self._together(x)
         total = np.tile(self.intercept, (len(x), 1))
-        for place in range(x.shape[1]):
-            total += self._piece(place, x[:, place])
+        for place in range(x.shape[1]):  # the pieces of one bin stay in the fast memory
+            row = np.flatnonzero(x[:, place])
+            total[row] += self._values(x[row, place], np.int64(place))
         return total
 
     def compile(self) -> bool:
@@ -83,32 +88,47 @@ class AdditiveFunction:
             logger.info("numba is not installed: decision values are computed by numpy")
         return self._kernel is not None
 
-    def _one(self, x: FloatArray) -> FloatArray:
-        """(1, q) values for one x (d,): all bins that are not empty searched at once."""
-        place = np.flatnonzero(x)
-        value, low, high = x[place], self.start[place], self.start[place + 1]
-        for _ in range(int(np.diff(self.start).max(initial=0)).bit_length()):
-            middle = (low + high) >> 1
-            before = (low < high) & (self._bends[middle] < value)
-            low, high = np.where(before, middle + 1, low), np.where(before, high, middle)
-        row = low + place
-        pieces = self.base[row] + self.slope[row] * value[:, None]
-        return np.asarray(self.intercept + pieces.sum(axis=0))[None]
+    def _together(self, x: FloatArray) -> FloatArray:
+        """(n, q) values for a few x (n, d): all bins that are not empty at once."""
+        row, place = np.nonzero(x)
+        count = np.bincount(row, minlength=len(x))
+        total = np.tile(self.intercept, (len(x), 1))
+        if len(row):
+            some, start = count > 0, np.cumsum(count) - count
+            total[some] += np.add.reduceat(self._values(x[row, place], place), start[some], axis=0)
+        return total
 
-    def _piece(self, place: int, x: FloatArray) -> FloatArray:
-        """(n, q) value of one bin's function at x (n,)."""
-        first, last = self.start[place], self.start[place + 1]
-        row = np.searchsorted(self.bends[first:last], x) + first + place
-        return np.asarray(self.base[row] + self.slope[row] * x[:, None])
+    def _values(self, value: FloatArray, place: IntArray | np.int64) -> FloatArray:
+        """(k, q) what values (k,) of a bin or of bins (k,) add."""
+        piece = self.pieces[self._found(value, place)]
+        return np.asarray(piece[:, 0] + piece[:, 1] * value[:, None])
 
-    def _tabulate(self) -> FloatArray | None:
+    def _found(self, value: FloatArray, place: IntArray | np.int64) -> IntArray:
+        """(k,) the piece that each value (k,) lies on."""
+        most = self.first.shape[1] - 3
+        bucket = np.minimum(value * self.scale[place], most).astype(np.int64)
+        low = self.first[place, bucket].astype(np.int64)
+        if self._most > LINEAR:
+            high = self.first[place, bucket + 2]
+            for _ in range(self._most.bit_length()):
+                middle = (low + high) >> 1
+                before = (low < high) & (self.ends[middle] < value)
+                low, high = np.where(before, middle + 1, low), np.where(before, high, middle)
+            return low
+        behind = np.flatnonzero(self.ends[low] < value)
+        while len(behind):
+            low[behind] += 1
+            behind = behind[self.ends[low[behind]] < value[behind]]
+        return low
+
+    def _tabulate(self, bends: Sequence[FloatArray]) -> FloatArray | None:
         """(d * (top + 1), q) values at 0, 1, ... top where all bends are whole and few enough."""
-        d, q = len(self.start) - 1, len(self.intercept)
-        whole = bool((self.bends == np.floor(self.bends)).all())
+        d, q = len(bends), len(self.intercept)
+        whole = all(bool((bend == np.floor(bend)).all()) for bend in bends)
         if not whole or d * (self.top + 1) * q > TABLE:
             return None
-        counts = np.arange(self.top + 1, dtype=np.float64)
-        return np.concatenate([self._piece(place, counts) for place in range(d)])
+        place, count = np.divmod(np.arange(d * (self.top + 1)), self.top + 1)
+        return self._values(count.astype(np.float64), place)
 
 
 def intersection_function(
@@ -136,6 +156,35 @@ def _bases(bends: FloatArray, slopes: FloatArray) -> FloatArray:
     return np.vstack([np.zeros((1, slopes.shape[1])), steps])
 
 
+def _and_none(slopes: FloatArray) -> FloatArray:
+    """(u + 1, q) the slopes, and none behind the last bend."""
+    return np.vstack([slopes, np.zeros((1, slopes.shape[1]))])
+
+
+def _buckets(bends: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.int32], int]:
+    """Where a search for a value begins and ends: equal buckets up to the last bend of each bin.
+
+    Returns
+    -------
+    scale : (d,) array of float
+        Buckets a unit.
+    first : (d, k + 3) array of int
+        The first piece that may hold a value of each bucket; the last one is that of two further.
+    most : int
+        Bends in the fullest pair of buckets.
+    """
+    count = BUCKETS * max((len(bend) for bend in bends), default=0) + 1
+    scale = np.array([count / bend[-1] if len(bend) else 0.0 for bend in bends])
+    # A hair lower than where the buckets begin: a product may be rounded up into the next one.
+    edges = np.append(np.arange(count + 1) - 1e-6, [np.inf, np.inf])
+    start = np.cumsum([0, *(len(bend) + 1 for bend in bends)])[:-1]
+    first = np.stack(
+        [begin + np.searchsorted(bend * share, edges) for bend, share, begin in
+         zip(bends, scale, start, strict=True)]
+    )  # fmt: skip
+    return scale, first.astype(np.int32), int((first[:, 2:] - first[:, :-2]).max(initial=0))
+
+
 def _look_up(rows: FloatArray, offset: IntArray, top: int, x: FloatArray) -> FloatArray:
     """(n, q) sums of table rows for whole counts (n, d); empty bins add nothing."""
     if len(x) == 1:
@@ -159,7 +208,9 @@ def _additive_kernel(function: AdditiveFunction) -> Callable[[FloatArray], Float
     loop = _compiled(len(function.intercept))
     none = np.zeros((0, len(function.intercept)))
     rows = none if function.rows is None else function.rows
-    tables = (function.start, function.bends, function.base, function.slope, rows)
+    tables = (
+        function.scale, function.first, function.ends, function.pieces, rows,
+    )  # fmt: skip
     top, intercept = function.top, function.intercept
 
     def values(x: FloatArray) -> FloatArray:
@@ -170,31 +221,41 @@ def _additive_kernel(function: AdditiveFunction) -> Callable[[FloatArray], Float
 
 @cache
 def _compiled(q: int) -> Any:
-    """The loop for q sums: a known number, so that the innermost loops unroll."""
+    """The loop for q sums: a known number, so that the innermost loops unroll.
 
-    def loop(x, start, bends, base, slope, rows, top, intercept):  # type: ignore[no-untyped-def]
+    Bins run outside, samples inside, in blocks: the pieces of one bin stay in the fast memory.
+    """
+
+    def loop(x, scale, first, ends, pieces, rows, top, intercept):  # type: ignore[no-untyped-def]
         total = np.empty((x.shape[0], q))
         for t in range(x.shape[0]):
             for i in range(q):
                 total[t, i] = intercept[i]
+        most = first.shape[1] - 3
+        block = 1 if len(rows) else SAMPLES  # a table of whole counts is small
+        for begin in range(0, x.shape[0], block):
             for place in range(x.shape[1]):
-                value = x[t, place]
-                if value == 0.0:
-                    continue
-                if len(rows) and value == np.floor(value):
-                    row = place * (top + 1) + int(min(value, float(top)))
+                for t in range(begin, min(begin + block, x.shape[0])):
+                    value = x[t, place]
+                    if value == 0.0:
+                        continue
+                    if len(rows) and value == np.floor(value):
+                        row = place * (top + 1) + int(min(value, float(top)))
+                        for i in range(q):
+                            total[t, i] += rows[row, i]
+                        continue
+                    bucket = np.uint32(min(value * scale[place], float(most)))
+                    low, high = np.uint32(first[place, bucket]), first[place, bucket + 2]
+                    while high - low > LINEAR:
+                        middle = np.uint32((low + high) // 2)
+                        if ends[middle] < value:
+                            low = np.uint32(middle + 1)
+                        else:
+                            high = middle
+                    while ends[low] < value:
+                        low += np.uint32(1)
                     for i in range(q):
-                        total[t, i] += rows[row, i]
-                    continue
-                low, high = start[place], start[place + 1]
-                while low < high:
-                    middle = (low + high) // 2
-                    if bends[middle] < value:
-                        low = middle + 1
-                    else:
-                        high = middle
-                for i in range(q):
-                    total[t, i] += base[low + place, i] + slope[low + place, i] * value
+                        total[t, i] += pieces[low, 0, i] + pieces[low, 1, i] * value
         return total
 
     return compile_loop(loop, error_model="numpy")

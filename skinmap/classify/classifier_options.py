@@ -10,6 +10,7 @@ from skinmap.classify.classifier import TouchClassifier, classifiers
 from skinmap.classify.descriptors import Histograms
 from skinmap.classify.image_descriptor import LARGEST, PaperImages
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.neighbours.radius import WIDEST
 
 OF_HISTOGRAMS = ("radius_mm", "words", "rotations", "distance", "search", "precision")
 OF_IMAGES = ("image_size", "words")
@@ -20,7 +21,6 @@ CHOICES = {
     "precision": ("float64", "float32"),
 }
 MAX_WORDS = 250  # votes are counted with one byte a word
-WIDEST_MM = 1000.0
 
 
 def tuned_classifier(name: str, knobs: Mapping[str, Any]) -> TouchClassifier:
@@ -62,7 +62,7 @@ def _tune_histograms(descriptor: Histograms, knobs: Mapping[str, Any]) -> set[st
         if knobs[knob] not in CHOICES[knob]:
             raise UnknownNameError(knob, str(knobs[knob]), CHOICES[knob])
     if "radius_mm" in knobs:
-        descriptor.radius = _within("radius_mm", knobs["radius_mm"], 0.1, WIDEST_MM) * 1e-3
+        descriptor.radius = _within("radius_mm", knobs["radius_mm"], 0.1, WIDEST * 1e3) * 1e-3
     if "words" in knobs:
         descriptor.words = int(_within("words", knobs["words"], 2, MAX_WORDS))
     if "rotations" in knobs:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, ClassifierMixin
-from sklearn.svm import SVC, LinearSVC
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from skinmap.arrays import FloatArray
@@ -77,6 +76,8 @@ class IntersectionSVC(ClassifierMixin, BaseEstimator):
         return self
 
     def _fit_gram(self, histograms: FloatArray, labels: NDArray[Any]) -> None:
+        from sklearn.svm import SVC  # takes 0.2 s to import, and only training needs it
+
         gram = intersection_kernel(histograms, histograms)
         svc = SVC(kernel="precomputed", C=self.C).fit(gram / self.scale_, labels)
         self.classes_ = svc.classes_
@@ -85,6 +86,8 @@ class IntersectionSVC(ClassifierMixin, BaseEstimator):
         self.intercept_ = np.asarray(svc.intercept_)
 
     def _fit_linear(self, histograms: FloatArray, labels: NDArray[Any]) -> None:
+        from sklearn.svm import LinearSVC
+
         self.code_ = UnaryCode().fit(histograms)
         features = self.code_.transform(histograms) / np.sqrt(self.scale_)
         linear = LinearSVC(C=self.C, loss="hinge", random_state=0, max_iter=20_000, tol=1e-3)
@@ -159,7 +162,7 @@ def _pairs(classes: int) -> tuple[FloatArray, FloatArray]:
     return np.eye(classes)[one], np.eye(classes)[other]
 
 
-def _pair_coefficients(svc: SVC) -> FloatArray:
+def _pair_coefficients(svc: Any) -> FloatArray:
     """(q, m) coefficient of each support vector in the decision of each pair of classes."""
     dual, count = svc.dual_coef_, svc.n_support_
     if len(svc.classes_) == 2:

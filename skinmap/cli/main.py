@@ -22,6 +22,7 @@ from types import FrameType
 import click
 
 from skinmap import __version__
+from skinmap.cli.late_modules import run_late
 from skinmap.commands.groups import NamedGroup
 from skinmap.commands.progress import QUIET
 from skinmap.errors import SkinError
@@ -127,6 +128,7 @@ def main() -> None:
     debug = "--debug" in sys.argv[1:]
     warnings.showwarning = _warn
     end_on_interrupt()
+    run_late()
     try:
         cli.main(standalone_mode=False)
     except click.exceptions.Exit as stop:

@@ -233,7 +233,7 @@ def _lines(result: StructuresResult) -> Iterator[str | Table]:
 
 def read_radius(text: str) -> float | None:
     """The radius asked for [m], None for auto."""
-    from skinmap.classify.classifier_options import WIDEST_MM
+    from skinmap.neighbours.radius import WIDEST
 
     if text == "auto":
         return None
@@ -241,9 +241,9 @@ def read_radius(text: str) -> float | None:
         radius = float(text)
     except ValueError:
         radius = math.nan
-    if not 0 < radius <= WIDEST_MM:
+    if not 0 < radius <= WIDEST * 1e3:
         raise click.UsageError(
-            f"--radius-mm must be above 0 and at most {WIDEST_MM:g}, or auto, got {text!r}"
+            f"--radius-mm must be above 0 and at most {WIDEST * 1e3:g}, or auto, got {text!r}"
         )
     return radius * 1e-3
 

@@ -64,7 +64,8 @@ def picture_bytes(figure: Any) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     buffer = io.BytesIO()
-    FigureCanvasAgg(figure).print_figure(buffer, facecolor="white", format="png")
+    # Not `print_figure`, which draws everything once more beforehand to find the layout.
+    FigureCanvasAgg(figure).print_png(buffer)
     return buffer.getvalue()
 
 

@@ -12,7 +12,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.raster import locate_all
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.geometry.triangles import face_normals
-from skinmap.neighbours.structures import Prototypes, Structures
+from skinmap.neighbours.structures import Structures
 from skinmap.report.figure import MM, plain_figure, save_figure
 from skinmap.report.projection import View, draw_surface, shaded, visible
 from skinmap.skin.robot import Robot
@@ -24,6 +24,7 @@ BODY = (0.80, 0.82, 0.85, 1.0)
 MARGIN = 12.0  # mm round the body
 PIXELS = 420  # along the longer side of the picture of the links
 COLUMNS = 12
+CELL = np.array([2.1, 2.5])  # of a structure, in its reaches: wide, high with its words
 UP = np.array([0.0, 0.0, 1.0])
 SIDES = {
     "from +x": np.array([1.0, 0.0, 0.0]),
@@ -42,10 +43,7 @@ def structures_figure(skins: Mapping[str, PreparedSkin], found: Structures, path
     maps = 7.5 if len(skins) >= 4 else 4.5
     figure = plain_figure((13.0, 1.25 * rows + 0.4 + maps))
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.25 * rows + 0.4, maps])
-    for s in range(len(found.prototypes)):
-        axis = top.add_subplot(rows, COLUMNS, s + 1)
-        _draw_prototype(axis, found.prototypes, s, palette[s])
-        axis.set_title(f"{s}: {found.counts[s]}", fontsize=8, pad=2)
+    _draw_prototypes(top.subplots(), found, palette)
     more = f" ({known} colours, rarer ones black)" if known < len(found.prototypes) else ""
     turned = "with" if found.prototypes.rotations > 1 else "without"
     top.suptitle(
@@ -56,7 +54,7 @@ def structures_figure(skins: Mapping[str, PreparedSkin], found: Structures, path
     for place, (name, skin, labels) in enumerate(_by_part(skins, found)):
         axis = bottom.add_subplot(-(-len(skins) // width), width, place + 1)
         _draw_members(axis, skin.flat.uv * MM, labels, palette)
-        axis.set_title(name, fontsize=9, pad=2)
+        axis.set_title(name, fontsize=9, pad=2, y=1.0)
     save_figure(figure, path)
 
 
@@ -96,7 +94,7 @@ def body_figure(
         _draw_members(axis, view.project(vertices)[seen, :2], found.labels[seen], palette)
         axis.set_xlim(*box[:2])
         axis.set_ylim(*box[2:])  # one scale for all four
-        axis.set_title(name, fontsize=9)
+        axis.set_title(name, fontsize=9, y=1.0)
     _draw_scale(axes[0], float(high[2] - low[2]))
     figure.suptitle(f"{robot.name}: {len(found.prototypes)} structures on the skin", fontsize=11)
     save_figure(figure, path)
@@ -174,16 +172,21 @@ def _by_part(
     return parts
 
 
-def _draw_prototype(axis: Any, shapes: Prototypes, s: int, colour: Any) -> None:
-    points = shapes.offsets[s] * MM
-    sure = shapes.required[s]
-    maybe = shapes.filled[s] & ~sure
-    axis.plot(*points[maybe].T, "o", color="white", markeredgecolor=GREY, markersize=4.5)
-    axis.plot(*points[sure].T, "o", color=GREY, markersize=4.5)
-    axis.plot(0.0, 0.0, "o", color=colour, markersize=6.5, markeredgecolor="black")
+def _draw_prototypes(axis: Any, found: Structures, palette: FloatArray) -> None:
+    """Draw each structure in a cell of its own, its number and count of taxels above it."""
+    shapes, order = found.prototypes, np.arange(len(found.prototypes))
     reach = 1.15 * float(np.linalg.norm(shapes.offsets, axis=2).max(initial=1e-3)) * MM
-    axis.set_xlim(-reach, reach)
-    axis.set_ylim(-reach, reach)
+    centres = np.column_stack([order % COLUMNS, -(order // COLUMNS)]) * CELL * reach
+    points = centres[:, None] + shapes.offsets * MM
+    maybe = shapes.filled & ~shapes.required
+    axis.plot(*points[maybe].T, "o", color="white", markeredgecolor=GREY, markersize=4.5)
+    axis.plot(*points[shapes.required].T, "o", color=GREY, markersize=4.5)
+    axis.scatter(*centres.T, s=42, c=palette, edgecolors="black", zorder=3)
+    for s, (x, y) in enumerate(centres.tolist()):
+        axis.text(x, y + reach, f"{s}: {found.counts[s]}", fontsize=8, ha="center")
+    rows = -(-len(order) // COLUMNS)
+    axis.set_xlim(-reach, (CELL[0] * (COLUMNS - 1) + 1.0) * reach)
+    axis.set_ylim(-(CELL[1] * max(rows - 1, 0) + 1.0) * reach, 1.4 * reach)
     axis.set_aspect("equal")
     axis.set_axis_off()
 

@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from benchmarks.harness.compare import FIGURE, compare
+from benchmarks.harness.compare import FIGURE, compare, main
+from benchmarks.harness.record import about, write
 from benchmarks.scale import commands
 from benchmarks.scale.command_work import WORKS
 
@@ -15,14 +16,21 @@ def test_every_command_of_the_readme_is_measured_or_says_why_not(tmp_path):
     lines = commands.readme_lines()
     assert len(lines) > 20
     assert not any("#" in line for line in lines)
-    measured = {one.line for one in commands.commands(tmp_path, quick=True)}
+    measured = {one.line for one in commands.commands(tmp_path)}
     for line in lines:
-        assert (line in measured) != bool(commands.left_out(line)) or line.startswith(commands.LONG)
+        assert (line in measured) != bool(commands.left_out(line))
 
 
-def test_the_work_of_each_command_exists(tmp_path):
-    named = {one.work for one in commands.commands(tmp_path, quick=True)} - {"", "mesh"}
-    assert named <= set(WORKS)
+def test_the_quick_form_has_commands_and_works_that_exist(tmp_path):
+    every = list(commands.commands(tmp_path))
+    assert {one.work for one in every} - {"", "mesh"} <= set(WORKS)
+    for start in commands.QUICK:
+        assert any(one.line.startswith(start) for one in every), start
+
+
+@pytest.mark.parametrize(("cpu", "turns"), [(0.2, 3), (3.0, 2), (50.0, 1), (0.0, 3)])
+def test_short_commands_run_more_often(cpu, turns):
+    assert commands.turns_of(cpu, 3) == turns
 
 
 def test_a_process_is_charged_what_it_spends(tmp_path):
@@ -31,6 +39,18 @@ def test_a_process_is_charged_what_it_spends(tmp_path):
     assert (found["code"], found["out"]) == (0, "done\n")
     assert 0.3 <= found["cpu_s"] < 1.0  # the interpreter itself takes some hundredths
     assert found["mb"] > 1.0
+
+
+def test_two_results_with_another_ratio_are_told_apart(tmp_path, capsys):
+    row = {"command": "cache info", "cpu_s": 1.0, "spread_s": (0.9, 1.0, 1.1), "mb": 90.0}
+    paths = []
+    for name, ratio in (("old", 1.1), ("new", 1.7)):
+        figures = commands.figures([row | {"ratio": ratio}])
+        write(tmp_path / f"{name}.json", about("full") | {"figures": figures})
+        paths.append(str(tmp_path / f"{name}.json"))
+    assert main(paths) == 1
+    assert "regression  commands: skinmap cache info: 1.1 to 1.7 times" in capsys.readouterr().out
+    assert main([paths[0], paths[0]]) == 0
 
 
 @pytest.mark.parametrize(("now", "verdict"), [(1.0, "same"), (2.0, "regression"), (0.4, "better")])

@@ -70,6 +70,25 @@ def test_additive_function_is_the_sum_over_support_values(rng):
     np.testing.assert_allclose(found(x), expected, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize("compiled", [False, True])
+def test_support_values_on_a_heap_are_found_too(rng, compiled):
+    """Hundreds of them in one bucket, and values at, beside and beyond each bend."""
+    heap = 1.0 + 1e-9 * rng.random((400, 2))
+    support = np.concatenate([heap, 50.0 * rng.random((20, 2)), np.full((3, 2), 100.0)])
+    c, intercept = rng.normal(size=(3, len(support))), rng.normal(size=3)
+    found = intersection_function(support, c, intercept)
+    assert found._most > additive.LINEAR
+    if compiled:
+        pytest.importorskip("numba", reason="the compiled loop needs numba")
+        assert found.compile()
+    x = np.concatenate(
+        [support, np.nextafter(support, 0), np.nextafter(support, 200), 3.0 * support]
+    )
+    expected = intersection_kernel(x, support) @ c.T + intercept
+    np.testing.assert_allclose(found(x), expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found(x[5:7]), expected[5:7], rtol=0, atol=1e-9)
+
+
 def test_whole_support_values_make_a_table_that_agrees_with_the_bends(rng):
     support, c = rng.integers(0, 9, (30, 4)).astype(float), rng.normal(size=(3, 30))
     found = intersection_function(support, c, np.zeros(3))

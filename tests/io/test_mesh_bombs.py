@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.reliability.cuts import apart, peak_mb, resident_mb
 from skinmap.errors import SkinError
-from skinmap.io.robots.urdf import read_mesh
+from skinmap.io.robots.mesh_file import read_mesh
 
 MANY = 10**12
 LITTLE = 50.0  # [MB]; the reader itself and what it imports take some ten

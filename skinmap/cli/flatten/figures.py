@@ -60,12 +60,12 @@ def part_figure(flat: FlatMap, metric: FaceMetric, *, fixed: bool = False) -> by
         draw_surface(axes[0, 1 + place], view, body, normals, colours)
         bent = [piece[:, 2:] for piece in pieces]
         draw_surface(axes[1, 1 + place], view, bent, normals[source], BOARD[shade])
-        axes[0, 1 + place].set_title(f"on the body, {view.name}", fontsize=9)
+        axes[0, 1 + place].set_title(f"on the body, {view.name}", fontsize=9, y=1.0)
         for axis in axes[:, 1 + place]:
             _draw_body_seams(axis, flat, view, factor)
             _frame_body(axis)
-    axes[0, 0].set_title("flat map", fontsize=9)
-    axes[1, 0].set_title(f"squares of {side:g} {unit} on the map", fontsize=9)
+    axes[0, 0].set_title("flat map", fontsize=9, y=1.0)
+    axes[1, 0].set_title(f"squares of {side:g} {unit} on the map", fontsize=9, y=1.0)
     # Beside both rows, so that it takes as much room of each: columns stay below one another.
     bar = figure.colorbar(paint, ax=axes, shrink=0.42, anchor=(0.0, 0.93), extend="both", pad=0.01)
     bar.set_label(metric.label)
@@ -107,7 +107,7 @@ def comparison_figure(
         _draw_flat_seams(axis, flat.charts, factor)
         _frame_flat(axis, unit)
         rms = max(100.0 * chart.distortion.edge_rms for chart in flat.charts)
-        axis.set_title(f"{name}: {flat.flips} flips, edge rms {rms:.2f} %", fontsize=9)
+        axis.set_title(f"{name}: {flat.flips} flips, edge rms {rms:.2f} %", fontsize=9, y=1.0)
     for axis, (name, charts) in zip(axes[len(maps) :], drawn.items(), strict=True):
         _draw_drawing(axis, name, charts, factor)
         _frame_flat(axis, f"{unit}; here yellow is {DRAWN_LIMIT:g} % of edge strain")
@@ -248,7 +248,7 @@ def _draw_drawing(axis: Any, name: str, drawn: Sequence[DrawnChart], factor: flo
         flips += chart.distortion.flips
         taxels += len(chart.vertices)
     worst = f"{max(strain):.1f}" if strain else "-"
-    axis.set_title(f"{name}, {taxels} taxels: {flips} flips, edge rms {worst} %", fontsize=9)
+    axis.set_title(f"{name}, {taxels} taxels: {flips} flips, edge rms {worst} %", fontsize=9, y=1.0)
 
 
 def _scale(metric: FaceMetric, values: FloatArray, *, fixed: bool) -> Any:

@@ -377,7 +377,7 @@ def part_picture(robot: Robot, name: str) -> bytes:
         axis.set_xlim(points[:, 0].min() - MARGIN_MM, points[:, 0].max() + MARGIN_MM)
         axis.set_ylim(points[:, 1].min() - MARGIN_MM, points[:, 1].max() + MARGIN_MM)
         axis.set_aspect("equal")
-        axis.set_title(view.name, fontsize=9)
+        axis.set_title(view.name, fontsize=9, y=1.0)
         axis.set_xlabel("mm", fontsize=8)
         axis.tick_params(labelsize=7)
     bar = figure.colorbar(ScalarMappable(scale, "viridis"), ax=axes, shrink=0.7, extend="max")

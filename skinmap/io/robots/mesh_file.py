@@ -19,9 +19,9 @@ from skinmap.skin.joints import Joint
 # trimesh reads more, archives and scene formats among them, that may name or unpack other files.
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".glb", ".gltf", ".off")
 MAX_MESH_BYTES = 512 * 2**20
-# Kept once read: files that say all themselves (a .gltf names others), and are slow to parse.
+# Kept once read: files that say all themselves (a .gltf names others). Small ones too: what reads
+# them takes half a second to import.
 WHOLE = (".stl", ".obj", ".ply", ".dae", ".glb", ".off")
-WORTH_KEEPING = 50_000  # [bytes]
 LINK = "body"  # of a body that is one mesh file
 
 
@@ -44,7 +44,7 @@ def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray
         vertices, faces = _parsed(path, merge)
         return {"vertices": vertices, "faces": faces}
 
-    if suffix not in WHOLE or path.stat().st_size < WORTH_KEEPING:
+    if suffix not in WHOLE:
         made = parse()
     else:
         what: list[Ingredient] = [path.read_bytes(), suffix, merge]
