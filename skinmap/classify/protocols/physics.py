@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.classify.descriptors import Touch
+from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest
 from skinmap.classify.protocols.cross_patch import make
 from skinmap.errors import InvalidArrayError
@@ -206,7 +206,8 @@ def _play(task: Playing) -> list[tuple[str, np.ndarray]]:
         ]
     else:
         played = [press(skin, rng=rng, variant=task.physics, per_gesture=count, gestures=gestures)]
-    return [(label, samples) for one in played for _, label, samples in one.touches()]
+    every = [touch for one in played for touch in recorded_touches(task.skin, one)]
+    return [(touch.label, touch.samples) for touch in every]
 
 
 def _trainings(
