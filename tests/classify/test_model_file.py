@@ -237,7 +237,10 @@ def test_arrays_that_do_not_fit_together_are_refused(saved):
 def test_a_machine_is_kept_as_its_arrays_and_damaged_ones_are_refused(trained, tmp_path):
     path = tmp_path / "m.skinmodel"
     save_classifier(trained["contact-geometry"], path)
-    assert set(head(path)["versions"]) == {"skinmap", "numpy"}  # nothing of another library is in it
+    assert set(head(path)["versions"]) == {
+        "skinmap",
+        "numpy",
+    }  # nothing of another library is in it
     with zipfile.ZipFile(path) as archive:
         assert "estimator.skops" not in archive.namelist()
         with np.load(io.BytesIO(archive.read("estimator.npz"))) as arrays:
