@@ -1,4 +1,4 @@
-"""The classifier that names touches where nobody trained one: a file that comes with Skinmap.
+"""The model that comes with Skinmap: it names touches on any robot before a user trains one.
 
 It learnt from simulated touches on the iCub that stay and that go on in time; how it does on other
 robots and in another physics is in docs/classifiers.md. `scripts/default_model.py` makes it.
