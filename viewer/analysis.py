@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from skinmap.classify.classifier import TouchClassifier, classifiers
 from skinmap.classify.evaluate import Score, Split, score, split_touches
+from skinmap.io.robots.manifest import data_folder
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, find_structures
 from skinmap.skin.fit import SkinFit, measure_fit
@@ -21,6 +23,7 @@ from viewer.results import (
     DemoSeconds,
     EdgeError,
     NormalFit,
+    OtherPhysics,
     ScoreRow,
     StructureCounts,
     TouchCounts,
@@ -28,6 +31,8 @@ from viewer.results import (
 
 PER_GESTURE = 24  # touches of each of the four gestures on each part
 METHODS = ("contact-geometry", "histogram", "paper")
+KEPT = "evaluation_physics.json"  # what `skinmap evaluate --protocol physics` found
+OURS = "ours"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -144,7 +149,21 @@ def demo_result(
             for name, pair in analysis.scores.items()
             for where, one in zip(("same_parts", "other_parts"), pair, strict=True)
         ],
+        physics=other_physics(),
         seed=seed,
         files=files,
         seconds=seconds,
     )
+
+
+def other_physics() -> OtherPhysics | None:
+    """What was kept of the classifier in another physics, installed or in a checkout."""
+    data = data_folder()
+    installed = data / "results"
+    folder = installed if installed.is_dir() else data.parent / "benchmarks" / "results"
+    if not (folder / KEPT).is_file():
+        return None
+    kept = json.loads((folder / KEPT).read_text(encoding="utf-8"))
+    rows = [row for row in kept["rows"] if row["trained_on"] == OURS != row["tested_on"]]
+    means = {row["tested_on"]: row["mean"] for row in rows}
+    return OtherPhysics(trained_on=OURS, mean=means, frozen=kept["frozen"])

@@ -106,7 +106,9 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
     help="What is shown: sim, a recording's file, lsl:NAME, zmq:HOST:PORT, mujoco:FILE or a "
     "plug-in's name.",
 )
-@click.option("--model", type=PATH, help="Names the touches; without, a small one is trained.")
+@click.option(
+    "--model", type=PATH, help="Names the touches; without, the one that comes with Skinmap."
+)
 @click.option("--layer", help=f"What the skin shows: {', '.join(LAYERS)}.")
 @click.option("--style", help="How: surface (interpolated) or discs (one a taxel).")
 @click.option(

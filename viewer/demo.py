@@ -33,7 +33,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import RATE, simulate
 from viewer.analysis import Analysis, analyse, demo_result
 from viewer.export.movie import MOVIE_FPS, write_movie
-from viewer.results import DemoResult, DemoSeconds
+from viewer.results import DemoResult, DemoSeconds, OtherPhysics, ScoreRow
 from viewer.scene import Scene
 from viewer.view_files import movie_frames
 
@@ -118,6 +118,8 @@ def demo_lines(result: DemoResult) -> Iterator[str]:
         f"  there, histograms reach {_percent(named.other_parts_histogram)}, "
         f"the paper's literal ones {_percent(named.other_parts_paper)}"
     )
+    if result.physics is not None:
+        yield f"  pressed by MuJoCo instead: {_range(result.physics)} (kept from an evaluation)"
     yield f"{result.seconds.total:.0f} s; {PAGE} shows all of it:"
 
 
@@ -146,6 +148,7 @@ def demo_page(
                 "touch, and for other parts no part or mirror image, was trained on. A gesture "
                 "that does not fit a part is not simulated there."
             ),
+            *_physics_note(result),
             heading("Flat maps"),
             _charts(skins).html(),
             grid(media(folder / "flatmaps" / f"{part}.png", part) for part in skins),
@@ -171,18 +174,46 @@ def _figures(result: DemoResult) -> list[tuple[str, str]]:
 
 def _accuracy(result: DemoResult) -> Table:
     labels = sorted({label for row in result.table for label in row.per_label})
+    best = result.table[0].classifier
     rows: list[list[Cell]] = [
         [
             row.classifier,
             row.tested_on.replace("_", " "),
             row.touches,
             _percent(row.accuracy),
+            _range(result.physics) if _is_kept(row, best) else "-",
             *(_percent(row.per_label.get(label)) for label in labels),
         ]
         for row in result.table
     ]
     names = [label.replace("_", " ") for label in labels]
-    return Table(("classifier", "tested on", "touches", "all", *names), rows)
+    heads = ("classifier", "tested on", "touches", "all", "pressed by MuJoCo", *names)
+    return Table(heads, rows)
+
+
+def _is_kept(row: ScoreRow, best: str) -> bool:
+    """Whether the other physics was measured like a row: the default on parts left out."""
+    return row.classifier == best and row.tested_on == "other_parts"
+
+
+def _range(physics: OtherPhysics | None) -> str:
+    """Least and most of the variants."""
+    if physics is None:
+        return "-"
+    shares = [100 * share for share in physics.mean.values()]
+    return f"{min(shares):.0f} to {max(shares):.0f} %"
+
+
+def _physics_note(result: DemoResult) -> Iterator[str]:
+    if result.physics is not None:
+        variants = result.physics.mean
+        each = ", ".join(f"{name} {_percent(one)}" for name, one in variants.items())
+        yield note(
+            "Pressed by MuJoCo: not measured in this run but kept from `skinmap evaluate "
+            "--protocol physics`, which trained this classifier on simulated touches of ours with "
+            f"parts left out and tested it in {len(variants)} variants of another physics: {each}. "
+            f"Nothing was trained or tuned on {result.physics.frozen}."
+        )
 
 
 def _percent(value: float | None) -> str:

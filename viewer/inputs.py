@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,21 +12,15 @@ import numpy as np
 
 from calibration.response.response_file import load_response
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.classify.classifier import DEFAULT, TouchClassifier, classifiers, learnable
-from skinmap.classify.descriptors import recorded_touches
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.io.taxels.table import COLUMNS, COVARIANCE
 from skinmap.io.text import read_text
 from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
-from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
 from viewer.layers import AUTO, Range, check_layer
 
 SIZES = (160, 8000)  # of a picture [px]
-TEACHERS = 2  # parts that the default classifier learns from: touches are alike on all
-TRAINING = 12  # simulated touches of each gesture on each of them
 # Place of each covariance column in the matrix.
 ENTRIES = dict(zip(COVARIANCE, ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), strict=True))
 
@@ -155,22 +149,6 @@ def read_responses(names: Sequence[str], robot: Robot, parts: Sequence[str]) -> 
             )
         found[part] = response
     return found
-
-
-def default_classifier(
-    skins: Mapping[str, PreparedSkin], rng: np.random.Generator
-) -> TouchClassifier:
-    """A small classifier, trained on touches simulated on a few of the parts: about a second."""
-    largest = sorted(skins, key=lambda part: -len(skins[part]))
-    teachers = largest[len(largest) // 2 :][:TEACHERS]  # of middle size: many gestures fit on them
-    touches = [
-        touch
-        for part in teachers
-        for touch in recorded_touches(
-            skins[part], simulate(skins[part].skin, rng=rng, per_gesture=TRAINING)
-        )
-    ]
-    return classifiers.get(DEFAULT)().fit(learnable(touches), rng=rng)
 
 
 def _named(name: str, robot: Robot) -> tuple[str, Path]:

@@ -68,7 +68,7 @@ def show(
     parts : iterable of str, optional
         Only these; all of a robot, or of what is played, by default.
     model : path, optional
-        Names the touches; a small one is trained without.
+        Names the touches; the one that comes with Skinmap by default.
     layer : str, optional
         What the skin shows first.
     height : int
@@ -106,10 +106,7 @@ def show(
         shown = Shown(loaded, session.skins)
         if Path(thing).exists():
             return _played(shown, session, layer or "pressure", height)
-        loop = session.live()
-        if chosen is None:
-            session.train(loop, lambda line: None)
-        return _live(shown, loop, layer or "pressure", height)
+        return _live(shown, session.live(), layer or "pressure", height)
     if isinstance(thing, Source):
         skins = {part: PreparedSkin(loaded.skin(part)) for part in names or thing.info.parts}
         loop = TouchLoop(loaded, stepwise(thing), skins=skins, parts=tuple(skins))

@@ -127,6 +127,25 @@ class ScoreRow:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class OtherPhysics:
+    """The same classifier where MuJoCo presses, out of a run that was kept.
+
+    Attributes
+    ----------
+    trained_on
+        Our touches, each tested part and its mirror image left out.
+    mean
+        Share named right, mean of the gestures, by variant of MuJoCo.
+    frozen
+        The variant that nothing is trained or tuned on.
+    """
+
+    trained_on: str
+    mean: Mapping[str, float]
+    frozen: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class DemoSeconds:
     """Time that passed.
 
@@ -177,6 +196,9 @@ class DemoResult:
         Of the names.
     table
         A row for each classifier and test.
+    physics
+        How the default classifier does in another physics, as it was measured once and kept; null
+        in an installation without the kept results.
     seed
         Of all randomness.
     files
@@ -199,6 +221,7 @@ class DemoResult:
     touches: TouchCounts
     accuracy: DemoAccuracy
     table: list[ScoreRow]
+    physics: OtherPhysics | None
     seed: int
     files: list[str]
     seconds: DemoSeconds

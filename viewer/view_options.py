@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from skinmap.arrays import FloatArray
 from skinmap.classify.classifier import TouchClassifier
+from skinmap.classify.default_model import default_model
 from skinmap.classify.model_file import load_classifier
 from skinmap.errors import (
     InvalidArrayError,
-    SkinError,
     SkinMismatchError,
     UnknownNameError,
     UnreachableError,
@@ -32,7 +29,6 @@ from viewer.drawing.body.bare_body import check_links
 from viewer.drawing.body.body_view import GOOD_PX
 from viewer.drawing.skin.lazy_maps import LazyMaps
 from viewer.drawing.touches.contour_cache import EVERY
-from viewer.inputs import default_classifier
 from viewer.interaction.saving import apply_view
 from viewer.interaction.selection import Selection
 from viewer.interaction.view_file import SavedView
@@ -60,7 +56,7 @@ class Session:
     source : str
         As for `skinmap.live.open_source`.
     model : Path or None
-        Names the touches; without one a small classifier is trained.
+        Names the touches; the one that comes with Skinmap by default.
     seed : int
     speed, loop
         Of recordings.
@@ -131,35 +127,12 @@ class Session:
         )
 
     def classifier(self) -> TouchClassifier:
-        """The model asked for, or a small one, trained here and now."""
-        if self.model is not None:
-            return load_classifier(self.model)
-        return default_classifier(self.skins, np.random.default_rng(self.seed))
+        """The model asked for, or the one that comes with Skinmap."""
+        return default_model() if self.model is None else load_classifier(self.model)
 
     def live(self) -> TouchLoop:
-        """A loop for a player; without a model its touches have no names until `train` is over."""
-        ready = None if self.model is None else load_classifier(self.model)
-        return self.touch_loop(stepwise(self.open()), ready)
-
-    def train(self, loop: TouchLoop, failed: Callable[[str], None]) -> threading.Thread:
-        """Train a small classifier beside a running loop, which names touches from then on.
-
-        Parameters
-        ----------
-        loop : TouchLoop
-        failed : callable
-            Told in a line why there will be no names.
-        """
-
-        def work() -> None:
-            try:
-                loop.name_with(default_classifier(self.skins, np.random.default_rng(self.seed)))
-            except SkinError as error:
-                failed(f"touches stay without names: {error}")
-
-        thread = threading.Thread(target=work, name="training", daemon=True)
-        thread.start()
-        return thread
+        """A loop for a player."""
+        return self.touch_loop(stepwise(self.open()), self.classifier())
 
     @property
     def repeats(self) -> bool:

@@ -206,8 +206,6 @@ def open_window(
         player.speed = session.speed
         window = Window(scene, player, view_file=view_file)
         window.open()
-        if session.model is None:
-            session.train(loop, window.controls.say)
         drawn = run(window, seconds=math.inf if seconds is None else seconds)
     finally:
         loop.close()

@@ -129,7 +129,8 @@ class Classifier(Summary):
         """Train on labelled touches; with `sets` so that sets of names can be promised, too.
 
         That takes a training for each of five groups of parts or persons left out. Fewer than
-        `least` touches of a label are refused.
+        `least` touches of a label are refused; of more rows than an estimator is meant for some are
+        drawn.
 
         Raises
         ------
@@ -151,8 +152,9 @@ class Classifier(Summary):
             )
         table = np.concatenate(rows)
         named = np.repeat(labels, [len(row) for row in rows])
-        if len(table) > ROWS:
-            some = np.sort(rng.choice(len(table), ROWS, replace=False))
+        most = getattr(self.estimator, "most_rows", ROWS)
+        if len(table) > most:
+            some = np.sort(rng.choice(len(table), most, replace=False))
             table, named = table[some], named[some]
         self.estimator.fit(table, named)
         self.sets = self._calibrated_sets(touches, rows) if sets else None

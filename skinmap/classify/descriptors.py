@@ -31,7 +31,6 @@ from skinmap.touch.histogram import Mode, PatchSamples, StructureHistogram
 from skinmap.touch.motion_features import in_time, motion_features
 from skinmap.touch.nearest_structure import Coverage, adopt_nearest, coverage
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.pressure_course import course
 from skinmap.touch.recording import Recording
 from skinmap.touch.rest import felt
 from skinmap.touch.votes import VoteCounter
@@ -98,7 +97,6 @@ class ContactGeometry:
         all stay where they are named as before.
     """
 
-    optional_arrays = True  # models of before knew nothing of motion
     # What is measured is not learnt, so each touch is once, however many classifiers look at it.
     _still: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
     _moving: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
@@ -115,7 +113,7 @@ class ContactGeometry:
             self.moving = self._motion_helps(touches)
 
     def describe(self, touch: Touch) -> FloatArray:
-        """(1, d) numbers: `FEATURES`, `COURSE` and, with motion, `MOTION_FEATURES` in turn.
+        """(1, d) numbers: `FEATURES` and, with motion, `MOTION_FEATURES` in turn.
 
         (0, d) where nothing is touched.
         """
@@ -135,8 +133,7 @@ class ContactGeometry:
     def _measure(touch: Touch) -> FloatArray:
         geometry = touch.skin.geometry
         check_pressures(touch.samples, geometry)
-        still = contact_geometry(geometry, pool_event(touch.samples))
-        row = np.concatenate([still, course(geometry, touch.samples)])[None]
+        row = contact_geometry(geometry, pool_event(touch.samples))[None]
         return row if row[0, 0] > 0 else row[:0]
 
     def _motion_helps(self, touches: Sequence[Touch]) -> bool:

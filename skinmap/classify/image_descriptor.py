@@ -27,8 +27,6 @@ class PaperImages:
         As published by default.
     """
 
-    optional_arrays = True  # models of before had images of one size only
-
     def __init__(self, size: tuple[int, int] = SIZE) -> None:
         self.size = size
 
@@ -57,8 +55,6 @@ class PaperImages:
         InvalidArrayError
             A size that no image has.
         """
-        if "size" not in arrays:
-            return
         rows, columns = map(int, arrays["size"])
         if not (0 < rows <= LARGEST and 0 < columns <= LARGEST):
             raise InvalidArrayError(f"images of {rows} x {columns}: sides are 1 to {LARGEST}")

@@ -5,7 +5,8 @@
 | `model.json` | format, versions, classifier, labels, the skins trained on with fingerprints |
 | `skins.npz` | taxel positions [m] of those skins |
 | `descriptor.npz` | what the descriptor learnt (`to_arrays`): a codebook, say |
-| `estimator.skops` | the scikit-learn estimator, by names of known types and arrays |
+| `estimator.npz` | the estimator as its own arrays (`to_arrays`), where it has them |
+| `estimator.skops` | any other scikit-learn estimator, by names of known types and arrays |
 | `sets.npz` | what sets of names are promised by (`prediction_sets`), where that was calibrated |
 
 Nothing is unpacked to disk, unpickled or imported because a file asks for it.
@@ -43,12 +44,12 @@ from skinmap.errors import (
 if TYPE_CHECKING:
     from skinmap.classify.classifier import TouchClassifier
 
-FORMAT = "skinmap-model-3"
+FORMAT = "skinmap-model-4"
 SUFFIX = ".skinmodel"
 LIBRARIES = ("numpy", "scikit-learn", "skops")
 HEAD, SKINS, DESCRIPTOR, ESTIMATOR = "model.json", "skins.npz", "descriptor.npz", "estimator.skops"
-SETS = "sets.npz"
-FILES = (HEAD, SKINS, DESCRIPTOR, ESTIMATOR, SETS)
+ARRAYS, SETS = "estimator.npz", "sets.npz"
+FILES = (HEAD, SKINS, DESCRIPTOR, ARRAYS, ESTIMATOR, SETS)
 LARGEST = 2**28  # bytes in a file, unpacked, and in each archive inside it
 # Beside the types that skops trusts by itself; none of them can be told to call anything.
 KNOWN = frozenset(
@@ -67,12 +68,10 @@ KNOWN = frozenset(
 
 def save_classifier(classifier: TouchClassifier, path: str | Path) -> None:
     """Write a trained classifier; see `skinmap.Classifier.save`."""
-    from skops.io import dumps
-
-    trained = classifier.trained_on
+    trained, as_arrays = classifier.trained_on, hasattr(classifier.estimator, "to_arrays")
     head: dict[str, Any] = {
         "format": FORMAT,
-        "versions": {"skinmap": __version__, **{name: version(name) for name in LIBRARIES}},
+        "versions": _versions(LIBRARIES[:1] if as_arrays else LIBRARIES),
         "classifier": classifier.name,
         "labels": list(classifier.labels),
         "skins": [
@@ -86,7 +85,12 @@ def save_classifier(classifier: TouchClassifier, path: str | Path) -> None:
         archive.writestr(SKINS, _pack({str(i): one.positions for i, one in enumerate(trained)}))
         if hasattr(classifier.descriptor, "to_arrays"):
             archive.writestr(DESCRIPTOR, _pack(classifier.descriptor.to_arrays()))
-        archive.writestr(ESTIMATOR, dumps(classifier.estimator))
+        if as_arrays:
+            archive.writestr(ARRAYS, _pack(classifier.estimator.to_arrays()))
+        else:
+            from skops.io import dumps
+
+            archive.writestr(ESTIMATOR, dumps(classifier.estimator))
         if classifier.sets is not None:
             archive.writestr(SETS, _pack(classifier.sets.to_arrays()))
     try:
@@ -119,10 +123,16 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
             _check_archive(archive, path, known=FILES)
             head = json.loads(archive.read(HEAD))
             if head["format"] != FORMAT:
-                raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
+                raise DataFormatError(
+                    f"format {head['format']!r}, expected {FORMAT!r}: train the model again", path
+                )
             classifier = find(str(head["classifier"]))()
-            _read_descriptor(classifier.descriptor, archive, path)
-            classifier.estimator = _read_estimator(archive.read(ESTIMATOR), classifier, path)
+            if hasattr(classifier.descriptor, "from_arrays"):
+                classifier.descriptor.from_arrays(_unpack(archive.read(DESCRIPTOR), path))
+            if ARRAYS in archive.namelist():
+                classifier.estimator.from_arrays(_unpack(archive.read(ARRAYS), path))
+            else:
+                classifier.estimator = _read_estimator(archive.read(ESTIMATOR), classifier, path)
             classifier.trained_on = _read_skins(head["skins"], archive.read(SKINS), path)
             if SETS in archive.namelist():
                 classifier.sets = set_calibration_from(_unpack(archive.read(SETS), path))
@@ -135,15 +145,6 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
         raise DataFormatError(f"not a Skinmap model: {error}", path) from error
     _warn_of_versions(head["versions"], path)
     return classifier
-
-
-def _read_descriptor(descriptor: Any, archive: zipfile.ZipFile, path: Path) -> None:
-    """Give a descriptor the arrays of the file; only some can do without."""
-    optional = getattr(descriptor, "optional_arrays", False)
-    if optional and DESCRIPTOR not in archive.namelist():
-        return
-    if hasattr(descriptor, "from_arrays"):
-        descriptor.from_arrays(_unpack(archive.read(DESCRIPTOR), path))
 
 
 def _check_archive(
@@ -210,9 +211,13 @@ def _unpack(data: bytes, path: Path) -> dict[str, NDArray[Any]]:
         return dict(arrays)
 
 
+def _versions(libraries: Iterable[str]) -> dict[str, str]:
+    return {"skinmap": __version__, **{name: version(name) for name in libraries}}
+
+
 def _warn_of_versions(made_with: dict[str, str], path: Path) -> None:
     """Major and minor versions only: patches keep estimators as they are."""
-    now = {"skinmap": __version__, **{name: version(name) for name in LIBRARIES}}
+    now = _versions([name for name in LIBRARIES if name in made_with])
     other = [
         f"{name} {made_with.get(name, 'unknown')} (here {have})"
         for name, have in now.items()

@@ -4,7 +4,8 @@ Split conformal prediction (Vovk, Gammerman and Shafer, "Algorithmic Learning in
 2005; Sadinle, Lei and Wasserman, JASA 114, 2019, for the smallest sets): of touches that the
 classifier did not learn from, it is kept how improbable it found their true names. A name belongs
 to the set of a new touch if it is no more improbable than that quantile of them. The quantile is
-that of the touch's own group where it is known: Mondrian by part, or else by person.
+that of the touch's own part where it is known (Mondrian). Parts differ, so that of a part that was
+not calibrated is what is enough for as large a share of those that were.
 
 The promise holds for touches like those of the calibration. It is about the whole set: where even
 the likeliest name is too improbable the set is empty, and that is `unknown`.
@@ -13,7 +14,7 @@ the likeliest name is too improbable the set is empty, and that is `unknown`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from skinmap.errors import InvalidArrayError
 
 FOLDS = 5  # groups of parts, persons or touches that are left out one after the other
 LEAST = 20  # scores of a group that its own quantile is taken from
+GROUPS = 3  # parts that say how parts differ
 NOBODY = -1  # a person who is not known
 OR = " or "
 
@@ -45,6 +47,7 @@ class SetCalibration:
     scores: FloatArray
     parts: tuple[str, ...]
     persons: IntArray
+    _found: dict[tuple[float, str, int], float] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         scores = check_finite(self.scores, "scores", (None,))
@@ -56,20 +59,41 @@ class SetCalibration:
     def threshold(self, coverage: float, part: str, person: int = NOBODY) -> float:
         """The score up to which a name belongs to the set; inf where all names do.
 
-        Of the part's own touches where there are `LEAST`, or of the person's, or of all.
+        Of the part's own touches where there are `LEAST`. Of another part, what would have been
+        enough for the promised share of the parts, or of the person's touches where that is more.
         """
-        own = self.scores
-        groups = (np.array([one == part for one in self.parts]), self.persons == person)
-        known = [mine for mine in groups if mine.sum() >= LEAST]
-        if known and (known[0] is groups[0] or person != NOBODY):
-            own = self.scores[known[0]]
-        rank = int(np.ceil((len(own) + 1) * coverage))
-        return float(np.sort(own)[rank - 1]) if rank <= len(own) else float("inf")
+        key = (coverage, part, person)
+        if key not in self._found:
+            self._found[key] = self._threshold(*key)
+        return self._found[key]
+
+    def _threshold(self, coverage: float, part: str, person: int) -> float:
+        parts = np.array(self.parts)
+        names, count = np.unique(parts, return_counts=True)
+        large = names[count >= LEAST]
+        if part in large:
+            return quantile(self.scores[parts == part], coverage)
+        if len(large) >= GROUPS:
+            each = [quantile(self.scores[parts == one], coverage) for one in large]
+            found = [float(np.quantile(each, coverage, method="higher"))]
+        else:
+            found = [quantile(self.scores, coverage)]
+        own = self.persons == person
+        if person != NOBODY and own.sum() >= LEAST:
+            theirs = quantile(self.scores[own], coverage)
+            found = [*found, theirs] if len(large) >= GROUPS else [theirs]
+        return max(found)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """What a model file keeps."""
         parts = np.array(self.parts, np.str_)
         return {"scores": self.scores, "parts": parts, "persons": self.persons}
+
+
+def quantile(scores: FloatArray, coverage: float) -> float:
+    """The score that a new one of the same kind exceeds no more often than promised."""
+    rank = int(np.ceil((len(scores) + 1) * coverage))
+    return float(np.sort(scores)[rank - 1]) if rank <= len(scores) else float("inf")
 
 
 def set_calibration_from(arrays: Mapping[str, NDArray[Any]]) -> SetCalibration:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from skinmap.arrays import FloatArray
 from skinmap.classify.rejection import rejection_threshold
+from skinmap.errors import InvalidArrayError
 
 FOLDS = 5
 WIDTH = 0.9  # gamma times columns: 0.03 for the thirty numbers that it was found with
 MARGIN = 4.0  # one-against-one decisions beyond this say no more
+# What a fitted machine is, beside its settings.
+FITTED = (
+    "classes", "mean", "scale", "gamma", "vectors", "offsets", "weights", "worth", "bias", "reject",
+)  # fmt: skip
 
 
 class RbfMachine(ClassifierMixin, BaseEstimator):
@@ -32,6 +38,8 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
     random_state : int
         Of the folds.
     """
+
+    most_rows = 6000  # some ten seconds
 
     def __init__(
         self, *, penalty: float = 10.0, width: float | None = None, random_state: int = 0
@@ -96,6 +104,45 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
         """(m,) most probable labels."""
         share = self.predict_proba(X)
         return self.classes_[np.argmax(share, axis=1)]
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """All that a fitted machine is."""
+        check_is_fitted(self)
+        made = {name: np.asarray(getattr(self, f"{name}_")) for name in FITTED}
+        width = np.nan if self.width is None else self.width
+        return {**made, "settings": np.array([self.penalty, width, self.random_state])}
+
+    def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Take what `to_arrays` gave.
+
+        Raises
+        ------
+        InvalidArrayError
+            Arrays that do not fit together.
+        """
+        classes = np.asarray(arrays["classes"])
+        if classes.ndim != 1 or len(np.unique(classes)) != len(classes) or len(classes) < 2:
+            raise InvalidArrayError("an RBF machine needs two classes or more, each once")
+        pairs, (vectors, columns) = len(classes) * (len(classes) - 1) // 2, arrays["vectors"].shape
+        shapes: dict[str, tuple[int, ...]] = {
+            "mean": (columns,), "scale": (columns,), "gamma": (), "vectors": (vectors, columns),
+            "offsets": (pairs,), "weights": (pairs, vectors), "worth": (len(classes), pairs),
+            "bias": (len(classes),), "reject": (), "settings": (3,),
+        }  # fmt: skip
+        found = {name: np.asarray(arrays[name], np.float64) for name in shapes}
+        for name, shape in shapes.items():
+            sound = name == "settings" or np.isfinite(found[name]).all()
+            if found[name].shape != shape or not sound:
+                raise InvalidArrayError(f"an RBF machine's {name} do not fit together")
+        if (found["scale"] <= 0.0).any():
+            raise InvalidArrayError("an RBF machine's scale is not positive")
+        penalty, width, state = found.pop("settings").tolist()
+        self.penalty, self.random_state = penalty, int(state)
+        self.width = None if np.isnan(width) else width
+        self.classes_, self.n_features_in_ = classes, columns
+        for name, value in found.items():
+            setattr(self, f"{name}_", float(value) if value.ndim == 0 else value)
+        self.squares_ = np.einsum("ij,ij->i", self.vectors_, self.vectors_)
 
     @property
     def _pairs(self) -> int:

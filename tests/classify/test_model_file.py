@@ -128,7 +128,7 @@ def test_files_inside_that_are_missing_or_empty_are_refused(saved, name, data):
 
 def test_another_format_is_refused_by_name(saved):
     rewrite(saved, model__json=json.dumps({**head(saved), "format": "skinmap-model-99"}))
-    with pytest.raises(DataFormatError, match="'skinmap-model-99', expected 'skinmap-model-3'"):
+    with pytest.raises(DataFormatError, match="'skinmap-model-99', expected 'skinmap-model-4'"):
         load_classifier(saved)
 
 
@@ -232,6 +232,31 @@ def test_arrays_that_do_not_fit_together_are_refused(saved):
         rewrite(saved, descriptor__npz=buffer.getvalue())
         with pytest.raises(DataFormatError, match="do not fit together"):
             load_classifier(saved)
+
+
+def test_a_machine_is_kept_as_its_arrays_and_damaged_ones_are_refused(trained, tmp_path):
+    path = tmp_path / "m.skinmodel"
+    save_classifier(trained["contact-geometry"], path)
+    assert set(head(path)["versions"]) == {
+        "skinmap",
+        "numpy",
+    }  # nothing of another library is in it
+    with zipfile.ZipFile(path) as archive:
+        assert "estimator.skops" not in archive.namelist()
+        with np.load(io.BytesIO(archive.read("estimator.npz"))) as arrays:
+            sound = dict(arrays)
+    damaged = {
+        "weights": sound["weights"][:, 1:],
+        "vectors": sound["vectors"] * np.nan,
+        "scale": np.zeros_like(sound["scale"]),
+        "classes": sound["classes"][[0, 0, *range(2, len(sound["classes"]))]],
+    }
+    for name, value in damaged.items():
+        buffer = io.BytesIO()
+        np.savez(buffer, **{**sound, name: value})
+        rewrite(path, estimator__npz=buffer.getvalue())
+        with pytest.raises(DataFormatError, match="not a Skinmap model: an RBF machine"):
+            load_classifier(path)
 
 
 def test_a_fingerprint_that_does_not_fit_is_refused(saved):

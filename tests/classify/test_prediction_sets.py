@@ -52,6 +52,17 @@ def test_a_known_part_has_its_own_quantile_and_a_person_where_no_part_is():
     assert kept.threshold(0.99, "arm") == np.inf  # 20 touches promise no more than 20 of 21
 
 
+def test_a_part_that_was_not_calibrated_gets_what_is_enough_for_most_parts():
+    parts = tuple(name for name in "abcd" for _ in range(LEAST))
+    scores = np.repeat([0.1, 0.2, 0.3, 0.4], LEAST)
+    persons = np.tile([3, 5], 2 * LEAST)
+    kept = SetCalibration(scores, parts, persons)
+    assert kept.threshold(0.7, "e") == 0.4  # of all touches alike 0.3 would do
+    assert kept.threshold(0.5, "e") == 0.3
+    assert kept.threshold(0.5, "e", person=3) == 0.3
+    assert kept.threshold(0.9, "b") == 0.2
+
+
 def test_sets_hold_the_likely_names_in_order_and_may_be_empty():
     share = np.array([0.2, 0.5, 0.3])
     assert likely_names(share, "abc", 0.75) == ("b", "c")

@@ -87,6 +87,9 @@ def test_simulate_train_classify_and_back(tmp_path):
     assert {row["event"] for row in named["touches"]} == set(range(named["events"]))
     assert {row["part"] for row in named["touches"]} == {"right_hand"}
     assert all(0 <= row["confidence"] <= 1 for row in named["touches"])
+    alone = run("classify", str(recording))  # by the model that comes with Skinmap
+    assert alone["events"] == sum(sum(part["touches"].values()) for part in made["parts"])
+    assert alone["accuracy"] >= 0.75
 
 
 def test_pairs_are_named_one_by_one(tmp_path):
@@ -140,6 +143,8 @@ def test_same_seed_writes_the_same_recording(tmp_path):
         (("simulate", "--part", "left_hand", "-o", "/proc/x/y.npz"), "cannot write"),
         (("train", "gone.npz"), r"no file 'gone\.npz'"),
         (("classify", "gone.skinmodel", "gone.npz"), r"no file 'gone\.skinmodel'"),
+        (("classify", "touch.skinmodel"), "touch.skinmodel is a model: name what it should"),
+        (("classify", "a.skinmodel", "b.npz", "c.npz"), "a model and one source, got 3"),
         (("dance",), "no command 'dance'; the commands are: demo, inspect"),
         (
             ("calibrate", "wrp"),

@@ -9,7 +9,6 @@ from skinmap.surface.surface_mesh import build_surface
 from skinmap.touch import contacts
 from skinmap.touch.contact_geometry import FEATURES, contact_geometry, skin_plane
 from skinmap.touch.contacts import find_contacts, measure_skin, pool_event, pressed
-from skinmap.touch.pressure_course import COURSE, course
 
 
 @pytest.fixture(scope="module")
@@ -201,19 +200,3 @@ def test_distances_of_large_skins_are_the_same_without_a_table(plate, monkeypatc
     monkeypatch.setattr(contacts, "DENSE", 10)
     # Single precision of 80 mm.
     np.testing.assert_allclose(plate.distances(rows, columns), kept, atol=1e-8)
-
-
-def test_course_of_a_touch_that_grows_and_of_one_that_slides(plate):
-    points = plate.mesh.vertices
-    still = np.tile(disc(plate, 80, 15e-3), (20, 1)).astype(np.uint8)
-    assert COURSE == ("growth", "wander_mm")
-    np.testing.assert_allclose(course(plate, still), [1.0, 0.0], atol=1e-12)
-    growing = still.copy()
-    growing[:2] = disc(plate, 80, 1e-3)
-    growing[:2] *= 2
-    assert course(plate, growing)[0] < 0.2
-    slide = np.array([disc(plate, 74 + k // 4, 7e-3) for k in range(24)]).astype(np.uint8)
-    # From taxel 74 (first 6 of 24 samples: 74, 74, 74, 74, 75, 75) to 79 (78, 78, 79...).
-    way = 1e3 * (points[79, 0] - points[74, 0]) - 2 * 6.5 / 3
-    assert course(plate, slide)[1] == pytest.approx(way, rel=1e-4)  # single precision
-    assert not course(plate, np.zeros((4, len(plate)), np.uint8)).any()

@@ -94,8 +94,6 @@ def served(
             view=view,
             counts=loop.totals,
         ) as server:
-            if session.model is None:
-                session.train(loop, tell)
             yield server, player
 
 

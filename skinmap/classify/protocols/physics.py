@@ -7,12 +7,13 @@ parts, MuJoCo on one of each pair. What is trained on never saw the frozen varia
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.classify.descriptors import Touch
+from skinmap.classify.classifier import WITH_SETS
+from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest
 from skinmap.classify.protocols.cross_patch import make
 from skinmap.errors import InvalidArrayError
@@ -30,6 +31,8 @@ BOTH = "ours and mujoco"
 # touch costs a tenth of the time.
 OURS_TIMES = 6
 BINS = 10  # of the expected calibration error
+COVERAGE = 0.9  # promised by sets of names
+Named = tuple[str, str, float]  # true label, name and confidence of a touch
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,6 +48,9 @@ class Judged:
         Touches of each label (rows) that were named each; the last column is `no_contact`.
     ece : float
         Expected calibration error: by how much confidence and share right differ, over ten bins.
+    held, set_size : float
+        Share of the touches whose set of names, promised for 0.9 of them, holds the true one, and
+        names in a set; NaN where no sets were asked for.
     """
 
     trained_on: str
@@ -52,6 +58,8 @@ class Judged:
     labels: tuple[str, ...]
     counts: FloatArray
     ece: float
+    held: float = float("nan")
+    set_size: float = float("nan")
 
     @property
     def per_class(self) -> dict[str, float]:
@@ -125,7 +133,7 @@ def evaluate_physics(
     pairs = mirror_pairs(skins)
     if len(set(pairs.values())) < 2:
         raise InvalidArrayError("leaving parts out needs two parts that are no mirror images")
-    found: list[tuple[str, str, list[tuple[str, str, float]]]] = []
+    found: list[tuple[str, str, list[Named], FloatArray]] = []
     for seed in seeds:
         touched = _touch(skins, gestures, per_gesture, seed, workers, progress)
         trainings = [
@@ -135,10 +143,13 @@ def evaluate_physics(
         ]
         for rows in run_tasks(_train, trainings, workers=workers, progress=progress):
             found += rows
-    named: dict[tuple[str, str], list[tuple[str, str, float]]] = {}
-    for trained, tested, touches in found:
-        named.setdefault((trained, tested), []).extend(touches)
-    return [judged(*pair, gestures, touches) for pair, touches in named.items()]
+    judgements = []
+    for pair in dict.fromkeys((trained, tested) for trained, tested, *_ in found):
+        own = [rows for rows in found if rows[:2] == pair]
+        held, size = np.concatenate([sets for *_, sets in own]).mean(axis=0).tolist()
+        one = judged(*pair, gestures, [name for rows in own for name in rows[2]])
+        judgements.append(replace(one, held=held, set_size=size))
+    return judgements
 
 
 def mirror_pairs(skins: Mapping[str, PreparedSkin]) -> dict[str, str]:
@@ -147,9 +158,7 @@ def mirror_pairs(skins: Mapping[str, PreparedSkin]) -> dict[str, str]:
     return {part: first.setdefault(len(skin.skin), part) for part, skin in skins.items()}
 
 
-def judged(
-    trained: str, tested: str, labels: Sequence[str], named: Sequence[tuple[str, str, float]]
-) -> Judged:
+def judged(trained: str, tested: str, labels: Sequence[str], named: Sequence[Named]) -> Judged:
     """Counts and calibration of (true label, name, confidence) of touches."""
     counts = np.zeros((len(labels), len(labels) + 1))
     columns = {name: k for k, name in enumerate(labels)}
@@ -206,7 +215,8 @@ def _play(task: Playing) -> list[tuple[str, np.ndarray]]:
         ]
     else:
         played = [press(skin, rng=rng, variant=task.physics, per_gesture=count, gestures=gestures)]
-    return [(label, samples) for one in played for _, label, samples in one.touches()]
+    every = [touch for one in played for touch in recorded_touches(task.skin, one)]
+    return [(touch.label, touch.samples) for touch in every]
 
 
 def _trainings(
@@ -231,14 +241,23 @@ def _trainings(
     return made
 
 
-def _train(task: _Training) -> list[tuple[str, str, list[tuple[str, str, float]]]]:
-    """Train once; true label, name and confidence of the touches of each physics."""
-    model = make(task.classifier).fit(task.train, rng=task_rng(task.seed))
+def _train(task: _Training) -> list[tuple[str, str, list[Named], FloatArray]]:
+    """Train once; names of the touches of each physics, and (m, 2) sets that hold the truth, sizes.
+
+    Sizes and truth are NaN for classifiers that are too slow to calibrate sets of.
+    """
+    sets = task.classifier in WITH_SETS
+    model = make(task.classifier).fit(task.train, rng=task_rng(task.seed), sets=sets)
+    if sets:
+        model.promise(COVERAGE)
     found = []
     for physics, touches in task.test.items():
-        named = []
-        for touch in touches:
+        named, held = [], np.full((len(touches), 2), np.nan)
+        for row, touch in enumerate(touches):
             guess = likeliest(model, touch)
             named.append((touch.label, guess.label, float(guess.confidence)))
-        found.append((task.trained_on, physics, named))
+            names = model.predict(touch).names
+            if names is not None:
+                held[row] = touch.label in names, len(names)
+        found.append((task.trained_on, physics, named, held))
     return found

@@ -14,10 +14,11 @@ from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
+SUFFIX = ".skinmodel"  # as `skinmap.classify.model_file` has it; a test compares
+
 
 @click.command("classify")
-@click.argument("model", type=click.Path(path_type=Path))
-@click.argument("source")
+@click.argument("files", nargs=-1, required=True, metavar="[MODEL] SOURCE")
 @robot_option
 @part_option
 @click.option(
@@ -76,8 +77,7 @@ from skinmap.report.table import Table
 @profile_option("classify", "motion")
 @prints(ClassifyResult, live=(LiveTouch, LiveSummary))
 def command(
-    model: Path,
-    source: str,
+    files: tuple[str, ...],
     robot: str | None,
     parts: tuple[str, ...],
     span_mm: float,
@@ -93,6 +93,9 @@ def command(
 ) -> None:
     """Name touches with a confidence from 0 to 1.
 
+    MODEL is what `skinmap train` wrote; without one the model that comes with Skinmap names the
+    four still touches and the eight in time that are simulated, on any robot.
+
     SOURCE is a recording of marked touches (.npz, .mcap), whose names are compared with the
     recorded ones, or whatever can be followed: sim, lsl:NAME, zmq:HOST:PORT, a recording without
     marks (.mcap, .xdf, data.log), which gives a line a touch when it ends and a summary at the
@@ -106,14 +109,17 @@ def command(
     were enough. Where no name is likely enough it is `unknown`.
 
     \b
-    Example:  skinmap classify touch.skinmodel touches.npz --part right_forearm --json
+    Example:  skinmap classify touches.npz
+              skinmap classify touch.skinmodel touches.npz --part right_forearm --json
               skinmap classify touch.skinmodel touches.npz --coverage 0.9
               skinmap classify touch.skinmodel lsl:demo --seconds 60 --json
     """
+    from skinmap.classify.default_model import default_model
     from skinmap.classify.model_file import load_classifier
     from skinmap.touch.grouping import GroupingRule
 
-    classifier = load_classifier(model)
+    model, source = _model_and_source(files)
+    classifier = default_model() if model is None else load_classifier(model)
     if coverage is not None:
         classifier.promise(coverage)
     rule = GroupingRule(span=span_mm / 1e3, together=together_ms / 1e3)
@@ -139,6 +145,15 @@ def command(
     from skinmap.cli.classify.recorded import work
 
     present(work(classifier, Path(source), robot, parts, rule), _lines, as_json=as_json)
+
+
+def _model_and_source(files: tuple[str, ...]) -> tuple[Path | None, str]:
+    """What names the touches, where that was said, and where they come from."""
+    if len(files) > 2:
+        raise click.UsageError(f"a model and one source, got {len(files)}: {' '.join(files)}")
+    if len(files) == 1 and files[0].endswith(SUFFIX):
+        raise click.UsageError(f"{files[0]} is a model: name what it should classify behind it")
+    return (None if len(files) == 1 else Path(files[0])), files[-1]
 
 
 def holds_events(source: str) -> bool:

@@ -290,6 +290,8 @@ def _physics_row(one: Judged) -> PhysicsRow:
         mean=one.mean,
         per_class=one.per_class,
         ece=one.ece,
+        held=one.held,
+        set_size=one.set_size,
         confusion=confusion,
     )
 

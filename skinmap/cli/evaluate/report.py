@@ -155,11 +155,14 @@ def _physics(result: PhysicsResult) -> Iterator[str | Table]:
     rows: Rows = [
         [
             row.trained_on, row.tested_on, _percent(row.mean), f"{row.ece:.3f}",
+            _percent(row.held), row.set_size,
             *(_percent(row.per_class.get(name)) for name in result.gestures),
         ]
         for row in result.rows
     ]  # fmt: skip
-    yield Table(["trained on", "tested on", "mean", "ece", *result.gestures], rows)
+    yield Table(
+        ["trained on", "tested on", "mean", "ece", "held", "set size", *result.gestures], rows
+    )
 
 
 def _fingers(result: FingersResult) -> Iterator[str | Table]:

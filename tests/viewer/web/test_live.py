@@ -88,7 +88,7 @@ def test_a_recording_is_played_and_gets_its_names(session, open_tab, tmp_path):
     playing.loop = True
     with served(playing, Look(links="skin"), print) as (server, _):
         tab = open_tab(server.url)
-        tab.wait(".label:has-text('%')")  # a name with its confidence, from the model trained here
+        tab.wait(".label:has-text('%')")  # a name with its confidence
         assert float(tab.page.locator("#time").get_attribute("max")) > 5
         assert tab.page.locator("#time").is_enabled()
         assert tab.faults == []
@@ -96,9 +96,8 @@ def test_a_recording_is_played_and_gets_its_names(session, open_tab, tmp_path):
 
 
 def test_what_becomes_of_a_live_stream_is_told_and_the_page_stays(
-    session, publish, open_tab, address, monkeypatch
+    session, publish, open_tab, address
 ):
-    monkeypatch.setattr(Session, "train", lambda *_: None)
     publish()
     with served(session(address), Look(links="skin"), print) as (server, player):
         tab = open_tab(server.url)

@@ -20,6 +20,9 @@ class PhysicsRow:
         Share named right: mean of the gestures, and each.
     ece
         Expected calibration error of the confidences.
+    held, set_size
+        Share of the touches whose set of names, promised for 0.9 of them, holds the true one, and
+        names in a set; null for classifiers without sets.
     confusion
         Touches of each gesture by the name they were given.
     """
@@ -29,6 +32,8 @@ class PhysicsRow:
     mean: float
     per_class: dict[str, float]
     ece: float
+    held: float | None
+    set_size: float | None
     confusion: dict[str, dict[str, int]]
 
 

@@ -1,0 +1,90 @@
+"""The model that comes with Skinmap: small, quick to read, made by its script, and worth having."""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skinmap.classify.default_model import FILE, default_model
+from skinmap.classify.descriptors import Touch, recorded_touches
+from skinmap.classify.evaluate import likeliest
+from skinmap.io.robots.manifest import load_robot
+from skinmap.skin.fingerprint import fingerprint
+from skinmap.touch.gestures import FOUR, TIME
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.simulator import simulate
+
+SCRIPT = Path(__file__).parents[2] / "scripts" / "default_model.py"
+
+
+@pytest.fixture(scope="module")
+def script():
+    """What makes the model."""
+    spec = importlib.util.spec_from_file_location("default_model_script", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def model():
+    return default_model()
+
+
+def test_it_is_small_and_read_at_once_without_what_trains():
+    assert FILE.stat().st_size < 1_000_000
+    with zipfile.ZipFile(FILE) as archive:
+        assert "estimator.skops" not in archive.namelist()
+    began = time.process_time()
+    default_model()
+    assert time.process_time() - began < 0.3
+
+
+def test_it_knows_what_stays_and_what_goes_on_in_time(model, icub):
+    assert set(model.labels) == {*FOUR, *TIME}
+    assert model.descriptor.moving
+    known = {one.part: one.fingerprint for one in model.trained_on}
+    assert known == {part: fingerprint(icub.skin(part)) for part in icub.parts}
+
+
+def test_its_vectors_are_touches_of_the_script(model, script, icub, prepared):
+    """A part in one state anew: many of its touches are support vectors, none of another seed."""
+    skin, number = prepared("left_forearm"), icub.parts.index("left_forearm")
+
+    def share(state: int) -> float:
+        machine = model.estimator
+        touches = script.our_touches(skin, number, state)
+        rows = np.concatenate([model.descriptor.describe(touch) for touch in touches])
+        scaled = (np.log1p(rows) - machine.mean_) / machine.scale_
+        away = np.abs(scaled[:, None, :] - machine.vectors_).max(axis=2).min(axis=1)
+        return float((away < 1e-3).mean())
+
+    assert share(0) > 0.1
+    assert share(script.STATES + 1) == 0.0
+
+
+def test_it_names_touches_on_a_robot_that_it_never_saw_by_how_they_go_on(model):
+    skin = PreparedSkin(load_robot("kaspar").skin("torso"))
+    recording = simulate(skin.skin, rng=99, per_gesture=5, gestures=(*FOUR, *TIME))
+    touches, rng = recorded_touches(skin, recording), np.random.default_rng(0)
+
+    def right(kinds: tuple[str, ...], order: bool) -> float:
+        own = [touch for touch in touches if touch.label in kinds]
+        shown = (
+            own
+            if order
+            else [
+                Touch(one.skin, rng.permutation(one.samples), one.label, rate=one.rate)
+                for one in own
+            ]
+        )
+        return float(np.mean([likeliest(model, one).label == one.label for one in shown]))
+
+    assert right(FOUR, order=True) > 0.8
+    assert right(TIME, order=True) > 0.8
+    assert right(TIME, order=False) < 0.6
