@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull
+from scipy.special import chdtri
 
 from calibration.patch.board import SCALE, chords, facing
 from calibration.patch.leave_one_out import LeftOut, leave_one_out
@@ -19,10 +20,14 @@ from skinmap.geometry.proximity import median_spacing
 COVERAGE = 0.25  # share of the patch inside the hull of its evidence
 RIVAL = 1.05  # a second minimum of at most this many times the cost is as good
 # Mean square of a coordinate along the skin of an anchor that the others predict, over what is
-# expected of it: honest noise of two coordinates exceeds it once in 670 anchors (chi squared of
-# 13), which refuses 0.6 to 1.2 % of honest runs with 4 to 8 of them. An anchor that is 9 mm off has
+# expected of it: honest noise of two coordinates exceeds it once in 1,100 anchors (chi squared of
+# 14), which refuses 0.4 to 0.8 % of honest runs with 4 to 8 of them. An anchor that is 9 mm off has
 # 12 to 35 as a rule, and 4 to 7 where the noise of the others hides it.
-CONTRADICTION = 6.5
+CONTRADICTION = 7.0
+# The cost of honest boards by 4, 6 and 8 anchors (150 of the family and the iCub) has medians of
+# 7.2, 13.0 and 20.7: those of chi squared with three degrees of freedom an anchor, less four.
+PLACED = 4
+UNLIKELY = 5e-4  # chance that an honest board costs as much
 TOUCHED = 0.4  # as COVERAGE, for touches, of which there are many
 FEWEST_TOUCHES = 8  # fewer cannot show which of them are wrong
 AGREES = 3.0  # residual of a touch over its spread, in space
@@ -97,6 +102,7 @@ def judge(
     found = [
         *_folded(target, x, faces, normals),
         *_contradictions(evidence, left_out, names),
+        *_costly(evidence, best.cost),
         *_stretched(unexpected),
         *_off_scale(best.state.scale),
         *_unobservable(x, covariance, spacing),
@@ -248,6 +254,25 @@ def _contradictions(evidence: Evidence, left_out: LeftOut, names: Names) -> list
             Doubt.MISFIT,
             f"the anchors contradict each other; furthest from where the others predict it: "
             f"channel {words}",
+        )
+    ]
+
+
+def _costly(evidence: Evidence, cost: float) -> list[Finding]:
+    """Anchors that together fit worse than their errors explain, though none stands out."""
+    count = len(evidence.sigma)
+    if evidence.doubted.any() or 3 * count <= PLACED:
+        return []
+    most = float(chdtri(3 * count - PLACED, UNLIKELY))
+    if cost <= most:
+        return []
+    return [
+        (
+            Status.AMBIGUOUS,
+            Doubt.MISFIT,
+            f"the anchors together fit worse than their stated errors explain (cost {cost:.0f}, at "
+            f"most {most:.0f} expected): one of them may be misplaced, the board of another scale, "
+            "or the errors larger",
         )
     ]
 
