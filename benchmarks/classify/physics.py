@@ -2,9 +2,10 @@
 
     python -m benchmarks.classify.physics [--touches 8] [--variants foam,flesh]
 
-writes benchmarks/results/physics.json. Both are simulations. A finger or a hand of the same size is
-put on the same taxel at the same angle, three fingertips on the same spots; the rest of its shape
-and all of the contact is each simulator's own. Touched is what sends more than `ACTIVE` counts.
+writes benchmarks/results/physics.json. Both are simulations; ours varies as it does by default.
+A finger or a hand of the same size is put on the same taxel at the same angle, three fingertips on
+the same spots; the rest of its shape, its force and all of the contact is each simulator's own.
+Touched is what sends more than `ACTIVE` counts.
 """
 
 from __future__ import annotations
@@ -34,9 +35,13 @@ from skinmap.physics.simulation import (
 from skinmap.physics.variants import TUNING, find_variant
 from skinmap.skin.skin import Skin
 from skinmap.touch.contacts import ACTIVE
-from skinmap.touch.gestures import FOUR, GESTURES
+from skinmap.touch.elastic_bed import bed_loads
+from skinmap.touch.gestures import FOUR
+from skinmap.touch.hands import HANDS, Draw
 from skinmap.touch.sensing import FULL_SCALE
-from skinmap.touch.simulator import REACH, Stage, prepare, touch_loads
+from skinmap.touch.simulator import REACH, Stage, prepare
+from skinmap.touch.variety import DEFAULT as VARIETY
+from skinmap.touch.variety import draw_foam
 
 OUT = RESULTS / "physics.json"
 PARTS = ("torso", "left_arm", "left_forearm", "left_leg_upper", "left_leg_lower")
@@ -95,11 +100,11 @@ def touched_by_both(
     """Taxels (n,) touched by ours and by MuJoCo at one place, and MuJoCo's CPU seconds."""
     skin = stage.skin
     for _ in range(TRIES):
-        pads = GESTURES[name](rng, person.hand)
+        bodies = HANDS[name](Draw(rng, VARIETY, person.hand))
         presser = PRESSERS[name](rng, person.hand, ground.variant)
-        middles = np.array([[pad.start, pad.end] for pad in pads]).mean(axis=1)
+        middles = np.array([[body.start, body.end] for body in bodies]).mean(axis=1)
         centre = middles.mean(axis=0)
-        if len(presser.mounts) == len(pads):  # tips on the same spots
+        if len(presser.mounts) == len(bodies):  # tips on the same spots
             spots = [tuple(map(float, middle - centre)) for middle in middles]
             mounts = [
                 replace(mount, spot=spot) for mount, spot in zip(presser.mounts, spots, strict=True)
@@ -111,7 +116,8 @@ def touched_by_both(
             continue
         axes = _axes(skin, taxel, angle)
         uv, _ = log_map(skin.positions, skin.normals, stage.graph, taxel, REACH, frame=axes)
-        ours = touch_loads(stage, pads, uv + centre).sum(axis=0)
+        foam = draw_foam(VARIETY, stage.sensors.sensing.foam, rng)
+        ours = bed_loads(bodies, foam, uv + centre, skin).sum(axis=0)
         began = time.process_time()
         pressed = press_place(ground, placed[0], person, rate=50.0, rng=rng)
         theirs = taxel_loads(ground, pressed).max(axis=0)
