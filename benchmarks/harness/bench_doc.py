@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.harness.asked import cells, number, summary
+from benchmarks.harness.asked import cells, limits, number, summary
 from benchmarks.harness.record import RESULTS
 
 TARGET = ROOT / "docs" / "benchmarks.md"
@@ -52,7 +52,7 @@ def doc_of(result: Mapping[str, Any]) -> str:
     ]  # fmt: skip
     for area in dict.fromkeys(row["area"] for row in result["asked"]):
         rows = [row for row in result["asked"] if row["area"] == area]
-        lines += ["", f"## {area.capitalize()}", "", *_table(rows)]
+        lines += ["", f"## {area.capitalize()}", "", *_table(rows), *_limits(rows)]
     curves = (areas.get("scaling", {}).get("rows") or {}).get("curves")
     lines += _curves(curves) if curves else ()
     kept = RESULTS / "commands.json"
@@ -77,6 +77,14 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         what, asked, got, spread, ratio, state, peer, _ = cells(row)
         bold = f"**{state}**" if state == "falls short" else state
         yield from _row((f"`{row['key']}`", what, asked, got, spread, ratio, bold, peer))
+
+
+def _limits(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """What stands in the way of the figures that fall short, where that is known."""
+    known = limits()
+    for row in rows:
+        if row["state"] == "falls short" and row["key"] in known:
+            yield from ("", f"`{row['key']}`: {known[row['key']]}")
 
 
 def _curves(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:

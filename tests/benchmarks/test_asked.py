@@ -92,3 +92,32 @@ def test_the_printed_table_names_what_falls_short(planted):
     assert "1 fall short" in text
     assert "geometry: patches of the iCub: asked 23, got 22" in text
     assert all(f"== {area}" in text for area in ("geometry", "live", "page", "bench"))
+
+
+def test_a_time_that_the_quick_form_took_once_is_no_short_fall(planted):
+    from benchmarks.harness.asked import judge
+
+    geometry = planted["areas"]["geometry"]
+    geometry["rows"]["icub"]["seconds"] = 9.0  # 0.6 asked for
+    states = {}
+    for form in ("short", "quick"):
+        geometry["form"] = form
+        states[form] = {row["key"]: row for row in judge(planted)}
+    time, patches = "geometry.icub_prepared_s", "geometry.icub_patches"
+    assert states["short"][time]["state"] == "falls short"
+    assert states["quick"][time]["state"] == "not measured"
+    assert states["quick"][time]["got"] == 9.0
+    assert "one run" in states["quick"][time]["note"]
+    assert states["quick"][patches]["state"] == "falls short"  # no time: one run says it
+
+
+def test_what_stands_in_the_way_is_told_of_what_falls_short(planted):
+    from benchmarks.harness.asked import limits
+    from benchmarks.harness.bench_doc import doc_of
+
+    assert limits()
+    assert all(text.endswith(".") for text in limits().values())
+    key, text = next(iter(limits().items()))
+    row = dict(planted["asked"][0], key=key, state="falls short")
+    assert f"`{key}`: {text}" in doc_of(planted | {"asked": [row]})
+    assert text not in doc_of(planted | {"asked": [dict(row, state="met")]})
