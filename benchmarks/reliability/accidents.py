@@ -59,14 +59,17 @@ def main() -> int:
         print(f"no reader {strange[0]!r}; they are: {', '.join(load_targets())}", file=sys.stderr)
         return 2
     found: dict[str, Any] = {"inputs": given.inputs, "seconds": given.seconds, "targets": {}}
+    if given.readers and COUNTS.exists():  # those of the others stay
+        found["targets"] = json.loads(COUNTS.read_text(encoding="utf-8"))["targets"]
+    findings = 0
     for name, row in measure(given.readers, given.inputs, given.seconds, given.seed):
+        findings += len(row["findings"])
         print(f"{name:24} {row['runs']:7,} inputs, {row['cpu_s']:5.1f} s, {row['more_mb']:4.0f} MB",
               *row["findings"], sep="\n  " if row["findings"] else "", flush=True)  # fmt: skip
         found["targets"][name] = row
         COUNTS.parent.mkdir(parents=True, exist_ok=True)
         COUNTS.write_text(json.dumps(found, indent=1), encoding="utf-8")
     rows = found["targets"].values()
-    findings = sum(len(row["findings"]) for row in rows)
     print(
         f"{sum(row['runs'] for row in rows):,} inputs of {len(rows)} readers, {findings} findings"
     )

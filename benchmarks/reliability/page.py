@@ -20,6 +20,8 @@ TESTED = [
      "tests/parallel/test_lost_workers.py"),
     ("A sweep that is interrupted, terminated or killed leaves no process and can be resumed, bit "
      "by bit", "tests/parallel/test_interruption.py, test_resume.py"),
+    ("A scheduler that pauses changes no bit; one that is lost is a line, and the sweep goes on "
+     "with the next", "tests/parallel/test_lost_scheduler.py"),
     ("Workers of another version and a scheduler that is not there are a line before any work",
      "tests/parallel/test_refusals.py"),
     ("Two recorders on one file: the second one is refused, the first one's file is whole",
@@ -39,6 +41,10 @@ TESTED = [
      "tests/viewer/web/test_hub.py, test_server.py"),
     ("Hosts, origins, tokens, traversal, oversized messages and too many pages are refused",
      "tests/viewer/web/test_guard.py, test_server.py"),
+    ("Half a request, headers without end, frames that are none, too many connections: ended, and "
+     "others are served", "tests/viewer/web/test_attacks.py"),
+    ("Meshes that claim a million million vertices or unfold to them, pictures of 3.6 billion "
+     "pixels in them, files of devices: little memory", "tests/io/test_mesh_bombs.py"),
     ("XML entities, zip bombs, chunks that unfold to too much, deep TOML, foreign types in models",
      "tests/io/test_bad_input.py, tests/extremes/test_damage.py, "
      "tests/classify/test_model_file.py"),

@@ -194,10 +194,13 @@ class ClusterPool:
         from concurrent.futures import CancelledError
 
         from distributed.client import FutureCancelledError
+        from distributed.comm.core import CommClosedError
         from distributed.scheduler import KilledWorker
 
         try:
             return future.result()
+        except CommClosedError as error:  # the scheduler has gone while the result was fetched
+            raise WorkersLostError(f"the scheduler {self.where} lost tasks") from error
         except (KilledWorker, FutureCancelledError, CancelledError) as error:
             raise WorkersLostError("workers died with a task") from error
 

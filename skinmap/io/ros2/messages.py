@@ -216,17 +216,14 @@ def cloud_points(
         height, width = shape
         if height * width == 0:
             return np.zeros(0, kind)
-        if height > 1 and (
-            row_step < width * step or (height - 1) * row_step + width * step > len(data)
-        ):
+        row = width * step
+        between = row_step if height > 1 else row
+        if step < 1 or between < row or (height - 1) * between + row > len(data):
             raise ValueError(
                 f"{height} rows of {row_step} bytes for {width} points of {step} bytes in "
                 f"{len(data)} bytes"
             )
-        rows = [
-            np.frombuffer(data, kind, width, row * row_step if height > 1 else 0)
-            for row in range(height)
-        ]
+        rows = [np.frombuffer(data, kind, width, number * between) for number in range(height)]
     except ValueError as error:
         raise MessageError(f"a cloud that contradicts itself: {error}") from error
     return np.concatenate(rows)
