@@ -139,13 +139,7 @@ def _start(wanted: Wanted) -> float:
 
 
 class Best:
-    """Keeps the moment that shows most: large, surely named touches that one view can show.
-
-    Parameters
-    ----------
-    session : Session
-    look : Look
-    """
+    """Keeps the moment that shows most: large, surely named touches that one view can show."""
 
     def __init__(self, session: Session, look: Look) -> None:
         robot = session.robot

@@ -35,12 +35,7 @@ TRUTH = "planted fault (simulated)"
 
 
 class Trials:
-    """Trials on one part, prepared once.
-
-    Parameters
-    ----------
-    part : str
-    """
+    """Trials on one part, prepared once."""
 
     def __init__(self, part: str) -> None:
         robot = skinmap.load_robot("icub")

@@ -178,14 +178,7 @@ class PatchTask:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SolvedPatch:
-    """A task, the patch that was found, and its figures.
-
-    Attributes
-    ----------
-    task : PatchTask
-    found : PatchCalibration
-    result : PatchResult
-    """
+    """A task, the patch that was found, and its figures."""
 
     task: PatchTask
     found: PatchCalibration

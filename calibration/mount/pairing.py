@@ -122,13 +122,7 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Contacts:
-    """A recording ready to be fitted to.
-
-    Attributes
-    ----------
-    recording : TouchRecording
-    sides : two Side
-    """
+    """A recording ready to be fitted to."""
 
     recording: TouchRecording
     sides: tuple[Side, Side]

@@ -76,15 +76,7 @@ class Plan:
 
 @dataclass(eq=False)
 class Case:
-    """One part under examination.
-
-    Attributes
-    ----------
-    part : str
-    doctor : Doctor
-    rest : RestFindings or None
-    places_known : bool
-    """
+    """One part under examination."""
 
     part: str
     doctor: Doctor

@@ -73,12 +73,7 @@ class Clumsiness:
 
 
 class Patient:
-    """One skin, prepared once; people and faults come and go.
-
-    Parameters
-    ----------
-    skin : Skin
-    """
+    """One skin, prepared once; people and faults come and go."""
 
     def __init__(self, skin: Skin) -> None:
         self.skin = skin

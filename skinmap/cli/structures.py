@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import click
 
-from skinmap.commands.options import open_robot, out_option, part_option, prints, robot_argument
+from skinmap.commands.options import (
+    open_robot,
+    out_option,
+    part_option,
+    prints,
+    read_radius,
+    robot_argument,
+)
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 from skinmap.report.table import Table
@@ -182,11 +189,14 @@ def work(
 ) -> tuple[StructuresResult, dict[str, PreparedSkin], Structures]:
     """The numbers, the skins by part, and the structures on them."""
     from skinmap.neighbours.offsets import LATTICE, concatenate
-    from skinmap.neighbours.structures import find_structures
+    from skinmap.neighbours.radius import auto_radius
+    from skinmap.neighbours.structures import RADIUS, find_structures
     from skinmap.touch.prepared_skin import PreparedSkin
 
     skins = {name: PreparedSkin(robot.skin(name)) for name in sought.parts}
-    radius = auto_radius_of(skins) if sought.radius is None else sought.radius
+    radius = sought.radius
+    if radius is None:
+        radius = auto_radius([skin.skin.positions for skin in skins.values()], near=RADIUS)
     symmetry = sought.rotations if sought.rotations > 1 else LATTICE
     hoods = [
         skin.neighbourhoods(radius=radius, distance=sought.distance, symmetry=symmetry)
@@ -229,28 +239,3 @@ def _lines(result: StructuresResult) -> Iterator[str | Table]:
     )
     rows = [[row.structure, row.taxels, row.neighbours] for row in result.table]
     yield Table(["structure", "taxels", "neighbours"], rows)
-
-
-def read_radius(text: str) -> float | None:
-    """The radius asked for [m], None for auto."""
-    from skinmap.neighbours.radius import WIDEST
-
-    if text == "auto":
-        return None
-    try:
-        radius = float(text)
-    except ValueError:
-        radius = math.nan
-    if not 0 < radius <= WIDEST * 1e3:
-        raise click.UsageError(
-            f"--radius-mm must be above 0 and at most {WIDEST * 1e3:g}, or auto, got {text!r}"
-        )
-    return radius * 1e-3
-
-
-def auto_radius_of(skins: Mapping[str, PreparedSkin]) -> float:
-    """Between two rings of the lattice [m]."""
-    from skinmap.neighbours.radius import auto_radius
-    from skinmap.neighbours.structures import RADIUS
-
-    return auto_radius([skin.skin.positions for skin in skins.values()], near=RADIUS)

@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 from click.core import ParameterSource
 
-from skinmap.commands.options import part_option, prints, robot_option, seed_option
+from skinmap.commands.options import (
+    part_option,
+    prints,
+    read_radius,
+    robot_option,
+    seed_option,
+)
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.report.present import present
@@ -228,8 +234,8 @@ def work(
     from skinmap.classify.few_shot import is_few, score_in_turn
     from skinmap.classify.model_file import save_classifier
     from skinmap.cli.collection import collect
-    from skinmap.cli.structures import auto_radius_of, read_radius
     from skinmap.io.output import staged_file
+    from skinmap.neighbours.radius import auto_radius
     from skinmap.neighbours.structures import RADIUS
 
     knobs = chosen.knobs
@@ -239,9 +245,8 @@ def work(
     chosen.untrained()  # refuses knobs before anything is read
     found = collect(recordings, robot)
     if auto:
-        knobs["radius_mm"] = 1e3 * auto_radius_of(
-            {part: one for (_, part), one in found.skins.items()}
-        )
+        skins = {part: one.skin.positions for (_, part), one in found.skins.items()}
+        knobs["radius_mm"] = 1e3 * auto_radius(list(skins.values()), near=RADIUS)
     rng = np.random.default_rng(chosen.seed)
     train, same, other = _split(found, chosen.parts, rng)
     extra = _simulated(found, train, chosen.simulated, rng)

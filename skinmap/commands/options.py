@@ -129,6 +129,23 @@ seed_option = click.option(
 )
 
 
+def read_radius(text: str) -> float | None:
+    """The radius asked for [m], None for auto."""
+    from skinmap.neighbours.radius import WIDEST
+
+    if text == "auto":
+        return None
+    try:
+        radius = float(text)
+    except ValueError:
+        radius = math.nan
+    if not 0 < radius <= WIDEST * 1e3:
+        raise click.UsageError(
+            f"--radius-mm must be above 0 and at most {WIDEST * 1e3:g}, or auto, got {text!r}"
+        )
+    return radius * 1e-3
+
+
 def try_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path | None:
     """Refuse a folder that cannot be written to before any work is done."""
     if out is not None:

@@ -153,12 +153,7 @@ def bijective_map(disc: Disc, *, iterations: int = ITERATIONS) -> FloatArray:
 
 
 class Barrier:
-    """Energy between border vertices and the border edges that they are no end of.
-
-    Parameters
-    ----------
-    disc : Disc
-    """
+    """Energy between border vertices and the border edges that they are no end of."""
 
     def __init__(self, disc: Disc) -> None:
         self._disc = disc

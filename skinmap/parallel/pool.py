@@ -59,12 +59,7 @@ class Pool(Protocol):
 
 
 class LocalPool:
-    """So many processes, started with the first task.
-
-    Parameters
-    ----------
-    size : int
-    """
+    """So many processes, started with the first task."""
 
     where = "on this machine"
 

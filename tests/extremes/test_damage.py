@@ -36,7 +36,7 @@ NO_READERS = {
     "skinmap.cli.flatten.options.read_channels": "words of a command line, tested with the command",
     "skinmap.cli.flatten.seam.read_seam": "words of a command line, tested with the command",
     "skinmap.classify.classifier_options.read_size": "a word of a profile, tested with the knobs",
-    "skinmap.cli.structures.read_radius": "words of a command line, tested with it",
+    "skinmap.commands.options.read_radius": "words of a command line, tested with it",
     "calibration.commands.plane.read_planes": "words of a command line, tested with it",
     "skinmap.io.text.read_text": "under every reader of text",
     "skinmap.io.robots.manifest.load_fields": "under read_manifest",

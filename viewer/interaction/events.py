@@ -11,13 +11,7 @@ FIRST = 10.0  # priority: before the camera's style, which then does not hear wh
 
 
 class Events:
-    """Observers of one interactor.
-
-    Parameters
-    ----------
-    interactor : vtkRenderWindowInteractor
-    controls : Controls
-    """
+    """Observers of one interactor."""
 
     def __init__(self, interactor: Any, controls: Controls) -> None:
         self.interactor, self.controls = interactor, controls

@@ -43,12 +43,7 @@ class Listener(Protocol):
 
 
 class Mouse:
-    """Follows one mouse with its left button.
-
-    Parameters
-    ----------
-    listener : Listener
-    """
+    """Follows one mouse with its left button."""
 
     def __init__(self, listener: Listener) -> None:
         self.listener = listener

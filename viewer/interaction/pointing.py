@@ -33,12 +33,7 @@ HOVER = 0.06  # between two looks at what lies under the mouse [s]
 
 
 class Pointing:
-    """Picks, boxes and the selection of one scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    """
+    """Picks, boxes and the selection of one scene."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.skins = scene, scene.data.skins

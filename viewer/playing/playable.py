@@ -19,10 +19,6 @@ class Stepwise(Relay, Seekable):
     """A recording that gives single samples while it is hurried: a `Seekable`.
 
     What a player seeks for, or steps to, is then met to the sample.
-
-    Parameters
-    ----------
-    recording : Seekable
     """
 
     def __init__(self, recording: Seekable) -> None:

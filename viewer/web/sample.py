@@ -64,12 +64,7 @@ def taxel_bytes(layer: Layer, part: str, moment: Moment | None) -> NDArray[np.ui
 
 
 class SampleWriter:
-    """Writes moments for pages.
-
-    Parameters
-    ----------
-    scene : WebScene
-    """
+    """Writes moments for pages."""
 
     def __init__(self, scene: WebScene) -> None:
         self.scene = scene

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from skinmap.cli.classify.result import ClassifyResult, LiveSummary, LiveTouch
+from skinmap.cli.classify.result import ClassifyResult, LiveSummary, LiveTouch, health_lines
 from skinmap.commands.options import Number, part_option, prints, robot_option, seed_option
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
@@ -125,7 +125,7 @@ def command(
     rule = GroupingRule(span=span_mm / 1e3, together=together_ms / 1e3)
     live = not holds_events(source)
     if live or publish or seconds is not None:
-        from skinmap.cli.classify.live import classify_live
+        from skinmap.cli.classify.naming import classify_live
 
         classify_live(
             classifier,
@@ -142,9 +142,9 @@ def command(
             as_json=as_json,
         )
         return
-    from skinmap.cli.classify.recorded import work
+    from skinmap.cli.classify.naming import name_recorded
 
-    present(work(classifier, Path(source), robot, parts, rule), _lines, as_json=as_json)
+    present(name_recorded(classifier, Path(source), robot, parts, rule), _lines, as_json=as_json)
 
 
 def _model_and_source(files: tuple[str, ...]) -> tuple[Path | None, str]:
@@ -170,7 +170,6 @@ def holds_events(source: str) -> bool:
 def _lines(result: ClassifyResult) -> Iterator[str | Table]:
     from skinmap.classify.classifier import Prediction
     from skinmap.classify.naming import in_words
-    from skinmap.cli.classify.live import health_lines
 
     keys = ("part", "event", "touch", "label", "confidence", "recorded_label")
     rows = [[getattr(row, key) for key in keys] for row in result.touches]

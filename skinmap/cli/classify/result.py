@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from skinmap.live.sources.sample_counts import Counts
+
+if TYPE_CHECKING:
+    from skinmap.live.contacts.events import TouchEvent
+
+MM = 1e3
+FEW = 8  # channels that a line names
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -184,6 +191,32 @@ class LiveTouch:
     early_label: str | None
     early_s: float | None
 
+    @classmethod
+    def of(cls, touch: TouchEvent) -> LiveTouch:
+        """What is said of a touch that is over."""
+        return cls(
+            touch=touch.identity,
+            part=touch.part,
+            label=touch.label,
+            confidence=touch.confidence,
+            names=None if touch.names is None else list(touch.names),
+            start_s=touch.began,
+            duration_s=touch.duration,
+            area_mm2=touch.area * MM**2,
+            path_mm=touch.path_length * MM,
+            peak=touch.peak,
+            centre_mm=(touch.centre * MM).tolist(),
+            contacts=touch.contacts,
+            heading=touch.heading,
+            up_mm=touch.up * MM,
+            right_mm=touch.right * MM,
+            speed_mm_s=touch.speed * MM,
+            presses=touch.presses,
+            period_s=touch.period if touch.presses > 1 else None,
+            early_label=touch.early or None,
+            early_s=touch.early_after if touch.early else None,
+        )
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Latency:
@@ -236,3 +269,14 @@ class LiveSummary:
     latency_ms: Latency
     counts: Counts
     health: dict[str, Health]
+
+
+def health_lines(health: Mapping[str, Health]) -> Iterator[str]:
+    """One line for each kind of ill taxels of a part."""
+    for part, found in health.items():
+        for state in ("stuck", "noisy"):
+            channels = getattr(found, state)
+            more = f" and {len(channels) - FEW} more" if len(channels) > FEW else ""
+            if channels:
+                named = ", ".join(map(str, channels[:FEW]))
+                yield f"{part}: {len(channels)} {state} (channels {named}{more})"

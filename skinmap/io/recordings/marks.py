@@ -30,12 +30,7 @@ HAIR = 5e-4  # [s]; times in a CSV are written to the millisecond
 
 @dataclass(frozen=True, slots=True)
 class Marks:
-    """Touches of a recording in the order of time; each change gives a new list.
-
-    Parameters
-    ----------
-    touches : tuple of MarkedTouch
-    """
+    """Touches of a recording in the order of time; each change gives a new list."""
 
     touches: tuple[MarkedTouch, ...]
 

@@ -67,10 +67,6 @@ class CdrWriter:
 class CdrReader:
     """A message that is being read.
 
-    Parameters
-    ----------
-    message : bytes
-
     Raises
     ------
     MessageError

@@ -40,10 +40,6 @@ EVENTS = 1000  # that wait to be taken at most
 class ContactTracker:
     """Follows the contacts on a skin, sample by sample.
 
-    Parameters
-    ----------
-    skin : JoinedSkin
-
     Attributes
     ----------
     tracks : list of Track

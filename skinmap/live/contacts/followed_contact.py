@@ -147,13 +147,7 @@ class Stroke:
 
 
 class Cutter:
-    """Cuts a component that several contacts claim, along the valleys between them.
-
-    Parameters
-    ----------
-    skin : JoinedSkin
-    components : Components
-    """
+    """Cuts a component that several contacts claim, along the valleys between them."""
 
     def __init__(self, skin: JoinedSkin, components: Components) -> None:
         self._positions, self._normals, self._areas = skin.positions, skin.normals, skin.areas

@@ -50,12 +50,7 @@ class Measured:
 
 
 class Components:
-    """Connected active taxels by mesh adjacency.
-
-    Parameters
-    ----------
-    skin : JoinedSkin
-    """
+    """Connected active taxels by mesh adjacency."""
 
     def __init__(self, skin: JoinedSkin) -> None:
         self._neighbours = skin.neighbours

@@ -197,14 +197,7 @@ def _listener(publisher: FoxglovePublisher) -> Any:
 
 
 class SkinScene:
-    """Scene updates of what has changed.
-
-    Parameters
-    ----------
-    robot : Robot
-    info : StreamInfo
-    context : foxglove.Context
-    """
+    """Scene updates of what has changed."""
 
     def __init__(self, robot: Robot, info: StreamInfo, context: Any) -> None:
         from foxglove import messages

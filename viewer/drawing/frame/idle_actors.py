@@ -16,10 +16,6 @@ class Coloured:
     Painted again where it stands it covers its older picture to the last pixel, since VTK draws
     what is as near as what is there already. So its older picture may be kept with the rest.
 
-    Parameters
-    ----------
-    actor : vtkActor
-
     Attributes
     ----------
     kept : bool
@@ -191,10 +187,6 @@ class Stamps:
     VTK's own `GetRedrawMTime` asks the same, but brings the actor's pipeline up to date for it:
     of all actors of a robot, in each picture, that costs more than a part of the skin does.
     Methods are bound once: PyVista checks the spelling of each attribute asked of its objects.
-
-    Parameters
-    ----------
-    actor : vtkActor
     """
 
     def __init__(self, actor: Any) -> None:

@@ -68,13 +68,7 @@ def fade(table: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 class TaxelDrawing:
-    """Actors of one part in a plotter's active renderer; what is not needed is not made.
-
-    Parameters
-    ----------
-    plotter : pyvista.Plotter
-    table : ColourTable
-    """
+    """Actors of one part in a plotter's active renderer; what is not needed is not made."""
 
     def __init__(self, plotter: pv.Plotter, table: ColourTable) -> None:
         self.table = table

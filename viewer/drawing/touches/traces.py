@@ -65,12 +65,7 @@ class History:
 
 
 class TracePlot:
-    """Traces in a box of a renderer's picture: counts over the last seconds.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-    """
+    """Traces in a box of a renderer's picture: counts over the last seconds."""
 
     def __init__(self, renderer: vtkRenderer) -> None:
         self.renderer = renderer

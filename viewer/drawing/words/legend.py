@@ -30,12 +30,7 @@ Quad = tuple[FloatArray, NDArray[np.uint8]]
 
 
 class Legend:
-    """Bar or list at the left of a renderer's picture, rebuilt only when it must change.
-
-    Parameters
-    ----------
-    renderer : vtkRenderer
-    """
+    """Bar or list at the left of a renderer's picture, rebuilt only when it must change."""
 
     def __init__(self, renderer: vtkRenderer) -> None:
         self.renderer = renderer
