@@ -38,6 +38,7 @@ def renewed(page: str, results: Path = RESULTS) -> str:
             *("### The iCub, whole", "", *skin(results), ""),
             *("### Touches named right", "", *names(results), ""),
             *("### The same touches pressed by another physics", "", *physics(results), ""),
+            *("### Touches in time", "", *motion(results), ""),
             *("### Speed, beside others", "", *speed(results), ""),
             *("### New patches placed, and samples in real time", "", *places(results), ""),
             *("### Installed, without extras", "", *installed(results), ""),
@@ -114,6 +115,37 @@ def physics(results: Path) -> list[str]:
     ]
     heads = [f"{one}, frozen" if one == kept["frozen"] else one for one in tested]
     return _table(("touches that vary, parts left out (calibration error)", *heads), table)
+
+
+def motion(results: Path) -> list[str]:
+    """Strokes, pats and their like, named, and which way and how fast they went."""
+    kept = _read(results, "in_time")
+    icub = kept["icub"]
+    named = {(row["features"], row["tested_on"], row["seen"]): row["mean"] for row in icub["rows"]}
+    strokes = {row["physics"]: row for row in icub["strokes"]}
+    strokes |= {row["robot"]: row for row in kept["robots"] if "speed" in row}
+    tested = {
+        "iCub": "ours", "UR10e": "ur10e-cyskin", "KASPAR's hand": "kaspar",
+        "MuJoCo, foam": "foam", "MuJoCo, judge": "judge",
+    }  # fmt: skip
+    table = [
+        (
+            title,
+            f"{strokes[key]['direction_deg']:.0f}°",
+            _share(strokes[key]["speed"]),
+            _share(named["and motion", key, 1.0]) if ("and motion", key, 1.0) in named else "",
+            _share(named["contact geometry", key, 1.0])
+            if ("contact geometry", key, 1.0) in named
+            else "",
+        )
+        for title, key in tested.items()
+        if key in strokes
+    ]
+    heads = (
+        "strokes of 5 cm or more, median errors; eight kinds named, parts left out (simulated)",
+        "direction", "speed", "named", "without motion",
+    )  # fmt: skip
+    return _table(heads, table)
 
 
 def speed(results: Path) -> list[str]:

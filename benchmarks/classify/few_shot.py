@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import skinmap
+from benchmarks.harness.record import about
 from skinmap.classify.classifier import DEFAULT, classifiers
 from skinmap.classify.descriptors import ContactGeometry, Touch, recorded_touches
 from skinmap.classify.evaluate import score
@@ -25,7 +26,8 @@ ROBOT = "icub"
 PARTS = ("torso", "left_arm", "right_forearm", "left_hand")
 COUNTS = (5, 10, 20)
 PER_GESTURE = 70  # of each on each part: 7 of a person
-TRIALS = 20
+TRIALS = 8  # splits of the people of each drawing
+SEEDS = (0, 1, 2)
 
 
 def draw(part: str, *, seed: int, per_gesture: int = PER_GESTURE) -> list[Touch]:
@@ -59,30 +61,51 @@ def judge(touches: Sequence[Touch], count: int, *, seed: int, mixed: bool = Fals
 
 
 def measure(
-    *, parts: Sequence[str] = PARTS, trials: int = TRIALS, per_gesture: int = PER_GESTURE
+    *,
+    parts: Sequence[str] = PARTS,
+    trials: int = TRIALS,
+    per_gesture: int = PER_GESTURE,
+    seeds: Sequence[int] = SEEDS,
 ) -> dict[str, Any]:
-    """Accuracy by number of touches a class, of each part and of all, and the control."""
-    rows, mixed = [], []
-    for number, part in enumerate(parts):
-        touches = draw(part, seed=100 * number, per_gesture=per_gesture)
-        for count in COUNTS:
-            found = [judge(touches, count, seed=trial) for trial in range(trials)]
-            rows.append({"part": part, "touches_a_class": count, "mean": float(np.mean(found))})
-        mixed += [judge(touches, COUNTS[0], seed=t, mixed=True) for t in range(min(trials, 5))]
-    overall = {
-        str(count): float(np.mean([row["mean"] for row in rows if row["touches_a_class"] == count]))
+    """Accuracy by number of touches a class, of each part and of all, and the control.
+
+    A seed draws people, touches and sensors anew; its figure is the mean over parts and trials.
+    """
+    found: dict[tuple[int, str, int], list[float]] = {}
+    mixed = []
+    for seed in seeds:
+        for number, part in enumerate(parts):
+            touches = draw(part, seed=1000 * seed + 100 * number, per_gesture=per_gesture)
+            for count in COUNTS:
+                found[seed, part, count] = [judge(touches, count, seed=t) for t in range(trials)]
+            mixed += [judge(touches, COUNTS[0], seed=t, mixed=True) for t in range(min(trials, 3))]
+    by_seed = {
+        count: [float(np.mean([found[seed, part, count] for part in parts])) for seed in seeds]
         for count in COUNTS
     }
     return {
         "simulated": True,
         "trials": trials,
-        "mean": overall,
+        "seeds": list(seeds),
+        "mean": {str(count): float(np.mean(means)) for count, means in by_seed.items()},
+        "by_seed": {str(count): means for count, means in by_seed.items()},
+        "spread": {str(count): float(np.std(means)) for count, means in by_seed.items()},
         "control_permuted_labels": float(np.mean(mixed)),
-        "parts": rows,
-    }
+        "parts": [
+            {
+                "part": part, "touches_a_class": count,
+                "mean": float(np.mean([found[seed, part, count] for seed in seeds])),
+            }
+            for part in parts
+            for count in COUNTS
+        ],
+    }  # fmt: skip
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=TRIALS)
-    print(json.dumps(measure(trials=parser.parse_args().trials), indent=1))
+    parser.add_argument("--seeds", type=int, default=len(SEEDS))
+    chosen = parser.parse_args()
+    result = measure(trials=chosen.trials, seeds=range(chosen.seeds))
+    print(json.dumps({**about("full"), **result}, indent=1))

@@ -286,15 +286,24 @@ def _split(found: Collection, parts: Sequence[str], rng: Generator) -> tuple[Tou
     ------
     UnknownNameError
         A part to train on that no recording is of.
+    InvalidArrayError
+        Fewer than two labels.
     """
     from skinmap.classify.evaluate import HELD_OUT
     from skinmap.classify.protocols.recordings import check_spelling
-    from skinmap.errors import UnknownNameError
+    from skinmap.errors import InvalidArrayError, UnknownNameError
 
     for part in parts:
         if part not in found.parts:
             raise UnknownNameError("recorded part", part, found.parts)
-    check_spelling(sorted({one.touch.label for one in found.touches}))
+    labels = Counter(one.touch.label for one in found.touches)
+    if len(labels) < 2:
+        have = ", ".join(f"{count} {label}" for label, count in labels.items())
+        raise InvalidArrayError(
+            f"training needs two labels or more; marked are: {have or 'none'}; record another kind "
+            f"of touch, or name these with `skinmap label`"
+        )
+    check_spelling(sorted(labels))
     train: Touches = []
     same: Touches = []
     other: Touches = []
@@ -318,17 +327,17 @@ def _simulated(found: Collection, train: Touches, count: int, rng: Generator) ->
         No label that the simulator knows.
     """
     from skinmap.classify.descriptors import recorded_touches
-    from skinmap.touch.gestures import GESTURES
+    from skinmap.touch.gestures import GESTURES, TIME
     from skinmap.touch.simulator import simulate
 
     if not count:
         return []
     labels = sorted({touch.label for touch in train})
-    known = [label for label in labels if label in GESTURES]
+    known = [label for label in labels if label in (*GESTURES, *TIME)]
     if not known:
         raise click.UsageError(
             f"--with-simulated: none of {', '.join(labels)} is simulated; the gestures are: "
-            f"{', '.join(GESTURES)}"
+            f"{', '.join((*GESTURES, *TIME))}"
         )
     skins = dict.fromkeys(touch.skin for touch in train)
     with progress(len(skins), "simulating") as advance:

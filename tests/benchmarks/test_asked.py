@@ -89,7 +89,8 @@ def test_the_printed_table_names_what_falls_short(planted):
     from benchmarks.harness.asked import table_text
 
     text = table_text(planted["asked"])
-    assert "1 fall short" in text
+    short = sum(row["state"] == "falls short" for row in planted["asked"])  # kept files have some
+    assert f"{short} fall short" in text
     assert "geometry: patches of the iCub: asked 23, got 22" in text
     assert all(f"== {area}" in text for area in ("geometry", "live", "page", "bench"))
 

@@ -143,14 +143,14 @@ def _simulated(
 ) -> Source:
     from skinmap.io.robots.manifest import load_robot
     from skinmap.live.sources.simulator import SimulatedSource
-    from skinmap.touch.gestures import FOUR, GESTURES
+    from skinmap.touch.gestures import FOUR, GESTURES, TIME
 
     raw, names = address == "raw", tuple(address.split(",")) if address not in ("", "raw") else FOUR
-    unknown = [name for name in names if name not in GESTURES]
+    unknown = [name for name in names if name not in (*GESTURES, *TIME)]
     if unknown:
         raise InvalidArrayError(
             f"the simulator is 'sim' or 'sim:raw', not 'sim:{address}'; 'sim:GESTURE' takes "
-            f"gestures of: {', '.join(GESTURES)}"
+            f"gestures of: {', '.join((*GESTURES, *TIME))}"
         )
     return SimulatedSource(
         load_robot("icub") if robot is None else robot,
