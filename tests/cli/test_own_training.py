@@ -90,7 +90,7 @@ def test_labels_of_one_session_are_warned_of(tmp_path):
     [
         (["train", "empty"], "expected a folder with recordings"),
         (["train", "one.npz", "--with-simulated", "3"], "none of jab, slap is simulated"),
-        (["train", "alone.npz"], "training needs two labels or more"),
+        (["train", "alone.npz"], "two labels or more; marked are: 12 poke;"),
         (["train", "one.npz", "--part", "tail"], "no recorded part 'tail'"),
         (["train", "one.npz", "--robot", "icub"], "the skin of iCub has"),
         (["evaluate", "one.npz", "--leave-out", "weather"], "'weather' is not one of"),

@@ -88,6 +88,14 @@ def test_open_source_says_what_there_is(tmp_path):
         open_source("sim:fast")
 
 
+def test_open_source_simulates_touches_in_time():
+    source = open_source("sim:stroke,tap", robot="kaspar", parts=["left_hand"], speed=np.inf)
+    while len(source.truth) < 8:
+        assert len(source.read(30.0).times)
+    source.close()
+    assert {one.label for one in source.truth} == {"stroke", "tap"}
+
+
 def test_open_source_finds_plug_ins(monkeypatch):
     asked = {}
     made = Playback(StreamInfo("mine", ("arm",), (1,), 1.0), [0.0], np.zeros((1, 1), np.uint8))

@@ -64,7 +64,7 @@ def open_source(
     Parameters
     ----------
     spec : str or Path
-        "sim", "sim:raw" or "sim:poke,edge" (only these gestures), "mujoco:FILE", "lsl:NAME",
+        "sim", "sim:raw" or "sim:poke,stroke" (only these gestures), "mujoco:FILE", "lsl:NAME",
         "zmq:HOST:PORT", "zenoh:", a recording (.npz, .mcap, .xdf, a data dumper's folder or
         data.log, a bag of ROS 2), or "NAME" or "NAME:ADDRESS" of the group `skinmap.sources`. A
         name wins over a file of that name; "./sim" is the file.
