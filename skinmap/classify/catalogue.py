@@ -35,5 +35,5 @@ classifiers: Registry[Callable[[], TouchClassifier]] = Registry(
     "classifier",
     "skinmap.classifiers",
     built_in=BUILT_IN,
-    adapt="skinmap.classify.plugins:plugged_in",
+    adapt="skinmap.classify.check:plugged_in",
 )

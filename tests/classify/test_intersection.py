@@ -11,8 +11,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from skinmap.classify import additive
 from skinmap.classify.additive import AdditiveFunction, intersection_function
-from skinmap.classify.intersection import IntersectionSVC, intersection_kernel
-from skinmap.classify.unary import UnaryCode
+from skinmap.classify.intersection import IntersectionSVC, UnaryCode, intersection_kernel
 from skinmap.errors import InvalidArrayError, SkinWarning
 
 

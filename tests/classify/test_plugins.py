@@ -14,9 +14,8 @@ from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier
 
 from skinmap.classify import check_classifier
-from skinmap.classify.check import planted_touches
+from skinmap.classify.check import LabelsOnly, planted_touches, touch_classifier
 from skinmap.classify.classifier import TouchClassifier, calibrated, classifiers
-from skinmap.classify.plugins import LabelsOnly, touch_classifier
 from skinmap.errors import BrokenPluginError, InvalidArrayError, UnknownNameError
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "plugins"
