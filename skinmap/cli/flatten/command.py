@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.flatten.result import FlattenResult, PatchRow
+from skinmap.cli.flatten.result import FlattenResult, PatchRow, Spread
 from skinmap.commands.options import (
     open_robot,
     out_folder,
@@ -20,11 +20,14 @@ from skinmap.commands.options import (
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.commands.workers import worker_options, workers_options
+from skinmap.report.image import image, media
+from skinmap.report.page import heading, note, page
 from skinmap.report.present import present
+from skinmap.report.result import given
 from skinmap.report.table import Cell, Table
 
 if TYPE_CHECKING:
-    from skinmap.cli.flatten.job import Surfaces
+    from skinmap.cli.flatten.job import Flattened, Surfaces
 
 MESHES = (".stl", ".obj", ".ply", ".off", ".dae", ".glb", ".gltf", ".3mf")
 CYSKIN = (".json",)
@@ -125,7 +128,6 @@ def command(
               skinmap flatten sleeve.toml --seam contacts touches.npz --out maps
               skinmap flatten scans/*.stl --jobs 4 --resume scans.resume --json
     """
-    from skinmap.cli.flatten.files import report, write
     from skinmap.cli.flatten.job import work
     from skinmap.cli.flatten.options import checked_options
 
@@ -141,8 +143,8 @@ def command(
             _lines,
             as_json=as_json,
             out=out,
-            write=lambda stage: write(found, stage, advance),
-            page=lambda stage: report(found, stage),
+            write=lambda stage: write_files(found, stage, advance),
+            page=lambda stage: report_page(found, stage),
         )
 
 
@@ -209,3 +211,117 @@ def _lines(result: FlattenResult) -> Iterator[str | Table]:
             for row in result.compare
         ]
         yield Table(["part", "patch", "compared with", *columns[5:]], rows)
+
+
+def write_files(found: Flattened, stage: Path, advance: Callable[[str], None]) -> Iterator[str]:
+    """Write a picture and the meshes of each part into a folder; the names."""
+    from skinmap.cli.flatten.figures import comparison_figure, part_figure
+    from skinmap.cli.flatten.options import FIXED
+    from skinmap.flat.face_metrics import face_metric
+    from skinmap.io.flat_maps.surface_files import write_flat_obj, write_flat_vtp
+
+    metric = face_metric(found.result.metric)
+    stems = file_stems(tuple(found.maps))
+    for part, flat in found.maps.items():
+        advance(part)
+        stem = stems[part]
+        picture = part_figure(flat, metric, fixed=found.result.scale == FIXED)
+        (stage / f"{stem}.png").write_bytes(picture)
+        # The OBJ of a mesh file that is one must not take its place.
+        mesh = f"{stem}_flat.obj" if Path(part).suffix == ".obj" else f"{stem}.obj"
+        write_flat_obj(flat, stage / mesh)
+        write_flat_vtp(flat, stage / f"{stem}.vtp")
+        yield from (f"{stem}.png", mesh, f"{stem}.vtp")
+        others, drawn = found.others.get(part, {}), found.drawn.get(part, {})
+        if others or drawn:
+            shown = [(found.result.method, flat), *others.items()]
+            compared = comparison_figure(shown, drawn, metric, fixed=found.result.scale == FIXED)
+            (stage / f"{stem}_compared.png").write_bytes(compared)
+            yield f"{stem}_compared.png"
+
+
+def report_page(found: Flattened, stage: Path) -> str:
+    """The page, with the pictures that were written."""
+    from skinmap.cli.flatten.figures import histogram_figure
+    from skinmap.flat.face_metrics import face_metric
+
+    result, metric = found.result, face_metric(found.result.metric)
+    stems = file_stems(tuple(found.maps))
+    sections = [
+        note(
+            f"Coloured by: {metric.label}. Distortion at the scale that keeps the whole area; "
+            "means are weighted by area, the edge error by length."
+        ),
+        _patch_table(found).html(),
+    ]
+    if result.compare:
+        sections += [heading("Compared"), _compare_table(found).html()]
+    for part, flat in found.maps.items():
+        stem = stems[part]
+        worst: list[list[Cell]] = [
+            [row.patch, ", ".join(map(str, face.channels)), face.value]
+            for row in result.patches
+            if row.part == part
+            for face in row.worst
+        ]
+        compared = stage / f"{stem}_compared.png"
+        sections += [
+            heading(part),
+            media(stage / f"{stem}.png", f"{part}: flat map and body"),
+            media(compared, f"{part}: the same charts compared") if compared.exists() else "",
+            image(histogram_figure(flat), f"{part}: histograms"),
+            Table(["patch", "channels", metric.label], worst, "Worst triangles").html(),
+        ]
+    return page(f"{result.robot}: flat maps", sections)
+
+
+def _patch_table(found: Flattened) -> Table:
+    columns = ["part", "patch", "vertices", "faces", "holes", "cut [mm]", "method", "flips"]
+    columns += ["quasi-conformal", "largest", "area sd", "symmetric Dirichlet", "largest"]
+    columns += ["stretch L2", "edge rms [%]", "geodesic stress", "±", "seconds"]
+    rows: list[list[Cell]] = [
+        [
+            row.part, row.patch, row.vertices, row.faces, row.holes, row.cut_mm, row.method,
+            row.flips, *_ends(row.quasi_conformal), row.area_sd, *_ends(row.symmetric_dirichlet),
+            row.stretch_l2, row.edge_rms_percent, row.geodesic_stress, row.geodesic_stress_error,
+            row.seconds,
+        ]
+        for row in found.result.patches
+    ]  # fmt: skip
+    return Table(columns, rows)
+
+
+def _compare_table(found: Flattened) -> Table:
+    columns = ["part", "patch", "with", "taxels drawn", "flips", "quasi-conformal", "largest"]
+    columns += ["area sd", "symmetric Dirichlet", "largest", "edge rms [%]", "apart [mm]"]
+    rows: list[list[Cell]] = [
+        [
+            row.part, row.patch, row.with_, given(row.taxels), row.flips,
+            *_ends(given(row.quasi_conformal)), row.area_sd,
+            *_ends(given(row.symmetric_dirichlet)), row.edge_rms_percent,
+            given(row.distance_mm), given(row.seconds),
+        ]
+        for row in found.result.compare
+    ]  # fmt: skip
+    return Table([*columns, "seconds"], rows)
+
+
+def _ends(spread: Spread | None) -> tuple[float | None, float | None]:
+    return (None, None) if spread is None else (spread.mean, spread.max)
+
+
+def file_stems(parts: Sequence[str]) -> dict[str, str]:
+    """By part, its name as that of files: of a mesh file without its suffix where that will do."""
+    short = {part: _stem(part, cut=True) for part in parts}
+    names = list(short.values())
+    return {
+        part: name if names.count(name) == 1 else _stem(part, cut=False)
+        for part, name in short.items()
+    }
+
+
+def _stem(part: str, *, cut: bool) -> str:
+    from skinmap.io.robots.mesh_file import MESH_SUFFIXES
+
+    name = part[: -len(Path(part).suffix)] if cut and Path(part).suffix in MESH_SUFFIXES else part
+    return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)

@@ -14,7 +14,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.flat.face_metrics import METRICS
+from skinmap.flat.flat_map import FlatMap
 from skinmap.io.taxels.export import data_array
+
+
+def write_flat_obj(flat: FlatMap, path: Path) -> None:
+    """OBJ of a part: taxels in their order, faces with the corners of the charts as vt."""
+    start = np.cumsum([0, *(len(chart.taxels) for chart in flat.charts)])
+    faces = [chart.taxels[chart.faces] for chart in flat.charts]
+    corners = [chart.faces + at for chart, at in zip(flat.charts, start, strict=False)]
+    uv = np.concatenate([chart.uv for chart in flat.charts])
+    write_obj_with_uv(path, flat.mesh.vertices, np.concatenate(faces), uv, np.concatenate(corners))
+
+
+def write_flat_vtp(flat: FlatMap, path: Path) -> None:
+    """VTP of a part: taxels in their order, the further copies of seam taxels after them."""
+    order, start = [], 0
+    for chart in flat.charts:
+        order.append(np.column_stack([chart.taxels, np.arange(len(chart.taxels)) + start]))
+        start += len(chart.taxels)
+    pairs = np.concatenate(order)  # taxel, corner
+    skin = flat.mesh.skin
+    taxels, first = np.unique(pairs[:, 0], return_index=True)
+    again = np.setdiff1d(np.arange(len(pairs)), first)
+    row = np.empty(len(pairs), np.int64)
+    row[first], row[again] = taxels, len(skin) + np.arange(len(again))
+    # A taxel merged into another lies where that one lies on the map; NaN where no face is.
+    uv = np.concatenate([flat.uv, np.concatenate([chart.uv for chart in flat.charts])[again]])
+    taxel = np.concatenate([np.arange(len(skin)), pairs[again, 0]])
+    offsets = np.cumsum([0, *(len(chart.taxels) for chart in flat.charts)])
+    faces = [row[chart.faces + at] for chart, at in zip(flat.charts, offsets, strict=False)]
+    uv[pairs[first, 0]] = np.concatenate([chart.uv for chart in flat.charts])[first]
+    cells = {
+        name: np.concatenate([metric.of(chart) for chart in flat.charts])
+        for name, metric in METRICS.items()
+    }
+    patch = np.concatenate([np.full(len(c.faces), c.patch) for c in flat.charts])
+    write_vtp_with_uv(
+        path,
+        skin.positions[taxel],
+        np.concatenate(faces),
+        {"uv": uv, "channel": skin.channels[taxel], "module": skin.modules[taxel]},
+        {**cells, "patch": patch},
+    )
 
 
 def write_obj_with_uv(
