@@ -211,7 +211,8 @@ def _recorded_robot(ctx: click.Context | None) -> str:
     if ctx is None:
         return ""
     given = [ctx.params.get("recording"), ctx.params.get("source"), ctx.params.get("protocol")]
-    given += list(ctx.params.get("recordings") or ())
+    for several in ("recordings", "files"):
+        given += list(ctx.params.get(several) or ())
     for path in (Path(one) for one in given if one):
         if path.suffix.lower() in RECORDED and path.is_file():
             from skinmap.io.recordings.readers import recorded_robot
