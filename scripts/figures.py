@@ -95,7 +95,8 @@ def names(results: Path) -> list[str]:
         )
         for title, key in titles
     ]
-    heads = ("classifier", "same parts", "other parts", "each patch left out", "the worst of them")
+    patches = ("each patch left out, clean touches", "the worst of them")
+    heads = ("classifier", "same parts", "other parts", *patches)
     return _table(heads, table)
 
 

@@ -117,7 +117,10 @@ def touched_by_both(
         axes = _axes(skin, taxel, angle)
         uv, _ = log_map(skin.positions, skin.normals, stage.graph, taxel, REACH, frame=axes)
         foam = draw_foam(VARIETY, stage.sensors.sensing.foam, rng)
-        ours = bed_loads(bodies, foam, uv + centre, skin).sum(axis=0)
+        points = uv + centre
+        if name == "whole_hand":  # palm on palm; theirs is a left hand and ours a right one
+            points = (uv - presser.mounts[0].spot) * (1.0, -1.0)
+        ours = bed_loads(bodies, foam, points, skin).sum(axis=0)
         began = time.process_time()
         pressed = press_place(ground, placed[0], person, rate=50.0, rng=rng)
         theirs = taxel_loads(ground, pressed).max(axis=0)

@@ -9,6 +9,7 @@ from skinmap.classify.model_file import load_classifier, save_classifier
 from skinmap.classify.named_classifiers import contact_geometry_classifier
 from skinmap.classify.protocols.in_time import beginning, evaluate_in_time, play
 from skinmap.errors import InvalidArrayError
+from skinmap.touch.contact_geometry import FEATURES
 from skinmap.touch.motion_features import MOTION_FEATURES
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
@@ -43,7 +44,7 @@ def test_touches_that_stay_are_described_as_before(skins):
 def test_motion_is_looked_at_where_it_helps_and_kept_with_the_model(moving, tmp_path):
     model = contact_geometry_classifier().fit(moving, rng=np.random.default_rng(0))
     assert model.descriptor.moving
-    assert model.descriptor.describe(moving[0]).shape == (1, 30 + len(MOTION_FEATURES))
+    assert model.descriptor.describe(moving[0]).shape == (1, len(FEATURES) + len(MOTION_FEATURES))
     save_classifier(model, tmp_path / "m.skinmodel")
     read = load_classifier(tmp_path / "m.skinmodel")
     assert read.descriptor.moving
