@@ -133,7 +133,7 @@ def _fuzzed(random: Mapping[str, Any] | None, guided: Mapping[str, Any] | None) 
     random, guided = random or none, guided or none
     lines = [
         f"At random {random['inputs']:,} inputs of each reader, or for {random['seconds']:g} s of "
-        f"CPU; then by what makes it take new ways for {guided['seconds']:g} s of CPU.", "",
+        f"CPU; then by what makes it take new ways for {guided['seconds']:g} s.", "",
         "| reader | at random | by coverage | found something |", "|---|---|---|---|",
     ]  # fmt: skip
     for name in [*random["targets"], *(guided["targets"].keys() - random["targets"].keys())]:
