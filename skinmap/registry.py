@@ -80,7 +80,8 @@ class Registry(Generic[T]):
                 try:
                     thing = point.load()
                     self._plugins[point.name] = self._adapted(point.name, thing)
-                except Exception:  # another distribution's fault must not take ours down
+                # Another distribution's fault must not take ours down, nor end the program.
+                except (Exception, SystemExit):
                     logger.exception("plug-in %s of %s does not load", point.name, self.group)
         return self._plugins
 

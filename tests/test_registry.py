@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 from importlib.metadata import EntryPoint
+from types import ModuleType
 
 import pytest
 
@@ -13,6 +14,13 @@ from skinmap.errors import UnknownNameError
 from skinmap.registry import Registry
 
 LAZY = {"colours": "colorsys:rgb_to_hsv", "gone": "no_such_module:thing"}
+
+
+class Leaving(ModuleType):
+    """A module that wants to end the program."""
+
+    def __getattr__(self, name: str) -> object:
+        raise SystemExit(7)
 
 
 def test_built_in_things_are_imported_when_looked_up(monkeypatch):
@@ -32,7 +40,9 @@ def test_a_built_in_thing_that_is_missing_says_so():
 
 
 def test_registered_and_plugged_in_things_stand_beside_built_in_ones(monkeypatch, caplog):
+    monkeypatch.setitem(sys.modules, "leaving", Leaving("leaving"))
     points = [
+        EntryPoint("leaver", "leaving:thing", "g"),
         EntryPoint("half", "math:nan", "g"),
         EntryPoint("broken", "no_such_module:thing", "g"),
     ]
@@ -42,6 +52,7 @@ def test_registered_and_plugged_in_things_stand_beside_built_in_ones(monkeypatch
     with caplog.at_level(logging.ERROR):
         assert things.names() == ("colours", "gone", "own", "half")
     assert "plug-in broken of g does not load" in caplog.text
+    assert "plug-in leaver of g does not load" in caplog.text
     assert things.get("half") == "half=nan"
     assert things.get("own") == "mine"
     with pytest.raises(

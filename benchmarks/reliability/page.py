@@ -76,7 +76,7 @@ def page(found: Mapping[str, Any]) -> str:
         "(`benchmarks/results/reliability.json`).",
         "Faults are those that the runs themselves count.", "",
         "## Measured", "",
-        "| promise | test | figure | date |", "|---|---|---|---|",
+        "| promise | test | figure | date, commit |", "|---|---|---|---|",
         *(f"| {' | '.join(row)} |" for row in rows(found)), "",
         "## Tested in every run of the suite", "",
         "| promise | test |", "|---|---|",
@@ -94,7 +94,7 @@ def rows(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     """Promise, test, figure and date of what is measured."""
     return [
         (promise, f"`{test}`", *(NOT_RUN if name not in found else
-                                 (figure(found[name]), found[name]["date"])))
+                                 (figure(found[name]), _when(found[name]))))
         for name, promise, test, figure in MEASURED
     ]  # fmt: skip
 
@@ -133,7 +133,7 @@ def _fuzzed(random: Mapping[str, Any] | None, guided: Mapping[str, Any] | None) 
     random, guided = random or none, guided or none
     lines = [
         f"At random {random['inputs']:,} inputs of each reader, or for {random['seconds']:g} s of "
-        f"CPU; then by what makes it take new ways for {guided['seconds']:g} s of CPU.", "",
+        f"CPU; then by what makes it take new ways for {guided['seconds']:g} s.", "",
         "| reader | at random | by coverage | found something |", "|---|---|---|---|",
     ]  # fmt: skip
     for name in [*random["targets"], *(guided["targets"].keys() - random["targets"].keys())]:
@@ -162,6 +162,10 @@ def _kills(one: Mapping[str, Any]) -> str:
     kills = one["kills"]
     return (f"{kills['opened']} of {kills['count']} opened, at most {kills['most_lost_s']:.2f} s "
             f"lost (goal {kills['goal_s']} s)")  # fmt: skip
+
+
+def _when(one: Mapping[str, Any]) -> str:
+    return f"{one['date']}, {one['commit'].removesuffix('-dirty')}"
 
 
 def _shown(one: Mapping[str, Any]) -> str:

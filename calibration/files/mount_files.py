@@ -107,7 +107,9 @@ def _wrench_arrays(path: Path) -> dict[str, FloatArray]:
 def _real(values: NDArray[Any]) -> FloatArray:
     if values.dtype.kind == "c":
         raise ValueError("complex ones came")
-    return np.array(values, np.float64)
+    found = np.array(values, np.float64)
+    found[np.isnan(found)] = np.nan  # those that stop a machine at the first sum become quiet
+    return found
 
 
 def _wrench_rows(path: Path) -> dict[str, FloatArray]:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import time as clock
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.classifier import Prediction, TouchClassifier
 from skinmap.classify.naming import Named, name_touches
+from skinmap.errors import BrokenPluginError, SkinError, SkinWarning
 from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.grouping import RULE, GroupingRule
 from skinmap.touch.prepared_skin import PreparedSkin
 
+Bytes = NDArray[np.uint8]
 RATE = 50.0  # samples a second that touches are named from at most: that classifiers learnt from
 MEMORY = 200  # of these (4 s at 50 Hz); what lasts longer forgets its beginning
 QUIET = 0.1  # a place without an active taxel for so long starts anew [s]
@@ -51,6 +55,7 @@ class Namer:
         self.rule = GroupingRule(rule.span, rule.together, kept)
         self.labels: dict[int, Prediction] = {}
         self.named = 0  # touches so far
+        self.failed = 0  # times that the classifier gave no answer
         for one in skin.skins.values():
             classifier.prepare(one)
             self._warm_up(one)
@@ -71,7 +76,33 @@ class Namer:
         """Name one touch: distances along a skin are found once, ahead of time."""
         sample = np.zeros((1, len(skin)), np.uint8)
         sample[0, skin.mesh.faces[0]] = 100
-        name_touches(self.classifier, skin, sample, rule=self.rule)
+        try:
+            name_touches(self.classifier, skin, sample, rule=self.rule)
+        except SkinError:
+            raise
+        except Exception as error:  # a plug-in may raise anything
+            raise BrokenPluginError(
+                f"the classifier {self.classifier.name!r} fails on a touch: {error!r}"
+            ) from error
+
+    def _found(self, skin: PreparedSkin, samples: Bytes, *, ended: bool = True) -> list[Named]:
+        """Touches with their names; none, with one warning, where the classifier fails on them.
+
+        A robot that is followed for weeks is not left alone for one sample that a plug-in cannot
+        name.
+        """
+        try:
+            return list(name_touches(self.classifier, skin, samples, rule=self.rule, ended=ended))
+        except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
+            if not self.failed:
+                warnings.warn(
+                    f"the classifier {self.classifier.name!r} failed ({error!r}): touches go on "
+                    "without new names until it answers again",
+                    SkinWarning,
+                    stacklevel=2,
+                )
+            self.failed += 1
+            return []
 
     @property
     def in_time(self) -> bool:
@@ -171,7 +202,7 @@ class Namer:
         if len(rows) < 2 or not own.any():
             return None
         samples = np.where(own, self._history[rows, columns], 0).astype(np.uint8)
-        found = name_touches(self.classifier, self.skin.skins[name], samples, rule=self.rule)
+        found = self._found(self.skin.skins[name], samples)
         if not found:
             return None
         self.named += 1
@@ -187,9 +218,7 @@ class Namer:
         if self._lasting:
             over &= ~np.isin(self._touch_of[columns], list(self._lasting))
         samples[:, over] = 0
-        found = name_touches(
-            self.classifier, self.skin.skins[name], samples, rule=self.rule, ended=False
-        )
+        found = self._found(self.skin.skins[name], samples, ended=False)
         self._hand_out(found, tracks, columns.start)
 
     def _hand_out(self, found: Sequence[Named], tracks: list[Track], start: int) -> None:

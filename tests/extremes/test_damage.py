@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import asyncio
+import dataclasses
 import importlib.util
 import io
 import warnings
@@ -289,6 +290,19 @@ def test_clouds_of_billions_of_rows_in_a_few_bytes_are_refused_at_once(row_step,
     with pytest.raises(MessageError, match="2 rows of 4 bytes for 2 points of 4 bytes in 20 bytes"):
         cloud_points([("f", 0, 7, 1)], "<", 4, 4, (2, 2), rows[:8] + bytes(12)[:12])
     assert made["f"].tolist() == [0.0, 1.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize("name", ["points", "forces", "moments", "taxels"])
+def test_numbers_that_stop_a_machine_are_quiet_ones_in_wrenches_of_doubles(tmp_path, name):
+    stop = np.frombuffer(b"\1\0\0\0\0\0\xf0\x7f", "<f8")[0]
+    arrays = {one: np.eye(3) for one in ("points", "forces", "moments", "taxels")}
+    arrays[name] = np.full((3, 3), stop)
+    np.savez(tmp_path / "w.npz", frames=np.tile(np.eye(4), (3, 1, 1)), **arrays)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = read_wrenches(tmp_path / "w.npz")
+    values = [getattr(found, one.name) for one in dataclasses.fields(found)]
+    assert sum(np.isnan(one).all() for one in values if one is not None) == 1
 
 
 def test_ports_of_thousands_of_digits_are_no_addresses():

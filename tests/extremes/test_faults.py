@@ -58,6 +58,28 @@ def test_names_that_are_code_are_shown_as_text(tmp_path, place):
     assert "<img src=x" not in (tmp_path / "out" / "report.html").read_text()
 
 
+def test_names_of_files_that_are_code_are_shown_as_text(tmp_path):
+    board = ROOT / "docs" / "examples" / "board"
+    nasty = "<img src=x onerror=alert(1)>"
+    for kind in ("board.csv", "link.stl", "anchors.csv"):
+        (tmp_path / f"{nasty}{kind}").write_bytes((board / kind).read_bytes())
+    words = [f"--layout={tmp_path}/{nasty}board.csv", f"--mesh={tmp_path}/{nasty}link.stl"]
+    words += [f"--anchors={tmp_path}/{nasty}anchors.csv", "-o", str(tmp_path / "out")]
+    ran = CliRunner().invoke(cli, ["calibrate", "wrap", *words])
+    assert ran.exit_code == 0, ran.output
+    assert "<img src=x" not in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_all_that_a_page_is_made_of_shows_code_as_text():
+    from skinmap.report import page
+
+    nasty = "<img src=x onerror=alert(1)>"
+    pieces = [page.heading(nasty), page.note(nasty), page.paragraph(nasty), page.bullets([nasty]),
+              page.facts([(nasty, nasty)]), page.cards([(nasty, nasty)])]  # fmt: skip
+    assert "<img src=x" not in page.page(nasty, pieces)
+    assert "<img src=x" not in page.lines_page(nasty, [nasty])
+
+
 def test_tests_that_the_page_names_exist():
     for _, names in TESTED:
         folder = Path("tests")

@@ -9,7 +9,14 @@ import pytest
 
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
-from skinmap.errors import SkinMismatchError, UnknownNameError, UnreachableError
+from skinmap.errors import (
+    BrokenPluginError,
+    SkinMismatchError,
+    SkinWarning,
+    UnknownNameError,
+    UnreachableError,
+)
+from skinmap.live import namer
 from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
@@ -186,6 +193,39 @@ def test_a_classifier_names_live_touches_as_it_names_events(icub, prepared, mode
     assert several, "three fingers are three contacts of one touch"
     for moment in moments:
         assert {one.label for one in moment.contacts} == {one.label for one in moment.touches}
+
+
+def test_a_classifier_that_fails_costs_names_and_no_sample(icub, prepared, model, monkeypatch):
+    leg = prepared("right_leg_lower")
+    recording = simulate(leg.skin, rng=np.random.default_rng(21), per_gesture=1)
+    info = StreamInfo("leg", (leg.skin.part,), (len(leg),), RATE)
+
+    def followed() -> tuple[TouchLoop, int]:
+        source = Playback(info, recording.times, recording.pressures, speed=np.inf)
+        loop = TouchLoop(icub, source, classifier=model, skins={leg.skin.part: leg})
+        return loop, len(list(loop))
+
+    broken = Broken(namer.name_touches)
+    monkeypatch.setattr(namer, "name_touches", broken)
+    with pytest.warns(SkinWarning, match=r"failed \(ZeroDivisionError.*\): touches go on") as told:
+        loop, moments = followed()
+    assert moments == len(recording.times)
+    assert len([one for one in told if "failed" in str(one.message)]) == 1
+    assert loop.finished()
+    broken.good = 0
+    with pytest.raises(BrokenPluginError, match=r"'contact-geometry' fails on a touch: ZeroDiv"):
+        followed()
+
+
+class Broken:
+    """Names touches once, for the warming up, and fails on all others."""
+
+    def __init__(self, names) -> None:
+        self.names, self.good = names, 1
+
+    def __call__(self, *given, **options):
+        self.good -= 1
+        return self.names(*given, **options) if self.good >= 0 else 1 / 0
 
 
 def test_a_dead_source_is_shown_within_a_second_and_again_when_it_lives(icub, prepared):
