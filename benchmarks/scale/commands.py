@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -70,7 +70,7 @@ LEFT_OUT = {
 }
 
 
-LAST = ("demo", "trade")  # the longest
+LAST = ("demo", "trade", "calibrate batch", "calibrate selftouch")  # the longest
 # The quick form: by the beginning of their line.
 QUICK = (
     "inspect", "flatten icub", "flatten saddle_1000.ply", "structures", "export", "cache",
@@ -150,9 +150,11 @@ def spent(words: Sequence[str], folder: Path, environment: dict[str, str]) -> di
         }
 
 
-def measure(quick: bool, only: str = "") -> list[dict[str, Any]]:
-    """One row a command."""
-    rows = []
+def measure(
+    quick: bool, only: str = "", keep: Callable[[list[dict[str, Any]]], object] = len
+) -> list[dict[str, Any]]:
+    """One row a command; `keep` gets those so far after each."""
+    rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "docs").symlink_to(ROOT / "docs")
@@ -169,7 +171,8 @@ def measure(quick: bool, only: str = "") -> list[dict[str, Any]]:
             if only and only not in command.line and not command.line.startswith("simulate icub -"):
                 continue
             rows.append(_row(command, folder, environment, 1 if quick else TURNS))
-            print(_words(rows[-1]), file=sys.stderr)
+            print(_words(rows[-1]), file=sys.stderr, flush=True)
+            keep(rows)
     return rows
 
 
@@ -257,12 +260,15 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help="file to write instead of benchmarks/results")
     options = parser.parse_args()
     head = about("quick" if options.quick else "full")
-    rows = measure(options.quick, options.only)
     whole = not options.quick and not options.only
     kept = RESULTS / "commands.json"
     target = options.out or (kept if whole else ROOT / "build" / "bench" / "commands.json")
     not_measured = {line: left_out(line) for line in readme_lines() if left_out(line)}
-    write(target, head | {"commands": rows, "left_out": not_measured, "figures": figures(rows)})
+
+    def keep(rows: list[dict[str, Any]]) -> None:
+        write(target, head | {"commands": rows, "left_out": not_measured, "figures": figures(rows)})
+
+    rows = measure(options.quick, options.only, keep)
     if target == kept:
         write_doc(json.loads((RESULTS / "bench.json").read_text(encoding="utf-8")))
     print(f"written to {target}", file=sys.stderr)
