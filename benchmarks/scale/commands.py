@@ -49,7 +49,7 @@ class Command:
 WORK_OF = {
     "inspect icub --part": "inspect_part",
     "flatten icub --part left_arm": "flatten_compare",
-    "flatten data/kaspar/meshes/hand.ply": "mesh",
+    "flatten data/kaspar/meshes/hand.ply": "hand_out",
     "structures": "structures",
     "export": "export",
     "simulate icub --per-gesture": "simulate",
@@ -97,8 +97,7 @@ def commands(folder: Path) -> Iterator[Command]:
     lines.sort(key=lambda line: not line.startswith(("simulate", "train")))
     for line in sorted(lines, key=lambda line: line.startswith(LAST)):
         work = next((work for start, work in WORK_OF.items() if line.startswith(start)), "")
-        mesh = (str(ROOT / "data/kaspar/meshes/hand.ply"), "accurate") if work == "mesh" else ()
-        yield Command(line, work, mesh)
+        yield Command(line, work)
     yield Command("inspect icub --json", "inspect")
     yield Command("flatten icub --json", "flatten")
     yield Command("flatten icub --part left_arm --out one", "flatten_out")
