@@ -14,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from benchmarks import ROOT
 from skinmap.cli.late_modules import run_late
 
 ARRAYS = ("numpy", "scipy.sparse.csgraph", "scipy.sparse.linalg", "scipy.spatial", "click", "rich")
@@ -57,7 +58,7 @@ def _pictures(maps: list[Any]) -> None:
         histogram_figure(flat)
 
 
-def _mesh_map(path: str, method: str) -> None:
+def _mesh_map(path: str, method: str) -> Any:
     import numpy as np
 
     import skinmap
@@ -69,6 +70,7 @@ def _mesh_map(path: str, method: str) -> None:
     for chart in flat.charts:
         points = flat.mesh.vertices[chart.taxels]
         geodesic_stress(points, chart.faces, chart.uv, rng=np.random.default_rng(0))
+    return flat
 
 
 def _inspect(*parts: str) -> None:
@@ -102,10 +104,18 @@ def _simulate() -> None:
 
 
 def _train() -> None:
+    """A model of two parts, and how well it does on all others."""
     import skinmap
+    from skinmap.classify.descriptors import recorded_touches
+    from skinmap.classify.evaluate import score
+    from skinmap.touch.prepared_skin import prepare_skins
 
-    touches = [t for t in skinmap.load_recordings("touches.npz") if t.part in ("torso", "left_arm")]
-    skinmap.train(touches, skinmap.load_robot("icub"))
+    every, robot = skinmap.load_recordings("touches.npz"), skinmap.load_robot("icub")
+    own = [one for one in every if one.part in ("torso", "left_arm")]
+    others = [one for one in every if one.part not in ("torso", "left_arm")]
+    model = skinmap.train(own, robot)
+    skins = prepare_skins(robot, others)
+    score(model, [touch for one in others for touch in recorded_touches(skins[one.part], one)])
 
 
 def _classify() -> None:
@@ -138,6 +148,10 @@ WORKS: dict[str, Work] = {
     "flatten_compare": (
         (*FLAT, *PLOTS),
         lambda: _pictures(_maps("icub", "left_arm", methods=("balanced", "bff", "lscm"))[::3]),
+    ),
+    "hand_out": (
+        (*FILE, *PLOTS),
+        lambda: _pictures([_mesh_map(str(ROOT / "data/kaspar/meshes/hand.ply"), "accurate")]),
     ),
     "structures": ((*MESHES, *PLOTS), _structures),
     "export": (MESHES, lambda: _surfaces("icub", "torso")),
