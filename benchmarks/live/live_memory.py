@@ -67,7 +67,10 @@ def soak(
             most = max(most, resident_mb() - early)
     resident = resident_mb()
     spent = time.process_time() - start
-    fresh = deque(begun(max(0, samples - 2 * len(values))), maxlen=TAIL)
+    # Begun where the minute begins, before any touch: a loop that is begun within one takes it for
+    # the skin's rest, and finds other contacts for a while.
+    first = max(0, samples // len(values) - 2) * len(values)
+    fresh = deque(begun(first), maxlen=TAIL)
     return {
         "samples": moments,
         "touches": ended,
