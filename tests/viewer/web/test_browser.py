@@ -235,7 +235,7 @@ def test_a_moving_touch_draws_its_trace_and_an_arrow(open_tab, start, icub, mome
     before = tab.pixels()
     tab.step()
     tab.wait(".label:text-is('caress 80 %')")
-    assert "up 200 mm/s" in tab.page.locator("#touch-list").inner_text()
+    tab.until("() => document.querySelector('#touch-list').innerText.includes('up 200 mm/s')")
     tint = np.array([int(class_colour("caress")[k : k + 2], 16) for k in (1, 3, 5)])
 
     def tinted(picture: np.ndarray) -> np.ndarray:
