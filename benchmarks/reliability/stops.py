@@ -59,7 +59,7 @@ COMMANDS = {
         ("simulate", "kaspar", "--part", "left_hand", "--per-gesture", "12", "-o", "OUT.npz")
     ),
     "train": Long(("train", "IN.npz", "-o", "OUT.skinmodel"), needs="simulate"),
-    "evaluate": Long(("evaluate", "IN.npz", "-o", "OUT"), needs="simulate"),
+    "evaluate": Long(("evaluate", "IN.npz", "--seeds", "1", "-o", "OUT"), needs="simulate"),
     "evaluate --jobs": Long(
         ("evaluate", "IN.npz", "--seeds", "2", "--jobs", "2", "-o", "OUT"), needs="simulate"
     ),
