@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from skinmap.live import check_source
+from skinmap.live import PolledSource, check_source
 from skinmap.live.sources.source import SourceEnded
 
 PLUGINS = Path(__file__).parents[2] / "docs" / "examples" / "plugins"
@@ -89,3 +89,10 @@ def test_can_keeps_the_contract_of_sources(tmp_path, icub):
     (tmp_path / "touch.log").write_text(frames(samples))
     how = {"robot": icub, "parts": ["left_hand"], "seed": 0, "speed": 1.0, "loop": False}
     check_source(lambda: plugin("can_frames").open_can(str(tmp_path / "touch.log"), **how))
+
+
+def test_what_is_no_sample_is_refused_and_the_rest_goes_on():
+    rows = [[None, {}], [1, 2], "ab", [[1], [2, 3]], [1, float("nan")]]
+    source = PolledSource("device", "left_hand", 2, lambda timeout, counts: rows)
+    np.testing.assert_array_equal(source.read(1.0).values, [[1, 2]])
+    assert source.counts.refused == 4

@@ -72,7 +72,7 @@ class PolledSource(Source):
     def _sample(self, row: Any) -> Any:
         try:
             sample = np.asarray(row, np.float32)
-        except ValueError:
+        except (TypeError, ValueError):
             sample = np.zeros(0, np.float32)
         if sample.shape == (self.info.channels,) and np.isfinite(sample).all():
             return sample
