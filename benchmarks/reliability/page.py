@@ -194,6 +194,11 @@ MEASURED = [
     ("full disk", "A disk without room is one line in every command that writes, and nothing half "
      "written", "benchmarks/reliability/full_disk.py",
      lambda one: f"{len(one['commands'])} commands, {one['faults']} faults"),
+    ("read only", "A folder that becomes read-only while a command works is one line, and nothing "
+     "half written", "benchmarks/reliability/read_only.py",
+     lambda one: f"{sum(row['refused'] + row['done'] for row in one['commands'].values())} times in "
+     f"{len(one['commands'])} commands, {sum(row['refused'] for row in one['commands'].values())} "
+     f"refused, {one['faults']} faults"),
     ("stops", "Ctrl-C, a polite kill, a kill, a halt: a line, the exit code, no process, nothing "
      "half written", "benchmarks/reliability/stops.py",
      lambda one: f"{one['stops']} stops of {len(one['commands'])} commands, {one['under_way']} "

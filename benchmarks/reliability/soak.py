@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks import ROOT
 from benchmarks.harness.record import RESULTS, commit
-from benchmarks.reliability import accidents, cuts, full_disk, large, stops
+from benchmarks.reliability import accidents, cuts, full_disk, large, read_only, stops
 from benchmarks.reliability.page import rows
 
 FILE = RESULTS / "reliability.json"
@@ -139,6 +139,9 @@ PARTS: dict[str, Part] = {
     "cuts": lambda quick: cuts.measure(places=4 if quick else LENGTHS["places"]),
     "large": lambda quick: large.measure(megabytes=0.2 if quick else large.MEGABYTES),
     "full disk": lambda quick: full_disk.measure(QUICK_DISK if quick else [*full_disk.COMMANDS]),
+    "read only": lambda quick: (
+        read_only.measure(["simulate"], each=1) if quick else read_only.measure()
+    ),
     "stops": lambda quick: (
         stops.measure(each=1, names=["simulate"], kinds=["SIGTERM"])
         if quick

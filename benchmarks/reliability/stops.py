@@ -83,6 +83,14 @@ COMMANDS = {
     "calibrate batch": Long(
         ("calibrate", "batch", f"{BOARD}/patches.csv", "--jobs", "2", "-o", "OUT")
     ),
+    "calibrate plane": Long(
+        ("calibrate", "plane", f"{BOARD}/plane/presses.npz", "--robot", "icub")
+        + ("--part", "right_forearm", "-o", "OUT")
+    ),
+    "calibrate selftouch": Long(
+        ("calibrate", "selftouch", f"{BOARD}/selftouch", "--robot", "icub")
+        + ("--calibrate", "left_forearm", "-o", "OUT")
+    ),
     "record": Long(("record", "sim", "--seconds", "2", "-o", "OUT.mcap"), live=True),
 }
 
@@ -127,12 +135,10 @@ def _of_command(
     name: str, folder: Path, each: int, kinds: Sequence[str], rng: np.random.Generator
 ) -> dict[str, Any]:
     long = COMMANDS[name]
-    given = folder / "in.npz"
-    if long.needs and not given.exists():
-        _wait(_start(COMMANDS[long.needs], folder / "in", given))
+    given = input_of(name, folder)
     began = time.monotonic()
-    running = _start(long, folder / "whole", given)
-    said, code = _wait(running)
+    running = start(long, folder / "whole", given)
+    said, code = wait(running)
     took = time.monotonic() - began
     if code not in (0, 3):
         return {"seconds": took, "before": 0, "under_way": 0, "after": 0,
@@ -154,9 +160,22 @@ def _of_command(
     return {"seconds": took, **counts, "faults": faults}
 
 
+def input_of(name: str, folder: Path) -> Path:
+    """The recording that a command needs, made where it is not there yet."""
+    given, needs = folder / "in.npz", COMMANDS[name].needs
+    if needs and not given.exists():
+        wait(start(COMMANDS[needs], folder / "in", given))
+    return given
+
+
+def result_of(long: Long, out: Path) -> Path:
+    """Where a command that was told `out` puts its result."""
+    return out.parent / long.words[-1].replace("OUT", out.name)
+
+
 def stop(long: Long, out: Path, given: Path, kind: str, moment: float) -> tuple[str, str]:
     """Stop a command; when it was hit ("before", "under_way", "after"), and what was wrong."""
-    running = _start(long, out, given)
+    running = start(long, out, given)
     try:
         said, _ = running.communicate(timeout=moment)
         return "after", "" if running.returncode in (0, 3) else f"failed: {said[-200:]}"
@@ -170,13 +189,13 @@ def stop(long: Long, out: Path, given: Path, kind: str, moment: float) -> tuple[
         os.killpg(running.pid, signal.SIGINT)  # as a terminal does
     else:
         running.send_signal(getattr(signal, kind))
-    said, code = _wait(running)
-    left = _left(running.pid)
+    said, code = wait(running)
+    left = left_of(running.pid)
     for process in left:
         os.kill(process, signal.SIGKILL)
     if left:
         return "under_way", f"{len(left)} processes left after {GONE:g} s"
-    result = out.parent / long.words[-1].replace("OUT", out.name)
+    result = result_of(long, out)
     if code == -getattr(signal, kind) and kind != "SIGKILL":  # as any program ends
         when = "after" if result.exists() else "before"
         return when, "" if when == "before" or opens(result) else "half a result"
@@ -225,7 +244,10 @@ def opens(result: Path) -> bool:
     return True
 
 
-def _start(long: Long, out: Path, given: Path) -> subprocess.Popen[str]:
+def start(
+    long: Long, out: Path, given: Path, first: Callable[[], None] | None = None
+) -> subprocess.Popen[str]:
+    """Begin a command, in a session of its own; `first` runs in the new process before it."""
     words = [
         word.replace("OUT", str(out), 1) if word.startswith("OUT")
         else str(given) if word.startswith("IN") else word
@@ -233,12 +255,13 @@ def _start(long: Long, out: Path, given: Path) -> subprocess.Popen[str]:
     ]  # fmt: skip
     return subprocess.Popen(
         [sys.executable, "-c", SKINMAP, *words], cwd=ROOT, text=True, start_new_session=True,
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, preexec_fn=first,
         env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
     )  # fmt: skip
 
 
-def _wait(running: subprocess.Popen[str]) -> tuple[str, int]:
+def wait(running: subprocess.Popen[str]) -> tuple[str, int]:
+    """What a command said on stderr, and its exit code."""
     try:
         _, said = running.communicate(timeout=LONGEST)
     except subprocess.TimeoutExpired:
@@ -248,7 +271,7 @@ def _wait(running: subprocess.Popen[str]) -> tuple[str, int]:
     return said, running.returncode
 
 
-def _left(session: int) -> list[int]:
+def left_of(session: int) -> list[int]:
     """Processes of a session that are still there after GONE seconds."""
     deadline = time.monotonic() + GONE
     while (left := _members(session)) and time.monotonic() < deadline:

@@ -9,7 +9,7 @@ import signal
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from skinmap.errors import OutputError, SkinError
@@ -47,8 +47,9 @@ def staged_folder(out: Path) -> Iterator[Path]:
                 os.replace(path, target)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
-        if made and out.is_dir() and not any(out.iterdir()):
-            out.rmdir()
+        with suppress(OSError):
+            if made and out.is_dir() and not any(out.iterdir()):
+                out.rmdir()
 
 
 def check_folder(out: Path) -> None:
@@ -90,7 +91,8 @@ def staged_file(path: Path) -> Iterator[Path]:
             stage.chmod(0o666 & ~_umask())
             os.replace(stage, path)
     finally:
-        stage.unlink(missing_ok=True)
+        with suppress(OSError):  # in a folder that has become read-only it stays
+            stage.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from benchmarks.reliability import full_disk, stops
+from benchmarks.reliability import full_disk, read_only, stops
 from benchmarks.reliability.page import TESTED
 from skinmap.cli.main import cli
 
@@ -34,6 +34,16 @@ def test_a_command_that_is_stopped_says_so_and_leaves_nothing(tmp_path, kind):
     assert fault == ""
     assert when in ("before", "under_way")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_becomes_read_only_is_one_line(tmp_path):
+    end, fault = read_only.lock(stops.COMMANDS["simulate"], tmp_path, Path(), 0.7)
+    assert (end, fault) == ("refused", "")
+
+
+def test_the_judge_of_locked_folders_sees_one_that_is_not_locked(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "chmod", lambda *_: None)
+    assert read_only.lock(stops.COMMANDS["simulate"], tmp_path, Path(), 0.7) == ("done", "")
 
 
 @pytest.mark.filterwarnings("ignore:Glyph 27")  # of the font that a picture is drawn with
