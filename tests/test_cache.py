@@ -315,3 +315,39 @@ def test_cache_that_is_a_file_is_said(folder):
     maker = Maker()
     with pytest.warns(CacheWarning, match="cannot write the cache"):
         assert same(cached("thing", ["x"], maker), ARRAYS)
+
+
+VERSION = """
+import sys
+import numpy as np
+from skinmap import cache
+version = sys.argv[1]
+cache._version = lambda name: f"{name} {version}"
+print("ready", flush=True)
+sys.stdin.readline()
+for turn in range(3):
+    for key in range(40):
+        mine = {"a": np.full(2000, float(version) + key)}
+        got = cache.cached("thing", [key], lambda: mine)
+        assert (got["a"] == mine["a"]).all(), (version, key, got["a"][0])
+"""
+
+
+def test_two_processes_of_two_versions_never_see_each_others_entries(folder):
+    users = [
+        subprocess.Popen(
+            [sys.executable, "-W", "error", "-c", VERSION, version],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )
+        for version in ("1000", "2000")
+    ]  # fmt: skip
+    for user in users:
+        assert user.stdout.readline() == "ready\n"
+    for user in users:
+        user.stdin.write("go\n")
+        user.stdin.flush()
+    for user in users:
+        _, said = user.communicate(timeout=120)
+        assert user.returncode == 0, said
+    kept = open_cache().entries()
+    assert len(kept) == 80

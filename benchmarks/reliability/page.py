@@ -158,6 +158,13 @@ def _stopped(stops: Mapping[str, Any] | None) -> list[str]:
     return [*lines, ""]
 
 
+def _locked(one: Mapping[str, Any]) -> dict[str, int]:
+    refused, done = (
+        sum(row[key] for row in one["commands"].values()) for key in ("refused", "done")
+    )
+    return {"refused": refused, "stops": refused + done}
+
+
 def _kills(one: Mapping[str, Any]) -> str:
     kills = one["kills"]
     return (f"{kills['opened']} of {kills['count']} opened, at most {kills['most_lost_s']:.2f} s "
@@ -196,9 +203,8 @@ MEASURED = [
      lambda one: f"{len(one['commands'])} commands, {one['faults']} faults"),
     ("read only", "A folder that becomes read-only while a command works is one line, and nothing "
      "half written", "benchmarks/reliability/read_only.py",
-     lambda one: f"{sum(row['refused'] + row['done'] for row in one['commands'].values())} times in "
-     f"{len(one['commands'])} commands, {sum(row['refused'] for row in one['commands'].values())} "
-     f"refused, {one['faults']} faults"),
+     lambda one: "{refused} of {stops} refused".format(**_locked(one))
+     + f", in {len(one['commands'])} commands, {one['faults']} faults"),
     ("stops", "Ctrl-C, a polite kill, a kill, a halt: a line, the exit code, no process, nothing "
      "half written", "benchmarks/reliability/stops.py",
      lambda one: f"{one['stops']} stops of {len(one['commands'])} commands, {one['under_way']} "

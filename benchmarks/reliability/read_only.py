@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -75,10 +76,8 @@ def lock(long: stops.Long, place: Path, given: Path, moment: float) -> tuple[str
     """Lock a command's folder after so many seconds; how it ended, and what was wrong about it."""
     out = place / "out"
     running = stops.start(long, out, given, first=_obey)
-    try:
+    with suppress(subprocess.TimeoutExpired):
         running.wait(timeout=moment)
-    except subprocess.TimeoutExpired:
-        pass
     folders = [place, *(path for path in place.rglob("*") if path.is_dir())]
     for one in folders:
         one.chmod(0o555)

@@ -84,12 +84,16 @@ COMMANDS = {
         ("calibrate", "batch", f"{BOARD}/patches.csv", "--jobs", "2", "-o", "OUT")
     ),
     "calibrate plane": Long(
-        ("calibrate", "plane", f"{BOARD}/plane/presses.npz", "--robot", "icub")
-        + ("--part", "right_forearm", "-o", "OUT")
+        (
+            *("calibrate", "plane", f"{BOARD}/plane/presses.npz", "--robot", "icub"),
+            *("--part", "right_forearm", "-o", "OUT"),
+        )
     ),
     "calibrate selftouch": Long(
-        ("calibrate", "selftouch", f"{BOARD}/selftouch", "--robot", "icub")
-        + ("--calibrate", "left_forearm", "-o", "OUT")
+        (
+            *("calibrate", "selftouch", f"{BOARD}/selftouch", "--robot", "icub"),
+            *("--calibrate", "left_forearm", "-o", "OUT"),
+        )
     ),
     "record": Long(("record", "sim", "--seconds", "2", "-o", "OUT.mcap"), live=True),
 }

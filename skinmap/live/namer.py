@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 import time as clock
 import warnings
-from collections.abc import Mapping, Sequence
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from queue import Empty, SimpleQueue
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +27,11 @@ RATE = 50.0  # samples a second that touches are named from at most: that classi
 MEMORY = 200  # of these (4 s at 50 Hz); what lasts longer forgets its beginning
 QUIET = 0.1  # a place without an active taxel for so long starts anew [s]
 SHARE = 0.4  # of the time that naming may take: samples must not wait for names
+PATIENCE = (
+    2.0  # with a plug-in that does not answer while samples come [s]: its names are stale then
+)
+KNOWN = ("builtins", "numpy", "skinmap", "sklearn")  # packages whose classifiers answer
+Answer = TypeVar("Answer")
 
 
 class Namer:
@@ -71,6 +80,7 @@ class Namer:
         self._count = 0  # samples kept so far; the newest stands at (count - 1) % MEMORY
         self._slot = -np.inf
         self._rests = -np.inf  # until when naming has had its share, by `perf_counter`
+        self._patience = Patience(PATIENCE) if _foreign(classifier) else None
 
     def _warm_up(self, skin: PreparedSkin) -> None:
         """Name one touch: distances along a skin are found once, ahead of time."""
@@ -91,8 +101,12 @@ class Namer:
         A robot that is followed for weeks is not left alone for one sample that a plug-in cannot
         name.
         """
-        try:
+
+        def named() -> list[Named]:
             return list(name_touches(self.classifier, skin, samples, rule=self.rule, ended=ended))
+
+        try:
+            return named() if self._patience is None else self._patience.ask(named)
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
             if not self.failed:
                 warnings.warn(
@@ -167,6 +181,8 @@ class Namer:
             How many times quicker than recorded samples come: of quick ones fewer are named, the
             same ones in each run.
         """
+        if not live:  # what was recorded is named the same on a busy machine
+            self._patience = None
         pause = self._pause * (speed if 1.0 < speed < np.inf else 1.0)
         present = [track for track in tracks if len(track.taxels)]
         parts = sorted({track.part for track in present}, key=lambda one: float(self._done[one]))
@@ -241,3 +257,66 @@ class Namer:
                 one.touch = touch
             self.labels[touch] = found[number].prediction
             self.named += 1
+
+
+class Patience:
+    """Questions to what may never answer, asked in a thread of their own.
+
+    Parameters
+    ----------
+    seconds : float
+        How long an answer is waited for.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+        self._asked: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
+        self._answers: SimpleQueue[object] = SimpleQueue()
+        self._owed = 0  # answers that nobody waits for any more
+        # A daemon: a plug-in that never returns must not keep a program from its end.
+        threading.Thread(
+            target=_answer, args=(self._asked, self._answers), name="skinmap-plug-in", daemon=True
+        ).start()
+        weakref.finalize(self, self._asked.put, None)
+
+    def ask(self, question: Callable[[], Answer]) -> Answer:
+        """What the question returns, or raises.
+
+        Raises
+        ------
+        TimeoutError
+            It takes longer, or one before it has still not been answered.
+        """
+        try:
+            while self._owed:
+                self._answers.get_nowait()
+                self._owed -= 1
+            self._asked.put(question)
+            self._owed += 1
+            answer = self._answers.get(timeout=self.seconds)
+        except Empty:
+            raise TimeoutError(f"no answer within {self.seconds:g} s") from None
+        self._owed -= 1
+        if isinstance(answer, _Raised):
+            raise answer.error
+        return answer  # type: ignore[return-value]  # of the question that was asked
+
+
+def _answer(asked: SimpleQueue[Callable[[], object] | None], answers: SimpleQueue[object]) -> None:
+    while (question := asked.get()) is not None:
+        try:
+            answer: object = question()
+        except Exception as error:  # noqa: BLE001 - it is raised where it was asked
+            answer = _Raised(error)
+        answers.put(answer)
+
+
+class _Raised:
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+
+def _foreign(classifier: TouchClassifier) -> bool:
+    """Whether a classifier, or what it is made of, comes from a package that we do not know."""
+    things = [classifier, *vars(classifier).values()]
+    return any(type(one).__module__.partition(".")[0] not in KNOWN for one in things)

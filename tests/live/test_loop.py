@@ -217,6 +217,55 @@ def test_a_classifier_that_fails_costs_names_and_no_sample(icub, prepared, model
         followed()
 
 
+def test_a_plug_in_that_hangs_costs_names_and_no_sample(icub, prepared, model, monkeypatch):
+    leg = prepared("right_leg_lower")
+    touches = simulate(leg.skin, rng=np.random.default_rng(21), per_gesture=1)
+    info = StreamInfo("leg", (leg.skin.part,), (len(leg),), RATE)
+    held = threading.Event()
+    names, asked = namer.name_touches, []
+
+    def hangs(*given, **options):
+        asked.append(threading.current_thread())
+        if len(asked) == 3:  # the first is the warming up
+            held.wait(60.0)
+        return names(*given, **options)
+
+    monkeypatch.setattr(namer, "name_touches", hangs)
+    monkeypatch.setattr(namer, "PATIENCE", 0.2)
+    monkeypatch.setattr(namer, "KNOWN", ())  # as if it came from elsewhere
+    samples = zip(touches.times, touches.pressures, strict=True)
+    blocks = [block([time], row[None]) for time, row in samples]
+    source = Planted(blocks, info)
+    loop = TouchLoop(icub, source, classifier=model, skins={leg.skin.part: leg})
+    assert loop.live
+    with pytest.warns(SkinWarning, match=r"failed \(TimeoutError\('no answer within 0.2 s'\)\)"):
+        moments = len(list(loop))
+    assert moments == len(touches.times)
+    assert len(asked) == 3, "it is not asked again before it has answered"
+    assert loop.finished()
+    held.set()
+
+
+def test_late_answers_are_nobodys():
+    held = threading.Event()
+    patience = namer.Patience(0.05)
+    with pytest.raises(TimeoutError, match=r"no answer within 0\.05 s"):
+        patience.ask(lambda: held.wait(60.0))
+    with pytest.raises(TimeoutError):
+        patience.ask(lambda: "too early")
+    held.set()
+    patience.seconds = 60.0
+    deadline, answer = time.monotonic() + 60.0, ""
+    while answer != "in time" and time.monotonic() < deadline:
+        try:
+            answer = patience.ask(lambda: "in time")
+        except TimeoutError:  # the late answer is not there yet
+            continue
+    assert answer == "in time"
+    with pytest.raises(ZeroDivisionError):
+        patience.ask(lambda: 1 / 0)
+
+
 class Broken:
     """Names touches once, for the warming up, and fails on all others."""
 

@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError
+from skinmap.io.robots.manifest import load_robot
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
+from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.playing.player import Player
 from viewer.web.server import serve
 
+EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "robot"
 FRAMES = 30
 TOKEN = "a-token-of-the-tests-own"
 PICTURES = (Path(__file__).parent / "compare_pictures.js").read_text()
@@ -208,3 +212,32 @@ def test_the_dark_is_dark_and_touches_stand_on_the_time_line(open_desk, start):
     )
     assert [one for one in sizes if min(one[1:]) < 32] == []
     tab.context.close()
+
+
+def test_names_that_are_code_are_text_in_the_page(open_desk, opengl, tmp_path):
+    code = "<img src=x onerror=window.harmed=1>"
+    for path in EXAMPLE.iterdir():
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".toml":
+            head, mark, rest = text.partition("[[part]]")
+            text = head + mark + rest.replace('name = "', f'name = "{code}', 1)
+        (tmp_path / path.name).write_text(text, encoding="utf-8")
+    robot = load_robot(tmp_path / "robot.toml")
+    part = robot.parts[0]
+    skin = robot.skin(part)
+    touch = NamedTouch(part, np.arange(3), skin.positions[0], code, 0.9, identity=1)
+    pressures = np.zeros(len(skin))
+    pressures[:3] = 200.0
+    player = Player([Moment(0.0, {part: pressures}, (touch,))], paused=True)
+    server = serve(robot, {part: PreparedSkin(skin)}, player, port=0)
+    tab = open_desk(server.url)
+    try:
+        tab.wait()
+        tab.wait(".label")
+        shown = tab.page.inner_text("body")
+        assert shown.count(code) >= 2, "the part and the touch, letter by letter"
+        assert tab.page.evaluate("() => [window.harmed, document.images.length]") == [None, 0]
+    finally:
+        tab.context.close()
+        server.stop()
+        player.close()
