@@ -114,7 +114,7 @@ def command(
               skinmap classify touch.skinmodel touches.npz --coverage 0.9
               skinmap classify touch.skinmodel lsl:demo --seconds 60 --json
     """
-    from skinmap.classify.default_model import default_model
+    from skinmap.classify.named_classifiers import default_model
     from skinmap.classify.model_file import load_classifier
     from skinmap.touch.grouping import GroupingRule
 

@@ -2,6 +2,18 @@
 
 from __future__ import annotations
 
+from skinmap.cli.evaluate.evaluation import (Rows, percent, by_class, COLOURS, BLUE, GREY, Settings, chosen_gestures, touched)
+from skinmap.commands.options import open_robot
+from skinmap.commands.progress import progress
+from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.result import given
+from skinmap.report.table import Table
+from collections.abc import Iterator, Sequence, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+import click
+import numpy as np
+
 from typing import TYPE_CHECKING
 
 import click
@@ -59,3 +71,29 @@ def work(settings: Settings) -> CostResult:
         rows=rows,
         published=dict(PUBLISHED),
     )
+
+
+def lines(result: CostResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    yield (
+        f"{result.captures} captures of {len(result.gestures)} gestures by {result.subjects} "
+        f"subjects, {result.classifier}; named right in %"
+    )
+    rows: list[list[Cell]] = [
+        [
+            row.variant,
+            row.left_out,
+            row.captures,
+            *map(percent, (row.right, row.first, row.chance)),
+        ]
+        for row in result.rows
+    ]
+    yield Table(["variant", "left out", "captures", "right", "first samples", "chance"], rows)
+    for row in result.rows:
+        if row.reason:
+            yield f"{row.variant}, {row.left_out}: {row.reason}"
+    for what, share in result.published.items():
+        yield f"published, subjects left out, {what}: {100 * share:.0f} %"
+
+
+FIGURES: dict[str, Figure] = {}
