@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.classify.classifier import TouchClassifier
-from skinmap.classify.named_classifiers import DEFAULT_FILE
 from skinmap.classify.descriptors import ContactGeometry, Touch, recorded_touches
 from skinmap.classify.model_file import save_classifier
+from skinmap.classify.named_classifiers import DEFAULT_FILE
 from skinmap.classify.protocols.physics import mirror_pairs
 from skinmap.classify.rbf_machine import RbfMachine
 from skinmap.io.robots.manifest import load_robot

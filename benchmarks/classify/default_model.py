@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness.record import RESULTS, about, write
-from skinmap.classify.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest
+from skinmap.classify.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.classify.protocols.physics import Judged, judged
 from skinmap.io.robots.manifest import load_robot
 from skinmap.physics.simulation import simulate as press

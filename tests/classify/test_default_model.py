@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skinmap.classify.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest
+from skinmap.classify.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.io.robots.manifest import load_robot
 from skinmap.skin.fingerprint import fingerprint
 from skinmap.touch.gestures import FOUR, TIME

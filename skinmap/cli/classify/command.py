@@ -114,8 +114,8 @@ def command(
               skinmap classify touch.skinmodel touches.npz --coverage 0.9
               skinmap classify touch.skinmodel lsl:demo --seconds 60 --json
     """
-    from skinmap.classify.named_classifiers import default_model
     from skinmap.classify.model_file import load_classifier
+    from skinmap.classify.named_classifiers import default_model
     from skinmap.touch.grouping import GroupingRule
 
     model, source = _model_and_source(files)

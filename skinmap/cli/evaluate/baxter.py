@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from skinmap.cli.evaluate.evaluation import (Rows, percent, by_class, COLOURS, BLUE, GREY, Settings, chosen_gestures, touched)
+from collections.abc import Iterator
+from typing import Any
+
+import click
+from msgspec import UNSET
+
+from skinmap.cli.evaluate.evaluation import (
+    Figure,
+    Rows,
+    Settings,
+    percent,
+)
+from skinmap.cli.evaluate.result.baxter import BaxterResult, Confusion, MethodResult, SplitSpread
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
-from skinmap.report.figure import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
-from collections.abc import Iterator, Sequence, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-import click
-import numpy as np
-from msgspec import UNSET
-from skinmap.cli.evaluate.result.baxter import BaxterResult, Confusion, MethodResult, SplitSpread
 
 TUNING_STEPS = 6  # about; only the bar shows it
 FIGURES: dict[str, Figure] = {}

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from skinmap.cli.evaluate.evaluation import (Rows, percent, by_class, COLOURS, BLUE, GREY, Settings, chosen_gestures, touched)
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from skinmap.cli.evaluate.evaluation import (
+    Figure,
+    Rows,
+    Settings,
+    chosen_gestures,
+    percent,
+)
+from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult, PatchesRow
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 from skinmap.report.figure import plain_figure, save_figure
-from skinmap.report.result import given
 from skinmap.report.table import Table
-from collections.abc import Iterator, Sequence, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-import click
-import numpy as np
-from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult, PatchesRow
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.patches import Patch
@@ -28,12 +35,13 @@ def work(settings: Settings) -> CrossPatchResult:
         summarise,
         transfer,
     )
+    from skinmap.classify.protocols.patches import touch_patches
 
     names = settings.names or DEFAULTS
     check_carries_over(names)
     gestures = chosen_gestures(settings)
-    test = patches_of(settings.robot or "icub", settings.parts)
-    train = patches_of(settings.train_robot, ()) if settings.train_robot else None
+    test = _patches(settings.robot or "icub", settings.parts)
+    train = _patches(settings.train_robot, ()) if settings.train_robot else None
     if train is None and len(test) < 2:
         raise click.UsageError(
             f"leaving one patch out needs two patches, got {test[0].name}; give --train-robot"
@@ -67,7 +75,7 @@ def work(settings: Settings) -> CrossPatchResult:
     )
 
 
-def patches_of(robot: str, parts: tuple[str, ...]) -> list[Patch]:
+def _patches(robot: str, parts: tuple[str, ...]) -> list[Patch]:
     from skinmap.classify.protocols.patches import cut_patches
 
     loaded, names = open_robot(robot, parts)
@@ -116,4 +124,4 @@ def patches_figure(result: CrossPatchResult, path: Path) -> None:
     save_figure(figure, path)
 
 
-FIGURES = {"patches.png": patches_figure}
+FIGURES: dict[str, Figure] = {"patches.png": patches_figure}

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from skinmap.cli.evaluate.evaluation import (Rows, percent, by_class, COLOURS, BLUE, GREY, Settings, chosen_gestures, touched)
-from skinmap.commands.options import open_robot
-from skinmap.commands.progress import progress
-from skinmap.report.figure import plain_figure, save_figure
-from skinmap.report.result import given
-from skinmap.report.table import Table
-from collections.abc import Iterator, Sequence, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-import click
-import numpy as np
-
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skinmap.arrays import IntArray
+from skinmap.cli.evaluate.evaluation import (
+    Figure,
+    Rows,
+    Settings,
+    percent,
+)
 from skinmap.cli.evaluate.result.real_skin import CountRow, FingersResult
 from skinmap.commands.progress import progress
+from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.fingers import Counted
-    from skinmap.cli.evaluate.evaluation import Settings
     from skinmap.io.recordings.cyskin_arrays import PressedSkin
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -194,4 +190,4 @@ def fingers_figure(result: FingersResult, path: Path) -> None:
     save_figure(figure, path)
 
 
-FIGURES = {"fingers.png": fingers_figure}
+FIGURES: dict[str, Figure] = {"fingers.png": fingers_figure}

@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-from skinmap.cli.evaluate.evaluation import (Rows, percent, by_class, COLOURS, BLUE, GREY, Settings, chosen_gestures, touched)
-from skinmap.commands.options import open_robot
-from skinmap.commands.progress import progress
-from skinmap.report.figure import plain_figure, save_figure
-from skinmap.report.result import given
-from skinmap.report.table import Table
-from collections.abc import Iterator, Sequence, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-import click
-import numpy as np
-
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, IntArray
+from skinmap.cli.evaluate.evaluation import (
+    BLUE,
+    ORANGE,
+    Figure,
+    Rows,
+    Settings,
+    percent,
+)
 from skinmap.cli.evaluate.result.real_skin import HandRow, HandsResult
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, MissingLibraryError, UnknownNameError
+from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.table import Table
 
 if TYPE_CHECKING:
-    from skinmap.cli.evaluate.evaluation import Settings
     from skinmap.io.recordings.cyskin_arrays import PressedSkin
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -34,6 +33,9 @@ ARCHIVE, FOLDER = "hands*.npz", "handles"
 GRASP = 30  # active taxels of a hand that grasps
 QUIET = 3  # and of an untouched skin, at most
 SHOWN = 8  # samples in the picture
+CONTACTS = (
+    BLUE, ORANGE, "#2f8f6b", "#a83b5e", "#7a5ea8", "#b8a32e", "#3ba0a8", "#6b4a2b", "#5a6470",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -267,4 +269,4 @@ def hands_figure(result: HandsResult, path: Path) -> None:
     save_figure(figure, path)
 
 
-FIGURES = {"hands.png": hands_figure}
+FIGURES: dict[str, Figure] = {"hands.png": hands_figure}

@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
-from skinmap.cli.evaluate.evaluation import (Rows, percent, by_class, COLOURS, BLUE, GREY, Settings, chosen_gestures, touched)
-from skinmap.commands.options import open_robot
-from skinmap.commands.progress import progress
-from skinmap.report.figure import plain_figure, save_figure
-from skinmap.report.result import given
-from skinmap.report.table import Table
-from collections.abc import Iterator, Sequence, Mapping
+from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-import click
-import numpy as np
-
-from collections.abc import Sequence
-from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import chosen_gestures
+from skinmap.cli.evaluate.evaluation import (
+    BLUE,
+    COLOURS,
+    GREY,
+    Figure,
+    Rows,
+    Settings,
+    chosen_gestures,
+    percent,
+)
 from skinmap.cli.evaluate.result.in_time import SeenRow, StrokesRow, TimeResult
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
+from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.in_time import InTime
-    from skinmap.cli.evaluate.evaluation import Settings
     from skinmap.live.contacts.stroke_errors import StrokeError
 
 TRAININGS = 8  # of a seed
@@ -202,4 +201,4 @@ def time_figure(result: TimeResult, path: Path) -> None:
     save_figure(figure, path)
 
 
-FIGURES = {"time.png": time_figure}
+FIGURES: dict[str, Figure] = {"time.png": time_figure}

@@ -1,20 +1,35 @@
-"""`skinmap evaluate --protocol kaspar`: features and classifiers of the first paper, and patches."""
+"""`skinmap evaluate --protocol kaspar`: the features and classifiers of the first paper."""
 
 from __future__ import annotations
 
-from skinmap.cli.evaluate.evaluation import (Rows, percent, by_class, COLOURS, BLUE, GREY, Settings, chosen_gestures, touched)
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from skinmap.cli.evaluate.evaluation import (
+    COLOURS,
+    Figure,
+    Rows,
+    Settings,
+    by_class,
+    percent,
+)
+from skinmap.cli.evaluate.result.kaspar import (
+    CarryOver,
+    CarryRow,
+    CarrySummary,
+    KasparResult,
+    SweepRow,
+)
+from skinmap.cli.evaluate.result.shared import AccuracyRow
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 from skinmap.report.figure import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
-from collections.abc import Iterator, Sequence, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-import click
-import numpy as np
-from skinmap.cli.evaluate.result.kaspar import CarryOver, CarryRow, CarrySummary, KasparResult, SweepRow
-from skinmap.cli.evaluate.result.shared import AccuracyRow
 
 
 def work(settings: Settings) -> KasparResult:
@@ -121,8 +136,8 @@ def kaspar_figure(result: KasparResult, path: Path) -> None:
     percents = list(dict.fromkeys(row.percent for row in result.table))
     figure = plain_figure((5.6 * len(percents), 5.0))
     axes = figure.subplots(1, len(percents), sharey=True, squeeze=False)[0]
-    for axis, percent in zip(axes, percents, strict=True):
-        rows = [row for row in result.table if row.percent == percent]
+    for axis, share in zip(axes, percents, strict=True):
+        rows = [row for row in result.table if row.percent == share]
         kinds = list(dict.fromkeys(row.folds for row in rows))
         pairs = list(dict.fromkeys((row.features, row.classifier) for row in rows))
         for number, (features, classifier) in enumerate(pairs):
@@ -133,12 +148,12 @@ def kaspar_figure(result: KasparResult, path: Path) -> None:
             label = f"{features}, {classifier}"
             axis.bar(place, values, 0.15, yerr=spread, color=COLOURS[number % 5], label=label)
         for row in result.paper:
-            if row.percent == percent:
+            if row.percent == share:
                 style = "-" if row.features == "histogram" else "--"
                 text = f"paper: {row.features}, plain folds, real touches"
                 axis.axhline(100.0 * row.mean, color="black", lw=1.0, ls=style, label=text)
         axis.set_xticks(range(len(kinds)), [f"{kind} folds" for kind in kinds])
-        axis.set_title(f"{percent} % of the samples")
+        axis.set_title(f"{share} % of the samples")
         axis.set_ylim(25.0, 100.0)
         axis.spines[["top", "right"]].set_visible(False)
     axes[0].set_ylabel("mean of the classes [%], simulated")
@@ -178,4 +193,4 @@ def sweep_figure(result: KasparResult, path: Path) -> None:
     save_figure(figure, path)
 
 
-FIGURES = {"kaspar.png": kaspar_figure, "sweep.png": sweep_figure}
+FIGURES: dict[str, Figure] = {"kaspar.png": kaspar_figure, "sweep.png": sweep_figure}

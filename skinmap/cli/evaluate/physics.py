@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from skinmap.cli.evaluate.evaluation import (Rows, percent, by_class, COLOURS, BLUE, GREY, Settings, chosen_gestures, touched)
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import click
+
+from skinmap.cli.evaluate.evaluation import (
+    Figure,
+    Rows,
+    Settings,
+    chosen_gestures,
+    percent,
+)
+from skinmap.cli.evaluate.result.physics import PhysicsResult, PhysicsRow
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
-from skinmap.report.figure import plain_figure, save_figure
-from skinmap.report.result import given
 from skinmap.report.table import Table
-from collections.abc import Iterator, Sequence, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-import click
-import numpy as np
-from skinmap.cli.evaluate.result.physics import PhysicsResult, PhysicsRow
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.physics import Judged

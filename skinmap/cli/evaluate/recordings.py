@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-from skinmap.cli.evaluate.evaluation import (Rows, percent, by_class, COLOURS, BLUE, GREY, Settings, chosen_gestures, touched)
-from skinmap.commands.options import open_robot
-from skinmap.commands.progress import progress
-from skinmap.report.figure import plain_figure, save_figure
-from skinmap.report.result import given
-from skinmap.report.table import Table
-from collections.abc import Iterator, Sequence, Mapping
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-import click
-import numpy as np
-
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import chosen_gestures
+from skinmap.cli.evaluate.evaluation import (
+    BLUE,
+    GREY,
+    Figure,
+    Rows,
+    Settings,
+    by_class,
+    chosen_gestures,
+    percent,
+)
 from skinmap.cli.evaluate.result.recordings import LeakRow, LeftOutRow, RecordingsResult
 from skinmap.cli.evaluate.result.shared import AccuracyRow
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.result import given
+from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.left_out import Control, LeftOutTrial
     from skinmap.cli.collection import Collected, Collection
-    from skinmap.cli.evaluate.evaluation import Settings
 
 
 def work(settings: Settings) -> RecordingsResult:
@@ -237,4 +237,4 @@ def leak_figure(result: RecordingsResult, path: Path) -> None:
     save_figure(figure, path)
 
 
-FIGURES = {"leak.png": leak_figure}
+FIGURES: dict[str, Figure] = {"leak.png": leak_figure}

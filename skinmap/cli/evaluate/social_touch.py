@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-from skinmap.cli.evaluate.evaluation import (Rows, percent, by_class, COLOURS, BLUE, GREY, Settings, chosen_gestures, touched)
-from skinmap.commands.options import open_robot
-from skinmap.commands.progress import progress
-from skinmap.report.figure import plain_figure, save_figure
-from skinmap.report.result import given
-from skinmap.report.table import Table
-from collections.abc import Iterator, Sequence, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-import click
-import numpy as np
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import click
 
+from skinmap.cli.evaluate.evaluation import (
+    Figure,
+    Rows,
+    Settings,
+    percent,
+)
 from skinmap.cli.evaluate.result.social_touch import CostResult, CostRow
 from skinmap.commands.progress import progress
-
-if TYPE_CHECKING:
-    from skinmap.cli.evaluate.evaluation import Settings
+from skinmap.report.table import Table
 
 
 def work(settings: Settings) -> CostResult:
@@ -79,7 +71,7 @@ def lines(result: CostResult) -> Iterator[str | Table]:
         f"{result.captures} captures of {len(result.gestures)} gestures by {result.subjects} "
         f"subjects, {result.classifier}; named right in %"
     )
-    rows: list[list[Cell]] = [
+    rows: Rows = [
         [
             row.variant,
             row.left_out,
