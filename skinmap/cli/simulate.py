@@ -14,11 +14,14 @@ import click
 from click.core import ParameterSource
 
 from skinmap.commands.options import (
+    MAX_TOUCHES,
     Number,
     open_robot,
     part_option,
     prints,
+    publish_option,
     robot_argument,
+    seconds_option,
     seed_option,
 )
 from skinmap.commands.profiles import profile_option
@@ -26,23 +29,27 @@ from skinmap.commands.progress import progress
 from skinmap.errors import SkinWarning
 from skinmap.report.present import present
 
-# What can be said of the sensors instead of having it drawn: type and help.
-SENSING: dict[str, tuple[type, str]] = {
-    "noise": (float, "Of a sample [counts]; 1.2 where nothing varies."),
-    "drift": (float, "Of baselines [counts]; 0.5 where nothing varies."),
-    "dead": (float, "Share of taxels that always send 0."),
-    "unplaced": (float, "Share of modules whose channels have no place."),
-    "stuck": (float, "Share of taxels, side by side, that always send one value."),
-    "spikes": (float, "Chance that a taxel jumps in a sample."),
-    "gaps": (float, "Share of samples that are lost, one to four at once."),
-    "hysteresis": (float, "Share of a fallen load by which readings stay higher."),
-    "creep": (float, "Share by which readings still grow under a standing load."),
-    "cross_talk": (float, "Share of its module's mean that a taxel reads with its own."),
-    "gain_spread": (float, "Spread of taxels' gains; 0.15 where nothing varies."),
-    "foam_mm": (float, "Spread by the foam; 2.5 where nothing varies."),
-    "saturation": (float, "No taxel sends more counts; 255 by default."),
-    "bits": (int, "Resolution, 1 to 8; 8 by default."),
-    "rate": (float, "Samples a second; 50 by default."),
+SHARE, COUNTS = Number(0.0, 1.0), Number(0.0, 255.0)
+# What can be said of the sensors instead of having it drawn: limits and help.
+SENSING: dict[str, tuple[click.ParamType, str]] = {
+    "noise": (COUNTS, "Of a sample [counts]; 1.2 where nothing varies."),
+    "drift": (COUNTS, "Of baselines [counts]; 0.5 where nothing varies."),
+    "dead": (SHARE, "Share of taxels that always send 0."),
+    "unplaced": (SHARE, "Share of modules whose channels have no place."),
+    "stuck": (SHARE, "Share of taxels, side by side, that always send one value."),
+    "spikes": (SHARE, "Chance that a taxel jumps in a sample."),
+    "gaps": (Number(0.0, 0.5), "Share of samples that are lost, one to four at once."),
+    "hysteresis": (SHARE, "Share of a fallen load by which readings stay higher."),
+    "creep": (Number(0.0, 10.0), "Share by which readings still grow under a standing load."),
+    "cross_talk": (SHARE, "Share of its module's mean that a taxel reads with its own."),
+    "gain_spread": (Number(0.0, 10.0), "Spread of taxels' gains; 0.15 where nothing varies."),
+    "foam_mm": (
+        Number(0.0, 1000.0, min_open=True),
+        "Spread by the foam; 2.5 where nothing varies.",
+    ),
+    "saturation": (COUNTS, "No taxel sends more counts; 255 by default."),
+    "bits": (click.IntRange(1, 8), "Resolution; 8 by default."),
+    "rate": (Number(0.0, 10_000.0, min_open=True), "Samples a second; 50 by default."),
 }
 
 
@@ -143,7 +150,7 @@ def sensing_options(command: Any) -> Any:
 @part_option
 @click.option(
     "--per-gesture",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MAX_TOUCHES),
     default=20,
     show_default=True,
     help="Touches of each gesture on each part.",
@@ -157,12 +164,12 @@ def sensing_options(command: Any) -> Any:
 )
 @click.option(
     "--pairs",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MAX_TOUCHES),
     help="Instead, so many pairs of touches at once on each part, drawn from the gestures.",
 )
 @click.option(
     "--subjects",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MAX_TOUCHES),
     default=10,
     show_default=True,
     help="People who touch, each with a hand size and habits.",
@@ -199,13 +206,8 @@ def sensing_options(command: Any) -> Any:
     show_default=True,
     help="Recording to write: .npz or .mcap.",
 )
-@click.option(
-    "--publish",
-    metavar="SPEC",
-    help="Instead of a recording, stream touches live until Ctrl-C: lsl:NAME, zmq:PORT or "
-    "zmq:HOST:PORT.",
-)
-@click.option("--seconds", type=Number(min=0.0, min_open=True), help="End the stream.")
+@publish_option("touches without end instead of recording them")
+@seconds_option("Stop after so long; with --publish only.")
 @click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
 @seed_option
 @profile_option("fidelity")

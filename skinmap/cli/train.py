@@ -169,11 +169,24 @@ class TrainResult:
     "--radius-mm",
     help="Histograms: of a neighbourhood, or auto, as structures has it.  [default: 8]",
 )
-@click.option("--words", type=int, help="Codewords of a structure, or of images.")
-@click.option("--rotations", type=int, help="Histograms: turns of a structure, 1, 4 or 6.")
-@click.option("--distance", help="Histograms: euclidean, or geodesic (along the skin).")
-@click.option("--search", help="Histograms: how codewords are looked for, plain or compiled.")
-@click.option("--precision", help="Histograms: of distances from codewords, float64 or float32.")
+@click.option(
+    "--words", type=click.IntRange(2, 250), help="Codewords of a structure, or of images."
+)
+@click.option(
+    "--rotations", type=click.Choice(["1", "4", "6"]), help="Histograms: turns of a structure."
+)
+@click.option(
+    "--distance", type=click.Choice(["euclidean", "geodesic"]),
+    help="Histograms: straight, or along the skin.",
+)  # fmt: skip
+@click.option(
+    "--search", type=click.Choice(["plain", "compiled"]),
+    help="Histograms: how codewords are looked for.",
+)  # fmt: skip
+@click.option(
+    "--precision", type=click.Choice(["float64", "float32"]),
+    help="Histograms: of distances from codewords.",
+)  # fmt: skip
 @click.option("--image-size", metavar="ROWSxCOLUMNS", help="Contact images.  [default: 66x100]")
 @seed_option
 @profile_option("classify")
@@ -202,6 +215,8 @@ def command(
     Example:  skinmap train touches.npz --part torso --part left_arm -o touch.skinmodel
               skinmap train poke.mcap rub.mcap monday/ --with-simulated 20
     """
+    if knobs["rotations"] is not None:
+        knobs["rotations"] = int(knobs["rotations"])
     chosen = Training(classifier, parts, seed, with_simulated or 0, _own_knobs(knobs))
     present(work(recordings, robot, output, chosen), _lines, as_json=as_json)
 

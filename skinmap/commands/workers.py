@@ -13,10 +13,15 @@ import click
 if TYPE_CHECKING:
     from skinmap.parallel.workers import Workers
 
+MAX_JOBS = 256  # processes
 F = TypeVar("F", bound=Callable[..., Any])
 _OPTIONS = (
     click.option(
-        "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Local processes."
+        "--jobs",
+        type=click.IntRange(1, MAX_JOBS),
+        default=1,
+        show_default=True,
+        help="Local processes.",
     ),
     click.option(
         "--backend",

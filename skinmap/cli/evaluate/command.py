@@ -17,7 +17,14 @@ from skinmap.cli.evaluate.evaluation import (
     find_evaluation,
 )
 from skinmap.cli.evaluate.result import EvaluateResult
-from skinmap.commands.options import out_folder, outside_option, part_option, prints, seed_option
+from skinmap.commands.options import (
+    MAX_TOUCHES,
+    out_folder,
+    outside_option,
+    part_option,
+    prints,
+    seed_option,
+)
 from skinmap.commands.profiles import from_profile, profile_option
 from skinmap.commands.workers import worker_options, workers_options
 from skinmap.report.image import media
@@ -54,7 +61,7 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 )
 @click.option(
     "--per-gesture",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MAX_TOUCHES),
     default=20,
     show_default=True,
     help="cross-patch, physics, time: touches of each gesture on each patch or part.",
@@ -68,7 +75,11 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 )
 @click.option("--sweep", is_flag=True, help="kaspar: sweep r and k (always with --out).")
 @click.option(
-    "--images", type=click.IntRange(min=40), default=1800, show_default=True, help="baxter: images."
+    "--images",
+    type=click.IntRange(40, MAX_TOUCHES),
+    default=1800,
+    show_default=True,
+    help="baxter: images.",
 )
 @click.option(
     "--network",

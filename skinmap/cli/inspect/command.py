@@ -9,7 +9,7 @@ import click
 from msgspec import UnsetType
 
 from skinmap.cli.inspect.result import InspectResult
-from skinmap.commands.options import open_robot, outside_option, part_option, prints
+from skinmap.commands.options import PAGE, open_robot, outside_option, part_option, prints
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 from skinmap.report.result import given
@@ -25,9 +25,7 @@ TABLES = (".txt", ".csv", ".json")
 @click.option("--module", help="Module layout of a bare table (triangle_10pad, a .toml, a .csv).")
 @click.option("--fit", is_flag=True, help="Fit each part rigidly to its link, and report.")
 @click.option("--skip", "skipped", multiple=True, help="Repair step to leave out; may be repeated.")
-@click.option(
-    "--html", type=click.Path(path_type=Path, dir_okay=False), help="Report with pictures."
-)
+@click.option("--html", type=PAGE, help="Report with pictures.")
 @profile_option()
 @prints(InspectResult)
 def command(
