@@ -74,11 +74,15 @@ def work(
     if all(path.suffix.lower() in TABLES for path in tables):
         if parts:
             raise click.UsageError(f"--part is for a robot; {robots[0]} is a bare table")
+        if fit:
+            raise click.UsageError(f"--fit is for a robot; {robots[0]} is a bare table")
         faults = file_faults_of(tables)
         rows = [inspect_table(path, module, steps, faults.get(path, ())) for path in tables]
         name, loaded = ", ".join(path.name for path in tables), None
     elif len(robots) > 1:
         raise click.UsageError("several tables, or one robot: not " + " ".join(robots)[:200])
+    elif module is not None:
+        raise click.UsageError(f"--module is for bare tables; {robots[0]} is a robot")
     else:
         loaded, names = open_robot(robots[0], parts)
         loaded.steps = steps
