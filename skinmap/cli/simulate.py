@@ -31,7 +31,7 @@ from skinmap.report.present import present
 
 SHARE, COUNTS = Number(0.0, 1.0), Number(0.0, 255.0)
 # What can be said of the sensors instead of having it drawn: limits and help.
-SENSING: dict[str, tuple[click.ParamType, str]] = {
+SENSING: dict[str, tuple[click.ParamType[Any], str]] = {
     "noise": (COUNTS, "Of a sample [counts]; 1.2 where nothing varies."),
     "drift": (COUNTS, "Of baselines [counts]; 0.5 where nothing varies."),
     "dead": (SHARE, "Share of taxels that always send 0."),

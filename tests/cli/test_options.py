@@ -105,7 +105,10 @@ def test_list_of_an_unknown_kind_names_the_kinds():
         (("simulate", "kaspar", "--bits", "9"), "9 is not in the range 1<=x<=8"),
         (("evaluate", "--seed", "4000000001"), "0<=x<=4000000000"),
         (("inspect", "kaspar", "--html", "p.png"), "files ending in '.png'"),
-        (("inspect", "kaspar", "--module", "nan"), "--module is for bare tables; kaspar is a robot"),
+        (
+            ("inspect", "kaspar", "--module", "nan"),
+            "--module is for bare tables; kaspar",
+        ),
         (("inspect", "t.csv", "--fit"), "--fit is for a robot; t.csv is a bare table"),
         (("anchors", "--screenshot", "p.html"), "files ending in '.html'"),
         (
