@@ -42,6 +42,7 @@ FILE = click.Path(path_type=Path, dir_okay=False)
     "-o",
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
+    metavar="FOLDER",
     default=Path("skinmap-demo"),
     show_default=True,
     help="Folder for pictures, movie, report and numbers.",
@@ -87,6 +88,7 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
 @part_option
 @click.option(
     "--source",
+    metavar="SOURCE",
     default="sim",
     show_default=True,
     help="What is shown: sim, a recording's file, lsl:NAME, zmq:HOST:PORT, mujoco:FILE or a "
@@ -95,8 +97,10 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
 @click.option(
     "--model", type=PATH, help="Names the touches; without, the one that comes with Skinmap."
 )
-@click.option("--layer", help=f"What the skin shows: {', '.join(LAYERS)}.")
-@click.option("--style", help="How: surface (interpolated) or discs (one a taxel).")
+@click.option("--layer", metavar="LAYER", help=f"What the skin shows: {', '.join(LAYERS)}.")
+@click.option(
+    "--style", metavar="STYLE", help="How: surface (interpolated) or discs (one a taxel)."
+)
 @click.option(
     "--calibration",
     "calibrations",
@@ -167,9 +171,13 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
 @click.option("--loop", is_flag=True, help="Play a recording over and over.")
 @click.option("--follow", is_flag=True, help="Let a movie's camera turn to the touches.")
 @click.option("--web", is_flag=True, help="Serve the scene to a browser.")
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address for --web.")
+@click.option(
+    "--host", metavar="HOST", default="127.0.0.1", show_default=True, help="Address for --web."
+)
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port; 0: a free one.")
-@click.option("--token", help="First part of --web's address; a random one without.")
+@click.option(
+    "--token", metavar="TOKEN", help="First part of --web's address; a random one without."
+)
 @seed_option
 @profile_option("view")
 @prints(ViewFiles, ViewWindow, ViewPage)

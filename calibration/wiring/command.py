@@ -54,7 +54,7 @@ USUAL_TOUCHES = 30
               help="Modules on one connector.")  # fmt: skip
 @click.option("--patience", type=Number(1.0, MAX_SECONDS), default=30.0, show_default=True,
               help="Seconds that a live touch is waited for.")  # fmt: skip
-@click.option("-o", "--out", type=click.Path(path_type=Path),
+@click.option("-o", "--out", type=click.Path(path_type=Path), metavar="FILE|FOLDER",
               help="Corrected map: a new .csv, or a folder for several parts.")  # fmt: skip
 @click.option("--web", is_flag=True, help="Show the next place on the body, in a browser.")
 @seed_option

@@ -20,6 +20,7 @@ from skinmap.commands.options import (
     MAX_SECONDS,
     Number,
     open_robot,
+    out_file,
     part_option,
     prints,
     robot_option,
@@ -66,25 +67,25 @@ class RecordResult:
 
 @click.command("record")
 @click.argument("source")
-@click.option(
-    "-o",
-    "--out",
-    "output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    required=True,
-    help="MCAP file to write.",
-)
+@out_file("MCAP file to write.", required=True)
 @click.option("--force", is_flag=True, help="Replace files that are there.")
 @robot_option
 @part_option
 @seconds_option("Stop after so long.")
-@click.option("--label", help="Mark every touch with this name, to train on.")
+@click.option("--label", metavar="LABEL", help="Mark every touch with this name, to train on.")
 @click.option(
     "--model", type=click.Path(path_type=Path), help="Mark every touch with what a model says."
 )
 @click.option("--motion", is_flag=True, help="Record which way touches move, too: /skin/motion.")
-@click.option("--session", default="", help="When, in words: to leave out in `evaluate`.")
-@click.option("--person", default="", help="Who touches, in words: to leave out in `evaluate`.")
+@click.option(
+    "--session", metavar="WORDS", default="", help="When, in words: to leave out in `evaluate`."
+)
+@click.option(
+    "--person",
+    metavar="WORDS",
+    default="",
+    help="Who touches, in words: to leave out in `evaluate`.",
+)
 @click.option(
     "--rotate-mb", type=Number(0.01, 1e6), default=1024.0, show_default=True,
     help="Begin another file at this size.",

@@ -17,6 +17,7 @@ from skinmap.commands.options import (
     MAX_TOUCHES,
     Number,
     open_robot,
+    out_file,
     part_option,
     prints,
     publish_option,
@@ -158,6 +159,7 @@ def sensing_options(command: Any) -> Any:
 @click.option(
     "--gesture",
     "gestures",
+    metavar="GESTURE",
     multiple=True,
     help="Only this gesture; may be repeated. Or four (the default), eight, all, or time: "
     "strokes, pats, taps, rubs and more, with their true motion.",
@@ -188,24 +190,21 @@ def sensing_options(command: Any) -> Any:
     show_default=True,
     help="Who presses: our simulator, or MuJoCo on a bed of springs (extra 'mujoco').",
 )
-@click.option("--variant", help="Of --physics mujoco: foam (the default), flesh, finger, ...")
+@click.option(
+    "--variant",
+    metavar="VARIANT",
+    help="Of --physics mujoco: foam (the default), flesh, finger, ...",
+)
 @click.option(
     "--variety",
+    metavar="none|some|wide|X",
     default="wide",
     show_default=True,
     help="How far touches and sensors are drawn at random: none (pads of fixed sizes on clean "
     "sensors), some, wide, or a number from 0 to 1.",
 )
 @sensing_options
-@click.option(
-    "-o",
-    "--out",
-    "output",
-    type=click.Path(path_type=Path),
-    default=Path("touches.npz"),
-    show_default=True,
-    help="Recording to write: .npz or .mcap.",
-)
+@out_file("Recording to write: .npz or .mcap.", default="touches.npz")
 @publish_option("touches without end instead of recording them")
 @seconds_option("Stop after so long; with --publish only.")
 @click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")

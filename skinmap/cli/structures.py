@@ -106,6 +106,7 @@ class StructuresResult:
 @part_option
 @click.option(
     "--radius-mm",
+    metavar="MM|auto",
     default="8",
     show_default=True,
     help="Radius of a neighbourhood, or auto: between two rings of the lattice, near 8 mm.",

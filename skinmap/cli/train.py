@@ -12,6 +12,7 @@ import click
 from click.core import ParameterSource
 
 from skinmap.commands.options import (
+    out_file,
     part_option,
     prints,
     read_radius,
@@ -146,19 +147,12 @@ class TrainResult:
 @part_option
 @click.option(
     "--classifier",
+    metavar="CLASSIFIER",
     default="contact-geometry",
     show_default=True,
     help="Which classifier; an unknown name lists them.",
 )
-@click.option(
-    "-o",
-    "--out",
-    "output",
-    type=click.Path(path_type=Path),
-    default=Path("touch.skinmodel"),
-    show_default=True,
-    help="Model to write.",
-)
+@out_file("Model to write.", default="touch.skinmodel")
 @click.option(
     "--with-simulated",
     type=click.IntRange(1, 1000),
@@ -167,6 +161,7 @@ class TrainResult:
 )
 @click.option(
     "--radius-mm",
+    metavar="MM|auto",
     help="Histograms: of a neighbourhood, or auto, as structures has it.  [default: 8]",
 )
 @click.option(

@@ -234,12 +234,30 @@ def try_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path 
     return out
 
 
+def out_file(
+    what: str, *, default: str | None = None, required: bool = False, folder: bool = False
+) -> Callable[[F], F]:
+    """`--out`, with the file that is written; `folder` where it may be one in some format."""
+    return click.option(
+        "-o",
+        "--out",
+        "output",
+        type=click.Path(path_type=Path, dir_okay=folder),
+        metavar="FILE|FOLDER" if folder else "FILE",
+        default=default,
+        show_default=True,
+        required=required,
+        help=what,
+    )
+
+
 def out_folder(of: str, *, required: bool = False) -> Callable[[F], F]:
     """`--out`, with what the folder is for; tried before any work is done."""
     return click.option(
         "-o",
         "--out",
         type=click.Path(path_type=Path, file_okay=False),
+        metavar="FOLDER",
         required=required,
         callback=try_folder,
         help=f"Folder for {of}.",

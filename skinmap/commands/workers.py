@@ -30,7 +30,7 @@ _OPTIONS = (
         show_default=True,
         help="Processes of this machine or a Dask cluster.",
     ),
-    click.option("--address", help="Of the Dask scheduler, tcp://host:port."),
+    click.option("--address", metavar="URL", help="Of the Dask scheduler, tcp://host:port."),
     click.option(
         "--resume",
         type=click.Path(path_type=Path),

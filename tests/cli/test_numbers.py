@@ -24,6 +24,7 @@ OTHERWISE = {
     "--classifier", "--part",  # one, where a command is about one
     "--format",  # of what is written
     "--html", "--web",  # of a report, or of the scene
+    "--out",  # a file, or a folder
     "--motion",  # written down by `record`, and how it is found by `classify`
     "--places",  # where simulated people touch, and the file of the places that were asked for
     "--publish",  # several, where names are published
@@ -122,6 +123,16 @@ def test_options_of_one_name_are_of_one_kind():
     for name, kinds in found.items():
         if name not in OTHERWISE:
             assert len(kinds) == 1, (name, dict(kinds))
+
+
+def test_every_option_says_what_it_takes():
+    for words, command in commands(cli).items():
+        for one in command.params:
+            if isinstance(one, click.Option) and not one.hidden:
+                said = (one.help or "").split("  [default")[0]
+                assert said.endswith("."), (words, one.opts)
+                if isinstance(one.type, click.types.StringParamType):
+                    assert one.metavar, (words, one.opts)
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,9 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
     help="What to measure; recordings are cross-validated by touch event.",
 )
 @click.option("--robot", metavar="ROBOT", help="Robot to simulate on, or that was recorded.")
-@click.option("--train-robot", help="cross-patch: train on this robot, test on --robot.")
+@click.option(
+    "--train-robot", metavar="ROBOT", help="cross-patch: train on this robot, test on --robot."
+)
 @outside_option
 @part_option
 @click.option(
@@ -51,7 +53,13 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
     type=click.IntRange(1, 1000),
     help="Repetitions.  [default: 5; baxter: 10, physics, time: 1]",
 )
-@click.option("--classifier", "names", multiple=True, help="Only this one; may be repeated.")
+@click.option(
+    "--classifier",
+    "names",
+    metavar="CLASSIFIER",
+    multiple=True,
+    help="Only this one; may be repeated.",
+)
 @click.option(
     "--gestures",
     default="four",

@@ -71,7 +71,11 @@ class SeamOption(click.Option):
 @click.argument("robots", nargs=-1, metavar="[ROBOT|MESH...]")
 @outside_option
 @part_option
-@click.option("--method", help="Flattening method; balanced, or auto where a budget is given.")
+@click.option(
+    "--method",
+    metavar="METHOD",
+    help="Flattening method; balanced, or auto where a budget is given.",
+)
 @click.option(
     "--max-seconds",
     type=Number(0.0, MAX_SECONDS, min_open=True),
@@ -83,7 +87,9 @@ class SeamOption(click.Option):
     help="Edge error to reach [%], for auto.",
 )
 @click.option(
-    "--meshing", help="Surface meshing method.  [default: consensus; the faces of a .json]"
+    "--meshing",
+    metavar="METHOD",
+    help="Surface meshing method.  [default: consensus; the faces of a .json]",
 )
 @click.option(
     "--iterations", type=click.IntRange(1, 100_000), help="Of arap, balanced, slim or dirichlet."
@@ -101,7 +107,13 @@ class SeamOption(click.Option):
     type=click.Path(path_type=Path),
     help="Drawing of the part: iCubSkinGui .ini, CySkin .json.",
 )
-@click.option("--metric", default="edge_strain", show_default=True, help="What colours the maps.")
+@click.option(
+    "--metric",
+    metavar="METRIC",
+    default="edge_strain",
+    show_default=True,
+    help="What colours the maps.",
+)
 @click.option(
     "--scale",
     type=click.Choice(["own", "fixed"]),

@@ -22,9 +22,19 @@ TABLES = (".txt", ".csv", ".json")
 @click.argument("robots", nargs=-1, metavar="[ROBOT|TABLE...]")
 @outside_option
 @part_option
-@click.option("--module", help="Module layout of a bare table (triangle_10pad, a .toml, a .csv).")
+@click.option(
+    "--module",
+    metavar="LAYOUT",
+    help="Module layout of a bare table (triangle_10pad, a .toml, a .csv).",
+)
 @click.option("--fit", is_flag=True, help="Fit each part rigidly to its link, and report.")
-@click.option("--skip", "skipped", multiple=True, help="Repair step to leave out; may be repeated.")
+@click.option(
+    "--skip",
+    "skipped",
+    metavar="STEP",
+    multiple=True,
+    help="Repair step to leave out; may be repeated.",
+)
 @click.option("--html", type=PAGE, help="Report with pictures.")
 @profile_option()
 @prints(InspectResult)
