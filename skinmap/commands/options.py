@@ -210,7 +210,7 @@ def publish_option(what: str, *, multiple: bool = False) -> Callable[[F], F]:
 
 def read_radius(text: str) -> float | None:
     """The radius asked for [m], None for auto."""
-    from skinmap.neighbours.radius import WIDEST
+    from skinmap.neighbours.radius import NARROWEST, WIDEST
 
     if text == "auto":
         return None
@@ -218,9 +218,9 @@ def read_radius(text: str) -> float | None:
         radius = float(text)
     except ValueError:
         radius = math.nan
-    if not 0 < radius <= WIDEST * 1e3:
+    if not NARROWEST <= radius * 1e-3 <= WIDEST:
         raise click.UsageError(
-            f"--radius-mm must be above 0 and at most {WIDEST * 1e3:g}, or auto, got {text!r}"
+            f"--radius-mm must lie in {NARROWEST * 1e3:g}..{WIDEST * 1e3:g}, or auto, got {text!r}"
         )
     return radius * 1e-3
 

@@ -92,7 +92,7 @@ def test_list_of_an_unknown_kind_names_the_kinds():
     ("words", "said"),
     [
         (("simulate", "kaspar", "--seed", "-1"), "'--seed'"),
-        (("structures", "kaspar", "--radius-mm", "1e9"), "at most 1000, or auto, got '1e9'"),
+        (("structures", "kaspar", "--radius-mm", "1e9"), "in 0.1..1000, or auto, got '1e9'"),
         (("record", "sim", "-o", "x.mcap", "--seconds", "nan"), "'nan' is not a number"),
         (("view", "--at", "-1"), "-1.0 is not in the range 0<=x<="),
         (("view", "--seconds", "nan"), "'nan' is not a number"),
