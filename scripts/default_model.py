@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.classify.classifier import TouchClassifier
-from skinmap.classify.default_model import FILE
 from skinmap.classify.descriptors import ContactGeometry, Touch, recorded_touches
 from skinmap.classify.model_file import save_classifier
+from skinmap.classify.named_classifiers import DEFAULT_FILE
 from skinmap.classify.protocols.physics import mirror_pairs
 from skinmap.classify.rbf_machine import RbfMachine
 from skinmap.io.robots.manifest import load_robot
@@ -82,7 +82,7 @@ def trained(touches: list[Touch]) -> TouchClassifier:
 
 def main() -> int:
     """Train and write."""
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else FILE
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else DEFAULT_FILE
     model = trained(all_touches())
     save_classifier(model, target)
     vectors = len(model.estimator.vectors_)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import cache
 from typing import Any
 
-from skinmap.errors import MissingLibraryError
+from skinmap.optional import import_optional
 
 Loop = Callable[..., Any]
 
@@ -26,12 +26,7 @@ def compile_loop(function: Loop, **options: Any) -> Loop:
     MissingLibraryError
         Without numba.
     """
-    try:
-        import numba
-    except ImportError:
-        raise MissingLibraryError(
-            "compiled loops need the package numba: pip install numba"
-        ) from None
+    numba = import_optional("numba", "compiled loops need the package numba: pip install numba")
     try:
         loop: Any = numba.njit(cache=True, nogil=True, **options)(function)
     except RuntimeError:  # "no locator available": nowhere to write

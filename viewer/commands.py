@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,16 +9,21 @@ from typing import Any
 import click
 
 from skinmap.commands.options import (
+    MAX_SECONDS,
+    PAGE,
+    PICTURE,
     Number,
+    Written,
     open_robot,
     part_option,
     prints,
+    seconds_option,
     seed_option,
     shown_argument,
+    speed_option,
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
-from skinmap.errors import unknown_name
 from skinmap.report.present import present
 from viewer.results import DemoResult, ViewFiles, ViewPage, ViewWindow
 
@@ -33,29 +37,12 @@ PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 
 
-class Written(click.Path):
-    """A file to write whose suffix says its format: refused before any work is done."""
-
-    def __init__(self, *suffixes: str) -> None:
-        super().__init__(path_type=Path, dir_okay=False)
-        self.suffixes = suffixes
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path of a text."""
-        suffix = Path(value).suffix.lower()
-        if suffix not in self.suffixes:
-            self.fail(unknown_name("format for files ending in", suffix, self.suffixes), param, ctx)
-        return super().convert(value, param, ctx)
-
-
-PICTURE = Written(".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-
-
 @click.command("demo", short_help="The whole thread on the real iCub: start here.")
 @click.option(
     "-o",
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
+    metavar="FOLDER",
     default=Path("skinmap-demo"),
     show_default=True,
     help="Folder for pictures, movie, report and numbers.",
@@ -101,6 +88,7 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
 @part_option
 @click.option(
     "--source",
+    metavar="SOURCE",
     default="sim",
     show_default=True,
     help="What is shown: sim, a recording's file, lsl:NAME, zmq:HOST:PORT, mujoco:FILE or a "
@@ -109,8 +97,10 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
 @click.option(
     "--model", type=PATH, help="Names the touches; without, the one that comes with Skinmap."
 )
-@click.option("--layer", help=f"What the skin shows: {', '.join(LAYERS)}.")
-@click.option("--style", help="How: surface (interpolated) or discs (one a taxel).")
+@click.option("--layer", metavar="LAYER", help=f"What the skin shows: {', '.join(LAYERS)}.")
+@click.option(
+    "--style", metavar="STYLE", help="How: surface (interpolated) or discs (one a taxel)."
+)
 @click.option(
     "--calibration",
     "calibrations",
@@ -168,18 +158,26 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
 @click.option("--gltf", type=Written(".glb"), help="Write the scene for 3D programs (.glb).")
 @click.option(
     "--html",
-    type=Written(".html", ".htm"),
+    type=PAGE,
     help="Write the scene as a page that needs nothing else.",
 )
-@click.option("--at", type=float, help="Time of the picture [s]; by default what shows most.")
-@click.option("--seconds", type=float, help="How long to watch, at most.")
-@click.option("--speed", type=float, default=1.0, show_default=True, help="Of a recording.")
+@click.option(
+    "--at",
+    type=Number(0.0, MAX_SECONDS),
+    help="Of the picture [s]; by default what shows most.",
+)
+@seconds_option("Stop after so long; a movie lasts so long.")
+@speed_option("than recorded", endless=False)
 @click.option("--loop", is_flag=True, help="Play a recording over and over.")
 @click.option("--follow", is_flag=True, help="Let a movie's camera turn to the touches.")
 @click.option("--web", is_flag=True, help="Serve the scene to a browser.")
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address for --web.")
+@click.option(
+    "--host", metavar="HOST", default="127.0.0.1", show_default=True, help="Address for --web."
+)
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port; 0: a free one.")
-@click.option("--token", help="First part of --web's address; a random one without.")
+@click.option(
+    "--token", metavar="TOKEN", help="First part of --web's address; a random one without."
+)
 @seed_option
 @profile_option("view")
 @prints(ViewFiles, ViewWindow, ViewPage)
@@ -280,7 +278,7 @@ def _session(options: Mapping[str, Any]) -> Any:
 
 def _check(options: Mapping[str, Any]) -> None:
     """What can be told to be wrong before anything is loaded."""
-    from skinmap.errors import InvalidArrayError, OutputError, UnknownNameError
+    from skinmap.errors import OutputError, UnknownNameError
     from viewer.display import has_display
 
     if options["layer"] is not None and options["layer"] not in LAYERS:
@@ -291,11 +289,6 @@ def _check(options: Mapping[str, Any]) -> None:
             raise OutputError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
         if path is not None and name == "movie" and path.suffix not in MOVIES:
             raise click.UsageError(f"--movie ends in .mp4 or .gif, got {str(path)!r}")
-    for name in ("at", "seconds"):
-        if options[name] is not None and not 0 <= options[name] < math.inf:
-            raise InvalidArrayError(f"--{name} must be seconds from 0, got {options[name]}")
-    if not 0 < options["speed"] < math.inf:
-        raise InvalidArrayError(f"--speed must be above 0, got {options['speed']}")
     if options["web"] and any(files.values()):
         raise click.UsageError("--web serves the scene, and files are asked for: one of them")
     if not options["web"] and not any(files.values()) and not has_display():

@@ -11,8 +11,8 @@ from typing import Any
 
 from skinmap.arrays import FloatArray
 from skinmap.classify.classifier import TouchClassifier
-from skinmap.classify.default_model import default_model
 from skinmap.classify.model_file import load_classifier
+from skinmap.classify.named_classifiers import default_model
 from skinmap.errors import (
     InvalidArrayError,
     SkinMismatchError,

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness.record import RESULTS, about, write
-from skinmap.classify.default_model import FILE, default_model
 from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest
+from skinmap.classify.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.classify.protocols.physics import Judged, judged
 from skinmap.io.robots.manifest import load_robot
 from skinmap.physics.simulation import simulate as press
@@ -110,7 +110,7 @@ def main() -> None:
             f"ece {one['ece']:.2f}, in random order {100 * one['in_random_order']:.1f} %"
         )
     size = {
-        "kilobytes": FILE.stat().st_size / 1e3,
+        "kilobytes": DEFAULT_FILE.stat().st_size / 1e3,
         "support_vectors": len(model.estimator.vectors_),
     }
     write(OUT, {**about("full"), **size, "loading_cpu_seconds": loading, "rows": rows})

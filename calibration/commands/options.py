@@ -131,7 +131,7 @@ def patch_options(
         *(_BOARD if board else ()),
         units_option(of),
         click.option(
-            "--sigma-mm", type=Number(min=0, min_open=True), default=1.0,
+            "--sigma-mm", type=Number(0.0, 1000.0, min_open=True), default=1.0,
             show_default=True,
             help=f"Error of a coordinate of {sigma}, where the file does not say [mm].",
         ),
@@ -183,7 +183,7 @@ _EFFORT = (
         help="Steps in each of three stages, at most.",
     ),
     click.option(
-        "--wrap-detail-mm", type=Number(min=0.5, max=50.0), default=4.0,
+        "--wrap-detail-mm", type=Number(0.5, 50.0), default=4.0,
         show_default=True, help="Longest edge of the wrap round the link.",
     ),
 )  # fmt: skip

@@ -174,11 +174,11 @@ class PlaneOptions:
     "link. Repeat it for surfaces 1, 2, ...  Unknown by default.",
 )  # fmt: skip
 @click.option(
-    "--joint-sigma-deg", type=Number(min=0, min_open=True), default=0.5,
+    "--joint-sigma-deg", type=Number(0.0, 180.0, min_open=True), default=0.5,
     show_default=True, help="What zero positions of joints may be off by (sd).",
 )  # fmt: skip
 @click.option(
-    "--threshold", type=Number(min=0, min_open=True), default=8.0, show_default=True,
+    "--threshold", type=Number(0.0, 1e6, min_open=True), default=8.0, show_default=True,
     help="Of recordings: counts above rest from which a taxel is active.",
 )  # fmt: skip
 @click.option("--drop-inconsistent", is_flag=True, help="Leave out what contradicts the rest.")

@@ -98,7 +98,7 @@ class ResponseOptions:
 @click.option("--reference", type=FILE, help="Samples under known loads: .npz `samples, loads`.")
 @click.option("--sign", type=click.Choice(["1", "-1"]), default="1", show_default=True,
               help="-1 where harder presses read lower.")  # fmt: skip
-@click.option("--rate", type=Number(min=0, min_open=True), default=50.0,
+@click.option("--rate", type=Number(0.0, 10_000.0, min_open=True), default=50.0,
               show_default=True, help="Samples a second.")  # fmt: skip
 @click.option(
     "--robot", default="icub", show_default=True, metavar="ROBOT", help="Robot of --part."

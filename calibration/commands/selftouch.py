@@ -155,7 +155,7 @@ class SelfTouchOptions:
     help="Fingertips without taxels (TOML); probes.toml beside the recordings by default.",
 )  # fmt: skip
 @click.option(
-    "--calibrate", "names", multiple=True,
+    "--calibrate", "names", metavar="PART", multiple=True,
     help="Part whose mount is unknown; may be repeated. All that were touched by default.",
 )  # fmt: skip
 @click.option(

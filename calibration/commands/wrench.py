@@ -79,11 +79,11 @@ class PlacedPatch:
 @click.argument("touches", type=FILE)
 @units_option("the file; moments are newton times this unit")
 @click.option(
-    "--point-mm", type=Number(min=0, min_open=True), default=3.0, show_default=True,
+    "--point-mm", type=Number(0.0, 1000.0, min_open=True), default=3.0, show_default=True,
     help="Error of where the skin was pressed.",
 )  # fmt: skip
 @click.option(
-    "--moment-mnm", type=Number(min=0, min_open=True), default=5.0, show_default=True,
+    "--moment-mnm", type=Number(0.0, 1e6, min_open=True), default=5.0, show_default=True,
     help="Error of a moment [mN m].",
 )  # fmt: skip
 @loss_option

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from calibration.patch.link_surface import OFFSET, Target
 from skinmap.arrays import FloatArray
-from skinmap.errors import MissingLibraryError
 from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import face_areas, unit
+from skinmap.optional import import_optional
 
 STAGES = (20e-3, 10e-3, 4e-3)  # longest correspondences [m]: first squares, then Tukey's loss
 STEPS = 40  # a stage at most
@@ -60,12 +60,10 @@ def make_scene(target: Target, scan: FloatArray, rng: np.random.Generator) -> Sc
     MissingLibraryError
         Open3D is not installed.
     """
-    try:
-        import open3d
-    except ImportError:
-        raise MissingLibraryError(
-            "scans are registered by Open3D, which is not installed: pip install 'skinmap[scan]'"
-        ) from None
+    open3d = import_optional(
+        "open3d",
+        "scans are registered by Open3D, which is not installed: pip install 'skinmap[scan]'",
+    )
     area = face_areas(target.vertices, target.faces)
     face = rng.choice(len(area), SAMPLES, p=area / area.sum())
     weights = rng.dirichlet([1.0, 1.0, 1.0], SAMPLES)

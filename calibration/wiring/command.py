@@ -13,6 +13,7 @@ import click
 
 from calibration.wiring.findings import WiringResult, findings, lines
 from skinmap.commands.options import (
+    MAX_SECONDS,
     Number,
     open_robot,
     part_option,
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
 
 MARKERS = "skinmap.wiring_markers"  # entry points of what shows the next place on the body
-MAX_TOUCHES = 30
+USUAL_TOUCHES = 30
 
 
 @click.command("wiring", short_help="Touch where it says: swapped, turned and mute modules.")
@@ -41,19 +42,19 @@ MAX_TOUCHES = 30
     "--touch", "how", type=click.Choice(["poke", "stroke", "hand"]), default="poke",
     show_default=True, help="How the skin is touched.",
 )  # fmt: skip
-@click.option("--max-touches", type=click.IntRange(min=1), default=MAX_TOUCHES, show_default=True,
-              help="Ask for so many at most.")  # fmt: skip
+@click.option("--max-touches", type=click.IntRange(1, 10_000), default=USUAL_TOUCHES,
+              show_default=True, help="Ask for so many at most.")  # fmt: skip
 @click.option("--places", type=click.Path(path_type=Path, dir_okay=False),
               help="Where a recording's touches were asked for: CSV `touch,x,y,z`.")  # fmt: skip
 @units_option("--places")
 @click.option("--plant", "planted", multiple=True, metavar="FAULT",
               help="Of `sim`: swap:3,7 turn:5,120 mirror:5 mute:4 chains:0,1 reverse:0 "
               "mute-chain:1 channels:24,25; may be repeated.")  # fmt: skip
-@click.option("--chain", type=click.IntRange(min=1), default=16, show_default=True,
+@click.option("--chain", type=click.IntRange(1, 10_000), default=16, show_default=True,
               help="Modules on one connector.")  # fmt: skip
-@click.option("--patience", type=Number(min=1.0), default=30.0, show_default=True,
+@click.option("--patience", type=Number(1.0, MAX_SECONDS), default=30.0, show_default=True,
               help="Seconds that a live touch is waited for.")  # fmt: skip
-@click.option("-o", "--out", type=click.Path(path_type=Path),
+@click.option("-o", "--out", type=click.Path(path_type=Path), metavar="FILE|FOLDER",
               help="Corrected map: a new .csv, or a folder for several parts.")  # fmt: skip
 @click.option("--web", is_flag=True, help="Show the next place on the body, in a browser.")
 @seed_option

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any, Literal
 
 import numpy as np
@@ -19,11 +18,11 @@ from skinmap.classify.bag_of_words import as_images
 from skinmap.classify.convolution import Float32, Network
 from skinmap.errors import (
     InvalidArrayError,
-    MissingLibraryError,
     NotFittedError,
     UnknownNameError,
     unknown_name,
 )
+from skinmap.optional import import_optional
 from skinmap.touch.paper_image import SIZE
 
 Schedule = Literal["constant", "step", "cosine"]
@@ -240,7 +239,8 @@ def train(
     InvalidArrayError
         The loss ran away: the learning rate is too large.
     """
-    torch = _torch()
+    need = "training a network needs torch: pip install 'skinmap[torch]'"
+    torch = import_optional("torch", need)
     with _one_thread(torch), torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         chance = _entropy(labels)
@@ -327,13 +327,3 @@ def _one_thread(torch: Any) -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(before)
-
-
-def _torch() -> ModuleType:
-    try:
-        import torch
-    except ImportError as error:
-        raise MissingLibraryError(
-            "training a network needs torch: pip install 'skinmap[torch]'"
-        ) from error
-    return torch

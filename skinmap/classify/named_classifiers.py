@@ -1,7 +1,13 @@
-"""The classifiers that have a name: what each is put together from. Fusions are in `fusion`."""
+"""The classifiers that have a name: what each is put together from. Fusions are in `fusion`.
+
+One of them comes trained with Skinmap, and names touches on any robot before a user trains one. It
+learnt from simulated touches on the iCub that stay and that go on in time; how it does on other
+robots and in another physics is in docs/classifiers.md. `scripts/default_model.py` makes it.
+"""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +15,7 @@ import numpy as np
 from skinmap.classify.classifier import TouchClassifier, calibrated
 from skinmap.classify.descriptors import ContactGeometry, Histograms
 from skinmap.classify.intersection import IntersectionSVC
+from skinmap.classify.model_file import read_model
 
 # Penalties over three decades; widths around "scale", 1 / (features x variance), scikit-learn's
 # own choice, and three powers of ten round the inverse of the squared distances of pressures.
@@ -16,6 +23,18 @@ PENALTIES = (1.0, 10.0, 100.0)
 WIDTHS = ("scale", 0.01, 0.1, 1.0)
 GRID_FOLDS = 3
 LINEAR_PENALTY = 10.0
+DEFAULT_FILE = Path(__file__).with_name("default.skinmodel")
+
+
+def default_model() -> TouchClassifier:
+    """The model that comes with Skinmap, read anew.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        An installation that is not whole.
+    """
+    return read_model(DEFAULT_FILE, lambda name: contact_geometry_classifier)
 
 
 def contact_geometry_classifier() -> TouchClassifier:

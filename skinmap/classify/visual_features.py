@@ -7,7 +7,6 @@ Keypoints", IJCV 60(2), 2004.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import MissingLibraryError
+from skinmap.optional import import_optional
 
 Kind = Literal["surf", "sift"]
 Points = Literal["dense", "detected"]
@@ -103,9 +102,5 @@ def _sift(points: Points) -> Features:
 
 
 def _library(module: str, package: str) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise MissingLibraryError(
-            f"bags of visual words need {package}: pip install 'skinmap[images]'"
-        ) from error
+    need = f"bags of visual words need {package}: pip install 'skinmap[images]'"
+    return import_optional(module, need)

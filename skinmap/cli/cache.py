@@ -98,7 +98,9 @@ def info(as_json: bool) -> None:
 
 
 @command.command()
-@click.option("--kind", help="Only what is of this kind; `skinmap cache info` lists them.")
+@click.option(
+    "--kind", metavar="KIND", help="Only what is of this kind; `skinmap cache info` lists them."
+)
 @profile_option()
 @prints(CacheCleared)
 def clear(kind: str | None, as_json: bool) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from skinmap.commands.options import open_robot, part_option, prints, robot_argument
+from skinmap.commands.options import open_robot, out_file, part_option, prints, robot_argument
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 
@@ -172,11 +172,11 @@ class ExportedRecording:
     "--format", "format", type=click.Choice([*FORMATS, *FOLDERS]),
     help="Format to write taxels in (default: csv), or a folder of a recording.",
 )  # fmt: skip
-@click.option(
-    "-o", "--out", "output", type=click.Path(path_type=Path), required=True, help="File to write."
-)
+@out_file("What to write: a file, or the folder of a format.", required=True, folder=True)
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
-@click.option("--read-as", help="Format of a bare table, if its suffix does not tell.")
+@click.option(
+    "--read-as", metavar="FORMAT", help="Format of a bare table, if its suffix does not tell."
+)
 @profile_option()
 @prints(ExportedTaxels, ExportedModel, ExportedRecording)
 def command(

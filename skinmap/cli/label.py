@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import open_robot, prints, robot_option
+from skinmap.commands.options import open_robot, out_file, prints, robot_option
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 
@@ -49,10 +49,7 @@ class LabelResult:
 
 @click.command("label")
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--out", "output", type=click.Path(path_type=Path, dir_okay=False),
-    help="New recording (.mcap or .npz); never the old one.",
-)  # fmt: skip
+@out_file("New recording (.mcap or .npz); never the old one.")
 @click.option("--csv", "table", type=click.Path(path_type=Path), help="Take the touches from here.")
 @click.option(
     "--write-csv", type=click.Path(path_type=Path, dir_okay=False),
@@ -60,7 +57,7 @@ class LabelResult:
 )  # fmt: skip
 @click.option("--web", is_flag=True, help="Step through the touches in the browser.")
 @click.option("--find", is_flag=True, help="Find the touches anew, whatever is marked.")
-@click.option("--name", help="Name of all touches that have none in the end.")
+@click.option("--name", metavar="LABEL", help="Name of all touches that have none in the end.")
 @click.option("--force", is_flag=True, help="Replace files that are there.")
 @robot_option
 @profile_option()

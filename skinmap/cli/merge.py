@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import prints
+from skinmap.commands.options import out_file, prints
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 
@@ -53,10 +53,7 @@ class MergeResult:
 @click.argument(
     "recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path(path_type=Path)
 )
-@click.option(
-    "-o", "--out", "output", type=click.Path(path_type=Path, dir_okay=False), required=True,
-    help="Recording to write, .mcap or .npz; never one of those that are read.",
-)  # fmt: skip
+@out_file("Recording to write, .mcap or .npz; never one of those that are read.", required=True)
 @click.option("--force", is_flag=True, help="Replace files that are there.")
 @profile_option()
 @prints(MergeResult)

@@ -17,12 +17,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from skinmap.commands.options import (
+    MAX_SECONDS,
     Number,
     open_robot,
+    out_file,
     part_option,
     prints,
     robot_option,
+    seconds_option,
     seed_option,
+    speed_option,
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import is_quiet
@@ -63,39 +67,36 @@ class RecordResult:
 
 @click.command("record")
 @click.argument("source")
-@click.option(
-    "-o",
-    "--out",
-    "output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    required=True,
-    help="MCAP file to write.",
-)
+@out_file("MCAP file to write.", required=True)
 @click.option("--force", is_flag=True, help="Replace files that are there.")
 @robot_option
 @part_option
-@click.option("--seconds", type=Number(min=0.0, min_open=True), help="Stop after these.")
-@click.option("--label", help="Mark every touch with this name, to train on.")
+@seconds_option("Stop after so long.")
+@click.option("--label", metavar="LABEL", help="Mark every touch with this name, to train on.")
 @click.option(
     "--model", type=click.Path(path_type=Path), help="Mark every touch with what a model says."
 )
 @click.option("--motion", is_flag=True, help="Record which way touches move, too: /skin/motion.")
-@click.option("--session", default="", help="When, in words: to leave out in `evaluate`.")
-@click.option("--person", default="", help="Who touches, in words: to leave out in `evaluate`.")
 @click.option(
-    "--rotate-mb", type=Number(min=0.01), default=1024.0, show_default=True,
+    "--session", metavar="WORDS", default="", help="When, in words: to leave out in `evaluate`."
+)
+@click.option(
+    "--person",
+    metavar="WORDS",
+    default="",
+    help="Who touches, in words: to leave out in `evaluate`.",
+)
+@click.option(
+    "--rotate-mb", type=Number(0.01, 1e6), default=1024.0, show_default=True,
     help="Begin another file at this size.",
 )  # fmt: skip
 @click.option(
-    "--rotate-minutes", type=Number(min=0.01), default=60.0, show_default=True,
+    "--rotate-minutes", type=Number(0.01, MAX_SECONDS / 60.0), default=60.0, show_default=True,
     help="Begin another file after this time.",
 )  # fmt: skip
+@speed_option("than recorded or simulated")
 @click.option(
-    "--speed", type=Number(min=0.0, min_open=True), default=1.0, show_default=True,
-    help="Of a recording or the simulator; inf is as fast as it goes.",
-)  # fmt: skip
-@click.option(
-    "--points-hz", type=Number(min=0.0), default=1.0, show_default=True,
+    "--points-hz", type=Number(0.0, 10_000.0, endless=True), default=1.0, show_default=True,
     help="Clouds of all taxels a second for ROS 2's tools; inf one a sample, 0 none.",
 )  # fmt: skip
 @seed_option

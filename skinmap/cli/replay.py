@@ -9,7 +9,14 @@ from typing import Any
 
 import click
 
-from skinmap.commands.options import Number, open_robot, part_option, prints
+from skinmap.commands.options import (
+    open_robot,
+    part_option,
+    prints,
+    publish_option,
+    seconds_option,
+    speed_option,
+)
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 
@@ -39,17 +46,10 @@ class ReplayResult:
     help="Robot whose skin it must be; it also names a dumper's folders.",
 )
 @part_option
-@click.option(
-    "--publish",
-    metavar="SPEC",
-    help="Where to: lsl:NAME, zmq:PORT, zmq:HOST:PORT, foxglove[:PORT] or zenoh[:PORT].",
-)
-@click.option(
-    "--speed", type=Number(min=0.0, min_open=True), default=1.0, show_default=True,
-    help="How many times faster than recorded; inf is as fast as it goes.",
-)  # fmt: skip
+@publish_option("what is played")
+@speed_option("than recorded")
 @click.option("--loop", is_flag=True, help="Start again at the end, until Ctrl-C.")
-@click.option("--seconds", type=Number(min=0.0), help="Stop after these.")
+@seconds_option("Stop after so long.")
 @profile_option()
 @prints(ReplayResult)
 def command(

@@ -14,11 +14,15 @@ import click
 from click.core import ParameterSource
 
 from skinmap.commands.options import (
+    MAX_TOUCHES,
     Number,
     open_robot,
+    out_file,
     part_option,
     prints,
+    publish_option,
     robot_argument,
+    seconds_option,
     seed_option,
 )
 from skinmap.commands.profiles import profile_option
@@ -26,23 +30,27 @@ from skinmap.commands.progress import progress
 from skinmap.errors import SkinWarning
 from skinmap.report.present import present
 
-# What can be said of the sensors instead of having it drawn: type and help.
-SENSING: dict[str, tuple[type, str]] = {
-    "noise": (float, "Of a sample [counts]; 1.2 where nothing varies."),
-    "drift": (float, "Of baselines [counts]; 0.5 where nothing varies."),
-    "dead": (float, "Share of taxels that always send 0."),
-    "unplaced": (float, "Share of modules whose channels have no place."),
-    "stuck": (float, "Share of taxels, side by side, that always send one value."),
-    "spikes": (float, "Chance that a taxel jumps in a sample."),
-    "gaps": (float, "Share of samples that are lost, one to four at once."),
-    "hysteresis": (float, "Share of a fallen load by which readings stay higher."),
-    "creep": (float, "Share by which readings still grow under a standing load."),
-    "cross_talk": (float, "Share of its module's mean that a taxel reads with its own."),
-    "gain_spread": (float, "Spread of taxels' gains; 0.15 where nothing varies."),
-    "foam_mm": (float, "Spread by the foam; 2.5 where nothing varies."),
-    "saturation": (float, "No taxel sends more counts; 255 by default."),
-    "bits": (int, "Resolution, 1 to 8; 8 by default."),
-    "rate": (float, "Samples a second; 50 by default."),
+SHARE, COUNTS = Number(0.0, 1.0), Number(0.0, 255.0)
+# What can be said of the sensors instead of having it drawn: limits and help.
+SENSING: dict[str, tuple[click.ParamType[Any], str]] = {
+    "noise": (COUNTS, "Of a sample [counts]; 1.2 where nothing varies."),
+    "drift": (COUNTS, "Of baselines [counts]; 0.5 where nothing varies."),
+    "dead": (SHARE, "Share of taxels that always send 0."),
+    "unplaced": (SHARE, "Share of modules whose channels have no place."),
+    "stuck": (SHARE, "Share of taxels, side by side, that always send one value."),
+    "spikes": (SHARE, "Chance that a taxel jumps in a sample."),
+    "gaps": (Number(0.0, 0.5), "Share of samples that are lost, one to four at once."),
+    "hysteresis": (SHARE, "Share of a fallen load by which readings stay higher."),
+    "creep": (Number(0.0, 10.0), "Share by which readings still grow under a standing load."),
+    "cross_talk": (SHARE, "Share of its module's mean that a taxel reads with its own."),
+    "gain_spread": (Number(0.0, 10.0), "Spread of taxels' gains; 0.15 where nothing varies."),
+    "foam_mm": (
+        Number(0.0, 1000.0, min_open=True),
+        "Spread by the foam; 2.5 where nothing varies.",
+    ),
+    "saturation": (COUNTS, "No taxel sends more counts; 255 by default."),
+    "bits": (click.IntRange(1, 8), "Resolution; 8 by default."),
+    "rate": (Number(0.0, 10_000.0, min_open=True), "Samples a second; 50 by default."),
 }
 
 
@@ -143,7 +151,7 @@ def sensing_options(command: Any) -> Any:
 @part_option
 @click.option(
     "--per-gesture",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MAX_TOUCHES),
     default=20,
     show_default=True,
     help="Touches of each gesture on each part.",
@@ -151,18 +159,19 @@ def sensing_options(command: Any) -> Any:
 @click.option(
     "--gesture",
     "gestures",
+    metavar="GESTURE",
     multiple=True,
     help="Only this gesture; may be repeated. Or four (the default), eight, all, or time: "
     "strokes, pats, taps, rubs and more, with their true motion.",
 )
 @click.option(
     "--pairs",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MAX_TOUCHES),
     help="Instead, so many pairs of touches at once on each part, drawn from the gestures.",
 )
 @click.option(
     "--subjects",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MAX_TOUCHES),
     default=10,
     show_default=True,
     help="People who touch, each with a hand size and habits.",
@@ -181,31 +190,23 @@ def sensing_options(command: Any) -> Any:
     show_default=True,
     help="Who presses: our simulator, or MuJoCo on a bed of springs (extra 'mujoco').",
 )
-@click.option("--variant", help="Of --physics mujoco: foam (the default), flesh, finger, ...")
+@click.option(
+    "--variant",
+    metavar="VARIANT",
+    help="Of --physics mujoco: foam (the default), flesh, finger, ...",
+)
 @click.option(
     "--variety",
+    metavar="none|some|wide|X",
     default="wide",
     show_default=True,
     help="How far touches and sensors are drawn at random: none (pads of fixed sizes on clean "
     "sensors), some, wide, or a number from 0 to 1.",
 )
 @sensing_options
-@click.option(
-    "-o",
-    "--out",
-    "output",
-    type=click.Path(path_type=Path),
-    default=Path("touches.npz"),
-    show_default=True,
-    help="Recording to write: .npz or .mcap.",
-)
-@click.option(
-    "--publish",
-    metavar="SPEC",
-    help="Instead of a recording, stream touches live until Ctrl-C: lsl:NAME, zmq:PORT or "
-    "zmq:HOST:PORT.",
-)
-@click.option("--seconds", type=Number(min=0.0, min_open=True), help="End the stream.")
+@out_file("Recording to write: .npz or .mcap.", default="touches.npz")
+@publish_option("touches without end instead of recording them")
+@seconds_option("Stop after so long; with --publish only.")
 @click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
 @seed_option
 @profile_option("fidelity")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from skinmap.commands.options import (
+    Number,
     open_robot,
     out_option,
     part_option,
@@ -106,12 +106,17 @@ class StructuresResult:
 @part_option
 @click.option(
     "--radius-mm",
+    metavar="MM|auto",
     default="8",
     show_default=True,
     help="Radius of a neighbourhood, or auto: between two rings of the lattice, near 8 mm.",
 )
 @click.option(
-    "--tolerance-mm", default=1.5, show_default=True, help="How far neighbours may stray."
+    "--tolerance-mm",
+    type=Number(0.0, 1000.0, min_open=True),
+    default=1.5,
+    show_default=True,
+    help="How far neighbours may stray.",
 )
 @click.option(
     "--rotations",
@@ -145,8 +150,6 @@ def command(
     \b
     Example:  skinmap structures icub --part right_leg_upper --rotations 6 --out pictures
     """
-    if not 0 < tolerance_mm < math.inf:
-        raise click.UsageError(f"--tolerance-mm must be above 0, got {tolerance_mm}")
     wanted = read_radius(radius_mm)
     loaded, names = open_robot(robot, parts)
     sought = Sought(names, wanted, tolerance_mm * 1e-3, int(rotations), distance)

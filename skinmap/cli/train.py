@@ -12,6 +12,7 @@ import click
 from click.core import ParameterSource
 
 from skinmap.commands.options import (
+    out_file,
     part_option,
     prints,
     read_radius,
@@ -146,19 +147,12 @@ class TrainResult:
 @part_option
 @click.option(
     "--classifier",
+    metavar="CLASSIFIER",
     default="contact-geometry",
     show_default=True,
     help="Which classifier; an unknown name lists them.",
 )
-@click.option(
-    "-o",
-    "--out",
-    "output",
-    type=click.Path(path_type=Path),
-    default=Path("touch.skinmodel"),
-    show_default=True,
-    help="Model to write.",
-)
+@out_file("Model to write.", default="touch.skinmodel")
 @click.option(
     "--with-simulated",
     type=click.IntRange(1, 1000),
@@ -167,13 +161,27 @@ class TrainResult:
 )
 @click.option(
     "--radius-mm",
+    metavar="MM|auto",
     help="Histograms: of a neighbourhood, or auto, as structures has it.  [default: 8]",
 )
-@click.option("--words", type=int, help="Codewords of a structure, or of images.")
-@click.option("--rotations", type=int, help="Histograms: turns of a structure, 1, 4 or 6.")
-@click.option("--distance", help="Histograms: euclidean, or geodesic (along the skin).")
-@click.option("--search", help="Histograms: how codewords are looked for, plain or compiled.")
-@click.option("--precision", help="Histograms: of distances from codewords, float64 or float32.")
+@click.option(
+    "--words", type=click.IntRange(2, 250), help="Codewords of a structure, or of images."
+)
+@click.option(
+    "--rotations", type=click.Choice(["1", "4", "6"]), help="Histograms: turns of a structure."
+)
+@click.option(
+    "--distance", type=click.Choice(["euclidean", "geodesic"]),
+    help="Histograms: straight, or along the skin.",
+)  # fmt: skip
+@click.option(
+    "--search", type=click.Choice(["plain", "compiled"]),
+    help="Histograms: how codewords are looked for.",
+)  # fmt: skip
+@click.option(
+    "--precision", type=click.Choice(["float64", "float32"]),
+    help="Histograms: of distances from codewords.",
+)  # fmt: skip
 @click.option("--image-size", metavar="ROWSxCOLUMNS", help="Contact images.  [default: 66x100]")
 @seed_option
 @profile_option("classify")
@@ -202,6 +210,8 @@ def command(
     Example:  skinmap train touches.npz --part torso --part left_arm -o touch.skinmodel
               skinmap train poke.mcap rub.mcap monday/ --with-simulated 20
     """
+    if knobs["rotations"] is not None:
+        knobs["rotations"] = int(knobs["rotations"])
     chosen = Training(classifier, parts, seed, with_simulated or 0, _own_knobs(knobs))
     present(work(recordings, robot, output, chosen), _lines, as_json=as_json)
 

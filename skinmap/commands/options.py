@@ -17,19 +17,70 @@ if TYPE_CHECKING:
 
 
 class Number(click.FloatRange):
-    """A number within limits, as `click.FloatRange`, which takes NaN for any number."""
+    """A number within limits, as `click.FloatRange`, which takes NaN for any number.
+
+    Parameters
+    ----------
+    min, max : float
+        Limits, of which `min_open` and `max_open` leave one out.
+    endless : bool
+        Whether inf is taken too, beyond `max`.
+    """
+
+    def __init__(
+        self,
+        min: float,
+        max: float,
+        *,
+        min_open: bool = False,
+        max_open: bool = False,
+        endless: bool = False,
+    ) -> None:
+        super().__init__(min, max, min_open=min_open, max_open=max_open)
+        self.endless = endless
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """The number of a text."""
-        number = float(super().convert(value, param, ctx))
+        number = float(click.FLOAT.convert(value, param, ctx))
         if math.isnan(number):
             self.fail(f"{value!r} is not a number", param, ctx)
-        return number
+        if self.endless and number == math.inf:
+            return number
+        return float(super().convert(number, param, ctx))
+
+    def _describe_range(self) -> str:
+        """As click's, with 1e+06 for 1000000.0."""
+        low = f"{self.min:g}<{'' if self.min_open else '='}x"
+        high = f"<{'' if self.max_open else '='}{self.max:g}"
+        return low + high + (" or inf" if self.endless else "")
 
 
+class Written(click.Path):
+    """A file to write whose suffix says its format: refused before any work is done."""
+
+    def __init__(self, *suffixes: str) -> None:
+        super().__init__(path_type=Path, dir_okay=False)
+        self.suffixes = suffixes
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path of a text."""
+        from skinmap.errors import unknown_name
+
+        suffix = Path(value).suffix.lower()
+        if suffix not in self.suffixes:
+            self.fail(unknown_name("format for files ending in", suffix, self.suffixes), param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PICTURE = Written(".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
+PAGE = Written(".html", ".htm")
 F = TypeVar("F", bound=Callable[..., Any])
+MAX_SECONDS = 1e7  # four months: no command is left to run longer
+MAX_SPEED = 1e6
+PUBLISH_WAYS = "lsl:NAME, zmq:PORT, zmq:HOST:PORT, zenoh[:PORT] or foxglove[:PORT]"
+MAX_TOUCHES = 100_000  # that are simulated of a kind on a part: days of work
 RECORDED = (".npz", ".mcap", ".csv", ".tsv", ".txt")  # recordings that may say their robot
 OUTSIDE = "skinmap.allow_outside"
 RESULTS = "__results__"
@@ -120,18 +171,46 @@ def results_of(command: click.Command) -> dict[str, Kinds]:
     return found
 
 
+MAX_SEED = 4_000_000_000  # scikit-learn's seeds have 32 bits, and repetitions count on from it
 seed_option = click.option(
     "--seed",
-    type=click.IntRange(min=0),
+    type=click.IntRange(0, MAX_SEED),
     default=0,
     show_default=True,
     help="Seed of all randomness.",
 )
 
 
+def seconds_option(help: str) -> Callable[[F], F]:
+    """`--seconds`: how long a command goes on with what would not end, or not so soon."""
+    return click.option("--seconds", type=Number(0.0, MAX_SECONDS, min_open=True), help=help)
+
+
+def speed_option(of: str, *, endless: bool = True) -> Callable[[F], F]:
+    """`--speed` of a source; `endless` where it may run as fast as it goes."""
+    return click.option(
+        "--speed",
+        type=Number(0.0, MAX_SPEED, min_open=True, endless=endless),
+        default=1.0,
+        show_default=True,
+        help=f"How many times faster {of}{'; inf is as fast as it goes' if endless else ''}.",
+    )
+
+
+def publish_option(what: str, *, multiple: bool = False) -> Callable[[F], F]:
+    """`--publish`: what other programs can follow, and how."""
+    more = "; may be repeated" if multiple else ""
+    return click.option(
+        "--publish",
+        metavar="SPEC",
+        multiple=multiple,
+        help=f"Let others follow {what}: {PUBLISH_WAYS}{more}.",
+    )
+
+
 def read_radius(text: str) -> float | None:
     """The radius asked for [m], None for auto."""
-    from skinmap.neighbours.radius import WIDEST
+    from skinmap.neighbours.radius import NARROWEST, WIDEST
 
     if text == "auto":
         return None
@@ -139,9 +218,9 @@ def read_radius(text: str) -> float | None:
         radius = float(text)
     except ValueError:
         radius = math.nan
-    if not 0 < radius <= WIDEST * 1e3:
+    if not NARROWEST <= radius * 1e-3 <= WIDEST:
         raise click.UsageError(
-            f"--radius-mm must be above 0 and at most {WIDEST * 1e3:g}, or auto, got {text!r}"
+            f"--radius-mm must lie in {NARROWEST * 1e3:g}..{WIDEST * 1e3:g}, or auto, got {text!r}"
         )
     return radius * 1e-3
 
@@ -155,12 +234,30 @@ def try_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path 
     return out
 
 
+def out_file(
+    what: str, *, default: str | None = None, required: bool = False, folder: bool = False
+) -> Callable[[F], F]:
+    """`--out`, with the file that is written; `folder` where it may be one in some format."""
+    return click.option(
+        "-o",
+        "--out",
+        "output",
+        type=click.Path(path_type=Path, dir_okay=folder),
+        metavar="FILE|FOLDER" if folder else "FILE",
+        default=default,
+        show_default=True,
+        required=required,
+        help=what,
+    )
+
+
 def out_folder(of: str, *, required: bool = False) -> Callable[[F], F]:
     """`--out`, with what the folder is for; tried before any work is done."""
     return click.option(
         "-o",
         "--out",
         type=click.Path(path_type=Path, file_okay=False),
+        metavar="FOLDER",
         required=required,
         callback=try_folder,
         help=f"Folder for {of}.",

@@ -13,10 +13,15 @@ import click
 if TYPE_CHECKING:
     from skinmap.parallel.workers import Workers
 
+MAX_JOBS = 256  # processes
 F = TypeVar("F", bound=Callable[..., Any])
 _OPTIONS = (
     click.option(
-        "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Local processes."
+        "--jobs",
+        type=click.IntRange(1, MAX_JOBS),
+        default=1,
+        show_default=True,
+        help="Local processes.",
     ),
     click.option(
         "--backend",
@@ -25,7 +30,7 @@ _OPTIONS = (
         show_default=True,
         help="Processes of this machine or a Dask cluster.",
     ),
-    click.option("--address", help="Of the Dask scheduler, tcp://host:port."),
+    click.option("--address", metavar="URL", help="Of the Dask scheduler, tcp://host:port."),
     click.option(
         "--resume",
         type=click.Path(path_type=Path),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from skinmap.errors import MissingLibraryError
+from skinmap.optional import import_optional
 
 
 def import_meshlab() -> Any:
@@ -15,10 +15,7 @@ def import_meshlab() -> Any:
     MissingLibraryError
         It is not installed.
     """
-    try:
-        import pymeshlab
-    except ImportError as error:
-        raise MissingLibraryError(
-            "wrapping a body and `--meshing accurate` need pymeshlab (GPL-3): pip install pymeshlab"
-        ) from error
-    return pymeshlab
+    return import_optional(
+        "pymeshlab",
+        "wrapping a body and `--meshing accurate` need pymeshlab (GPL-3): pip install pymeshlab",
+    )

@@ -12,7 +12,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.neighbours.offsets import BAND
 
 RANGE = (0.75, 1.4)  # of the requested radius: further off it is another ring's
-WIDEST = 1.0  # of a neighbourhood, that anyone may ask for [m]
+NARROWEST, WIDEST = 1e-4, 1.0  # neighbourhoods that anyone may ask for [m]
 STEPS = 261  # radii that are tried
 SLACK = 0.02  # of the mean: as good as empty
 

@@ -9,7 +9,8 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Protocol
 
-from skinmap.errors import MissingLibraryError, UnreachableError, VersionMismatchError
+from skinmap.errors import UnreachableError, VersionMismatchError
+from skinmap.optional import import_optional
 
 # One thread in the numeric libraries of each process: the processes share the cores already, and
 # sums keep their order.
@@ -240,19 +241,15 @@ def connect(address: str) -> Any:
     ------
     UnreachableError, MissingLibraryError
     """
-    try:
-        from distributed import Client
-    except ImportError:
-        raise MissingLibraryError(
-            "the backend dask needs dask and distributed: install skinmap[dask]"
-        ) from None
+    need = "the backend dask needs dask and distributed: install skinmap[dask]"
+    distributed = import_optional("distributed", need)
     import warnings
 
     try:
         with warnings.catch_warnings():
             # Versions are compared below, and a difference is more than a warning.
             warnings.filterwarnings("ignore", "Mismatched versions found")
-            return Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+            return distributed.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError, TypeError, ImportError) as error:
         raise UnreachableError(
             f"no Dask scheduler answers at {address!r} ({type(error).__name__}); "

@@ -7,13 +7,11 @@ the flat map's own differential under the touch carries it back to the skin.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import MissingLibraryError
 from skinmap.geometry.proximity import median_spacing
+from skinmap.optional import import_optional
 from skinmap.touch.contact_image import image_geometry
 from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -21,23 +19,6 @@ TORN = 2.0  # an edge that is so much longer on the map leads across a seam
 FINE = 2.0  # pixels a spacing
 LEVELS, WINDOW, TURNS = 3, 9, 3  # of Farneback's pyramid, in pixels, and its iterations
 EXPANSION, SMOOTH = 5, 1.1  # neighbourhood of the polynomials, and its spread [pixels]
-
-
-def import_opencv() -> Any:
-    """OpenCV.
-
-    Raises
-    ------
-    MissingLibraryError
-        It is not installed.
-    """
-    try:
-        import cv2
-    except ImportError as error:
-        raise MissingLibraryError(
-            "optical flow needs OpenCV: pip install 'skinmap[images]'"
-        ) from error
-    return cv2
 
 
 class FlatFlow:
@@ -55,7 +36,9 @@ class FlatFlow:
     """
 
     def __init__(self, skin: PreparedSkin) -> None:
-        self._cv2 = import_opencv()
+        self._cv2 = import_optional(
+            "cv2", "optical flow needs OpenCV: pip install 'skinmap[images]'"
+        )
         flat = skin.flat
         pitch = median_spacing(skin.skin.positions) / FINE
         self._image = image_geometry(flat, pitch=pitch)

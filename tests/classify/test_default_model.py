@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skinmap.classify.default_model import FILE, default_model
 from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest
+from skinmap.classify.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.io.robots.manifest import load_robot
 from skinmap.skin.fingerprint import fingerprint
 from skinmap.touch.gestures import FOUR, TIME
@@ -37,8 +37,8 @@ def model():
 
 
 def test_it_is_small_and_read_at_once_without_what_trains():
-    assert FILE.stat().st_size < 1_000_000
-    with zipfile.ZipFile(FILE) as archive:
+    assert DEFAULT_FILE.stat().st_size < 1_000_000
+    with zipfile.ZipFile(DEFAULT_FILE) as archive:
         assert "estimator.skops" not in archive.namelist()
     began = time.process_time()
     default_model()

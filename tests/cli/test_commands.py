@@ -138,7 +138,7 @@ def test_same_seed_writes_the_same_recording(tmp_path):
         (("flatten", "gone.toml"), r"no file 'gone\.toml'"),
         (("structures", "--radius-mm", "-1"), "must be above 0"),
         (("simulate", "--gesture", "slap", "--part", "torso", "-o", "x.npz"), "no gesture 'slap'"),
-        (("simulate", "--part", "torso", "--dead", "2"), "dead is a share of 0..1"),
+        (("simulate", "--part", "torso", "--dead", "2"), "2.0 is not in the range 0<=x<=1"),
         (("simulate", "--part", "torso", "--pairs", "2", "--places", "habitual"), "leave out"),
         (("simulate", "--part", "left_hand", "-o", "/proc/x/y.npz"), "cannot write"),
         (("train", "gone.npz"), r"no file 'gone\.npz'"),

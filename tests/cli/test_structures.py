@@ -41,10 +41,10 @@ def test_pictures_are_written_beside_the_numbers(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--radius-mm", "wide"), "must be above 0 and at most 1000, or auto, got 'wide'"),
-        (("--radius-mm", "-3"), "must be above 0 and at most 1000, or auto"),
-        (("--radius-mm", "nan"), "must be above 0 and at most 1000, or auto"),
-        (("--tolerance-mm", "0"), "--tolerance-mm must be above 0"),
+        (("--radius-mm", "wide"), "must lie in 0.1..1000, or auto, got 'wide'"),
+        (("--radius-mm", "-3"), "must lie in 0.1..1000, or auto"),
+        (("--radius-mm", "nan"), "must lie in 0.1..1000, or auto"),
+        (("--tolerance-mm", "0"), "0.0 is not in the range 0<x<="),
         (("--rotations", "5"), "'5' is not one of '1', '4', '6'"),
         (("--distance", "taxi"), "'taxi' is not one of"),
     ],

@@ -10,7 +10,7 @@ import click
 
 from calibration.commands.options import FILE, PatchFiles, PatchOptions, patch_options
 from calibration.commands.results import Grade
-from skinmap.commands.options import prints
+from skinmap.commands.options import PICTURE, prints
 from skinmap.report.present import present
 from skinmap.report.verdict import OK, Verdict
 
@@ -48,7 +48,9 @@ class AnchorsResult:
     "--anchors", "anchors_file", type=FILE,
     help="To go on from: CSV `channel,x,y,z[,sigma]`, as `w` saves it.",
 )  # fmt: skip
-@click.option("--screenshot", type=FILE, help="Solve, write a picture and end: needs no display.")
+@click.option(
+    "--screenshot", type=PICTURE, help="Solve, write a picture and end: needs no display."
+)
 @patch_options(
     "taxels.csv, report.html and anchors.csv",
     required=False,

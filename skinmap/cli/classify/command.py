@@ -9,7 +9,15 @@ from typing import Any
 import click
 
 from skinmap.cli.classify.result import ClassifyResult, LiveSummary, LiveTouch, health_lines
-from skinmap.commands.options import Number, part_option, prints, robot_option, seed_option
+from skinmap.commands.options import (
+    Number,
+    part_option,
+    prints,
+    publish_option,
+    robot_option,
+    seconds_option,
+    seed_option,
+)
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 from skinmap.report.table import Table
@@ -23,29 +31,20 @@ SUFFIX = ".skinmodel"  # as `skinmap.classify.model_file` has it; a test compare
 @part_option
 @click.option(
     "--span-mm",
-    type=Number(min=1.0),
+    type=Number(1.0, 10_000.0),
     default=200.0,
     show_default=True,
     help="A spread hand: contacts further apart are separate touches.",
 )
 @click.option(
     "--together-ms",
-    type=Number(min=1.0),
+    type=Number(1.0, 60_000.0),
     default=80.0,
     show_default=True,
     help="Contacts that begin and end within this time are one grip.",
 )
-@click.option(
-    "--seconds",
-    type=Number(min=0.0, min_open=True),
-    help="Stop after so long; live sources only.",
-)
-@click.option(
-    "--publish",
-    multiple=True,
-    metavar="SPEC",
-    help="Let others follow pressures, contacts and labels: lsl:NAME or zmq:PORT.",
-)
+@seconds_option("Stop after so long; live sources only.")
+@publish_option("pressures, contacts and labels", multiple=True)
 @click.option(
     "--response",
     "responses",
@@ -55,13 +54,13 @@ SUFFIX = ".skinmodel"  # as `skinmap.classify.model_file` has it; a test compare
 )
 @click.option(
     "--coverage",
-    type=float,
+    type=Number(0.0, 1.0, min_open=True, max_open=True),
     help="Give each touch the fewest names that hold the truth in this share of all touches, "
     "0.9 for one: `poke or edge`.",
 )
 @click.option(
     "--window-ms",
-    type=Number(min=20.0, max=2000.0),
+    type=Number(20.0, 2000.0),
     default=200.0,
     show_default=True,
     help="Live: velocities are taken from so long at least.",
@@ -114,8 +113,8 @@ def command(
               skinmap classify touch.skinmodel touches.npz --coverage 0.9
               skinmap classify touch.skinmodel lsl:demo --seconds 60 --json
     """
-    from skinmap.classify.default_model import default_model
     from skinmap.classify.model_file import load_classifier
+    from skinmap.classify.named_classifiers import default_model
     from skinmap.touch.grouping import GroupingRule
 
     model, source = _model_and_source(files)

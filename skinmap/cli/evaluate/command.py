@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 
-from skinmap.cli.evaluate.evaluation import ON_DATA, PROTOCOLS, Settings, work
-from skinmap.cli.evaluate.result.baxter import BaxterResult
-from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult
-from skinmap.cli.evaluate.result.in_time import TimeResult
-from skinmap.cli.evaluate.result.kaspar import KasparResult
-from skinmap.cli.evaluate.result.physics import PhysicsResult
-from skinmap.cli.evaluate.result.real_skin import FingersResult, HandsResult
-from skinmap.cli.evaluate.result.recordings import RecordingsResult
-from skinmap.cli.evaluate.result.social_touch import CostResult
-from skinmap.commands.options import out_folder, outside_option, part_option, prints, seed_option
+from skinmap.cli.evaluate.evaluation import (
+    ON_DATA,
+    PROTOCOLS,
+    Evaluation,
+    Settings,
+    find_evaluation,
+)
+from skinmap.cli.evaluate.result import EvaluateResult
+from skinmap.commands.options import (
+    MAX_TOUCHES,
+    out_folder,
+    outside_option,
+    part_option,
+    prints,
+    seed_option,
+)
 from skinmap.commands.profiles import from_profile, profile_option
 from skinmap.commands.workers import worker_options, workers_options
+from skinmap.report.image import media
+from skinmap.report.page import lines_page
 from skinmap.report.present import present
+from skinmap.report.result import plain
 
 OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of their own
 
@@ -32,7 +43,9 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
     help="What to measure; recordings are cross-validated by touch event.",
 )
 @click.option("--robot", metavar="ROBOT", help="Robot to simulate on, or that was recorded.")
-@click.option("--train-robot", help="cross-patch: train on this robot, test on --robot.")
+@click.option(
+    "--train-robot", metavar="ROBOT", help="cross-patch: train on this robot, test on --robot."
+)
 @outside_option
 @part_option
 @click.option(
@@ -40,7 +53,13 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
     type=click.IntRange(1, 1000),
     help="Repetitions.  [default: 5; baxter: 10, physics, time: 1]",
 )
-@click.option("--classifier", "names", multiple=True, help="Only this one; may be repeated.")
+@click.option(
+    "--classifier",
+    "names",
+    metavar="CLASSIFIER",
+    multiple=True,
+    help="Only this one; may be repeated.",
+)
 @click.option(
     "--gestures",
     default="four",
@@ -50,7 +69,7 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 )
 @click.option(
     "--per-gesture",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, MAX_TOUCHES),
     default=20,
     show_default=True,
     help="cross-patch, physics, time: touches of each gesture on each patch or part.",
@@ -64,7 +83,11 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 )
 @click.option("--sweep", is_flag=True, help="kaspar: sweep r and k (always with --out).")
 @click.option(
-    "--images", type=click.IntRange(min=40), default=1800, show_default=True, help="baxter: images."
+    "--images",
+    type=click.IntRange(40, MAX_TOUCHES),
+    default=1800,
+    show_default=True,
+    help="baxter: images.",
 )
 @click.option(
     "--network",
@@ -91,17 +114,7 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
 @out_folder("pictures, evaluation.json and report.html")
 @seed_option
 @profile_option("classify")
-@prints(
-    KasparResult,
-    CrossPatchResult,
-    PhysicsResult,
-    RecordingsResult,
-    BaxterResult,
-    TimeResult,
-    CostResult,
-    FingersResult,
-    HandsResult,
-)
+@prints(*get_args(EvaluateResult))
 def command(
     recordings: tuple[Path, ...],
     protocol: str | None,
@@ -124,8 +137,6 @@ def command(
               skinmap evaluate monday.mcap tuesday.mcap --leave-out session --leaks
               skinmap evaluate --protocol kaspar --sweep --jobs 4 --resume kaspar.resume
     """
-    from skinmap.cli.evaluate.report import lines, report, write
-
     chosen, files = _protocol(protocol, recordings)
     spread = worker_options(options)
     options["seeds"] = options["seeds"] or {"baxter": 10, "physics": 1, "time": 1}.get(chosen, 5)
@@ -133,15 +144,37 @@ def command(
         options["names"] = ()  # a profile's classifier is one of those that are compared anyway
     options["sweep"] = options["sweep"] or out is not None
     with spread.open(f"evaluate {chosen}") as workers:
-        result = work(Settings(protocol=chosen, recordings=files, workers=workers, **options))
+        evaluation = find_evaluation(chosen)
+        settings = Settings(protocol=chosen, recordings=files, workers=workers, **options)
+        result = evaluation.work(settings)
+    title = f"{result.robot}: evaluation, {result.protocol}"
     present(
         result,
-        lines,
+        evaluation.lines,
         as_json=as_json,
         out=out,
-        write=lambda stage: write(result, stage),
-        page=lambda stage: report(result, stage),
+        write=lambda stage: _write(result, evaluation, stage),
+        page=lambda stage: lines_page(
+            title,
+            evaluation.lines(result),
+            [media(path, path.stem) for path in sorted(stage.glob("*.png"))],
+        ),
     )
+
+
+def _write(result: EvaluateResult, evaluation: Evaluation, stage: Path) -> Iterator[str]:
+    """Write the result as JSON and its pictures; names of the files."""
+    numbers = {key: value for key, value in plain(result).items() if key != "files"}
+    text = json.dumps(numbers, indent=2, allow_nan=False) + "\n"
+    (stage / "evaluation.json").write_text(text, encoding="utf-8")
+    yield "evaluation.json"
+    for name, draw in evaluation.FIGURES.items():
+        draw(result, stage / name)
+        yield name
+
+
+def _pictures(stage: Path) -> list[str]:
+    return [media(path, path.stem) for path in sorted(stage.glob("*.png"))]
 
 
 def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, tuple[Path, ...]]:

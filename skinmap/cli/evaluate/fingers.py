@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skinmap.arrays import IntArray
+from skinmap.cli.evaluate.evaluation import (
+    Figure,
+    Rows,
+    Settings,
+    percent,
+)
 from skinmap.cli.evaluate.result.real_skin import CountRow, FingersResult
 from skinmap.commands.progress import progress
+from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.fingers import Counted
-    from skinmap.cli.evaluate.evaluation import Settings
     from skinmap.io.recordings.cyskin_arrays import PressedSkin
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -121,3 +129,65 @@ def _row(found: Counted, control: Counted) -> CountRow:
         control_within_one=control.within_one,
         confusion=found.confusion.tolist(),
     )
+
+
+def lines(result: FingersResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    total = sum(result.recordings.values())
+    told = ", ".join(f"{count} of {number}" for number, count in result.recordings.items())
+    yield (
+        f"{result.robot}, {result.taxels} taxels: {total} recordings of real fingers ({told}); "
+        f"each taxel's own rest taken away; in %, majority {percent(result.majority)}"
+    )
+    if result.unplaced or result.unrecorded:
+        yield (
+            f"{result.unplaced} channels have no place, {result.unrecorded} taxels no channel: "
+            "left out"
+        )
+    rows: Rows = [
+        [
+            row.method, percent(row.exact), percent(row.within_one), percent(row.spread),
+            percent(row.control), percent(row.control_within_one),
+        ]
+        for row in (result.live, result.width, result.chosen, result.trained)
+    ]  # fmt: skip
+    head = ["fingers counted by", "exact", "within one", "std", "control", "within one"]
+    yield Table(head, rows)
+    yield (
+        f"control: the same on the first {result.first_samples} samples of each recording; width: "
+        f"one finger up to {result.narrow_mm:.1f} mm, one more for each {result.finger_mm:.1f} mm"
+    )
+
+
+def fingers_figure(result: FingersResult, path: Path) -> None:
+    """Fingers that touched against fingers counted, by each method."""
+    rows = (result.live, result.width, result.chosen, result.trained)
+    figure = plain_figure((4.2 * len(rows), 4.6))
+    for axis, row in zip(figure.subplots(1, len(rows), squeeze=False)[0], rows, strict=True):
+        values = np.array(row.confusion)
+        values = values[: max(map(int, result.recordings)) + 1]
+        share = 100.0 * values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9)
+        axis.imshow(share, cmap="viridis", vmin=0.0, vmax=100.0, aspect="auto")
+        for (true, counted), value in np.ndenumerate(share):
+            if value >= 0.5:
+                colour = "white" if value < 60.0 else "black"
+                axis.text(
+                    counted,
+                    true,
+                    f"{value:.0f}",
+                    ha="center",
+                    va="center",
+                    color=colour,
+                    fontsize=9,
+                )
+        axis.set_xticks(range(share.shape[1]))
+        axis.set_yticks(range(share.shape[0]))
+        axis.set_xlabel("counted")
+        control = f"control {100 * row.control:.0f}"
+        axis.set_title(f"{row.method}\n{100 * row.exact:.0f} % exact, {control}", fontsize=10)
+    figure.axes[0].set_ylabel("fingers that touched")
+    figure.suptitle(f"{result.robot}: real fingers, share of the recordings of each row [%]")
+    save_figure(figure, path)
+
+
+FIGURES: dict[str, Figure] = {"fingers.png": fingers_figure}

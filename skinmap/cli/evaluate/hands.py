@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, IntArray
+from skinmap.cli.evaluate.evaluation import (
+    BLUE,
+    ORANGE,
+    Figure,
+    Rows,
+    Settings,
+    percent,
+)
 from skinmap.cli.evaluate.result.real_skin import HandRow, HandsResult
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, MissingLibraryError, UnknownNameError
+from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.table import Table
 
 if TYPE_CHECKING:
-    from skinmap.cli.evaluate.evaluation import Settings
     from skinmap.io.recordings.cyskin_arrays import PressedSkin
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -22,6 +33,9 @@ ARCHIVE, FOLDER = "hands*.npz", "handles"
 GRASP = 30  # active taxels of a hand that grasps
 QUIET = 3  # and of an untouched skin, at most
 SHOWN = 8  # samples in the picture
+CONTACTS = (
+    BLUE, ORANGE, "#2f8f6b", "#a83b5e", "#7a5ea8", "#b8a32e", "#3ba0a8", "#6b4a2b", "#5a6470",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -194,3 +208,65 @@ def _mask(index: IntArray, n: int) -> BoolArray:
     mask = np.zeros(n, bool)
     mask[index] = True
     return mask
+
+
+def lines(result: HandsResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    low, high = result.contacts_quartiles
+    quiet = "none" if result.quiet_contacts is None else f"{result.quiet_contacts:.2f}"
+    yield (
+        f"{result.robot}, {result.taxels} taxels: {result.grasping} of {result.samples} samples "
+        "of real hands grasp it"
+    )
+    rows: Rows = [
+        ["contacts of the live tracker, median", f"{result.contacts_median:g}"],
+        ["quartiles", f"{low:g} to {high:g}"],
+        ["connected active taxels, specks and all, median", f"{result.pieces_median:g}"],
+        ["contacts of a single taxel, mean", f"{result.single_taxels:.2f}"],
+        ["control: contacts of the untouched skin, mean", quiet],
+        ["flipped triangles of the flat map", result.flips],
+        ["its edge error [%]", f"{result.edge_error_percent:.2f}"],
+    ]
+    yield Table(["of a grasping hand", ""], rows)
+    if result.hand_or_not:
+        names: Rows = [
+            [row.method, percent(row.mean), percent(row.spread)] for row in result.hand_or_not
+        ]
+        yield Table(["hand or not, grasps left out", "mean", "std"], names)
+    for name, why in result.skipped.items():
+        yield f"{name} was left out: {why}"
+
+
+def hands_figure(result: HandsResult, path: Path) -> None:
+    """Contact images of grasps as published, and below each the contacts on the flat map."""
+    from skinmap.io.recordings.cyskin_arrays import read_pressed
+    from skinmap.touch.paper_image import paper_images
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    data = read_pressed(Path(result.archive), Path(result.patch))
+    skin = PreparedSkin(data.skin)
+    seen = follow(skin, data)
+    samples = shown(seen)
+    pressures = np.concatenate(data.files)[samples]
+    figure = plain_figure((2.3 * len(samples), 5.4))
+    rows = figure.subplots(2, len(samples), squeeze=False, height_ratios=(0.6, 1.0))
+    places = skin.flat.uv * 1e3
+    for column, image in enumerate(paper_images(skin.image_geometry, pressures)):
+        above, below = rows[:, column]
+        above.imshow(image, cmap="gray", vmin=0, vmax=255)
+        owner = seen.owners[samples[column]]
+        below.scatter(*places[owner < 0].T, s=2.0, color="#d5d9de")
+        for number in range(int(owner.max()) + 1):
+            own = owner == number
+            below.scatter(*places[own].T, s=9.0, color=CONTACTS[number % len(CONTACTS)])
+        below.set_aspect("equal")
+        below.set_title(f"{owner.max() + 1} contacts", fontsize=9)
+        for axis in (above, below):
+            axis.set_xticks([])
+            axis.set_yticks([])
+            axis.spines[:].set_visible(False)
+    figure.suptitle(f"{result.robot}: contact images of real hands, and contacts on the flat map")
+    save_figure(figure, path)
+
+
+FIGURES: dict[str, Figure] = {"hands.png": hands_figure}

@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import chosen_gestures
+from skinmap.cli.evaluate.evaluation import (
+    BLUE,
+    COLOURS,
+    GREY,
+    Figure,
+    Rows,
+    Settings,
+    chosen_gestures,
+    percent,
+)
 from skinmap.cli.evaluate.result.in_time import SeenRow, StrokesRow, TimeResult
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
+from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.in_time import InTime
-    from skinmap.cli.evaluate.evaluation import Settings
     from skinmap.live.contacts.stroke_errors import StrokeError
 
 TRAININGS = 8  # of a seed
@@ -127,3 +138,67 @@ def strokes_row(physics: str, errors: Sequence[StrokeError]) -> StrokesRow:
 def _mean(values: Sequence[float]) -> float | None:
     known = [value for value in values if np.isfinite(value)]
     return float(np.mean(known)) if known else None
+
+
+def lines(result: TimeResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    yield (
+        f"{result.robot}, {len(result.parts)} parts in two hands, each touched by people of its "
+        f"own, {len(result.seeds)} seeds (simulated); accuracy in % of touches"
+    )
+    rows: Rows = [
+        [
+            row.features, row.tested_on, f"{100 * row.seen:.0f} %", percent(row.mean),
+            *(percent(row.per_class.get(name)) for name in result.gestures),
+        ]
+        for row in result.rows
+    ]  # fmt: skip
+    yield Table(["features", "tested on", "seen", "mean", *result.gestures], rows)
+    yield (
+        f"\nmotion adds {result.gained_points:.1f} points; half of a touch gives "
+        f"{100 * result.half_seen:.0f} % of the accuracy of all of it; still gestures: "
+        f"{percent(result.still_alone)} alone, {percent(result.still_together)} beside these"
+    )
+    yield "\nstrokes of 5 cm or more, medians of the errors"
+    rows = [
+        [
+            row.physics, row.strokes, percent(row.speed), percent(row.speed_bias),
+            "" if row.direction_deg is None else f"{row.direction_deg:.1f}",
+            percent(row.length), percent(row.within),
+            percent(result.presses_right.get(row.physics)),
+        ]
+        for row in result.strokes
+    ]  # fmt: skip
+    heads = ["speed %", "bias %", "direction deg", "way %", "within 2 errors %", "taps counted %"]
+    yield Table(["physics", "strokes", *heads], rows)
+    for name, why in result.skipped.items():
+        yield f"{name} was left out: {why}"
+
+
+def time_figure(result: TimeResult, path: Path) -> None:
+    """Accuracy against the share of a touch seen, and by gesture with and without motion."""
+    figure = plain_figure((11.0, 4.6))
+    course, bars = figure.subplots(1, 2, width_ratios=(1.0, 1.4))
+    for number, key in enumerate(dict.fromkeys((r.features, r.tested_on) for r in result.rows)):
+        own = [row for row in result.rows if (row.features, row.tested_on) == key]
+        seen, mean = [100 * row.seen for row in own], [100 * row.mean for row in own]
+        course.plot(seen, mean, "o-", color=COLOURS[number % 5], label=", ".join(key))
+    course.set_xlabel("seen of the touch [%]")
+    course.set_ylabel("mean of the classes [%], simulated")
+    course.set_ylim(0.0, 100.0)
+    course.legend(fontsize=8, frameon=False)
+    whole = [row for row in result.rows if row.seen == 1.0 and row.tested_on == "ours"]
+    place = np.arange(len(result.gestures))
+    for shift, (row, colour) in enumerate(zip(whole, (GREY, BLUE), strict=False)):
+        values = [100.0 * row.per_class.get(name, 0.0) for name in result.gestures]
+        bars.bar(place + 0.38 * (shift - 0.5), values, 0.36, color=colour, label=row.features)
+    bars.set_xticks(place, result.gestures, rotation=30, ha="right")
+    bars.set_ylim(0.0, 100.0)
+    bars.legend(fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    for axis in (course, bars):
+        axis.spines[["top", "right"]].set_visible(False)
+    figure.suptitle(f"{result.robot}: touches in time, parts and people left out")
+    save_figure(figure, path)
+
+
+FIGURES: dict[str, Figure] = {"time.png": time_figure}

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import chosen_gestures
+from skinmap.cli.evaluate.evaluation import (
+    BLUE,
+    GREY,
+    Figure,
+    Rows,
+    Settings,
+    by_class,
+    chosen_gestures,
+    percent,
+)
 from skinmap.cli.evaluate.result.recordings import LeakRow, LeftOutRow, RecordingsResult
 from skinmap.cli.evaluate.result.shared import AccuracyRow
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.result import given
+from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from skinmap.classify.protocols.left_out import Control, LeftOutTrial
     from skinmap.cli.collection import Collected, Collection
-    from skinmap.cli.evaluate.evaluation import Settings
 
 
 def work(settings: Settings) -> RecordingsResult:
@@ -160,3 +172,69 @@ def _row(trial: LeftOutTrial, found: dict[str, Any]) -> LeftOutRow:
 
 def _known(control: Control | None) -> float | None:
     return None if control is None or control.share != control.share else control.share
+
+
+def lines(result: RecordingsResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    touches = ", ".join(f"{count} {name}" for name, count in result.touches.items())
+    yield f"{touches} on {', '.join(result.parts)}; {result.folds} folds; in %"
+    classes = list(result.touches)
+    rows: Rows = [
+        [
+            row.classifier,
+            row.folds,
+            *by_class(row, classes),
+            percent(row.mean),
+            percent(given(row.std)),
+        ]
+        for row in result.table
+    ]
+    yield Table(["classifier", "folds", *classes, "mean", "std"], rows)
+    if result.left_out:
+        yield from _left_out(result)
+    for leak in result.leak:
+        yield f"plain folds flatter {leak.classifier} by {leak.points:.1f} points"
+    for name, why in result.skipped.items():
+        yield f"{name} was left out: {why}"
+
+
+def _left_out(result: RecordingsResult) -> Iterator[str | Table]:
+    classes = list(result.touches)
+    rows: Rows = [
+        [
+            row.classifier, row.left_out, *(percent(row.per_class.get(name)) for name in classes),
+            percent(row.mean), percent(row.control), percent(row.first), percent(row.raw),
+            percent(row.chance), row.meaning or "",
+        ]
+        for row in result.left_out
+        if row.mean is not None
+    ]  # fmt: skip
+    head = ["classifier", "left out", *classes, "mean", "before", "first", "raw before", "chance"]
+    yield Table([*head, "means something"], rows)
+    for row in result.left_out:
+        if row.verdict:
+            yield f"{row.classifier}, {row.left_out}: {row.verdict}"
+    for warning in result.warnings:
+        yield f"warning: {warning}"
+
+
+def leak_figure(result: RecordingsResult, path: Path) -> None:
+    """Accuracy of each classifier, plain folds beside folds by event."""
+    names = list(dict.fromkeys(row.classifier for row in result.table))
+    figure = plain_figure((2.5 + 1.1 * len(names), 4.6))
+    axis = figure.subplots()
+    for shift, (kind, colour) in enumerate((("event", BLUE), ("plain", GREY))):
+        rows = [row for row in result.table if row.folds == kind]
+        place = np.arange(len(names)) + 0.38 * (shift - 0.5)
+        values = [100.0 * row.mean for row in rows]
+        spread = [100.0 * (given(row.std) or 0.0) for row in rows]
+        axis.bar(place, values, 0.36, yerr=spread, color=colour, label=f"{kind} folds")
+    axis.set_xticks(range(len(names)), names, rotation=30, ha="right")
+    axis.set_ylabel("mean of the classes [%]")
+    axis.set_ylim(0.0, 100.0)
+    axis.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside upper right", ncols=2)
+    save_figure(figure, path)
+
+
+FIGURES: dict[str, Figure] = {"leak.png": leak_figure}

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import click
 
+from skinmap.cli.evaluate.evaluation import (
+    Figure,
+    Rows,
+    Settings,
+    percent,
+)
 from skinmap.cli.evaluate.result.social_touch import CostResult, CostRow
 from skinmap.commands.progress import progress
-
-if TYPE_CHECKING:
-    from skinmap.cli.evaluate.evaluation import Settings
+from skinmap.report.table import Table
 
 
 def work(settings: Settings) -> CostResult:
@@ -59,3 +63,29 @@ def work(settings: Settings) -> CostResult:
         rows=rows,
         published=dict(PUBLISHED),
     )
+
+
+def lines(result: CostResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    yield (
+        f"{result.captures} captures of {len(result.gestures)} gestures by {result.subjects} "
+        f"subjects, {result.classifier}; named right in %"
+    )
+    rows: Rows = [
+        [
+            row.variant,
+            row.left_out,
+            row.captures,
+            *map(percent, (row.right, row.first, row.chance)),
+        ]
+        for row in result.rows
+    ]
+    yield Table(["variant", "left out", "captures", "right", "first samples", "chance"], rows)
+    for row in result.rows:
+        if row.reason:
+            yield f"{row.variant}, {row.left_out}: {row.reason}"
+    for what, share in result.published.items():
+        yield f"published, subjects left out, {what}: {100 * share:.0f} %"
+
+
+FIGURES: dict[str, Figure] = {}

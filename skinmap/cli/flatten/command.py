@@ -10,6 +10,8 @@ import click
 
 from skinmap.cli.flatten.result import FlattenResult, PatchRow, Spread
 from skinmap.commands.options import (
+    MAX_SECONDS,
+    Number,
     open_robot,
     out_folder,
     outside_option,
@@ -29,6 +31,7 @@ from skinmap.report.table import Cell, Table
 if TYPE_CHECKING:
     from skinmap.cli.flatten.job import Flattened, Surfaces
 
+ISOMETRY = 4.0  # as `skinmap.flat.flat_map` has it; a test compares
 MESHES = (".stl", ".obj", ".ply", ".off", ".dae", ".glb", ".gltf", ".3mf")
 CYSKIN = (".json",)
 SEAM_HELP = "Channels that seams keep away from, as 3,8,20-31; may be repeated."
@@ -68,18 +71,35 @@ class SeamOption(click.Option):
 @click.argument("robots", nargs=-1, metavar="[ROBOT|MESH...]")
 @outside_option
 @part_option
-@click.option("--method", help="Flattening method; balanced, or auto where a budget is given.")
-@click.option("--max-seconds", type=float, help="CPU time for the maps of a part [s], for auto.")
-@click.option("--max-edge-rms", type=float, help="Edge error to reach [%], for auto.")
 @click.option(
-    "--meshing", help="Surface meshing method.  [default: consensus; the faces of a .json]"
+    "--method",
+    metavar="METHOD",
+    help="Flattening method; balanced, or auto where a budget is given.",
 )
-@click.option("--iterations", type=int, help="Of arap, balanced, slim or dirichlet.")
+@click.option(
+    "--max-seconds",
+    type=Number(0.0, MAX_SECONDS, min_open=True),
+    help="CPU time for the maps of a part [s], for auto.",
+)
+@click.option(
+    "--max-edge-rms",
+    type=Number(0.0, 1000.0, min_open=True),
+    help="Edge error to reach [%], for auto.",
+)
+@click.option(
+    "--meshing",
+    metavar="METHOD",
+    help="Surface meshing method.  [default: consensus; the faces of a .json]",
+)
+@click.option(
+    "--iterations", type=click.IntRange(1, 100_000), help="Of arap, balanced, slim or dirichlet."
+)
 @click.option(
     "--precision",
+    type=click.Choice(["float64", "float32"]),
     default="float64",
     show_default=True,
-    help="Of the sparse solves: float64, or float32 for half the memory.",
+    help="Of the sparse solves; float32 needs half the memory.",
 )
 @click.option("--compare", default="", metavar="M2,M3|drawing|theirs", help=COMPARE_HELP)
 @click.option(
@@ -87,7 +107,13 @@ class SeamOption(click.Option):
     type=click.Path(path_type=Path),
     help="Drawing of the part: iCubSkinGui .ini, CySkin .json.",
 )
-@click.option("--metric", default="edge_strain", show_default=True, help="What colours the maps.")
+@click.option(
+    "--metric",
+    metavar="METRIC",
+    default="edge_strain",
+    show_default=True,
+    help="What colours the maps.",
+)
 @click.option(
     "--scale",
     type=click.Choice(["own", "fixed"]),
@@ -97,7 +123,7 @@ class SeamOption(click.Option):
 )
 @click.option("--seam-away", multiple=True, metavar="CHANNELS", help=SEAM_HELP)
 @click.option("--seam", cls=SeamOption, default="shortest", metavar="SEAM", help=SEAM_KINDS)
-@click.option("--max-distortion", type=float, help=BOUND_HELP)
+@click.option("--max-distortion", type=Number(ISOMETRY, 1e6, min_open=True), help=BOUND_HELP)
 @click.option("--split-sheets", is_flag=True, help=SHEETS_HELP)
 @out_folder("pictures, OBJ and VTP with texture coordinates, and report.html")
 @workers_options

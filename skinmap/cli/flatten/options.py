@@ -21,7 +21,7 @@ from skinmap.flat.budget import check_budget
 from skinmap.flat.drawing_comparison import DrawnChart, compare_drawing
 from skinmap.flat.face_metrics import face_metric
 from skinmap.flat.flat_map import DEFAULT as DEFAULT_METHOD
-from skinmap.flat.flat_map import ISOMETRY, FlatMap
+from skinmap.flat.flat_map import FlatMap
 from skinmap.flat.methods import check_effort, flatteners
 from skinmap.io.flat_maps.drawing import Drawing, read_drawing
 from skinmap.io.flat_maps.tactile_maps import read_tactile_maps
@@ -109,7 +109,6 @@ def checked_options(
     """
     budgets = max_seconds is not None or max_edge_rms is not None
     where = read_seam(seam)
-    check_bound(max_distortion)
     if where.kind == NONE and (max_distortion is not None or seam_away):
         raise InvalidArrayError("--seam none cuts nothing: leave out --max-distortion, --seam-away")
     # A bound on the symmetric Dirichlet energy is kept by the method that minimises it.
@@ -142,20 +141,6 @@ def checked_options(
         iterations=iterations,
         precision=precision,
     )
-
-
-def check_bound(bound: float | None) -> None:
-    """Refuse a bound on the symmetric Dirichlet energy that no map reaches.
-
-    Raises
-    ------
-    InvalidArrayError
-    """
-    if bound is not None and not ISOMETRY < bound < np.inf:
-        raise InvalidArrayError(
-            f"--max-distortion must be above {ISOMETRY:g}, the symmetric Dirichlet energy of a map "
-            f"without distortion, got {bound:g}"
-        )
 
 
 def check_compare(words: str) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -9,7 +9,7 @@ import click
 from msgspec import UnsetType
 
 from skinmap.cli.inspect.result import InspectResult
-from skinmap.commands.options import open_robot, outside_option, part_option, prints
+from skinmap.commands.options import PAGE, open_robot, outside_option, part_option, prints
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 from skinmap.report.result import given
@@ -22,12 +22,20 @@ TABLES = (".txt", ".csv", ".json")
 @click.argument("robots", nargs=-1, metavar="[ROBOT|TABLE...]")
 @outside_option
 @part_option
-@click.option("--module", help="Module layout of a bare table (triangle_10pad, a .toml, a .csv).")
-@click.option("--fit", is_flag=True, help="Fit each part rigidly to its link, and report.")
-@click.option("--skip", "skipped", multiple=True, help="Repair step to leave out; may be repeated.")
 @click.option(
-    "--html", type=click.Path(path_type=Path, dir_okay=False), help="Report with pictures."
+    "--module",
+    metavar="LAYOUT",
+    help="Module layout of a bare table (triangle_10pad, a .toml, a .csv).",
 )
+@click.option("--fit", is_flag=True, help="Fit each part rigidly to its link, and report.")
+@click.option(
+    "--skip",
+    "skipped",
+    metavar="STEP",
+    multiple=True,
+    help="Repair step to leave out; may be repeated.",
+)
+@click.option("--html", type=PAGE, help="Report with pictures.")
 @profile_option()
 @prints(InspectResult)
 def command(
@@ -76,11 +84,15 @@ def work(
     if all(path.suffix.lower() in TABLES for path in tables):
         if parts:
             raise click.UsageError(f"--part is for a robot; {robots[0]} is a bare table")
+        if fit:
+            raise click.UsageError(f"--fit is for a robot; {robots[0]} is a bare table")
         faults = file_faults_of(tables)
         rows = [inspect_table(path, module, steps, faults.get(path, ())) for path in tables]
         name, loaded = ", ".join(path.name for path in tables), None
     elif len(robots) > 1:
         raise click.UsageError("several tables, or one robot: not " + " ".join(robots)[:200])
+    elif module is not None:
+        raise click.UsageError(f"--module is for bare tables; {robots[0]} is a robot")
     else:
         loaded, names = open_robot(robots[0], parts)
         loaded.steps = steps

@@ -46,6 +46,7 @@ ALL = "all"
 @click.option(
     "--task",
     "names",
+    metavar="TASK",
     multiple=True,
     default=(ALL,),
     show_default=True,

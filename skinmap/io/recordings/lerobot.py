@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import IntArray
-from skinmap.errors import DataFormatError, MissingLibraryError, SkinWarning
+from skinmap.errors import DataFormatError, SkinWarning
 from skinmap.io.recordings.learning import BLOCK, about
 from skinmap.io.recordings.recorded_stream import RecordedStream
+from skinmap.optional import import_optional
 
 VERSION = "v3.0"
 DATA = "data/chunk-000/file-000.parquet"
@@ -45,13 +46,8 @@ def write_lerobot(track: RecordedStream, folder: Path) -> None:
     DataFormatError
         No sample, or no rate.
     """
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError as error:
-        raise MissingLibraryError(
-            "a LeRobot data set needs pyarrow: pip install 'skinmap[lerobot]'"
-        ) from error
+    need = "a LeRobot data set needs pyarrow: pip install 'skinmap[lerobot]'"
+    pa, pq = import_optional("pyarrow", need), import_optional("pyarrow.parquet", need)
     fps = round(track.info.rate)
     if any(touch.motion is not None for touch in track.touches):
         warnings.warn(

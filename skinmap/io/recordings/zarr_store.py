@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from skinmap.errors import MissingLibraryError
 from skinmap.io.recordings.learning import BLOCK, about, arrays_of
 from skinmap.io.recordings.recorded_stream import RecordedStream
+from skinmap.optional import import_optional
 
 
 def write_zarr(track: RecordedStream, folder: Path) -> None:
@@ -17,10 +17,7 @@ def write_zarr(track: RecordedStream, folder: Path) -> None:
     MissingLibraryError
         The package `zarr` is not installed.
     """
-    try:
-        import zarr
-    except ImportError as error:
-        raise MissingLibraryError("a Zarr store needs zarr: pip install 'skinmap[zarr]'") from error
+    zarr = import_optional("zarr", "a Zarr store needs zarr: pip install 'skinmap[zarr]'")
     group = zarr.create_group(folder, overwrite=True)
     words = about(track)
     for name, array in arrays_of(track, folder):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import DataFormatError, MissingFileError, MissingLibraryError, UnknownNameError
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.io.recordings.dumper import together
 from skinmap.io.recordings.recorded_stream import (
     Kind,
@@ -26,6 +26,7 @@ from skinmap.io.recordings.recorded_stream import (
 )
 from skinmap.io.ros2.messages import cloud_points
 from skinmap.io.text import read_text
+from skinmap.optional import import_optional
 from skinmap.validation import checked, toml_table
 
 MAPPING = ".map.toml"
@@ -146,19 +147,16 @@ Sampled = tuple[FloatArray, NDArray[Any]]
 
 def _read_topics(bag: Path, mapping: _Mapping) -> dict[str, Sampled]:
     """Times (t,) [s] and values (t, channels) by part."""
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise MissingLibraryError(
-            "reading bags of ROS 2 needs rosbags: pip install 'skinmap[ros]'"
-        ) from error
+    need = "reading bags of ROS 2 needs rosbags: pip install 'skinmap[ros]'"
+    types = import_optional("rosbags.typesys", need)
+    highlevel = import_optional("rosbags.highlevel", need)
     found: dict[str, tuple[list[int], list[NDArray[Any]]]] = {
         one.name: ([], []) for one in mapping.part
     }
     try:
         # Bags of before 2023 hold no definitions: those of Humble are the standard ones.
-        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        humble = types.get_typestore(types.Stores.ROS2_HUMBLE)
+        with highlevel.AnyReader([bag], default_typestore=humble) as reader:
             topics = {one.topic for one in reader.connections}
             for one in mapping.part:
                 if one.topic not in topics:

@@ -11,9 +11,10 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
-from skinmap.errors import InvalidArrayError, MissingLibraryError, OutputError, UnreachableError
+from skinmap.errors import InvalidArrayError, OutputError, UnreachableError
 from skinmap.io.ros2.definitions import HASHES, dds_name
 from skinmap.live.network.addresses import HERE, Address, parse_address
+from skinmap.optional import import_optional
 
 PORT = 7447  # of the router that ROS 2 expects on each machine
 DOMAIN = "ROS_DOMAIN_ID"  # the environment variable by which ROS 2 divides a network
@@ -93,13 +94,9 @@ def node_token(session: str) -> str:
 
 def import_zenoh() -> Any:
     """The package, or one line on how to get it."""
-    try:
-        import zenoh
-    except ImportError as error:
-        raise MissingLibraryError(
-            "Zenoh needs the package eclipse-zenoh: pip install 'skinmap[zenoh]'"
-        ) from error
-    return zenoh
+    return import_optional(
+        "zenoh", "Zenoh needs the package eclipse-zenoh: pip install 'skinmap[zenoh]'"
+    )
 
 
 def open_session(address: Address, *, listen: bool) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import MissingLibraryError, OutputError
+from skinmap.errors import OutputError
 from skinmap.io.ros2.definitions import definition, full_name
 from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES, taxel_columns
 from skinmap.live.contacts.named_touch import NamedTouch
@@ -21,6 +21,7 @@ from skinmap.live.network.messages import KINDS
 from skinmap.live.publishing.publisher import Publisher, Topic
 from skinmap.live.publishing.ros2_topics import Ros2Topics, stamps
 from skinmap.live.sources.source import StreamInfo
+from skinmap.optional import import_optional
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import build_surface
 
@@ -62,12 +63,9 @@ class FoxglovePublisher(Publisher):
     def __init__(
         self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
     ) -> None:
-        try:
-            import foxglove
-        except ImportError as error:
-            raise MissingLibraryError(
-                "Foxglove needs the package foxglove-sdk: pip install 'skinmap[foxglove]'"
-            ) from error
+        foxglove = import_optional(
+            "foxglove", "Foxglove needs the package foxglove-sdk: pip install 'skinmap[foxglove]'"
+        )
         super().__init__(info, topics)
         self._foxglove = foxglove
         where = parse_address(address) if address else Address(HERE, PORT)

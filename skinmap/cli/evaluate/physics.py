@@ -1,0 +1,106 @@
+"""`skinmap evaluate --protocol physics`: trained in one physics, tested in another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import click
+
+from skinmap.cli.evaluate.evaluation import (
+    Figure,
+    Rows,
+    Settings,
+    chosen_gestures,
+    percent,
+)
+from skinmap.cli.evaluate.result.physics import PhysicsResult, PhysicsRow
+from skinmap.commands.options import open_robot
+from skinmap.commands.progress import progress
+from skinmap.report.table import Table
+
+if TYPE_CHECKING:
+    from skinmap.classify.protocols.physics import Judged
+
+FIGURES: dict[str, Figure] = {}
+
+
+def work(settings: Settings) -> PhysicsResult:
+    """Run the protocol."""
+    from skinmap.classify.protocols import physics
+    from skinmap.classify.protocols.cross_patch import check_carries_over
+    from skinmap.physics.engine import import_mujoco
+    from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    if len(settings.names) > 1:
+        raise click.UsageError("--protocol physics judges one classifier: name it once")
+    import_mujoco()
+    classifier = settings.names[0] if settings.names else physics.CLASSIFIER
+    check_carries_over((classifier,))
+    loaded, parts = open_robot(settings.robot or "icub", settings.parts)
+    skins = {part: PreparedSkin(loaded.skin(part)) for part in parts}
+    tested = set(physics.mirror_pairs(skins).values())
+    gestures = chosen_gestures(settings)
+    # Touches of each physics; for each part a training of each physics, and one without each.
+    worlds = 1 + len(VARIANTS)
+    touches = len(VARIANTS) * len(tested) + len(skins)
+    trainings = len(tested) * (1 + len(TUNING) + worlds)
+    with progress(settings.seeds * (touches + trainings), "physics") as advance:
+        found = physics.evaluate_physics(
+            skins,
+            gestures=gestures,
+            per_gesture=settings.per_gesture,
+            seeds=settings.all_seeds,
+            classifier=classifier,
+            workers=settings.workers,
+            progress=advance,
+        )
+    return PhysicsResult(
+        robot=loaded.name,
+        parts=list(skins),
+        classifier=classifier,
+        gestures=list(gestures),
+        per_gesture=settings.per_gesture,
+        frozen=FROZEN,
+        seeds=settings.all_seeds,
+        rows=[_physics_row(one) for one in found],
+    )
+
+
+def _physics_row(one: Judged) -> PhysicsRow:
+    names = (*one.labels, "no_contact")
+    confusion = {
+        label: dict(zip(names, map(int, row), strict=True))
+        for label, row in zip(one.labels, one.counts, strict=True)
+    }
+    return PhysicsRow(
+        trained_on=one.trained_on,
+        tested_on=one.tested_on,
+        mean=one.mean,
+        per_class=one.per_class,
+        ece=one.ece,
+        held=one.held,
+        set_size=one.set_size,
+        confusion=confusion,
+    )
+
+
+def lines(result: PhysicsResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    yield (
+        f"{result.robot}, {len(result.parts)} parts in two hands, {len(result.seeds)} seeds "
+        f"(simulated by us and by MuJoCo; nothing is trained on {result.frozen!r}); "
+        "accuracy in % of touches"
+    )
+    rows: Rows = [
+        [
+            row.trained_on, row.tested_on, percent(row.mean), f"{row.ece:.3f}",
+            percent(row.held), row.set_size,
+            *(percent(row.per_class.get(name)) for name in result.gestures),
+        ]
+        for row in result.rows
+    ]  # fmt: skip
+    yield Table(
+        ["trained on", "tested on", "mean", "ece", "held", "set size", *result.gestures], rows
+    )

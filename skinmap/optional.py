@@ -1,0 +1,28 @@
+"""Packages that only some need: imported where they are used, or one line on how to get them."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from skinmap.errors import MissingLibraryError
+
+
+def import_optional(module: str, need: str) -> Any:
+    """A module of an optional package.
+
+    Parameters
+    ----------
+    module : str
+    need : str
+        The message where it is not installed: what needs the package, and how to install it.
+
+    Raises
+    ------
+    MissingLibraryError
+        It is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingLibraryError(need) from error
