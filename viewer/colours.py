@@ -67,10 +67,12 @@ HEALTH = {
     "stale": "#7a6f66",
 }
 
-# Cool or dark, so that none is taken for a pressure, and each of another lightness.
+# Cool or dark, so that none is taken for a pressure; of even strength, so that no name shouts, and
+# each at least 2:1 against the ground. At least 0.3 apart in sRGB under red-green blindness of both
+# kinds and under tritan vision (found by a search that kept blue, violet and near-black).
 CLASS_COLOURS = (
-    "#1f6fd0", "#00966f", "#6a1b7a", "#101418", "#4fb0e8", "#5d6b00",
-    "#c2f200", "#0002f2", "#94f291",
+    "#1f6fd0", "#5a961f", "#6a1b7a", "#101418", "#27c6a9", "#94bf57",
+    "#ee8dfa", "#015f03", "#996882",
 )  # fmt: skip
 NAMELESS = "#66717d"
 NO_NAMES = ("touch", "unknown", "no_contact")  # as the loop and classifiers have them

@@ -19,7 +19,7 @@ from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.contacts.sample_contacts import centre_of_pressure
 from skinmap.live.moment import Moment
 from skinmap.live.sources.replay import replay
-from skinmap.report.figure import flat_map_figure
+from skinmap.report.figure import FlatMapSheet
 from skinmap.report.image import media
 from skinmap.report.page import cards, grid, heading, note, page
 from skinmap.report.present import PAGE
@@ -78,9 +78,10 @@ def run_demo(
         analysis = analyse(robot, parts, seed=seed, advance=advance)
         analysed = time.perf_counter()
         (folder / "flatmaps").mkdir()
+        sheet = FlatMapSheet()
         for part, skin in analysis.skins.items():
             advance(f"{part}: picture of the flat map")
-            flat_map_figure(skin.flat, folder / "flatmaps" / f"{part}.png")
+            sheet.write(skin.flat, folder / "flatmaps" / f"{part}.png")
         advance("picture of the structures")
         structures_figure(analysis.skins, analysis.rotated, folder / "structures.png")
         stage, movie = _show(analysis, folder, seed, advance)

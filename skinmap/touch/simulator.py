@@ -19,15 +19,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.geometry.distances import bridged_graph
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_map import LogMaps
 from skinmap.geometry.point_surface import PointSurface
 from skinmap.geometry.proximity import median_spacing
 from skinmap.skin.skin import Skin
+from skinmap.touch.coverage import covered_share
 from skinmap.touch.elastic_bed import bed_loads, contact_width
 from skinmap.touch.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad
 from skinmap.touch.hands import HANDS, Body, Draw
@@ -76,6 +76,11 @@ class Stage:
         """What touches that go on in time are laid on."""
         skin = self.skin
         return Ground(skin, self.graph, PointSurface(skin.positions, skin.normals, self.spacing))
+
+    @cached_property
+    def maps(self) -> LogMaps:
+        """What still touches are laid on: the plane around each taxel."""
+        return LogMaps(self.skin.positions, self.skin.normals, self.graph, REACH)
 
     @property
     def gains(self) -> FloatArray:
@@ -255,11 +260,11 @@ def place(
             foam = draw_foam(stage.variety, stage.sensors.sensing.foam, rng)
             pads = [body.footprint(contact_width(body, foam.stiffness)) for body in bodies]
         source, angle = _spot(stage, name, subject, places, rng)
-        uv, _ = log_map(stage.skin.positions, stage.skin.normals, stage.graph, source, REACH)
+        uv = stage.maps.around(source)
         c, s = np.cos(angle), np.sin(angle)
         shift = rng.normal(0.0, 0.3 * stage.spacing, 2) + _middle(pads)
         turned = uv @ np.array([[c, s], [-s, c]]) + shift
-        if _share_on_skin(pads, turned, stage.spacing) < enough:
+        if covered_share(pads, turned, stage.spacing) < enough:
             continue
         if bodies:
             loads = bed_loads(bodies, foam, turned, stage.skin)
@@ -326,21 +331,6 @@ def _follows(stage: Stage, pads: Sequence[Pad], source: int) -> FloatArray:
 
 def _middle(pads: Sequence[Pad]) -> FloatArray:
     return np.mean([[*pad.start, *pad.end] for pad in pads], axis=0).reshape(2, 2).mean(axis=0)
-
-
-def _share_on_skin(pads: Sequence[Pad], uv: FloatArray, spacing: float) -> float:
-    """Share of the pads' area within one spacing of a taxel."""
-    step = 3e-3 if min(pad.radius for pad in pads) > 4e-3 else 1.5e-3
-    taxels = uv[np.isfinite(uv[:, 0])]
-    corners = np.array([[pad.start, pad.end] for pad in pads]).reshape(-1, 2)
-    reach = max(pad.radius for pad in pads)
-    low, high = corners.min(axis=0) - reach, corners.max(axis=0) + reach
-    grid = np.stack(
-        np.meshgrid(*(np.arange(a, b + step, step) for a, b in zip(low, high, strict=True))), -1
-    ).reshape(-1, 2)
-    covered = grid[np.max([pad.depth(grid) for pad in pads], axis=0) > 0]
-    distance, _ = cKDTree(taxels).query(covered, distance_upper_bound=spacing)
-    return float(np.isfinite(distance).mean())
 
 
 class Player:

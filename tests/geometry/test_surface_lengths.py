@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.distances import bridged_graph, path_distances
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_map import BLOCK, KEPT_POINTS, LogMaps, log_map
 from skinmap.geometry.proximity import closest_on_mesh, median_spacing, nearest, ray_hits
 from skinmap.geometry.rigid import check_transform, transform_points
 
@@ -87,6 +87,23 @@ def test_log_map_leaves_out_what_lies_beyond_reach(hexagons):
     assert far.any()
     assert np.isnan(uv[far]).all()
     assert np.isfinite(uv[~far]).all()
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_log_maps_made_many_at_once_are_those_made_one_by_one(half_cylinder, rng, kept):
+    vertices, _ = half_cylinder
+    copies = 1 if kept else 1 + KEPT_POINTS // len(vertices)
+    points = np.concatenate([vertices + [0.0, 2.0 * k, 0.0] for k in range(copies)])
+    normals = rng.normal(0.0, 0.2, points.shape) + [0.0, 0.0, 1.0]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    graph = bridged_graph(points, 8, 0.2)
+    maps = LogMaps(points, normals, graph, 0.7)
+    assert len(vertices) > 2 * BLOCK
+    for source in (0, BLOCK - 1, BLOCK, len(vertices) - 1, 0):
+        alone, _ = log_map(points, normals, graph, source, 0.7)
+        # To the bit: simulated touches, and what was trained on them, rest on these.
+        np.testing.assert_array_equal(maps.around(source), alone)
+        assert np.isfinite(alone).any(axis=1).sum() > 10
 
 
 def test_transform_points_turns_then_shifts():

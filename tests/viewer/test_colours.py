@@ -39,6 +39,28 @@ def seen(colours, kind):
     return np.clip(linear @ np.array(DICHROMATS[kind]).T, 0, 1)
 
 
+def tritan(colours):
+    """Machado, Oliveira and Fernandes, IEEE TVCG 15(6), 2009: tritanopia, linear RGB."""
+    mix = [[1.2555, -0.0767, -0.1788], [-0.0784, 0.9308, 0.1476], [0.0047, 0.6914, 0.3039]]
+    linear = np.array([rgb(colour) for colour in colours]) ** 2.2
+    return np.clip(linear @ np.array(mix).T, 0, 1)
+
+
+def least_apart(linear):
+    views = linear ** (1 / 2.2)
+    distance = np.linalg.norm(views[:, None] - views[None], axis=2)
+    return distance[~np.eye(len(views), dtype=bool)].min()
+
+
+def chroma(colours):
+    channels = np.array([rgb(colour) for colour in colours])
+    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+    srgb = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    ratio = linear @ np.array(srgb).T / [0.9505, 1.0, 1.089]
+    x, y, z = np.where(ratio > 0.008856, np.cbrt(ratio), 7.787 * ratio + 16 / 116).T
+    return np.hypot(500 * (x - y), 200 * (y - z)).tolist()
+
+
 def test_pressure_colours_darken_all_the_way():
     light = luminance(pressure_colours()[:, :3] / 255.0)
     # Rounding to 8 bits may hold a step, never turn it back by more than one of them.
@@ -54,10 +76,21 @@ def test_skin_at_rest_differs_from_the_bare_body():
 
 @pytest.mark.parametrize("kind", DICHROMATS)
 def test_class_colours_stay_apart_for_colour_blind_eyes(kind):
-    colours = np.array([rgb(class_colour(name)) for name in GESTURES])
-    views = seen(colours, kind) ** (1 / 2.2)
-    distance = np.linalg.norm(views[:, None] - views[None], axis=2)
-    assert distance[~np.eye(len(views), dtype=bool)].min() > 0.3
+    assert least_apart(seen(np.array([rgb(name) for name in CLASS_COLOURS]), kind)) > 0.3
+
+
+def test_class_colours_stay_apart_in_tritan_vision():
+    assert least_apart(tritan(CLASS_COLOURS)) > 0.3
+    assert least_apart(tritan(["#1f6fd0", "#00966f"])) < 0.1  # a blue and a green that do not
+
+
+def test_class_colours_are_of_even_strength_and_stand_out_from_the_ground():
+    """CIE 1976 L*a*b*, for a white of D65."""
+    assert max(chroma(CLASS_COLOURS)) < 70
+    assert min(chroma(["#0002f2", "#c2f200"])) > 90  # garish
+    for ground in (BACKGROUND, PANEL):
+        light = luminance(np.array([rgb(colour) for colour in (ground, *CLASS_COLOURS)])) + 0.05
+        assert (light[0] / light[1:]).min() > 2.0
 
 
 def test_class_colour_is_fixed_and_distinct_for_each_gesture():
@@ -87,20 +120,12 @@ def test_lightness_of_each_layer_goes_one_way(stops):
     ],
 )
 def test_categories_stay_apart_for_colour_blind_eyes(colours, least, kind):
-    views = seen(np.array([rgb(colour) for colour in colours]), kind) ** (1 / 2.2)
-    distance = np.linalg.norm(views[:, None] - views[None], axis=2)
-    assert distance[~np.eye(len(views), dtype=bool)].min() > least
+    assert least_apart(seen(np.array([rgb(colour) for colour in colours]), kind)) > least
 
 
 def test_structures_stay_apart_in_tritan_vision():
-    """Machado, Oliveira and Fernandes, IEEE TVCG 15(6), 2009: tritanopia, linear RGB."""
-    tritan = [[1.2555, -0.0767, -0.1788], [-0.0784, 0.9308, 0.1476], [0.0047, 0.6914, 0.3039]]
-    for colours, apart in ((CATEGORIES, True), (("#f4e9a0", "#f2f230"), False)):
-        linear = np.array([rgb(colour) for colour in colours]) ** 2.2
-        views = np.clip(linear @ np.array(tritan).T, 0, 1) ** (1 / 2.2)
-        distance = np.linalg.norm(views[:, None] - views[None], axis=2)
-        least = distance[~np.eye(len(views), dtype=bool)].min()
-        assert (least > 0.35) == apart
+    assert least_apart(tritan(CATEGORIES)) > 0.35
+    assert least_apart(tritan(["#f4e9a0", "#f2f230"])) < 0.35
 
 
 def test_grey_letters_can_be_read():

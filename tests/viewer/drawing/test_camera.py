@@ -69,9 +69,30 @@ def test_still_view_shows_as_many_touches_as_any_view_can(ball, azimuths):
     def seen(view):
         return sum(sees(ball, one, view.direction) for one in touched)
 
-    most = max(seen(View(a, e)) for a in range(-180, 180, 5) for e in range(-45, 61, 15))
+    most = max(seen(View(a, e)) for a in range(-180, 180, 5) for e in range(-10, 51, 10))
     found = still_view(touched, ball, front, front)
     assert seen(found) == most > seen(front)  # from the front alone fewer would be seen
+
+
+@pytest.mark.parametrize("choose", [best_view, still_view])
+@pytest.mark.parametrize("now", [12.0, -45.0])
+def test_views_stay_at_a_natural_height_while_anything_is_seen_from_there(ball, choose, now):
+    front = View(-30.0, 12.0)
+    # Straight below a camera sees two of three, but who stands beside the robot one.
+    touched = [target(View(a, e).direction) for a, e in ((0, -85), (180, -80), (90, 20))]
+    assert sum(sees(ball, one, View(0, -45).direction) for one in touched) == 2
+    found = choose(touched, ball, front, View(0.0, now))
+    assert -10.0 <= found.elevation <= 50.0
+    assert sees(ball, touched[2], found.direction)
+
+
+@pytest.mark.parametrize("choose", [best_view, still_view])
+def test_views_go_below_for_what_is_seen_from_nowhere_else(ball, choose):
+    front = View(-30.0, 12.0)
+    sole = target([0, 0, -1])
+    found = choose([sole], ball, front, front)
+    assert sees(ball, sole, found.direction)
+    assert found.elevation < -10.0
 
 
 def test_still_view_keeps_a_view_that_shows_all(ball):

@@ -1,7 +1,7 @@
 import numpy as np
 
 from skinmap.geometry.mesh import TriangleMesh
-from viewer.drawing.body.bare_body import cluster
+from viewer.drawing.body.bare_body import _used, cluster
 
 
 def plate(n: int = 20, z: float = 0.0, flip: bool = False):
@@ -73,3 +73,11 @@ def test_cluster_takes_an_empty_mesh():
     empty = cluster(TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64)), 0.1)
     assert empty.vertices.shape == (0, 3)
     assert empty.faces.shape == (0, 3)
+
+
+def test_numbers_in_use_are_those_of_unique(rng):
+    numbers = rng.integers(0, 5000, (700, 3))
+    found, inverse = _used(numbers)
+    expected, places = np.unique(numbers, return_inverse=True)
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(inverse, places.reshape(numbers.shape))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -112,22 +112,23 @@ def cluster(mesh: TriangleMesh, cell: float) -> Clustered:
         none = np.zeros((0, 3))
         return Clustered(none, none, np.zeros((0, 3), np.int64))
     corners = cell_numbers(mesh.vertices, cell)[mesh.faces].ravel()
+    # Of each triangle, then of each of its corners: as much work as possible before the latter.
     cross = cross_products(mesh.vertices, mesh.faces)
-    normals, weight = np.repeat(cross, 3, axis=0), np.repeat(np.linalg.norm(cross, axis=1), 3)
-    main = _sums(corners, np.abs(normals)).argmax(axis=1)[corners]
-    row = np.arange(len(corners))
-    groups = 2 * corners + (normals[row, main] < AWAY * weight)
-    place = _sums(corners, mesh.vertices[mesh.faces.ravel()] * weight[:, None])
+    length, size = np.linalg.norm(cross, axis=1), np.abs(cross)
+    axis, face = size.argmax(axis=1), np.arange(len(cross))
+    side = np.repeat(1 + 2 * axis + (cross[face, axis] < 0.0), 3)
+    weight, own = np.repeat(length, 3), np.repeat(face, 3)
+    main = _sums(corners, [np.repeat(column, 3) for column in size.T]).argmax(axis=1)[corners]
+    groups = 2 * corners + (cross[own, main] < AWAY * weight)
+    place = _sums(corners, [column[mesh.faces].ravel() * weight for column in mesh.vertices.T])
     place /= np.maximum(np.bincount(corners, weight), 1e-30)[:, None]
-    total = np.bincount(groups, weight)
+    total, normals = np.bincount(groups, weight), [np.repeat(column, 3) for column in cross.T]
     sharp = np.linalg.norm(_sums(groups, normals), axis=1) < COHERENT * total
-    axis = np.abs(normals).argmax(axis=1)
-    side = 1 + 2 * axis + (normals[row, axis] < 0.0)
     # Triangles that collapse still say which way the surface faces, so they count for normals.
-    used, keys = np.unique(SIDES * groups + np.where(sharp[groups], side, 0), return_inverse=True)
+    used, keys = _used(SIDES * groups + np.where(sharp[groups], side, 0))
     a, b, c = corners.reshape(-1, 3).T
     faces = _distinct(keys.reshape(-1, 3)[(a != b) & (b != c) & (c != a)])
-    drawn, numbers = np.unique(faces, return_inverse=True)
+    drawn, numbers = _used(faces)
     vertices = place[used[drawn] // (2 * SIDES)]
     return Clustered(vertices, unit(_sums(keys, normals)[drawn]), numbers.reshape(-1, 3))
 
@@ -140,9 +141,16 @@ def cell_numbers(points: FloatArray, cell: float) -> IntArray:
     return np.asarray(np.unique(key, return_inverse=True)[1].reshape(-1))
 
 
-def _sums(groups: IntArray, values: FloatArray) -> FloatArray:
-    """(g, 3) sum of values (k, 3) in each group 0..g-1."""
-    return np.stack([np.bincount(groups, column) for column in values.T], axis=1)
+def _used(numbers: IntArray) -> tuple[IntArray, IntArray]:
+    """As `np.unique` with its inverse, in linear time for numbers that lie close together."""
+    there = np.zeros(int(numbers.max(initial=0)) + 1, bool)
+    there[numbers] = True
+    return np.flatnonzero(there), (np.cumsum(there) - 1)[numbers]
+
+
+def _sums(groups: IntArray, columns: Sequence[FloatArray]) -> FloatArray:
+    """(g, 3) sum of three columns (k,) in each group 0..g-1."""
+    return np.stack([np.bincount(groups, column) for column in columns], axis=1)
 
 
 def _distinct(faces: IntArray) -> IntArray:

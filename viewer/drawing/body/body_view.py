@@ -65,10 +65,13 @@ class BodyView:
         self._pixel = _size(corners, poses) / min(plotter.window_size)
         self.meshes = {link: self._reduced(link, detail) for link in self.links}
         self._good = {link: _mapper(mesh) for link, mesh in self.meshes.items()}
-        # Made at once: made when the camera first turns, they would hold that picture up. Kept:
-        # PyVista would wrap a mesh that nobody holds anew whenever its mapper is asked for it.
-        self._coarse = {link: self._reduced(link, max(detail, QUICK_PX)) for link in self.links}
-        self._quick = {link: _mapper(mesh) for link, mesh in self._coarse.items()}
+        # Kept: PyVista would wrap a mesh that nobody holds whenever its mapper is asked for it.
+        self._coarse: dict[str, pv.PolyData] = {}
+        self._quick: dict[str, vtkDataSetMapper] = {}
+        self._quick_px = max(detail, QUICK_PX)
+        if not plotter.off_screen:
+            # A still never needs them; a window at the first turn, which they would hold up then.
+            self._make_quick()
         self.actors = {link: pv.Actor(mapper=self._good[link]) for link in self.links}
         self.quick = False
         for actor in self.actors.values():
@@ -81,6 +84,10 @@ class BodyView:
 
     def _reduced(self, link: str, cell_px: float) -> pv.PolyData:
         return drawable(self.robot.mesh(link), cell=max(cell_px * self._pixel, FINEST))
+
+    def _make_quick(self) -> None:
+        self._coarse = {link: self._reduced(link, self._quick_px) for link in self.links}
+        self._quick = {link: _mapper(mesh) for link, mesh in self._coarse.items()}
 
     def move(self, poses: Mapping[str, FloatArray]) -> None:
         """Place the links by poses (4, 4)."""
@@ -95,6 +102,8 @@ class BodyView:
         if quick == self.quick:
             return
         self.quick = quick
+        if quick and not self._quick:
+            self._make_quick()
         behind = max(BEHIND, QUICK_BEHIND * QUICK_PX * self._pixel) if quick else BEHIND
         for link, actor in self.actors.items():
             actor.SetMapper((self._quick if quick else self._good)[link])

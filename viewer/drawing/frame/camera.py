@@ -14,8 +14,8 @@ from viewer.drawing.body.occlusion import Blocks
 
 VIEW_ANGLE = 22.0  # vertical [deg]: long enough a lens that limbs keep their proportions
 AZIMUTHS = np.arange(-180.0, 180.0, 15.0)
-ELEVATIONS = (12.0, 35.0, -20.0)
-STILL_ELEVATIONS = (*ELEVATIONS, 60.0, -45.0)
+ELEVATIONS = (12.0, 35.0, -10.0, 50.0)  # where a person beside the robot has their eyes
+UNUSUAL = (-25.0, 70.0, -45.0)  # only for what is seen from none of these: soles, undersides
 FACING = 0.2  # cosine between a normal and the way to the camera: flatter is not seen
 CLEAR = 6e-3  # a ray starts this far above the taxel, clear of the cover it lies in [m]
 TURN_COST = 0.12  # of half a turn away from the front, in targets seen from straight above
@@ -95,15 +95,26 @@ def best_view(targets: Sequence[Target], body: Blocks, front: View, now: View) -
         rise = abs(view.elevation - front.elevation) / 90.0
         return float(seen / max(len(targets), 1) - TURN_COST * turn - RISE_COST * rise)
 
-    views = [front] + [
-        View(front.azimuth + float(a), elevation) for elevation in ELEVATIONS for a in AZIMUTHS
-    ]
-    best = max(views, key=worth)
-    return best if worth(best) > worth(now) + RESTLESS else now
+    best = max([front, *_views(front, ELEVATIONS)], key=worth)
+    if not any(sees(body, target, best.direction) for target in targets):
+        best = max([best, *_views(front, UNUSUAL)], key=worth)
+    restless = RESTLESS if _is_usual(now) or not _is_usual(best) else 0.0
+    return best if worth(best) > worth(now) + restless else now
+
+
+def _views(front: View, elevations: Sequence[float]) -> list[View]:
+    """All round, at some heights."""
+    return [View(front.azimuth + float(a), elevation) for elevation in elevations for a in AZIMUTHS]
+
+
+def _is_usual(view: View) -> bool:
+    return min(ELEVATIONS) <= view.elevation <= max(ELEVATIONS)
 
 
 def still_view(targets: Sequence[Target], body: Blocks, front: View, now: View) -> View:
     """The view of a picture that stays: from where most targets are seen, nearest to the front.
+
+    It stands at a natural height, unless no target is seen from any.
 
     Nothing moves in it, so that no turn is too far; the view of now is kept where no other shows
     more.
@@ -119,14 +130,14 @@ def still_view(targets: Sequence[Target], body: Blocks, front: View, now: View) 
     def faced(view: View) -> float:
         return float(sum(target.normals.mean(axis=0) @ view.direction for target in targets))
 
-    views = [
-        View(front.azimuth + float(a), elevation)
-        for elevation in STILL_ELEVATIONS
-        for a in AZIMUTHS
-    ]
+    views = _views(front, ELEVATIONS)
     counts = [seen(view) for view in views]
-    most = max(counts, default=0)
-    if seen(now) >= most:
+    usual = max(counts) > 0
+    if not usual:
+        views += _views(front, UNUSUAL)
+        counts = [seen(view) for view in views]
+    most = max(counts)
+    if seen(now) >= most and (_is_usual(now) or not usual):
         return now
     best = [view for view, count in zip(views, counts, strict=True) if count == most]
     return max(best, key=lambda view: faced(view) / len(targets) - turned(view))
