@@ -33,7 +33,8 @@ TESTED = [
     ("A plug-in that raises or hangs costs names and no sample; nonsense is named before training",
      "tests/live/test_loop.py, tests/classify/test_plugins.py"),
     ("Names of parts, robots, touches and files that are code are text in pages, reports, "
-     "terminals and file names", "tests/extremes/test_faults.py, tests/viewer/web/test_page_faults.py"),
+     "terminals and file names",
+     "tests/extremes/test_faults.py, tests/viewer/web/test_page_faults.py"),
     ("Samples late, twice, out of order, with NaN or of another length are counted, mended or left "
      "out", "tests/live/test_loop.py, test_receiver.py, test_zmq.py"),
     ("Up to half of the samples lost: each is counted", "tests/extremes/test_limits.py"),
