@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import cache
 from typing import Any
 
-from skinmap.optional import import_optional
+from skinmap.imports import import_optional
 
 Loop = Callable[..., Any]
 

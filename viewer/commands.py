@@ -17,6 +17,7 @@ from skinmap.commands.options import (
     open_robot,
     part_option,
     prints,
+    response_option,
     seconds_option,
     seed_option,
     shown_argument,
@@ -108,13 +109,7 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
     metavar="[PART=]FILE",
     help="Calibrated taxels, for the layer uncertainty; may be repeated.",
 )
-@click.option(
-    "--response",
-    "responses",
-    multiple=True,
-    metavar="[PART=]FILE",
-    help="Response calibration of a part that sends raw values; may be repeated.",
-)
+@response_option
 @click.option("--pose", metavar="JOINT=DEG,...", help="Joint angles; the natural pose without.")
 @click.option(
     "--links",

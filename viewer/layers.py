@@ -8,7 +8,7 @@ layer.colours(layer.values("torso", moment))
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Literal
@@ -203,30 +203,17 @@ class Layers:
         return table[part] if part in table else np.full(len(self.skins[part]), np.nan)
 
     def _pressure(self) -> Layer:
-        return Layer(
-            "pressure",
-            "pressure",
-            "counts",
-            (0.0, FULL_SCALE),
-            ramp(PRESSURE_STOPS),
-            (),
-            True,
-            "no pressures in this source",
-            partial(self._sent, "pressures"),
-        )
+        return self._counts("pressure", "pressure", "pressures", PRESSURE_STOPS)
 
     def _raw(self) -> Layer:
-        return Layer(
-            "raw",
-            "raw value",
-            "counts",
-            (0.0, FULL_SCALE),
-            ramp(RAW_STOPS),
-            (),
-            True,
-            "no raw values in this source",
-            partial(self._sent, "raw"),
-        )
+        return self._counts("raw", "raw value", "raw", RAW_STOPS)
+
+    def _counts(
+        self, name: str, label: str, kind: str, stops: Sequence[tuple[float, str]]
+    ) -> Layer:
+        absent = f"no {label}s in this source"
+        limits, sent = (0.0, FULL_SCALE), partial(self._sent, kind)
+        return Layer(name, label, "counts", limits, ramp(stops), (), True, absent, sent)
 
     def _binary(self) -> Layer:
         def touched(part: str, moment: Moment | None) -> FloatArray:

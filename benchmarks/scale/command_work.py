@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import ROOT
-from skinmap.cli.late_modules import run_late
+from skinmap.imports import run_late
 
 ARRAYS = ("numpy", "scipy.sparse.csgraph", "scipy.sparse.linalg", "scipy.spatial", "click", "rich")
 MESHES = (*ARRAYS, "igl", "lxml.etree", "icub_models")

@@ -9,7 +9,6 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.rigid import transform_points
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -94,7 +93,3 @@ class Plane:
     def height(self, points: FloatArray) -> FloatArray:
         """Signed distances (...,) of points (..., 3) above the surface [m]."""
         return np.asarray((points - self.point) @ self.normal)
-
-    def through(self, T: FloatArray) -> Plane:
-        """The plane seen from another frame, T (4, 4) carrying this one's coordinates there."""
-        return Plane(transform_points(T, self.point[None])[0], T[:3, :3] @ self.normal)

@@ -12,7 +12,7 @@ from calibration.patch.link_surface import OFFSET, Target
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import face_areas, unit
-from skinmap.optional import import_optional
+from skinmap.imports import import_optional
 
 STAGES = (20e-3, 10e-3, 4e-3)  # longest correspondences [m]: first squares, then Tukey's loss
 STEPS = 40  # a stage at most

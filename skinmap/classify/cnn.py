@@ -22,7 +22,7 @@ from skinmap.errors import (
     UnknownNameError,
     unknown_name,
 )
-from skinmap.optional import import_optional
+from skinmap.imports import import_optional
 from skinmap.touch.paper_image import SIZE
 
 Schedule = Literal["constant", "step", "cosine"]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.optional import import_optional
+from skinmap.imports import import_optional
 
 Kind = Literal["surf", "sift"]
 Points = Literal["dense", "detected"]

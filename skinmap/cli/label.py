@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import open_robot, out_file, prints, robot_option
+from skinmap.commands.options import force_option, open_robot, out_file, prints, robot_option
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 
@@ -58,7 +58,7 @@ class LabelResult:
 @click.option("--web", is_flag=True, help="Step through the touches in the browser.")
 @click.option("--find", is_flag=True, help="Find the touches anew, whatever is marked.")
 @click.option("--name", metavar="LABEL", help="Name of all touches that have none in the end.")
-@click.option("--force", is_flag=True, help="Replace files that are there.")
+@force_option
 @robot_option
 @profile_option()
 @prints(LabelResult)

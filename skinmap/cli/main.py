@@ -22,10 +22,10 @@ from types import FrameType
 import click
 
 from skinmap import __version__
-from skinmap.cli.late_modules import run_late
 from skinmap.commands.groups import NamedGroup
 from skinmap.commands.progress import QUIET
 from skinmap.errors import SkinError
+from skinmap.imports import run_late
 from skinmap.report.table import visible
 
 # name: (module, one line for the list); the module holds a click command called `command`.

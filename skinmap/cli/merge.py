@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import out_file, prints
+from skinmap.commands.options import force_option, out_file, prints
 from skinmap.commands.profiles import profile_option
 from skinmap.report.present import present
 
@@ -54,7 +54,7 @@ class MergeResult:
     "recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path(path_type=Path)
 )
 @out_file("Recording to write, .mcap or .npz; never one of those that are read.", required=True)
-@click.option("--force", is_flag=True, help="Replace files that are there.")
+@force_option
 @profile_option()
 @prints(MergeResult)
 def command(recordings: tuple[Path, ...], output: Path, force: bool, as_json: bool) -> None:

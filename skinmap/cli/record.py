@@ -19,6 +19,7 @@ import click
 from skinmap.commands.options import (
     MAX_SECONDS,
     Number,
+    force_option,
     open_robot,
     out_file,
     part_option,
@@ -68,7 +69,7 @@ class RecordResult:
 @click.command("record")
 @click.argument("source")
 @out_file("MCAP file to write.", required=True)
-@click.option("--force", is_flag=True, help="Replace files that are there.")
+@force_option
 @robot_option
 @part_option
 @seconds_option("Stop after so long.")

@@ -19,6 +19,8 @@ from skinmap.commands.options import (
     open_robot,
     out_file,
     part_option,
+    per_gesture_option,
+    places_option,
     prints,
     publish_option,
     robot_argument,
@@ -149,13 +151,7 @@ def sensing_options(command: Any) -> Any:
 @click.command("simulate")
 @robot_argument
 @part_option
-@click.option(
-    "--per-gesture",
-    type=click.IntRange(1, MAX_TOUCHES),
-    default=20,
-    show_default=True,
-    help="Touches of each gesture on each part.",
-)
+@per_gesture_option("Touches of each gesture on each part.")
 @click.option(
     "--gesture",
     "gestures",
@@ -176,13 +172,7 @@ def sensing_options(command: Any) -> Any:
     show_default=True,
     help="People who touch, each with a hand size and habits.",
 )
-@click.option(
-    "--places",
-    type=click.Choice(["anywhere", "habitual"]),
-    default="anywhere",
-    show_default=True,
-    help="Where people touch.",
-)
+@places_option()
 @click.option(
     "--physics",
     type=click.Choice(["ours", "mujoco"]),

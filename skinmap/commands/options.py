@@ -27,6 +27,8 @@ class Number(click.FloatRange):
         Whether inf is taken too, beyond `max`.
     """
 
+    name = "number"  # as help shows it
+
     def __init__(
         self,
         min: float,
@@ -181,6 +183,28 @@ seed_option = click.option(
 )
 
 
+def places_option(only: str = "") -> Callable[[F], F]:
+    """`--places` of simulated touches; `only` names what else it does not concern."""
+    return click.option(
+        "--places",
+        type=click.Choice(["anywhere", "habitual"]),
+        default="anywhere",
+        show_default=True,
+        help=f"{only}: where people touch." if only else "Where people touch.",
+    )
+
+
+def per_gesture_option(help: str) -> Callable[[F], F]:
+    """`--per-gesture`: how many touches of each kind are simulated."""
+    return click.option(
+        "--per-gesture",
+        type=click.IntRange(1, MAX_TOUCHES),
+        default=20,
+        show_default=True,
+        help=help,
+    )
+
+
 def seconds_option(help: str) -> Callable[[F], F]:
     """`--seconds`: how long a command goes on with what would not end, or not so soon."""
     return click.option("--seconds", type=Number(0.0, MAX_SECONDS, min_open=True), help=help)
@@ -206,6 +230,16 @@ def publish_option(what: str, *, multiple: bool = False) -> Callable[[F], F]:
         multiple=multiple,
         help=f"Let others follow {what}: {PUBLISH_WAYS}{more}.",
     )
+
+
+force_option = click.option("--force", is_flag=True, help="Replace files that are there.")
+response_option = click.option(
+    "--response",
+    "responses",
+    multiple=True,
+    metavar="[PART=]FILE",
+    help="Response calibration of a part that sends raw values; may be repeated.",
+)
 
 
 def read_radius(text: str) -> float | None:

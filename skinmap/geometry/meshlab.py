@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from skinmap.optional import import_optional
+from skinmap.imports import import_optional
 
 
 def import_meshlab() -> Any:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Any, Protocol
 
 from skinmap.errors import UnreachableError, VersionMismatchError
-from skinmap.optional import import_optional
+from skinmap.imports import import_optional
 
 # One thread in the numeric libraries of each process: the processes share the cores already, and
 # sums keep their order.

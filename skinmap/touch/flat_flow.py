@@ -11,7 +11,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.geometry.proximity import median_spacing
-from skinmap.optional import import_optional
+from skinmap.imports import import_optional
 from skinmap.touch.contact_image import image_geometry
 from skinmap.touch.prepared_skin import PreparedSkin
 

@@ -8,6 +8,7 @@ import gc
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, TypeVar
@@ -26,23 +27,22 @@ _first: ContextVar[bool] = ContextVar("first", default=False)
 
 
 @contextlib.contextmanager
-def untimed() -> Iterator[None]:
+def _set(flag: ContextVar[bool]) -> Iterator[None]:
+    token = flag.set(True)
+    try:
+        yield
+    finally:
+        flag.reset(token)
+
+
+def untimed() -> AbstractContextManager[None]:
     """Within it `cpu_seconds` calls its work once: to load what it needs."""
-    token = _untimed.set(True)
-    try:
-        yield
-    finally:
-        _untimed.reset(token)
+    return _set(_untimed)
 
 
-@contextlib.contextmanager
-def first_time() -> Iterator[None]:
+def first_time() -> AbstractContextManager[None]:
     """Within it `cpu_seconds` warms slow work up too, which it does not do again."""
-    token = _first.set(True)
-    try:
-        yield
-    finally:
-        _first.reset(token)
+    return _set(_first)
 
 
 def cpu_seconds(work: Callable[[], T], *, least: float = LEAST) -> tuple[float, T]:

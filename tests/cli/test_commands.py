@@ -136,7 +136,7 @@ def test_same_seed_writes_the_same_recording(tmp_path):
         (("inspect", "icub", "--part", "tail"), "no part 'tail'; the parts are: torso"),
         (("flatten", "icub", "--method", "best"), "no flattening method 'best'"),
         (("flatten", "gone.toml"), r"no file 'gone\.toml'"),
-        (("structures", "--radius-mm", "-1"), "must be above 0"),
+        (("structures", "--radius-mm", "-1"), "must lie in 0.1..1000, or auto"),
         (("simulate", "--gesture", "slap", "--part", "torso", "-o", "x.npz"), "no gesture 'slap'"),
         (("simulate", "--part", "torso", "--dead", "2"), "2.0 is not in the range 0<=x<=1"),
         (("simulate", "--part", "torso", "--pairs", "2", "--places", "habitual"), "leave out"),

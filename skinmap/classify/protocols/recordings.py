@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +12,9 @@ from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
 from skinmap.classify.evaluate import likeliest
 from skinmap.classify.protocols.folds import FoldKind, make_folds, recalls
-from skinmap.errors import InvalidArrayError, SkinError, SkinMismatchError, UnknownNameError
+from skinmap.errors import InvalidArrayError, SkinError
 from skinmap.parallel.run import run_tasks, task_rng
 from skinmap.parallel.workers import ONE, Workers
-from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.recording import Recording
 
 FOLDS = 4
 KINDS: tuple[FoldKind, ...] = ("plain", "event")
@@ -32,52 +30,6 @@ class Trial:
     kind: FoldKind
     folds: int
     seed: int
-
-
-def labelled_touches(
-    skins: Mapping[str, PreparedSkin],
-    recordings: Sequence[Recording],
-    *,
-    gestures: Sequence[str] = (),
-) -> tuple[Touch, ...]:
-    """The touches of recordings with one label each; several touches at once are left out.
-
-    Parameters
-    ----------
-    skins : mapping of str to PreparedSkin
-        By part.
-    recordings : sequence of Recording
-    gestures : sequence of str
-        Only these labels; all by default.
-
-    Raises
-    ------
-    SkinMismatchError
-        A recording of another number of taxels than its skin.
-    InvalidArrayError
-        Touch events without a label, or labels that differ in spelling only.
-    UnknownNameError
-        A gesture that no recording has.
-    """
-    touches = []
-    for one in recordings:
-        skin = skins[one.part]
-        if one.pressures.shape[1] != len(skin):
-            raise SkinMismatchError(
-                f"the recording of {one.part!r} has {one.pressures.shape[1]} taxels, "
-                f"its skin has {len(skin)}"
-            )
-        for event, label, samples in one.touches():
-            if not label.strip():
-                raise InvalidArrayError(f"touch event {event} of {one.part!r} has no label")
-            if TOGETHER not in label and len(samples):
-                touches.append(Touch(skin, samples, label))
-    known = sorted({touch.label for touch in touches})
-    check_spelling(known)
-    for name in gestures:
-        if name not in known:
-            raise UnknownNameError("recorded gesture", name, known)
-    return tuple(touch for touch in touches if not gestures or touch.label in gestures)
 
 
 def check_spelling(labels: Sequence[str]) -> None:

@@ -14,6 +14,7 @@ from skinmap.commands.options import (
     part_option,
     prints,
     publish_option,
+    response_option,
     robot_option,
     seconds_option,
     seed_option,
@@ -45,13 +46,7 @@ SUFFIX = ".skinmodel"  # as `skinmap.classify.model_file` has it; a test compare
 )
 @seconds_option("Stop after so long; live sources only.")
 @publish_option("pressures, contacts and labels", multiple=True)
-@click.option(
-    "--response",
-    "responses",
-    multiple=True,
-    metavar="[PART=]FILE",
-    help="Response calibration of a part that sends raw values; may be repeated.",
-)
+@response_option
 @click.option(
     "--coverage",
     type=Number(0.0, 1.0, min_open=True, max_open=True),

@@ -22,6 +22,8 @@ from skinmap.commands.options import (
     out_folder,
     outside_option,
     part_option,
+    per_gesture_option,
+    places_option,
     prints,
     seed_option,
 )
@@ -67,20 +69,8 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
     metavar="four|eight|all|time|NAME,NAME...",
     help="Touches to tell apart (recordings: all by default; time: time).",
 )
-@click.option(
-    "--per-gesture",
-    type=click.IntRange(1, MAX_TOUCHES),
-    default=20,
-    show_default=True,
-    help="cross-patch, physics, time: touches of each gesture on each patch or part.",
-)
-@click.option(
-    "--places",
-    type=click.Choice(["anywhere", "habitual"]),
-    default="anywhere",
-    show_default=True,
-    help="kaspar: where people touch.",
-)
+@per_gesture_option("cross-patch, physics, time: touches of each gesture on each patch or part.")
+@places_option("kaspar")
 @click.option("--sweep", is_flag=True, help="kaspar: sweep r and k (always with --out).")
 @click.option(
     "--images",

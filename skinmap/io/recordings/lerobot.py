@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import IntArray
 from skinmap.errors import DataFormatError, SkinWarning
+from skinmap.imports import import_optional
 from skinmap.io.recordings.learning import BLOCK, about
 from skinmap.io.recordings.recorded_stream import RecordedStream
-from skinmap.optional import import_optional
 
 VERSION = "v3.0"
 DATA = "data/chunk-000/file-000.parquet"

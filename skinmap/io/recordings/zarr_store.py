@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from skinmap.imports import import_optional
 from skinmap.io.recordings.learning import BLOCK, about, arrays_of
 from skinmap.io.recordings.recorded_stream import RecordedStream
-from skinmap.optional import import_optional
 
 
 def write_zarr(track: RecordedStream, folder: Path) -> None:

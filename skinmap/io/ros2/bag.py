@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.imports import import_optional
 from skinmap.io.recordings.dumper import together
 from skinmap.io.recordings.recorded_stream import (
     Kind,
@@ -26,7 +27,6 @@ from skinmap.io.recordings.recorded_stream import (
 )
 from skinmap.io.ros2.messages import cloud_points
 from skinmap.io.text import read_text
-from skinmap.optional import import_optional
 from skinmap.validation import checked, toml_table
 
 MAPPING = ".map.toml"

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from skinmap.errors import InvalidArrayError, OutputError, UnreachableError
+from skinmap.imports import import_optional
 from skinmap.io.ros2.definitions import HASHES, dds_name
 from skinmap.live.network.addresses import HERE, Address, parse_address
-from skinmap.optional import import_optional
 
 PORT = 7447  # of the router that ROS 2 expects on each machine
 DOMAIN = "ROS_DOMAIN_ID"  # the environment variable by which ROS 2 divides a network

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import OutputError
+from skinmap.imports import import_optional
 from skinmap.io.ros2.definitions import definition, full_name
 from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES, taxel_columns
 from skinmap.live.contacts.named_touch import NamedTouch
@@ -21,7 +22,6 @@ from skinmap.live.network.messages import KINDS
 from skinmap.live.publishing.publisher import Publisher, Topic
 from skinmap.live.publishing.ros2_topics import Ros2Topics, stamps
 from skinmap.live.sources.source import StreamInfo
-from skinmap.optional import import_optional
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import build_surface
 

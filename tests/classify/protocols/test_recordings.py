@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skinmap.classify.protocols.recordings import evaluate_recordings, labelled_touches
+from skinmap.classify.protocols.recordings import evaluate_recordings
+from skinmap.cli.collection import collect
+from skinmap.cli.evaluate.recordings import judged_touches
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.io.recordings.touch_files import save_recordings
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulator import simulate
 
@@ -19,8 +22,14 @@ def recording(icub):
 
 
 @pytest.fixture(scope="module")
-def touches(prepared, recording):
-    return labelled_touches({PART: prepared(PART)}, [recording])
+def touches(tmp_path_factory, recording):
+    return judged(tmp_path_factory.mktemp("touches") / "t.npz", recording)
+
+
+def judged(path, recording, *only):
+    """The touches of a recording that was written to a file."""
+    save_recordings(recording, path)
+    return tuple(one.touch for one in judged_touches(collect([path], "icub"), only))
 
 
 def test_recordings_give_a_row_for_each_classifier_and_kind_of_folds(touches):
@@ -62,22 +71,21 @@ def relabelled(recording: Recording, *labels: str) -> Recording:
     return replace(recording, labels=(*labels, *recording.labels[len(labels) :]))
 
 
-def test_labels_that_do_not_match_are_refused(prepared, recording):
-    skins = {PART: prepared(PART)}
-    with pytest.raises(InvalidArrayError, match="touch event 0 of 'left_forearm' has no label"):
-        labelled_touches(skins, [relabelled(recording, " ")])
+def test_labels_that_do_not_match_are_refused(tmp_path, recording):
+    path = tmp_path / "t.npz"
+    with pytest.raises(InvalidArrayError, match=r"touch of 'left_forearm' in .* has no label"):
+        judged(path, relabelled(recording, " "))
     odd = relabelled(recording, "Full Finger")
     with pytest.raises(InvalidArrayError, match="'full_finger' differ in spelling only"):
-        labelled_touches(skins, [odd])
+        judged(path, odd)
     with pytest.raises(
         UnknownNameError, match="no recorded gesture 'slap'; the recorded gestures are: full_finger"
     ):
-        labelled_touches(skins, [recording], gestures=["slap"])
+        judged(path, recording, "slap")
     both = relabelled(recording, "poke+whole_hand")
-    assert len(labelled_touches(skins, [both])) == len(recording.labels) - 1
+    assert len(judged(path, both)) == len(recording.labels) - 1
 
 
-def test_a_recording_from_another_skin_is_refused(prepared, recording):
-    skins = {PART: prepared("right_leg_lower")}
-    with pytest.raises(SkinMismatchError, match="has 240 taxels, its skin has 380"):
-        labelled_touches(skins, [recording])
+def test_a_recording_from_another_skin_is_refused(tmp_path, recording):
+    with pytest.raises(SkinMismatchError, match="has 240 taxels, the skin of iCub has 380"):
+        judged(tmp_path / "t.npz", replace(recording, part="right_leg_lower"))

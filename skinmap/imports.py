@@ -1,11 +1,14 @@
-"""Modules that libraries import on the way and a command hardly uses: run at their first use.
+"""How packages are imported that are not always needed, or not everywhere installed.
 
-scikit-learn imports all of `scipy.stats` for a few of its estimators, PyVista `matplotlib.pyplot`
-for one function: 0.3 and 0.4 s of CPU time of every command that only wanted the rest of them.
+Optional ones where they are used, with one line on how to get them. Modules that libraries import
+on the way and a command hardly uses run at their first use: scikit-learn imports all of
+`scipy.stats` for a few of its estimators, PyVista `matplotlib.pyplot` for one function, 0.3 and
+0.4 s of CPU time of every command that only wanted the rest of them.
 """
 
 from __future__ import annotations
 
+import importlib
 import sys
 import threading
 from collections.abc import Sequence
@@ -14,9 +17,31 @@ from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 from typing import Any
 
+from skinmap.errors import MissingLibraryError
+
 LATE = ("scipy.stats", "matplotlib.pyplot", "numpy.f2py", "numpy.testing", "pooch")
 _LOADER, _PATH = "_late_loader", "_late_path"  # kept in the module until it runs
 _running = threading.RLock()
+
+
+def import_optional(module: str, need: str) -> Any:
+    """A module of an optional package.
+
+    Parameters
+    ----------
+    module : str
+    need : str
+        The message where it is not installed: what needs the package, and how to install it.
+
+    Raises
+    ------
+    MissingLibraryError
+        It is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingLibraryError(need) from error
 
 
 class _LateModule(ModuleType):

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-BEGIN = "import sys; from skinmap.cli.late_modules import run_late; run_late(); run_late()\n"
+BEGIN = "import sys; from skinmap.imports import run_late; run_late(); run_late()\n"
 
 
 def child(code):
