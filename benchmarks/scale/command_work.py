@@ -160,7 +160,7 @@ WORKS: dict[str, Work] = {
     "classify": (NAMES, _classify),
     "still": (SCENE, _still),
     "still_part": (SCENE, lambda: _still("left_arm")),
-    "nothing": (("numpy", "click", "rich"), lambda: None),
+    "nothing": (("click", "rich.console", "rich.table", "msgspec"), lambda: None),
 }
 
 
