@@ -20,19 +20,19 @@ from functools import lru_cache
 from importlib import metadata
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path, PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
-from skinmap.archive import open_arrays
 from skinmap.errors import DAMAGED_ARCHIVE, InvalidArrayError, SkinWarning
 
-Arrays = dict[str, NDArray[Any]]
+if TYPE_CHECKING:  # who only asks what is kept needs no arrays
+    import numpy as np
+    from numpy.typing import NDArray
+
+Arrays: TypeAlias = "dict[str, NDArray[Any]]"
 Digest = bytes
 # By id, with the object itself: as long as it is held here no other one can have its id.
 Known = dict[int, tuple[Any, Digest]]
-Ingredient = NDArray[Any] | str | bytes | int | float
+Ingredient: TypeAlias = "NDArray[Any] | str | bytes | int | float"
 
 FORMAT = 1  # of the archives; another one has another folder
 FOLDER_VARIABLE = "SKINMAP_CACHE"  # a folder, or `off`
@@ -80,6 +80,8 @@ class Cache:
 
     def get(self, kind: str, key: str) -> Arrays | None:
         """The arrays kept under a key; None where there are none, or none that can be read."""
+        from skinmap.archive import open_arrays
+
         path = self._path(kind, key)
         try:
             with open_arrays(path) as archive:
@@ -111,6 +113,8 @@ class Cache:
         self, kind: str, key: str, arrays: Mapping[str, NDArray[Any]], *, packed: bool = False
     ) -> None:
         """Keep arrays under a key, whole or not at all; OSError where they cannot be written."""
+        import numpy as np
+
         path = self._path(kind, key)
         self._make_folder(path.parent)
         handle, name = tempfile.mkstemp(suffix=PARTIAL, dir=path.parent)
@@ -244,6 +248,8 @@ def cached(
 
 def hash_of(ingredients: Sequence[Ingredient]) -> str:
     """Key of values in their order, each told apart by type, shape and length."""
+    import numpy as np
+
     if any(isinstance(one, np.ndarray) and one.dtype.hasobject for one in ingredients):
         raise InvalidArrayError("objects have no content that can be hashed")
     return content_key(*ingredients)
@@ -274,6 +280,8 @@ def _digest(value: Any, known: Known) -> Digest:
 
 def _parts(value: Any, known: Known) -> list[bytes]:
     """What a value consists of; the first part tells its kind."""
+    import numpy as np
+
     if value is None or isinstance(value, bool | int | float | complex | str):
         return [type(value).__name__.encode(), repr(value).encode()]
     if isinstance(value, bytes | bytearray):
@@ -293,6 +301,8 @@ def _parts(value: Any, known: Known) -> list[bytes]:
 
 
 def _array_parts(array: np.ndarray[Any, Any], known: Known) -> list[bytes]:
+    import numpy as np
+
     if array.dtype.hasobject:
         return [b"objects", str(array.shape).encode(), _digest(array.ravel().tolist(), known)]
     head = f"{array.dtype.str} {array.shape}"

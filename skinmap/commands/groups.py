@@ -15,7 +15,9 @@ class NamedGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """The command that the first word names."""
         name = args[0]
-        known = self.list_commands(ctx)
-        if not name.startswith("-") and name not in known:
-            raise click.UsageError(unknown_name("command", name, known), ctx)
-        return super().resolve_command(ctx, args)
+        if name.startswith("-"):
+            return super().resolve_command(ctx, args)
+        command = self.get_command(ctx, name)
+        if command is None:  # only now are all listed: that asks every installed package
+            raise click.UsageError(unknown_name("command", name, self.list_commands(ctx)), ctx)
+        return name, command, args[1:]

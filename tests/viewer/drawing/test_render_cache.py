@@ -83,6 +83,36 @@ def test_cached_pictures_follow_pose_style_and_layer(at_rest):
         np.testing.assert_array_equal(shown, drawn_anew(scene))
 
 
+def test_an_older_mesh_put_in_the_place_of_a_newer_one_is_another_shape(opengl):
+    """What is kept shows the newer one, which the older one may not cover."""
+    import pyvista as pv
+
+    from viewer.drawing.frame.idle_actors import Resting
+
+    older, newer = pv.Plane(i_resolution=1, j_resolution=1), pv.Sphere()
+    plotter = pv.Plotter(off_screen=True, window_size=(64, 64))
+    actor = pv.Actor(mapper=pv.DataSetMapper(newer))
+    actor.mapper.SetScalarVisibility(True)
+    plotter.add_actor(actor)
+    one = Resting(plotter.renderer, [actor])
+    for _ in range(2):
+        one.compare()
+        one.settle()
+    one.compare()
+    assert not one.moved
+    assert not one.changed
+    actor.mapper.dataset = older
+    one.compare()
+    assert one.moved
+    assert one.changed
+    one.settle()
+    actor.prop.opacity = 0.5
+    one.compare()
+    assert one.changed
+    assert not one.moved
+    plotter.close()
+
+
 def test_refresh_draws_nothing_where_nothing_changed(at_rest, press):
     scene = at_rest
     rest(scene)

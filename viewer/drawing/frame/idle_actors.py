@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
+from vtkmodules.vtkCommonCore import vtkTimeStamp
 from vtkmodules.vtkRenderingCore import vtkProp, vtkRenderer
 
 IDLE = 8  # pictures in which an actor keeps its new colours before they are kept too
@@ -27,28 +28,21 @@ class Coloured:
     def __init__(self, actor: Any) -> None:
         self.actor = actor
         self.kept, self.idle = False, 0
-        self._time: Hashable = None
         # Bound once: PyVista checks the spelling of each attribute asked of its actors.
         self._visible, self._stamps = actor.GetVisibility, Stamps(actor)
-        self._times, self._matrix = self._stamps.times, actor.GetUserMatrix
+        self._matrix = actor.GetUserMatrix
 
-    def look(self) -> tuple[Hashable, bool]:
-        """Its shape, None while hidden, and whether anything of it changed since `settle`."""
+    def look(self, mark: int) -> tuple[Hashable, bool]:
+        """Its shape, None while hidden, and whether anything of it changed since a time."""
         if not self._visible():
             self.kept = False
             return None, False
-        matrix, changed = self._matrix(), self._times() != self._time
+        matrix, changed = self._matrix(), self._stamps.newest() > mark
         points = self._stamps.points()
-        # VTK counts its time stamps up for all objects: others have others.
-        shape = points and points.GetMTime(), matrix and matrix.GetMTime()
         if changed:
             self.kept, self.idle = False, 0
-        return shape, changed
-
-    def settle(self) -> None:
-        """It is shown as it is now."""
-        self._time = self._times()
-        self.idle += 1
+        # VTK counts its time stamps up for all objects: others have others, be they older.
+        return (points and points.GetMTime(), matrix and matrix.GetMTime()), changed
 
 
 class Resting:
@@ -95,12 +89,14 @@ class Resting:
         self.moved, self.changed, self.going = True, True, False
         self.quick, self.whole, self.waited = False, False, False
         plain = [actor for actor in candidates if is_plain(actor)]
-        self._plain = [(actor, actor.GetVisibility, Stamps(actor).times) for actor in plain]
+        self._plain = [(actor, actor.GetVisibility, Stamps(actor).newest) for actor in plain]
         self._coloured = [Coloured(actor) for actor in candidates if not is_plain(actor)]
         self._numbers = {id(actor) for actor in candidates}
         self._others: tuple[int, list[Any]] = (-1, [])
+        self._mark = 0  # VTK's time at the last `settle`
         self._kept: Hashable = None
-        self._shown: Hashable = None
+        self._shown: int | None = None
+        self._shapes: tuple[Hashable, ...] = ()
 
     @property
     def empty(self) -> bool:
@@ -117,36 +113,40 @@ class Resting:
         """Those of them whose new colours may be kept."""
         return [one for one in self.stale if one.idle >= IDLE]
 
-    def survey(self) -> tuple[Hashable, Hashable]:
-        """Find what rests and what is live; the looks of both, equal for equal pictures.
+    def survey(self) -> tuple[bool, bool]:
+        """Find what rests and what is live; whether each has other stamps than at `settle`.
 
-        VTK's own time stamps tell: hiding and showing an actor advances them too, so they are
-        taken anew at the end of each frame.
+        VTK's own time stamps tell, which it counts up for all objects together: what is newer than
+        the end of the last frame has changed since. Hiding and showing, too, gives new ones.
         """
-        shown = [(actor, time()) for actor, visible, time in self._plain if visible()]
+        mark = self._mark
+        shown = [(actor, newest()) for actor, visible, newest in self._plain if visible()]
         self.resting = [actor for actor, _ in shown]
         self.coloured, shapes, turned = [], [], False
+        moved = any(time > mark for _, time in shown)
         for one in self._coloured:
-            shape, changed = one.look()
+            shape, changed = one.look(mark)
             if shape is not None:
                 self.coloured.append(one)
             shapes.append(shape)
             turned |= changed
+        self._shapes = tuple(shapes)
         self.live = [prop for prop in self._rest_of_props() if prop.GetVisibility()]
-        place = (self._place(), tuple(time for _, time in shown), tuple(shapes))
-        return place, (turned, tuple(_look(prop) for prop in self.live))
+        return moved, turned or any(_look(prop) > mark for prop in self.live)
 
     def compare(self) -> None:
         """Say what differs from the last frame."""
-        place, content = self.survey()
-        self.moved = place != self._kept
-        self.changed = content != self._shown
+        moved, changed = self.survey()
+        self.moved = moved or self._place() != self._kept
+        self.changed = changed or len(self.live) != self._shown
 
     def settle(self) -> None:
         """What is kept and shown is of now."""
         for one in self.coloured:
-            one.settle()
-        self._kept, self._shown = self.survey()
+            one.idle += 1
+        now = vtkTimeStamp()
+        now.Modified()
+        self._kept, self._shown, self._mark = self._place(), len(self.live), now.GetMTime()
 
     def forget(self) -> None:
         """Draw all of it next time."""
@@ -164,6 +164,8 @@ class Resting:
     def _place(self) -> Hashable:
         renderer, camera = self.renderer, self.renderer.GetActiveCamera()
         return (
+            len(self.resting),
+            self._shapes,
             camera.GetPosition(),
             camera.GetFocalPoint(),
             camera.GetViewUp(),
@@ -194,8 +196,8 @@ class Stamps:
         self._mapper: Any = None
         self._connected = -1
 
-    def times(self) -> Hashable:
-        """The stamps of actor, mapper and mesh."""
+    def newest(self) -> int:
+        """The newest stamp of actor, mapper and mesh."""
         mapper = self._get_mapper()
         if mapper is not self._mapper:
             self._mapper, self._mapper_time, self._connected = mapper, mapper.GetMTime, -1
@@ -203,15 +205,15 @@ class Stamps:
         if time != self._connected:  # its mesh is only another one where the mapper has changed
             self._connected, data = time, mapper.GetInput()
             self._data_time, self.points = data.GetMTime, data.GetPoints
-        return self._own(), time, self._data_time()
+        return int(max(self._own(), time, self._data_time()))
 
 
-def _look(prop: Any) -> Hashable:
+def _look(prop: Any) -> int:
     """When the look of a prop changed last, with all it depends on."""
-    time = prop.GetRedrawMTime()
+    time = int(prop.GetRedrawMTime())
     if prop.IsA("vtkTextActor"):
-        return time, prop.GetTextProperty().GetMTime()
+        return max(time, prop.GetTextProperty().GetMTime())
     if prop.IsA("vtkActor2D"):
         data = prop.GetMapper().GetInput()
-        return time, data.GetMTime() if data is not None else 0
+        return max(time, data.GetMTime() if data is not None else 0)
     return time

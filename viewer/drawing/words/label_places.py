@@ -54,9 +54,9 @@ class Coverage:
         covered.
         """
         if self._free is None:
-            from scipy.ndimage import binary_dilation
-
-            open_cells = np.argwhere(~binary_dilation(self._taken, np.ones((3, 3)), border_value=0))
+            padded = np.pad(self._taken, 1)  # scipy.ndimage takes 0.1 s to import
+            wide = padded[:-2] | padded[1:-1] | padded[2:]
+            open_cells = np.argwhere(~(wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:]))
             self._free = np.asarray((open_cells + 0.5) * self.cell, np.float64)
         free = self._free
         if len(free) == 0:
