@@ -64,12 +64,18 @@ class Ground:
         Stiffness of its foam per area [Pa/m].
     feel : (n, c) sparse
         Load of each taxel, 1 = a firm finger, for a newton on each spring.
+    spread : float
+        How far the foam spreads a pressure, standard deviation [m].
+    full_scale : float
+        Pressure that a load of 1 in `feel` stands for [Pa].
     """
 
     bed: SpringBed
     variant: Variant
     foam: float
     feel: csr_array
+    spread: float
+    full_scale: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -153,7 +159,8 @@ def make_ground(skin: Skin, variant: Variant, *, rng: np.random.Generator) -> Gr
     """Draw the foam of a skin, and find how its taxels feel the springs."""
     bed = spring_bed(skin)
     spread, full = float(rng.uniform(*variant.spread)), _log_uniform(rng, variant.full_scale)
-    return Ground(bed, variant, _log_uniform(rng, variant.foam), bed.spread(spread) / full)
+    foam = _log_uniform(rng, variant.foam)
+    return Ground(bed, variant, foam, bed.spread(spread) / full, spread, full)
 
 
 def draw_people(count: int, variant: Variant, *, rng: np.random.Generator) -> tuple[Person, ...]:
