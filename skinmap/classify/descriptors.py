@@ -28,7 +28,7 @@ from skinmap.touch.codebook import (
 from skinmap.touch.contact_geometry import contact_geometry
 from skinmap.touch.contacts import check_pressures, pool_event, pressed
 from skinmap.touch.histogram import Mode, PatchSamples, StructureHistogram
-from skinmap.touch.motion_features import in_time, motion_features
+from skinmap.touch.motion_features import MOTION_FEATURES, MOVES, in_time, motion_features
 from skinmap.touch.nearest_structure import Coverage, adopt_nearest, coverage
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
@@ -97,6 +97,7 @@ class ContactGeometry:
         all stay where they are named as before.
     """
 
+    REACH: ClassVar[int] = MOTION_FEATURES.index("reach_mm")
     # What is measured is not learnt, so each touch is once, however many classifiers look at it.
     _still: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
     _moving: ClassVar[WeakKeyDictionary[Touch, FloatArray]] = WeakKeyDictionary()
@@ -104,6 +105,7 @@ class ContactGeometry:
     def __init__(self, *, motion: bool | None = None) -> None:
         self.motion = motion
         self.moving = bool(motion)
+        self.blurred = False  # models of before also looked at shapes of touches that move
 
     def fit(self, touches: Sequence[Touch], *, rng: np.random.Generator) -> None:
         """Find out whether motion helps, unless that was said."""
@@ -115,12 +117,17 @@ class ContactGeometry:
     def describe(self, touch: Touch) -> FloatArray:
         """(1, d) numbers: `FEATURES` and, with motion, `MOTION_FEATURES` in turn.
 
-        (0, d) where nothing is touched.
+        (0, d) where nothing is touched. Pooled over a way, a shape is mostly the way: with motion,
+        the `FEATURES` of a touch that moves are 0, and its shape is that of single samples.
         """
         row = self._still.get(touch)
         if row is None:
             row = self._still[touch] = self._measure(touch)
-        return np.concatenate([row, self._motion(touch)[: len(row)]], 1) if self.moving else row
+        return self._joined(row, self._motion(touch)[: len(row)]) if self.moving else row
+
+    def _joined(self, still: FloatArray, motion: FloatArray) -> FloatArray:
+        stays = self.blurred | (motion[:, self.REACH] <= MOVES)
+        return np.concatenate([still * stays[:, None], motion], axis=1)
 
     def _motion(self, touch: Touch) -> FloatArray:
         row = self._moving.get(touch)
@@ -155,17 +162,18 @@ class ContactGeometry:
         split = StratifiedKFold(HELP_FOLDS, shuffle=True, random_state=0)
         without, using = (
             float(cross_val_score(RbfMachine(), rows, labels, cv=split).mean())
-            for rows in (still, np.concatenate([still, motion], axis=1))
+            for rows in (still, self._joined(still, motion))
         )
         return 1.0 - using <= HELPS * (1.0 - without)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """What a model file keeps."""
-        return {"moving": np.array(self.moving)}
+        return {"moving": np.array(self.moving), "blurred": np.array(self.blurred)}
 
     def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take what `to_arrays` gave."""
         self.moving = bool(arrays["moving"])
+        self.blurred = bool(arrays.get("blurred", True))
 
 
 class Histograms:

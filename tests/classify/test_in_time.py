@@ -10,7 +10,7 @@ from skinmap.classify.named_classifiers import contact_geometry_classifier
 from skinmap.classify.protocols.in_time import beginning, evaluate_in_time, play
 from skinmap.errors import InvalidArrayError
 from skinmap.touch.contact_geometry import FEATURES
-from skinmap.touch.motion_features import MOTION_FEATURES
+from skinmap.touch.motion_features import MOTION_FEATURES, MOVES
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 
@@ -51,6 +51,30 @@ def test_motion_is_looked_at_where_it_helps_and_kept_with_the_model(moving, tmp_
     assert [read.predict(one) for one in moving[:9]] == [model.predict(one) for one in moving[:9]]
     right = [model.predict(one).label == one.label for one in moving]
     assert np.mean(right) > 0.8
+
+
+def test_a_touch_that_moves_has_the_shape_of_its_samples_and_not_of_its_way(moving):
+    reach = len(FEATURES) + MOTION_FEATURES.index("reach_mm")
+    now = ContactGeometry(motion=True)
+    before = ContactGeometry(motion=True)
+    before.from_arrays({"moving": np.array(True)})  # models of before do not say it
+    plain = ContactGeometry(motion=False)
+    rows = {one: now.describe(one)[0] for one in moving}
+    ways = {one.label for one, row in rows.items() if row[reach] > MOVES}
+    assert "stroke" in ways
+    assert "hold" not in ways
+    for one, row in rows.items():
+        pooled = plain.describe(one)[0]
+        shown = row[: len(FEATURES)]
+        np.testing.assert_array_equal(shown, 0.0 if row[reach] > MOVES else pooled)
+        np.testing.assert_array_equal(before.describe(one)[0][: len(FEATURES)], pooled)
+        np.testing.assert_array_equal(
+            before.describe(one)[0][len(FEATURES) :], row[len(FEATURES) :]
+        )
+    kept = ContactGeometry()
+    kept.from_arrays(now.to_arrays())
+    assert kept.moving
+    assert not kept.blurred
 
 
 def test_a_beginning_is_the_first_samples(moving):
