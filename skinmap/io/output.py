@@ -31,13 +31,15 @@ def staged_folder(out: Path) -> Iterator[Path]:
         `out` cannot be made or written to (found before any work is done), or became full or
         read-only since.
     """
-    made = not out.exists()
+    made, stage = not out.exists(), None
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=".skinmap-", dir=out))
-    except OSError as error:
-        raise OutputError(f"cannot write to the folder {str(out)!r}: {error.strerror}") from None
-    try:
+        with undisturbed():  # or nobody would know what to take away
+            try:
+                out.mkdir(parents=True, exist_ok=True)
+                stage = Path(tempfile.mkdtemp(prefix=".skinmap-", dir=out))
+            except OSError as error:
+                said = f"cannot write to the folder {str(out)!r}: {error.strerror}"
+                raise OutputError(said) from None
         with refusals(out, stage):
             yield stage
         with refusals(out, out), undisturbed():
@@ -46,8 +48,9 @@ def staged_folder(out: Path) -> Iterator[Path]:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 os.replace(path, target)
     finally:
-        shutil.rmtree(stage, ignore_errors=True)
-        with suppress(OSError):
+        with undisturbed(), suppress(OSError):
+            if stage is not None:
+                shutil.rmtree(stage, ignore_errors=True)
             if made and out.is_dir() and not any(out.iterdir()):
                 out.rmdir()
 
@@ -61,7 +64,7 @@ def check_folder(out: Path) -> None:
     """
     there = next(path for path in (out, *out.absolute().parents) if path.exists())
     try:
-        with tempfile.TemporaryDirectory(prefix=".skinmap-", dir=there):
+        with undisturbed(), tempfile.TemporaryDirectory(prefix=".skinmap-", dir=there):
             pass
     except OSError as error:
         raise OutputError(f"cannot write to the folder {str(out)!r}: {error.strerror}") from None
@@ -76,13 +79,10 @@ def staged_file(path: Path) -> Iterator[Path]:
     OutputError
         The folder of `path` does not exist, cannot be written to, or became full.
     """
+    stage = None
     try:
-        handle, name = tempfile.mkstemp(prefix=".skinmap-", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
-        raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None
-    os.close(handle)
-    stage = Path(name)
-    try:
+        with undisturbed():  # or nobody would know what to take away
+            stage = _temporary(path)
         if path.is_dir():
             raise OutputError(f"cannot write {str(path)!r}: it is a folder")
         with refusals(path, stage):
@@ -91,8 +91,19 @@ def staged_file(path: Path) -> Iterator[Path]:
             stage.chmod(0o666 & ~_umask())
             os.replace(stage, path)
     finally:
-        with suppress(OSError):  # in a folder that has become read-only it stays
-            stage.unlink(missing_ok=True)
+        with undisturbed(), suppress(OSError):  # in a folder that became read-only it stays
+            if stage is not None:
+                stage.unlink(missing_ok=True)
+
+
+def _temporary(path: Path) -> Path:
+    """An empty file beside `path`, of the same ending."""
+    try:
+        handle, name = tempfile.mkstemp(prefix=".skinmap-", suffix=path.suffix, dir=path.parent)
+    except OSError as error:
+        raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None
+    os.close(handle)
+    return Path(name)
 
 
 @contextmanager

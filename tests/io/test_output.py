@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from skinmap.errors import OutputError
+from skinmap.io import output
 from skinmap.io.output import check_folder, staged_file, staged_folder
 
 
@@ -115,3 +116,29 @@ def test_files_move_all_together_when_a_signal_comes_between(tmp_path, monkeypat
     finally:
         signal.signal(kind, before)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("staged", [staged_file, staged_folder])
+def test_a_signal_while_the_temporary_name_is_made_leaves_nothing(
+    tmp_path, monkeypatch, kind, staged
+):
+    made = {name: getattr(output.tempfile, name) for name in ("mkstemp", "mkdtemp")}
+    before = signal.signal(kind, signal.default_int_handler)
+
+    def interrupted(name):
+        def make(**options):
+            found = made[name](**options)
+            signal.raise_signal(kind)
+            return found
+
+        return make
+
+    for name in made:
+        monkeypatch.setattr(output.tempfile, name, interrupted(name))
+    try:
+        with pytest.raises(KeyboardInterrupt), staged(tmp_path / "new"):
+            pytest.fail("the body must not run")
+    finally:
+        signal.signal(kind, before)
+    assert list(tmp_path.iterdir()) == []
