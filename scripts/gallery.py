@@ -22,7 +22,7 @@ WIDTH = 720  # of a picture in the pages [px]
 # What is drawn by which command; OUT is a fresh folder, and the picture is taken from it.
 COMMANDS = {
     "kaspar_touches": ("view kaspar --source sim --at 3 --screenshot OUT/a.png", "a.png"),
-    "baxter_forearm": ("view baxter-forearm --source sim --at 3 --screenshot OUT/a.png", "a.png"),
+    "baxter_forearm": ("view baxter-forearm --source sim --screenshot OUT/a.png", "a.png"),
     "cyskin_arm": ("view ur10e-cyskin --source sim --at 3 --screenshot OUT/a.png", "a.png"),
     "torso_modules": ("view icub --part torso --layer patches --screenshot OUT/a.png", "a.png"),
     "foot_map": ("flatten icub --part left_foot --out OUT", "left_foot.png"),

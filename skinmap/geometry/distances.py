@@ -42,5 +42,8 @@ def bridged_graph(points: FloatArray, k: int, limit: float) -> csr_array:
 
 
 def path_distances(graph: csr_array, sources: IntArray | None = None) -> FloatArray:
-    """(s, n) shortest-path lengths [m] from the sources (all vertices by default); inf if none."""
-    return np.asarray(dijkstra(graph, directed=False, indices=sources))
+    """(s, n) shortest-path lengths [m] from the sources (all vertices by default); inf if none.
+
+    Of a symmetric graph: read as directed it says all that it says, once.
+    """
+    return np.asarray(dijkstra(graph, directed=True, indices=sources))
