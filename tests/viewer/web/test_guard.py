@@ -24,6 +24,9 @@ def test_check_lets_this_machine_in(host):
 
 def test_check_ignores_the_query():
     assert ask("/secret/main.js?token=x/../y") == "main.js"
+    assert ask("/secret?live") == "", "the address without its last slash, as fuzzing asked for it"
+    assert isinstance(ask("/?/secret/"), Refusal)
+    assert isinstance(ask("/x/secret/"), Refusal)
 
 
 @pytest.mark.parametrize(
