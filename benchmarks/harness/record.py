@@ -61,13 +61,21 @@ def versions(names: Iterable[str]) -> dict[str, str]:
 
 
 def commit() -> str:
-    """The commit that is measured, `-dirty` where files differ from it."""
-    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty"]
+    """The commit that is measured, `-dirty` where files other than results differ from it."""
+    named = _git("describe", "--always")
+    elsewhere = f":(exclude){RESULTS.relative_to(ROOT)}"
+    changed = _git("status", "--porcelain", "--untracked-files=no", "--", ".", elsewhere)
+    return (named or "unknown") + ("-dirty" if changed else "")
+
+
+def _git(*words: str) -> str:
     try:
-        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        run = subprocess.run(
+            ["git", "-C", str(ROOT), *words], capture_output=True, text=True, check=False
+        )
     except OSError:  # there is no git
-        return "unknown"
-    return run.stdout.strip() or "unknown"
+        return ""
+    return run.stdout.strip()
 
 
 def machine() -> dict[str, Any]:
