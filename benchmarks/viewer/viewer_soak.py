@@ -73,9 +73,14 @@ def soak(
     }
     if fresh is not None:  # the last moment in a new window
         last, other = next(source), fresh()
+        # The camera turns to the first touch and a label stays where it was: both look from the
+        # same side, and see the touch begin.
+        rest = replace(last, touches=(), pressures={p: 0.0 * v for p, v in last.pressures.items()})
         for one in (scene, other):
-            one.show_moment(last)
-            one.refresh()
+            one.look(20.0)
+            for moment in (rest, last):
+                one.show_moment(moment)
+                one.refresh()
         told["same_as_fresh"] = bool(np.array_equal(scene.frame(), other.frame()))
         other.close()
     return told
