@@ -342,3 +342,11 @@ def test_what_draws_is_told_by_its_name(name, software):
             return f"OpenGL vendor string:  x\nOpenGL renderer string:  {name}\nOpenGL version"
 
     assert is_software(Window()) is software
+
+
+def test_few_absent_parts_are_named_and_many_are_counted():
+    from viewer.drawing.frame.canvas import absent
+
+    assert absent([]) == []
+    assert absent(["left_arm", "torso"]) == ["grey: not in this source: left arm, torso"]
+    assert absent(f"part_{k}" for k in range(11)) == ["grey: not in this source: 11 parts"]

@@ -232,6 +232,26 @@ def test_the_dark_is_dark_and_touches_stand_on_the_time_line(open_desk, start):
     tab.context.close()
 
 
+def test_the_notes_of_a_small_page_leave_its_heading_free(open_desk, start):
+    tab = open_desk(start().url)
+    tab.wait()
+    tab.page.set_viewport_size({"width": 390, "height": 844})
+    said = tab.page.evaluate(
+        """() => {
+          const parts = [...Array(13).keys()].map((k) => ({name: `left_leg_lower_${k}`}));
+          const { words } = skinmap.controls;
+          words.live = true;
+          words.showNotes(parts.slice(2), parts, true);
+          const [bar, head] = ["bar", "heading"].map((id) => document.getElementById(id));
+          return [document.getElementById("bar-missing").textContent,
+            bar.getBoundingClientRect().top - head.getBoundingClientRect().bottom];
+        }"""
+    )
+    assert said[0].startswith("grey: not in this source: 11 parts")
+    assert said[1] >= 0, "the legend begins below the heading"
+    tab.context.close()
+
+
 def test_names_that_are_code_are_text_in_the_page(open_desk, opengl, tmp_path):
     code = "<img src=x onerror=window.harmed=1>"
     for path in EXAMPLE.iterdir():

@@ -42,6 +42,7 @@ from viewer.layers import Layers
 
 ARROWS = "arrows: out of the skin at a touch, longer the harder; along it where it moves"
 TURN_STEP = 5.0  # how far the camera turns from one frame to the next [deg]
+NAMED = 4  # absent parts at most: a longer list would cover the body
 FOOT = 1.6  # free below the body [font heights]
 COARSE_PX = 7.0  # spacing of taxels below which a sheet with fewer triangles looks the same [px]
 LEAST_FONT, FONTS = 11, 52  # smallest letters [px]; how many stand above each other
@@ -367,9 +368,12 @@ class Canvas:
 
 
 def absent(parts: Iterable[str]) -> list[str]:
-    """A note on parts of which nothing comes: they are grey."""
+    """A note on parts of which nothing comes: they are grey. Few are named, more are counted."""
     names = [part.replace("_", " ") for part in parts]
-    return [f"grey: not in this source: {', '.join(names)}"] if names else []
+    if not names:
+        return []
+    said = ", ".join(names) if len(names) <= NAMED else f"{len(names)} parts"
+    return [f"grey: not in this source: {said}"]
 
 
 def font_for(width: int, height: int) -> int:

@@ -6,6 +6,7 @@ import { facts } from "./describe.js";
 import { SIGNS, signPicture } from "./signs.js";
 
 const ARROWS = "lines out of the skin: normals of touches; lines along it: the ways they took";
+const NAMED = 4; // absent parts at most: a longer list would cover the body
 const TELL = 800; // from a change of the touches to its being told [ms]
 const NOTICE = 4000; // that a notice stays [ms]
 const TOLD = 8000; // how long a problem stands there [ms]
@@ -95,7 +96,10 @@ export class Words {
   showNotes(silent, parts, touched) {
     const none = silent.length === parts.length, notes = [];
     if (none) notes.push(this.missing);
-    else if (silent.length && this.live) notes.push(`grey: not in this source: ${silent.map((part) => words(part.name)).join(", ")}`);
+    else if (silent.length && this.live) {
+      const named = silent.length <= NAMED ? silent.map((part) => words(part.name)).join(", ") : `${silent.length} parts`;
+      notes.push(`grey: not in this source: ${named}`);
+    }
     if (touched) notes.push(ARROWS);
     $("bar-missing").replaceChildren(...notes.map((note) => made("span", note)));
   }
