@@ -63,13 +63,16 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"no target {strange[0]!r}; the targets are: {', '.join(TARGETS)}", file=sys.stderr)
         return 2
     names = given.targets or list(TARGETS)
-    found, counts = [], {}
+    found, kept_at = [], given.corpus / COUNTS
+    counts: dict[str, dict[str, int | bool]] = {}
+    if given.targets and kept_at.exists():  # what is tried again replaces its own line only
+        counts = json.loads(kept_at.read_text(encoding="utf-8"))["targets"]
     for name in names:
         clean, runs = _clean(name, given.corpus, given.seconds)
         counts[name] = {"runs": runs, "found": not clean}
         found += [] if clean else [name]
         keep = {"seconds": given.seconds, "targets": counts}
-        (given.corpus / COUNTS).write_text(json.dumps(keep, indent=1), encoding="utf-8")
+        kept_at.write_text(json.dumps(keep, indent=1), encoding="utf-8")
     print(f"{len(found)} of {len(names)} targets with a finding", *found)
     return 1 if found else 0
 
