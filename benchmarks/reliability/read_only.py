@@ -58,9 +58,13 @@ def _of_command(name: str, folder: Path, each: int, rng: np.random.Generator) ->
     place = folder / "whole"
     place.mkdir(exist_ok=True)
     began = time.monotonic()
-    stops.wait(stops.start(stops.COMMANDS[name], place / name.replace(" ", "-"), given))
+    whole = stops.start(stops.COMMANDS[name], place / name.replace(" ", "-"), given)
+    said, code = stops.wait(whole)
     took = time.monotonic() - began
     row: dict[str, Any] = {"seconds": took, "refused": 0, "done": 0, "faults": []}
+    if code not in (0, 3):  # or each refusal would be taken for that of its folder
+        row["faults"].append(f"the whole command: exit {code}: {said[-200:]}")
+        return row
     for number in range(each):
         place = folder / f"{name.replace(' ', '-')}{number}"
         place.mkdir()
