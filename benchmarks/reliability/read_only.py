@@ -9,12 +9,10 @@ from __future__ import annotations
 import argparse
 import ctypes
 import json
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -76,12 +74,21 @@ def _of_command(name: str, folder: Path, each: int, rng: np.random.Generator) ->
     return row
 
 
-def lock(long: stops.Long, place: Path, given: Path, moment: float) -> tuple[str, str]:
-    """Lock a command's folder after so many seconds; how it ended, and what was wrong about it."""
+def lock(
+    long: stops.Long, place: Path, given: Path, moment: float | None = None
+) -> tuple[str, str]:
+    """Lock a command's folder after so many seconds, or once it listens to signals.
+
+    Returns
+    -------
+    end : str
+        It was `refused`, or `done`.
+    fault : str
+        What was wrong about how it ended, or "".
+    """
     out = place / "out"
     running = stops.start(long, out, given, first=_obey)
-    with suppress(subprocess.TimeoutExpired):
-        running.wait(timeout=moment)
+    stops.reach(running, moment)
     folders = [place, *(path for path in place.rglob("*") if path.is_dir())]
     for one in folders:
         one.chmod(0o555)

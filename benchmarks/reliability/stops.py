@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -177,14 +178,22 @@ def result_of(long: Long, out: Path) -> Path:
     return out.parent / long.words[-1].replace("OUT", out.name)
 
 
-def stop(long: Long, out: Path, given: Path, kind: str, moment: float) -> tuple[str, str]:
-    """Stop a command; when it was hit ("before", "under_way", "after"), and what was wrong."""
+def stop(
+    long: Long, out: Path, given: Path, kind: str, moment: float | None = None
+) -> tuple[str, str]:
+    """Stop a command after so many seconds, or, without any, once it listens to signals.
+
+    Returns
+    -------
+    when : str
+        It was hit `before` it listened, `under_way` or `after` its end.
+    fault : str
+        What was wrong about how it ended, or "".
+    """
     running = start(long, out, given)
-    try:
-        said, _ = running.communicate(timeout=moment)
+    if reach(running, moment):
+        said, _ = wait(running)
         return "after", "" if running.returncode in (0, 3) else f"failed: {said[-200:]}"
-    except subprocess.TimeoutExpired:
-        pass
     if kind == "SIGSTOP":  # it goes on afterwards as if nothing had been
         os.killpg(running.pid, signal.SIGSTOP)
         time.sleep(HALT)
@@ -262,6 +271,23 @@ def start(
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, preexec_fn=first,
         env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
     )  # fmt: skip
+
+
+def reach(running: subprocess.Popen[str], moment: float | None) -> bool:
+    """Let a command run so many seconds, or until it listens to signals; whether it ended."""
+    if moment is not None:
+        with suppress(subprocess.TimeoutExpired):
+            running.wait(timeout=moment)
+    while moment is None and running.poll() is None and not _listens(running.pid):
+        time.sleep(0.01)
+    return running.poll() is not None
+
+
+def _listens(process: int) -> bool:
+    """Whether a program has taken over what SIGTERM does, as ours do before they begin to work."""
+    status = Path(f"/proc/{process}/status").read_text(encoding="utf-8")
+    caught = int(status.partition("SigCgt:")[2].split()[0], 16)
+    return bool(caught >> (signal.SIGTERM - 1) & 1)
 
 
 def wait(running: subprocess.Popen[str]) -> tuple[str, int]:

@@ -30,20 +30,19 @@ def test_the_judge_of_full_disks_sees_a_result_that_was_written(tmp_path):
 
 @pytest.mark.parametrize("kind", ["SIGINT", "SIGTERM"])
 def test_a_command_that_is_stopped_says_so_and_leaves_nothing(tmp_path, kind):
-    when, fault = stops.stop(stops.COMMANDS["simulate"], tmp_path / "out", Path(), kind, 1.5)
-    assert fault == ""
-    assert when in ("before", "under_way")
+    words = ("simulate", "kaspar", "--per-gesture", "1000", "-o", "OUT.npz")  # minutes of work
+    assert stops.stop(stops.Long(words), tmp_path / "out", Path(), kind) == ("under_way", "")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_that_becomes_read_only_is_one_line(tmp_path):
-    end, fault = read_only.lock(stops.COMMANDS["simulate"], tmp_path, Path(), 0.7)
+    end, fault = read_only.lock(stops.COMMANDS["simulate"], tmp_path, Path())
     assert (end, fault) == ("refused", "")
 
 
 def test_the_judge_of_locked_folders_sees_one_that_is_not_locked(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "chmod", lambda *_: None)
-    assert read_only.lock(stops.COMMANDS["simulate"], tmp_path, Path(), 0.7) == ("done", "")
+    assert read_only.lock(stops.COMMANDS["simulate"], tmp_path, Path()) == ("done", "")
 
 
 @pytest.mark.filterwarnings("ignore:Glyph 27")  # of the font that a picture is drawn with
