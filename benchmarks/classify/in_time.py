@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks import ROOT
 from benchmarks.harness.record import about, write
+from benchmarks.live.live_speed import in_time_rows
 from skinmap import load_robot
 from skinmap.classify.protocols.in_time import evaluate_in_time, play
 from skinmap.classify.protocols.physics import OURS, Judged
@@ -155,6 +156,7 @@ def main() -> None:
     seeds = list(range(chosen.seeds))
     found = {
         **about("full"), "touches": chosen.touches, "seeds": seeds, "cost": cost(),
+        "sample_to_labels": in_time_rows(quick=False),
         "robots": other_robots(2 * chosen.touches, seeds),
         "icub": names(skins_of("icub"), chosen.touches, seeds),
     }  # fmt: skip

@@ -11,11 +11,13 @@ import skinmap
 from benchmarks.harness.timing import quartiles
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
+from skinmap.classify.named_classifiers import default_model
 from skinmap.classify.naming import name_touches
 from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import StreamInfo
 from skinmap.touch.contacts import ACTIVE
+from skinmap.touch.gestures import TIME
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulator import simulate
 
@@ -53,6 +55,28 @@ def live_rows(quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
+def in_time_rows(quick: bool) -> list[dict[str, Any]]:
+    """The same with the model that comes with Skinmap, while one part or five are touched in time.
+
+    Of each sample in which so many touches are felt, contacts and names of the touches so far.
+    """
+    robot = skinmap.load_robot("icub")
+    model = default_model()
+    rng = np.random.default_rng(2)
+    rows = []
+    for count in (1,) if quick else (1, 5):
+        parts = ("torso", "right_forearm", "left_arm", "left_leg_upper", "right_leg_upper")[:count]
+        skins = {part: PreparedSkin(robot.skin(part)) for part in (parts if quick else robot.parts)}
+        tracks = {
+            part: simulate(skins[part].skin, rng=rng, gestures=TIME, per_gesture=1).pressures
+            for part in parts
+        }
+        steps = min(100 if quick else 10_000, *(len(track) for track in tracks.values()))
+        row = _live_row(robot, model, skins, tracks, steps, count)
+        rows.append({"touches": count, **row})
+    return rows
+
+
 def _alone(
     model: Any, skins: dict[str, PreparedSkin], middles: dict[str, list[Any]]
 ) -> dict[str, Any]:
@@ -74,8 +98,14 @@ def _alone(
 
 
 def _live_row(
-    robot: Any, model: Any, skins: dict[str, PreparedSkin], tracks: dict[str, Any], steps: int
+    robot: Any,
+    model: Any,
+    skins: dict[str, PreparedSkin],
+    tracks: dict[str, Any],
+    steps: int,
+    several: int = 0,
 ) -> dict[str, Any]:
+    """CPU of each step; that while touched is of those with so many touches, where said."""
     values = np.concatenate(
         [
             tracks[part][:steps] if part in tracks else np.zeros((steps, len(skin)), np.uint8)
@@ -96,14 +126,17 @@ def _live_row(
             moment = loop.step(1.0)
             times.append((time.process_time() - start) * 1e3)
             touches.append(0 if moment is None else len(moment.touches))
-    cost, count = np.array(times), np.array(touches)
+    cost, felt = np.array(times), np.array(touches)
+    count = np.where(felt == several, felt, 0) if several else felt
+    while_touched = cost[count > 0]
     return {
         "taxels": sum(len(skin) for skin in skins.values()),
         "parts": len(skins),
         "samples": steps,
         "share_of_samples_with_a_named_touch": float((count > 0).mean()),
         "mean_ms": float(cost.mean()),
-        "mean_ms_while_touched": float(cost[count > 0].mean()) if (count > 0).any() else None,
+        "mean_ms_while_touched": float(while_touched.mean()) if len(while_touched) else None,
+        "median_ms_while_touched": float(np.median(while_touched)) if len(while_touched) else None,
         "median_ms": float(np.median(cost)),
         "p95_ms": float(np.percentile(cost, 95)),
         "worst_ms": float(cost.max()),

@@ -56,6 +56,14 @@ def signed_areas(uv: FloatArray, faces: IntArray) -> FloatArray:
     return 0.5 * cross_2d(b - a, c - a)
 
 
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(k, 3) cross products of vectors (k, 3); of a few, numpy's own takes five times as long."""
+    found = np.empty(a.shape)
+    for one, other, into in ((1, 2, 0), (2, 0, 1), (0, 1, 2)):
+        found[:, into] = a[:, one] * b[:, other] - a[:, other] * b[:, one]
+    return found
+
+
 def cross_2d(a: FloatArray, b: FloatArray) -> FloatArray:
     """(...,) z component of the cross product of plane vectors (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

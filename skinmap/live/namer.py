@@ -25,6 +25,9 @@ from skinmap.touch.prepared_skin import PreparedSkin
 Bytes = NDArray[np.uint8]
 RATE = 50.0  # samples a second that touches are named from at most: that classifiers learnt from
 MEMORY = 200  # of these (4 s at 50 Hz); what lasts longer forgets its beginning
+# A touch that is named by how it goes on is named again when it is longer by this share, and after
+# so long at most [s]: all its samples are looked at anew, and one more of many says little.
+LONGER, LATEST = 0.1, 0.25
 QUIET = 0.1  # a place without an active taxel for so long starts anew [s]
 SHARE = 0.4  # of the time that naming may take: samples must not wait for names
 PATIENCE = (
@@ -183,19 +186,28 @@ class Namer:
         """
         if not live:  # what was recorded is named the same on a busy machine
             self._patience = None
-        pause = self._pause * (speed if 1.0 < speed < np.inf else 1.0)
+        quicker = speed if 1.0 < speed < np.inf else 1.0
+        pause = quicker * self._pause
         present = [track for track in tracks if len(track.taxels)]
         parts = sorted({track.part for track in present}, key=lambda one: float(self._done[one]))
         for part in parts:
-            if time - self._done[part] < pause:
+            own = [track for track in present if track.part == part]
+            if time - self._done[part] < max(pause, quicker * self._calm(part, own)):
                 continue
             started = clock.perf_counter()
             if live and started < self._rests:
                 break
             self._done[part] = time
-            self._name_part(time, part, [track for track in present if track.part == part])
+            self._name_part(time, part, own)
             ended = clock.perf_counter()
             self._rests = ended + (ended - started) * (1.0 / SHARE - 1.0)
+
+    def _calm(self, part: int, tracks: Sequence[Track]) -> float:
+        """How long the names on a part stand until they are looked at again [s]."""
+        if not self.in_time:
+            return 0.0
+        age = float(self._done[part]) - max(track.began for track in tracks)
+        return min(LONGER * age, LATEST)  # negative where one has begun since
 
     def rename(self, touch: int, new: int) -> None:
         """What was felt of a touch was felt of another one."""

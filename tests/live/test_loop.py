@@ -9,6 +9,7 @@ import pytest
 
 from skinmap.classify.classifier import classifiers
 from skinmap.classify.descriptors import Touch
+from skinmap.classify.named_classifiers import default_model
 from skinmap.errors import (
     BrokenPluginError,
     SkinMismatchError,
@@ -487,3 +488,25 @@ def test_a_source_that_has_not_begun_is_stale_but_not_interrupted(icub, prepared
     assert moment.stale
     assert loop.counts.stale == 0
     loop.close()
+
+
+def test_a_touch_named_by_how_it_goes_on_is_looked_at_less_often_the_longer_it_lasts(
+    icub, prepared
+):
+    skin = prepared(PART)
+    away = np.linalg.norm(skin.skin.positions - skin.skin.positions[:, None], axis=2)
+    far = np.unravel_index(away.argmax(), away.shape)
+    values = np.zeros((220, N), np.uint8)
+    values[10:210, np.argsort(away[far[0]])[:4]] = 90
+    values[150:200, np.argsort(away[far[1]])[:4]] = 90
+    source = Playback(INFO, np.arange(220) / RATE, values, speed=np.inf)
+    loop = TouchLoop(icub, source, classifier=default_model(), skins={PART: skin})
+    given = []
+    for _ in loop:
+        given.append(loop.labels_given)
+    asked = np.diff(given) > 0
+    assert asked[10:20].all()  # while it is young each sample may change its name
+    assert 4 <= asked[100:149].sum() <= 6  # then four times a second
+    assert asked[149:159].all()  # until another one begins beside it
+    assert asked.sum() < 70
+    assert len(loop.finished()) == 2
