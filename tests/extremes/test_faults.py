@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,22 @@ def test_a_command_that_is_stopped_says_so_and_leaves_nothing(tmp_path, kind):
     words = ("simulate", "kaspar", "--per-gesture", "1000", "-o", "OUT.npz")  # minutes of work
     assert stops.stop(stops.Long(words), tmp_path / "out", Path(), kind) == ("under_way", "")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_judge_of_stops_sees_a_command_that_does_not_listen(tmp_path, monkeypatch):
+    monkeypatch.setattr(stops.os, "killpg", lambda *_: None)
+    monkeypatch.setattr(stops, "LATE", 0.0)
+    _, fault = stops.stop(stops.COMMANDS["simulate"], tmp_path / "out", Path(), "SIGINT")
+    assert fault.startswith("went on for")
+
+
+def test_commands_that_are_stopped_listen_where_this_program_does_not(tmp_path):
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        words = ("simulate", "kaspar", "--per-gesture", "1000", "-o", "OUT.npz")
+        assert stops.stop(stops.Long(words), tmp_path / "out", Path(), "SIGINT")[1] == ""
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_folder_that_becomes_read_only_is_one_line(tmp_path):
