@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import numpy as np
 
 from skinmap.geometry.rigid import transform_directions
 from skinmap.live.moment import Moment
+from skinmap.live.sources.source import Seekable, SourceEnded
+from skinmap.touch.contacts import ACTIVE
 from viewer.drawing.frame.camera import AZIMUTHS, View, front_view
 from viewer.export.gltf import write_gltf
 from viewer.export.html_page import write_html
@@ -26,6 +29,8 @@ MOVIE_SIZE = (1024, 768)
 RISE = 12.0  # of the views that a moment is judged from [deg]
 # Of the simulator, which has no end: a picture sees some four touches of a part begin and grow.
 MOVIE_SECONDS, STILL_SECONDS = 7.0, 5.0
+STRETCH = 10.0  # of a long recording that names are looked for in, for a picture [s]
+MOST = 16  # taxels that a touch is judged by at most
 CALM = 1.6  # how far the camera of a movie turns between two pictures [deg]: 40 a second
 
 
@@ -61,7 +66,10 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
     best = Best(session, look)
     look = replace(look, ranges=found_ranges(session, look, wanted))
     files: list[Path] = []
-    moments = best.watch(session.moments(_length(session, wanted), start=_start(wanted)))
+    start, seconds = _start(wanted), _length(session, wanted)
+    if wanted.at is None and wanted.movie is None and wanted.html is None and seconds is None:
+        start, seconds = fullest(session)
+    moments = best.watch(session.moments(seconds, start=start))
     excerpt = Excerpt()
     if wanted.html is not None and wanted.at is None:
         moments = excerpt.watch(moments)
@@ -138,6 +146,35 @@ def _start(wanted: Wanted) -> float:
     return 0.0 if wanted.at is None else wanted.at
 
 
+def fullest(session: Session) -> tuple[float, float | None]:
+    """Begin and length of the stretch of a recording in which most is touched [s].
+
+    Names take a hundred times as long as finding where to look for a picture. All of what is
+    shorter than two such stretches, of raw values and of what is no recording.
+    """
+    source = session.open(hurry=True)
+    try:
+        info = source.info
+        columns = [info.part_slice(part) for part in session.parts if part in info.parts]
+        if not isinstance(source, Seekable) or source.duration < 2.0 * STRETCH:
+            return 0.0, None
+        if info.kind == "raw" or not columns:
+            return 0.0, None
+        times, worth = [], []
+        with suppress(SourceEnded):
+            while (block := source.read(1.0)) is not None:
+                active = [(block.values[:, own] > ACTIVE).sum(axis=1) for own in columns]
+                times.append(block.times)
+                worth.append(np.sqrt(np.minimum(active, MOST)).sum(axis=0))
+    finally:
+        source.close()
+    time, sums = np.concatenate(times), np.concatenate([[0.0], np.concatenate(worth).cumsum()])
+    ends = np.searchsorted(time, time + STRETCH)
+    gained = sums[ends] - sums[:-1]
+    most = np.flatnonzero(gained >= gained.max() - 1e-6)  # its middle: what is touched is inside
+    return float(time[most[len(most) // 2]] - time[0]), STRETCH
+
+
 class Best:
     """Keeps the moment that shows most: large, surely named touches that one view can show."""
 
@@ -171,7 +208,7 @@ class Best:
             if touch.normal is not None:
                 normal = transform_directions(self._poses[touch.part], touch.normal[None])[0]
                 seen = np.clip(0.5 + self._views @ normal, 0.2, 1.0)
-            total += sure * seen * math.sqrt(min(len(touch.taxels), 16))
+            total += sure * seen * math.sqrt(min(len(touch.taxels), MOST))
         return float(total.max())
 
 

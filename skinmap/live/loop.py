@@ -144,7 +144,9 @@ class TouchLoop(Summary):
         self._book = TouchBook(self._skin, window=window, method=motion)
         self._book.revise = self._revised
         self._namer: Namer | None = None
-        self._new_namer = partial(Namer, self._skin, rule=rule, rate=info.rate, pace=pace)
+        self._new_namer = partial(
+            Namer, self._skin, rule=rule, rate=info.rate, pace=pace, live=self.live
+        )
         if classifier is not None:
             self._namer = self._new_namer(classifier)
         self._next_namer: Namer | None = None

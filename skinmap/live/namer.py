@@ -51,6 +51,8 @@ class Namer:
         When contacts are one grip; its rate is that of the samples kept.
     pace : float
         Namings of a part a second at most.
+    live : bool
+        Samples will not wait: what is found out once about each skin is found ahead of time.
     """
 
     def __init__(
@@ -61,6 +63,7 @@ class Namer:
         rate: float,
         rule: GroupingRule = RULE,
         pace: float = 100.0,
+        live: bool = True,
     ) -> None:
         self.skin, self.classifier = skin, classifier
         kept = min(rate, RATE) if rate > 0 else RATE
@@ -68,9 +71,10 @@ class Namer:
         self.labels: dict[int, Prediction] = {}
         self.named = 0  # touches so far
         self.failed = 0  # times that the classifier gave no answer
-        for one in skin.skins.values():
+        for number, one in enumerate(skin.skins.values()):
             classifier.prepare(one)
-            self._warm_up(one)
+            if live or number == 0:  # one in any case: a plug-in that fails is named at once
+                self._warm_up(one)
         # Half a period early: times jitter.
         self._period, self._pause = 0.99 / kept, 0.75 / pace
         self._history = np.zeros((MEMORY, len(skin)), np.uint8)

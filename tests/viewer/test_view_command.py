@@ -430,3 +430,32 @@ def test_all_pictures_of_an_auto_range_have_the_same(model, icub, prepared):
         limits.append(grown.get("pressure").limits[1])
     assert limits == sorted(limits)
     assert limits[-1] == most
+
+
+def test_a_picture_of_a_long_recording_looks_for_names_where_most_is_touched(
+    tmp_path, icub, prepared
+):
+    from skinmap import save_recordings
+    from skinmap.touch.recording import Recording
+    from viewer.view_files import STRETCH, Wanted, fullest, write_files
+    from viewer.view_options import Look, Session
+
+    skin = prepared("left_foot").skin
+    near = np.argsort(np.linalg.norm(skin.positions - skin.positions[40], axis=1))
+    samples = np.zeros((3000, len(skin)), np.uint8)
+    samples[200:300, near[:3]] = 90  # a small touch, and long after it a large one
+    samples[2000:2100, near[:12]] = 90
+    events = np.full(3000, -1)
+    events[200:300], events[2000:2100] = 0, 1
+    every = Recording(
+        "left_foot", np.arange(3000) / 50.0, samples, events, ("poke", "poke"), np.zeros(2, int)
+    )
+    save_recordings([every], tmp_path / "long.npz")
+    session = Session(icub, ("left_foot",), source=str(tmp_path / "long.npz"))
+    session.prepare()
+    start, seconds = fullest(session)
+    assert start <= 40.0 < 42.0 <= start + STRETCH
+    assert seconds == STRETCH
+    shown = write_files(session, Look(), Wanted(screenshot=tmp_path / "a.png"))
+    assert 40.0 <= shown.time < 42.0
+    assert fullest(Session(icub, ("left_foot",))) == (0.0, None)  # the simulator has no end
