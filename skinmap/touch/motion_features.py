@@ -23,6 +23,7 @@ STEP = 3e-3  # the way is followed in steps of this length: noise makes none [m]
 TURN = 6e-3  # a reversal goes back by this at least, [m]
 TURN_SHARE = 0.3  # and by this share of the reach
 SHAPES = 24  # samples of which the shape is measured at most
+TOGETHER = 2  # on either side of each, whose shapes say together which way they lie
 LONG = 1.25  # a shape longer than wide by this has a direction
 OPPOSED = -0.3  # cosine of normals that face away from each other
 # What only touches do that go on in time: [mm], [deg], [ms], [ms], [%].
@@ -278,9 +279,15 @@ def _spread(share: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _axes(spread: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Length and width (k, 2), 4 standard deviations, and the long axis (k, 3)."""
-    value, axes = np.linalg.eigh(spread)
-    return 4.0 * np.sqrt(np.maximum(value[:, :0:-1], 0.0)), axes[:, :, 2]
+    """Length and width (k, 2), 4 standard deviations, and the long axis (k, 3).
+
+    The axis is that of some samples together: in a single one of a round contact noise turns it.
+    """
+    size = 4.0 * np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, :0:-1], 0.0))
+    rows = np.arange(len(spread))
+    first, last = np.maximum(rows - TOGETHER, 0), np.minimum(rows + TOGETHER + 1, len(rows))
+    sums = np.concatenate([np.zeros((1, 3, 3)), spread.cumsum(axis=0)])
+    return size, np.linalg.eigh(sums[last] - sums[first])[1][:, :, 2]
 
 
 def _across_way(spread: FloatArray, centres: FloatArray, facing: FloatArray) -> tuple[float, float]:
