@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.arrays import FloatArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.catalogue import BUILT_IN, DEFAULT, classifiers
 from skinmap.classify.descriptors import Descriptor, Touch
 from skinmap.classify.intersection import IntersectionSVC, one_vs_rest
@@ -20,11 +20,12 @@ from skinmap.classify.prediction_sets import (
     check_coverage,
     likely_names,
 )
-from skinmap.classify.rejection import UNKNOWN
+from skinmap.classify.rejection import AGES, UNKNOWN, early_doubt
 from skinmap.classify.trained_skin import SkinDifference, TrainedSkin, compare_skin, remember
 from skinmap.errors import InvalidArrayError, NotFittedError
 from skinmap.skin.skin import Skin
 from skinmap.summary import Summary, listed
+from skinmap.touch.contacts import ACTIVE
 from skinmap.touch.prepared_skin import PreparedSkin
 
 __all__ = [
@@ -41,9 +42,15 @@ __all__ = [
 NO_CONTACT = "no_contact"
 CALIBRATION_FOLDS = 5
 ROWS = 1200  # training rows at most: the cost of a Gram matrix grows with the square
+YOUNG = 600  # touches at most whose beginnings are looked at
 Probabilities = Callable[[FloatArray], FloatArray]
 # Classifiers quick enough to train that `skinmap train` also calibrates sets of names.
 WITH_SETS = (DEFAULT, "histogram", "histogram-chi2", "histogram-sqrt")
+
+
+def felt_rows(touch: Touch) -> IntArray:
+    """Which of a touch's samples anything is felt in."""
+    return np.flatnonzero((touch.samples > ACTIVE).any(axis=1))
 
 
 def learnable(touches: Sequence[Touch]) -> list[Touch]:
@@ -103,6 +110,7 @@ class Classifier(Summary):
         self.trained_on: tuple[TrainedSkin, ...] = ()
         self.sets: SetCalibration | None = None
         self.coverage: float | None = None
+        self.doubt: FloatArray | None = None
         self._quick: tuple[Any, Callable[[FloatArray], FloatArray]] | None = None
 
     @property
@@ -128,7 +136,8 @@ class Classifier(Summary):
     ) -> TouchClassifier:
         """Train on labelled touches; with `sets` so that sets of names can be promised, too.
 
-        That takes a training for each of five groups of parts or persons left out. Fewer than
+        That takes a training for each of five groups of parts or persons left out, and a look at
+        the beginnings of touches, so that young ones are doubted as they should be. Fewer than
         `least` touches of a label are refused; of more rows than an estimator is meant for some are
         drawn.
 
@@ -159,6 +168,8 @@ class Classifier(Summary):
         self.estimator.fit(table, named)
         self.sets = self._calibrated_sets(touches, rows) if sets else None
         self._quick = None
+        moving = getattr(self.descriptor, "moving", False)
+        self.doubt = self._early_doubt(touches, rng) if sets and moving else None
         return self
 
     def save(self, path: str | Path) -> None:
@@ -219,6 +230,25 @@ class Classifier(Summary):
             np.array([touches[k].person for k in used]),
         )
 
+    def _early_doubt(self, touches: Sequence[Touch], rng: np.random.Generator) -> FloatArray:
+        """(len(AGES),) share of a name's probability that is nobody's while a touch is so young."""
+        some = rng.choice(len(touches), min(len(touches), YOUNG), replace=False)
+        place = {label: k for k, label in enumerate(self.labels)}
+        rows: list[list[FloatArray]] = [[] for _ in AGES]
+        truth: list[list[int]] = [[] for _ in AGES]
+        for touch in (touches[k] for k in some):
+            felt = felt_rows(touch)
+            for number, age in enumerate(AGES):
+                end = felt[0] + max(1, round(age * touch.rate)) if len(felt) else 0
+                if len(felt) == 0 or end > felt[-1] or touch.label not in place:
+                    continue  # over by then
+                begun = Touch(touch.skin, touch.samples[:end], rate=touch.rate)
+                share = self.probabilities(begun)
+                if share is not None:
+                    rows[number].append(share)
+                    truth[number].append(place[touch.label])
+        return early_doubt(rows, truth)
+
     def promise(self, coverage: float) -> None:
         """Give `names` with each prediction that hold the truth in this share of all touches.
 
@@ -262,13 +292,20 @@ class Classifier(Summary):
         mean = np.asarray(self._quick[1](rows)).mean(axis=0)
         return mean.reshape(len(labels))
 
-    def predict(self, touch: Touch) -> Prediction:
+    def predict(self, touch: Touch, *, ended: bool = True) -> Prediction:
         """Label and confidence of a touch.
 
         `no_contact` where nothing is touched, `unknown` below the confidence that the estimator
-        chose on held-out touches (its `reject_`, if it has one).
+        chose on held-out touches (its `reject_`, if it has one). A touch that goes on is named
+        with doubt while it is young, by a classifier that looks at how touches go on: a finger
+        that has just landed looks like a tap.
         """
         share = self.probabilities(touch)
+        if share is not None and self.doubt is not None and not ended:
+            felt = felt_rows(touch)
+            age = (len(touch.samples) - int(felt[0])) / touch.rate if len(felt) else 0.0
+            doubt = float(np.interp(age, AGES, self.doubt))
+            share = (1.0 - doubt) * share + doubt / len(share)
         if share is None:
             return Prediction(NO_CONTACT, 1.0, None if self.coverage is None else (NO_CONTACT,))
         best = int(np.argmax(share))

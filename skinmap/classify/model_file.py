@@ -8,6 +8,7 @@
 | `estimator.npz` | the estimator as its own arrays (`to_arrays`), where it has them |
 | `estimator.skops` | any other scikit-learn estimator, by names of known types and arrays |
 | `sets.npz` | what sets of names are promised by (`prediction_sets`), where that was calibrated |
+| `early.npz` | how much of a name is nobody's while a touch is young (`rejection`) |
 
 Nothing is unpacked to disk, unpickled or imported because a file asks for it.
 """
@@ -32,6 +33,7 @@ from skinmap import __version__
 from skinmap.archive import check_directory, quiet_headers
 from skinmap.classify.catalogue import classifiers
 from skinmap.classify.prediction_sets import set_calibration_from
+from skinmap.classify.rejection import doubt_from
 from skinmap.classify.trained_skin import TrainedSkin
 from skinmap.errors import (
     DataFormatError,
@@ -48,8 +50,8 @@ FORMAT = "skinmap-model-4"
 SUFFIX = ".skinmodel"
 LIBRARIES = ("numpy", "scikit-learn", "skops")
 HEAD, SKINS, DESCRIPTOR, ESTIMATOR = "model.json", "skins.npz", "descriptor.npz", "estimator.skops"
-ARRAYS, SETS = "estimator.npz", "sets.npz"
-FILES = (HEAD, SKINS, DESCRIPTOR, ARRAYS, ESTIMATOR, SETS)
+ARRAYS, SETS, EARLY = "estimator.npz", "sets.npz", "early.npz"
+FILES = (HEAD, SKINS, DESCRIPTOR, ARRAYS, ESTIMATOR, SETS, EARLY)
 LARGEST = 2**28  # bytes in a file, unpacked, and in each archive inside it
 # Beside the types that skops trusts by itself; none of them can be told to call anything.
 KNOWN = frozenset(
@@ -93,6 +95,8 @@ def save_classifier(classifier: TouchClassifier, path: str | Path) -> None:
             archive.writestr(ESTIMATOR, dumps(classifier.estimator))
         if classifier.sets is not None:
             archive.writestr(SETS, _pack(classifier.sets.to_arrays()))
+        if classifier.doubt is not None:
+            archive.writestr(EARLY, _pack({"doubt": classifier.doubt}))
     try:
         Path(path).write_bytes(buffer.getvalue())
     except OSError as error:
@@ -136,6 +140,8 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
             classifier.trained_on = _read_skins(head["skins"], archive.read(SKINS), path)
             if SETS in archive.namelist():
                 classifier.sets = set_calibration_from(_unpack(archive.read(SETS), path))
+            if EARLY in archive.namelist():
+                classifier.doubt = doubt_from(_unpack(archive.read(EARLY), path)["doubt"])
             if list(classifier.labels) != head["labels"]:
                 raise DataFormatError("its labels are not those of its estimator", path)
     except (DataFormatError, UnknownNameError):

@@ -74,7 +74,8 @@ def name_touches(
     for taxels in groups:
         # A touch that is alone keeps its faint rim, as in training.
         own = samples if len(groups) == 1 else np.where(taxels, samples, 0)
-        prediction = classifier.predict(Touch(skin, own, person=person, rate=rule.rate))
+        touch = Touch(skin, own, person=person, rate=rule.rate)
+        prediction = classifier.predict(touch, ended=ended)
         if prediction.label != NO_CONTACT:
             found.append(Named(taxels, prediction))
     return tuple(found)

@@ -1,11 +1,19 @@
-"""When a touch is called unknown: below a confidence chosen on held-out touches."""
+"""When a touch is called unknown: below a confidence chosen on held-out touches, or too young."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from skinmap.arrays import FloatArray, check_finite
+from skinmap.errors import InvalidArrayError
+
 UNKNOWN = "unknown"
+# Ages at which touches are looked at that go on [s], and how many are needed to say anything.
+AGES = (0.02, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5)
+ENOUGH = 20
 LOST = 0.02  # share of the rightly named held-out touches that may be rejected at most
 
 
@@ -38,3 +46,52 @@ def rejection_threshold(confidence: ArrayLike, right: ArrayLike, *, lost: float 
         return 0.0
     upper = sure[order[best]] if best < len(order) else sure[order[-1]]
     return float(0.5 * (sure[order[best - 1]] + upper))
+
+
+def early_doubt(
+    shares: Sequence[Sequence[FloatArray]], truth: Sequence[Sequence[int]]
+) -> FloatArray:
+    """How much of a name's probability is nobody's while a touch goes on, at each of `AGES`.
+
+    Names are learnt from whole touches, and of the beginning of one they are too sure. With a
+    doubt of d the probabilities are (1 - d) p + d / c of c names: the d under which the true names
+    are the most likely. It never grows with age, and is 0 at the last age.
+
+    Parameters
+    ----------
+    shares : sequence over `AGES` of sequence of (c,) float
+        Probabilities that touches of this age were given.
+    truth : sequence over `AGES` of sequence of int
+        Which name each was.
+
+    Returns
+    -------
+    (len(AGES),) float
+        0 to 1.
+    """
+    grid = np.linspace(0.0, 0.99, 100)
+    found = np.zeros(len(AGES))
+    for number, (rows, names) in enumerate(zip(shares, truth, strict=True)):
+        if len(rows) < ENOUGH:
+            found[number] = found[number - 1] if number else 0.0
+            continue
+        table = np.stack(rows)
+        own = table[np.arange(len(names)), names]
+        likely = np.log((1.0 - grid) * own[:, None] + grid / table.shape[1]).sum(axis=0)
+        found[number] = grid[int(np.argmax(likely))]
+    found[-1] = 0.0
+    return np.asarray(np.minimum.accumulate(found))
+
+
+def doubt_from(array: ArrayLike) -> FloatArray:
+    """The doubt that a model file keeps.
+
+    Raises
+    ------
+    InvalidArrayError
+        Not a share of 0 to 1 for each age.
+    """
+    doubt = check_finite(array, "doubt", (len(AGES),))
+    if (doubt < 0.0).any() or (doubt >= 1.0).any():
+        raise InvalidArrayError("a doubt is a share from 0 to 1")
+    return doubt

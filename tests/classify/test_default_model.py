@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from skinmap.classify.classifier import felt_rows
 from skinmap.classify.descriptors import Touch, recorded_touches
 from skinmap.classify.evaluate import likeliest
 from skinmap.classify.named_classifiers import DEFAULT_FILE, default_model
@@ -88,3 +89,31 @@ def test_it_names_touches_on_a_robot_that_it_never_saw_by_how_they_go_on(model):
     assert right(FOUR, order=True) > 0.8
     assert right(TIME, order=True) > 0.8
     assert right(TIME, order=False) < 0.6
+
+
+def test_a_touch_that_has_just_begun_is_named_with_as_much_confidence_as_it_is_named_right(model):
+    """On a robot that it never saw; the control names what goes on as if it were over."""
+    skin = PreparedSkin(load_robot("kaspar").skin("torso"))
+    recording = simulate(skin.skin, rng=77, per_gesture=5, gestures=(*FOUR, *TIME))
+    touches = recorded_touches(skin, recording)
+
+    def gap(age: float, ended: bool) -> float:
+        """Confidence over share of right names, of the touches that go on so long."""
+        sure, right = [], []
+        for touch in touches:
+            felt = felt_rows(touch)
+            end = int(felt[0]) + round(age * touch.rate)
+            if end > felt[-1]:
+                continue
+            begun = Touch(skin, touch.samples[:end], rate=touch.rate)
+            named, share = model.predict(begun, ended=ended), model.probabilities(begun)
+            sure.append(named.confidence)
+            right.append(model.labels[int(np.argmax(share))] == touch.label)
+        return float(np.mean(sure) - np.mean(right))
+
+    for age in (0.1, 0.2, 0.4):
+        assert abs(gap(age, ended=False)) < 0.15
+        assert gap(age, ended=True) > 0.25
+    assert (np.diff(model.doubt) <= 0).all()
+    assert model.doubt[0] > 0.7
+    assert model.doubt[-1] == 0.0

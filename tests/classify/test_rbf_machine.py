@@ -7,7 +7,8 @@ from sklearn.svm import SVC
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from skinmap.classify.rbf_machine import MARGIN, RbfMachine
-from skinmap.classify.rejection import rejection_threshold
+from skinmap.classify.rejection import AGES, doubt_from, early_doubt, rejection_threshold
+from skinmap.errors import InvalidArrayError
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +75,30 @@ def test_rejection_threshold_never_loses_more_than_it_may():
     right = np.arange(100) % 3 == 0  # wrong names everywhere: rejecting all would gain most
     limit = rejection_threshold(confidence, right, lost=0.1)
     assert (right & (confidence < limit)).sum() <= 0.1 * right.sum()
+
+
+def test_early_doubt_is_what_the_beginnings_are_surer_than_right_and_never_grows():
+    rng = np.random.default_rng(0)
+
+    def age(right: float) -> tuple[list[np.ndarray], list[int]]:
+        """Names of 300 touches, all given with 97 %, of which a share is right."""
+        truth = rng.integers(0, 4, 300)
+        said = np.where(rng.random(300) < right, truth, (truth + 1) % 4)
+        return [np.where(np.arange(4) == k, 0.97, 0.01) for k in said], truth.tolist()
+
+    steps = [age(right) for right in np.linspace(0.25, 0.97, len(AGES))]
+    doubt = early_doubt([one for one, _ in steps], [one for _, one in steps])
+    assert doubt[0] > 0.85  # no better than chance
+    assert doubt[-1] == 0.0
+    assert (np.diff(doubt) <= 0).all()
+    middle = len(AGES) // 2
+    told = (1.0 - doubt[middle]) * 0.97 + doubt[middle] / 4.0
+    assert told == pytest.approx(np.linspace(0.25, 0.97, len(AGES))[middle], abs=0.08)
+    few = [([], [])] * len(AGES)
+    assert (early_doubt([a for a, _ in few], [b for _, b in few]) == 0.0).all()
+
+
+@pytest.mark.parametrize("array", [[0.5], np.full(len(AGES), 1.0), np.full(len(AGES), -0.1)])
+def test_a_doubt_that_is_none_is_refused(array):
+    with pytest.raises(InvalidArrayError):
+        doubt_from(array)
