@@ -231,7 +231,7 @@ class Classifier(Summary):
         )
 
     def _early_doubt(self, touches: Sequence[Touch], rng: np.random.Generator) -> FloatArray:
-        """(len(AGES),) share of a name's probability that is nobody's while a touch is so young."""
+        """(len(AGES),) how far the names of touches so young are to be doubted."""
         some = rng.choice(len(touches), min(len(touches), YOUNG), replace=False)
         place = {label: k for k, label in enumerate(self.labels)}
         rows: list[list[FloatArray]] = [[] for _ in AGES]

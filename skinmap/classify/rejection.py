@@ -51,7 +51,7 @@ def rejection_threshold(confidence: ArrayLike, right: ArrayLike, *, lost: float 
 def early_doubt(
     shares: Sequence[Sequence[FloatArray]], truth: Sequence[Sequence[int]]
 ) -> FloatArray:
-    """How much of a name's probability is nobody's while a touch goes on, at each of `AGES`.
+    """How far names are to be doubted while a touch goes on, at each of `AGES`.
 
     Names are learnt from whole touches, and of the beginning of one they are too sure. With a
     doubt of d the probabilities are (1 - d) p + d / c of c names: the d under which the true names
