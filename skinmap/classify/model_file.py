@@ -8,7 +8,7 @@
 | `estimator.npz` | the estimator as its own arrays (`to_arrays`), where it has them |
 | `estimator.skops` | any other scikit-learn estimator, by names of known types and arrays |
 | `sets.npz` | what sets of names are promised by (`prediction_sets`), where that was calibrated |
-| `early.npz` | how much of a name is nobody's while a touch is young (`rejection`) |
+| `early.npz` | how far names of young touches are to be doubted (`rejection`) |
 
 Nothing is unpacked to disk, unpickled or imported because a file asks for it.
 """
