@@ -192,6 +192,10 @@ def forget_interrupts() -> None:
     for kind in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(kind) is _interrupted:
             signal.signal(kind, signal.SIG_DFL)
+    # What came inside the last import comes too late; Python is about to forget its handlers, and
+    # an alarm without one kills.
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    _due.clear()
 
 
 _due: list[int] = []  # what came inside an import, to be raised behind it

@@ -9,7 +9,7 @@ import threading
 
 import pytest
 
-from skinmap.cli.main import TerminatedError, end_on_interrupt, main
+from skinmap.cli.main import TerminatedError, end_on_interrupt, forget_interrupts, main
 
 SWALLOWS = """
 import os, signal
@@ -43,6 +43,16 @@ def test_interrupt_in_an_import_that_catches_everything_still_ends(
     with pytest.raises(TerminatedError if kind == "SIGTERM" else KeyboardInterrupt):  # after it
         assert not importlib.import_module(f"swallows_{kind}").came
         threading.Event().wait(60)  # a deadline, for a handler that forgot it
+
+
+def test_an_interrupt_in_the_last_import_leaves_no_alarm_that_kills(ours, tmp_path, monkeypatch):
+    """Python forgets its handlers at its end, where an alarm made it exit by signal 14."""
+    (tmp_path / "swallows_last.py").write_text(SWALLOWS.replace("KIND", "SIGTERM"))
+    monkeypatch.syspath_prepend(tmp_path)
+    importlib.import_module("swallows_last")
+    assert signal.getitimer(signal.ITIMER_REAL)[0] > 0.0
+    forget_interrupts()
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
 def test_interrupt_elsewhere_ends_at_once(ours):
