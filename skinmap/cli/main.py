@@ -65,6 +65,11 @@ COMMANDS = {
 GROUP = "skinmap.commands"
 AGAIN = 0.1  # seconds until the next look
 IMPORTING = "<frozen importlib._bootstrap>"
+# What is said of each, and the exit code.
+SAID: dict[int, tuple[str, int]] = {
+    signal.SIGINT: ("interrupted", 130),
+    signal.SIGTERM: ("terminated", 143),
+}
 
 
 class LazyGroup(NamedGroup):
@@ -141,13 +146,14 @@ def main() -> None:
     except SkinError as error:
         _fail(str(error), 2, debug)
     except (KeyboardInterrupt, click.Abort) as error:  # click makes an Abort of the former
-        if isinstance(error.__cause__ or error, TerminatedError):
-            _fail("terminated", 143, debug=False)
-        _fail("interrupted", 130, debug=False)
+        kind = isinstance(error.__cause__ or error, TerminatedError)
+        _fail(*SAID[signal.SIGTERM if kind else signal.SIGINT], debug=False)
     except BrokenPipeError:  # the reader of our output went away: nothing is wrong
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except Exception as error:  # noqa: BLE001 - the last resort: an internal error, said plainly
+        if _raised:  # compiled code made an error of its own of it (matplotlib: "bounding box")
+            _fail(*SAID[_raised[-1]], debug)
         _fail(f"internal error: {type(error).__name__}: {error} (see --debug)", 1, debug)
     finally:
         atexit.register(forget_interrupts)  # before all that others registered
@@ -181,6 +187,7 @@ def end_on_interrupt() -> None:
 
     A shell's background job is started with Ctrl-C ignored, and goes on ignoring it.
     """
+    _raised.clear()
     for kind in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(kind) is not signal.SIG_IGN:
             signal.signal(kind, _interrupted)
@@ -199,6 +206,7 @@ def forget_interrupts() -> None:
 
 
 _due: list[int] = []  # what came inside an import, to be raised behind it
+_raised: list[int] = []  # what was raised
 
 
 def _interrupted(kind: int, frame: FrameType | None) -> None:
@@ -209,6 +217,7 @@ def _interrupted(kind: int, frame: FrameType | None) -> None:
             return
         frame = frame.f_back
     _due.clear()
+    _raised.append(kind)
     raise TerminatedError if kind == signal.SIGTERM else KeyboardInterrupt
 
 

@@ -68,6 +68,26 @@ def test_a_polite_kill_is_another_exit_code(monkeypatch, capsys, ours):
     assert capsys.readouterr().err.strip() == "Error: terminated"
 
 
+@pytest.mark.parametrize(("pressed", "code"), [(True, 130), (False, 1)])
+def test_an_interrupt_of_which_a_library_makes_an_error_of_its_own_is_one(
+    monkeypatch, capsys, ours, pressed, code
+):
+    def invoke(*_):
+        try:
+            if pressed:
+                signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            pass
+        raise ValueError("Invalid bounding box")  # as matplotlib says it
+
+    monkeypatch.setattr(sys, "argv", ["skinmap", "list"])
+    monkeypatch.setattr("skinmap.cli.main.LazyGroup.invoke", invoke)
+    with pytest.raises(SystemExit, match=str(code)):
+        main()
+    said = "interrupted" if pressed else "internal error: ValueError: Invalid bounding box"
+    assert capsys.readouterr().err.startswith(f"Error: {said}")
+
+
 def test_background_job_goes_on_ignoring_it():
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
