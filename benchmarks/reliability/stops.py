@@ -242,7 +242,7 @@ def _judged(long: Long, kind: str, code: int, said: str, result: Path) -> str:
 
 
 def opens(result: Path) -> bool:
-    """Whether a result is whole: a file by its reader, a folder by its last page or table."""
+    """Whether a result is whole: a file by its reader, a folder by a page or table in it."""
     import warnings
 
     from skinmap.classify.model_file import load_classifier
@@ -250,7 +250,7 @@ def opens(result: Path) -> bool:
     from skinmap.live.sources.open_recording import open_track
 
     if result.is_dir():  # what was staged in it vanishes with the next run's temporary names
-        names = [path for path in result.iterdir() if not path.name.startswith(".skinmap-")]
+        names = [path for path in result.rglob("*") if ".skinmap-" not in str(path)]
         return not names or any(path.suffix in (".html", ".json", ".toml") for path in names)
     readers: Mapping[str, Callable[[Path], object]] = {".skinmodel": load_classifier}
     try:
