@@ -8,7 +8,6 @@ So nothing is raised inside an import: a moment later is soon enough.
 
 from __future__ import annotations
 
-import atexit
 import importlib
 import logging
 import os
@@ -156,7 +155,7 @@ def main() -> None:
             _fail(*SAID[_raised[-1]], debug)
         _fail(f"internal error: {type(error).__name__}: {error} (see --debug)", 1, debug)
     finally:
-        atexit.register(forget_interrupts)  # before all that others registered
+        forget_interrupts()  # before threads are joined, and all that others do at the end
 
 
 def _one_line(error: click.ClickException) -> str:

@@ -66,6 +66,8 @@ def test_a_polite_kill_is_another_exit_code(monkeypatch, capsys, ours):
     with pytest.raises(SystemExit, match="143"):
         main()
     assert capsys.readouterr().err.strip() == "Error: terminated"
+    # What comes while threads are joined ends it as it ends any program: without a traceback.
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 @pytest.mark.parametrize(("pressed", "code"), [(True, 130), (False, 1)])
