@@ -152,6 +152,8 @@ def fullest(session: Session) -> tuple[float, float | None]:
     Names take a hundred times as long as finding where to look for a picture. All of what is
     shorter than two such stretches, of raw values and of what is no recording.
     """
+    if not session.repeats:  # nor is what is live opened twice
+        return 0.0, None
     source = session.open(hurry=True)
     try:
         info = source.info

@@ -17,7 +17,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -250,7 +249,8 @@ def opens(result: Path) -> bool:
     from skinmap.live.sources.open_recording import open_track
 
     if result.is_dir():  # what was staged in it vanishes with the next run's temporary names
-        names = [path for path in result.rglob("*") if ".skinmap-" not in str(path)]
+        every = (path.relative_to(result) for path in result.rglob("*"))
+        names = [path for path in every if not path.parts[0].startswith(".skinmap-")]
         return not names or any(path.suffix in (".html", ".json", ".toml") for path in names)
     readers: Mapping[str, Callable[[Path], object]] = {".skinmodel": load_classifier}
     try:
@@ -289,10 +289,10 @@ def start(
 
 def reach(running: subprocess.Popen[str], moment: float | None) -> bool:
     """Let a command run so many seconds, or until it listens to signals; whether it ended."""
-    if moment is not None:
-        with suppress(subprocess.TimeoutExpired):
-            running.wait(timeout=moment)
-    while moment is None and running.poll() is None and not _listens(running.pid):
+    deadline = time.monotonic() + (LONGEST if moment is None else moment)
+    while running.poll() is None and time.monotonic() < deadline:
+        if moment is None and _listens(running.pid):
+            return False
         time.sleep(0.01)
     return running.poll() is not None
 

@@ -145,8 +145,8 @@ def main() -> None:
     except SkinError as error:
         _fail(str(error), 2, debug)
     except (KeyboardInterrupt, click.Abort) as error:  # click makes an Abort of the former
-        kind = isinstance(error.__cause__ or error, TerminatedError)
-        _fail(*SAID[signal.SIGTERM if kind else signal.SIGINT], debug=False)
+        polite = isinstance(error.__cause__ or error, TerminatedError)
+        _fail(*SAID[signal.SIGTERM if polite else signal.SIGINT], debug=False)
     except BrokenPipeError:  # the reader of our output went away: nothing is wrong
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)

@@ -57,7 +57,7 @@ MOTION_FEATURES = (
 
 
 def middle(values: NDArray[Any]) -> float:
-    """The median of some values (k,), k > 0; of a few, numpy takes ten times as long."""
+    """The median of some values (k,), k > 0; of a few, numpy takes six times as long."""
     half = len(values) // 2
     ranked = np.partition(values, (half - 1, half) if half else 0)
     return float(ranked[half]) if len(values) % 2 else 0.5 * float(ranked[half - 1] + ranked[half])

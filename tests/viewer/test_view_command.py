@@ -459,3 +459,5 @@ def test_a_picture_of_a_long_recording_looks_for_names_where_most_is_touched(
     shown = write_files(session, Look(), Wanted(screenshot=tmp_path / "a.png"))
     assert 40.0 <= shown.time < 42.0
     assert fullest(Session(icub, ("left_foot",))) == (0.0, None)  # the simulator has no end
+    live = Session(icub, ("left_foot",), source="lsl:nobody sends this")
+    assert fullest(live) == (0.0, None)  # and is not waited for
