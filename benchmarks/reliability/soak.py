@@ -44,16 +44,16 @@ def main() -> int:
         print(f"no part {strange[0]!r}; the parts are: {', '.join(PARTS)}", file=sys.stderr)
         return 2
     LENGTHS.update({name: getattr(given, name) for name in LENGTHS})
-    found: dict[str, Any] = {}
-    if FILE.exists() and not given.quick:
-        found = json.loads(FILE.read_text(encoding="utf-8"))
+    found = {} if given.quick else _kept()
     for name in given.parts or PARTS:
         print(f"{name} ...", file=sys.stderr, flush=True)
-        found[name] = {
+        one = {
             **PARTS[name](given.quick),
             "date": datetime.now(UTC).date().isoformat(),
             "commit": commit(),
         }
+        # Read again: other parts may have ended in a run beside this one, hours after its start.
+        found = {**(found if given.quick else _kept()), name: one}
         if not given.quick:
             FILE.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     for promise, _, figure, date in rows(found):
@@ -61,6 +61,11 @@ def main() -> int:
     faulty = [name for name, one in found.items() if one.get("faults")]
     print(f"faults in: {', '.join(faulty)}" if faulty else "no faults")
     return 1 if faulty else 0
+
+
+def _kept() -> dict[str, Any]:
+    """What earlier runs found, part by part."""
+    return json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
 
 
 LENGTHS = {"updates": 0, "samples": 0, "each": 0, "places": 0}  # as the command was given them
