@@ -81,6 +81,7 @@ def measure(
         row, code = apart(_examine, name, places, seed)
         rows[name] = row or {"files": 0, "faults": [f"the process ended with {code}"],
                              "more_mb": 0.0, "longest_s": 0.0}  # fmt: skip
+        print(f"{name}: {rows[name]}", file=sys.stderr, flush=True)
     return {
         "places": places,
         "kinds": rows,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import io
 import json
+import sys
 import tempfile
 import zipfile
 from pathlib import Path
@@ -54,6 +55,7 @@ def measure(*, megabytes: float = MEGABYTES, kinds: list[str] | None = None) -> 
         row, code = apart(examine, name, megabytes)
         rows[name] = row or {"megabytes": 0.0, "more_mb": 0.0, "longest_s": 0.0,
                              "faults": [f"the process ended with {code}"]}  # fmt: skip
+        print(f"{name}: {rows[name]}", file=sys.stderr, flush=True)
     return {
         "megabytes": megabytes,
         "kinds": rows,
