@@ -113,14 +113,14 @@ def examine(
     for seed in seeds:
         target.try_one(seed, folder)  # what it imports is imported by now
     base, began = resident_mb(), time.process_time()
-    runs, longest, findings = 0, 0.0, list[str]()
+    runs, longest, more, findings = 0, 0.0, 0.0, list[str]()
     for steps in accidents(rng):
         if runs == inputs or time.process_time() - began > seconds or len(findings) == ENOUGH:
             break
         original = seeds[runs % len(seeds)]
         runs += 1
-        said, took = trouble(target, mutate(original, steps), folder, base)
-        longest = max(longest, took)
+        said, took, took_mb = trouble(target, mutate(original, steps), folder, base)
+        longest, more = max(longest, took), max(more, took_mb)
         if said:
             small = fewer(target, original, steps, folder, said.partition(":")[0])
             kept = keep(CORPUS / target.name, mutate(original, small))
@@ -129,7 +129,7 @@ def examine(
         "runs": runs,
         "cpu_s": time.process_time() - began,
         "longest_s": longest,
-        "more_mb": peak_mb() - base,
+        "more_mb": more,
         "findings": findings,
     }
 
@@ -156,8 +156,17 @@ def trouble(
     *,
     longest: float = LONGEST,
     most_mb: float = MOST_MB,
-) -> tuple[str, float]:
-    """What is wrong about how an input is taken ("" where nothing is), and its CPU time [s]."""
+) -> tuple[str, float, float]:
+    """What is wrong about how an input is taken ("" where nothing is), and what it took.
+
+    Returns
+    -------
+    said : str
+    seconds : float
+        CPU time [s].
+    more : float
+        Memory beyond `base` that was ever in use since that was taken [MB].
+    """
     began, said = time.process_time(), ""
     before = signal.signal(signal.SIGPROF, _too_long)
     signal.setitimer(signal.ITIMER_PROF, longest)
@@ -168,10 +177,11 @@ def trouble(
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)
-    if not said and peak_mb() - base > most_mb:
-        said = f"memory: {peak_mb() - base:.0f} MB more than whole files took"
+    more = peak_mb() - base
+    if not said and more > most_mb:
+        said = f"memory: {more:.0f} MB more than whole files took"
         resident_mb()  # the next one that takes as much is told apart
-    return said, time.process_time() - began
+    return said, time.process_time() - began, more
 
 
 def fewer(
@@ -182,7 +192,7 @@ def fewer(
 
     for step in list(steps):
         rest = [other for other in steps if other is not step]
-        again, _ = trouble(target, mutate(original, rest), folder, resident_mb())
+        again, _, _ = trouble(target, mutate(original, rest), folder, resident_mb())
         if again.partition(":")[0] == kind:
             steps = rest
     return steps

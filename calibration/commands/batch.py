@@ -146,9 +146,9 @@ def read_batch(path: Path, units: str, sigma_mm: float) -> dict[str, PatchFiles]
     """
     from calibration.files.tables import read_cells
 
-    names, lines, rows = read_cells(path, NEEDED, KNOWN)
+    names, rows = read_cells(path, NEEDED, KNOWN)
     found: dict[str, PatchFiles] = {}
-    for line, cells in zip(lines, rows, strict=True):
+    for line, cells in rows:
         words = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
         name = words["name"]
         if not name or name.startswith(".") or {*name} & set("/\\\0"):

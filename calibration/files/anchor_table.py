@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calibration.files.tables import BoardTable, read_anchors
+from skinmap.errors import DataFormatError
+
+MAX_ANCHORS = 100_000  # measured one by one: a table of more is another table
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +32,16 @@ class Anchor:
 
 
 def read_anchor_table(path: Path, board: BoardTable) -> list[Anchor]:
-    """Anchors of a file `channel,x,y,z[,sigma]`, in its own unit."""
+    """Anchors of a file `channel,x,y,z[,sigma]`, in its own unit.
+
+    Raises
+    ------
+    DataFormatError
+        As `read_anchors`, and where there are more than `MAX_ANCHORS`.
+    """
     taxels, points, sigma = read_anchors(path, board)
+    if len(taxels) > MAX_ANCHORS:
+        raise DataFormatError(f"{len(taxels)} anchors, expected at most {MAX_ANCHORS}", path)
     spread = [None] * len(points) if sigma is None else sigma.tolist()
     return [
         Anchor(taxel, (place[0], place[1], place[2]), own)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,27 +48,27 @@ def read_places(path: Path, part: str, unit: float = 1.0) -> list[AskedPlace]:
     """
     if not is_file(path):
         raise MissingFileError(path, f"places: CSV {','.join(COLUMNS)}[,part][,start_s,end_s]")
-    names, lines, table = read_cells(path, COLUMNS, (*TIMES, "part"))
+    names, table = read_cells(path, COLUMNS, (*TIMES, "part"))
     timed = [name in names for name in TIMES]
     if any(timed) != all(timed):
         raise DataFormatError(f"expected both of {','.join(TIMES)}, or neither", path, 1)
-    wanted = [*COLUMNS, *(TIMES if all(timed) else ())]
-    found: dict[int, list[list[float]]] = {}
-    for line, row in zip(lines, table, strict=True):
-        cells = dict(zip(names, row, strict=True))
-        if cells.pop("part", part).strip() != part:
+    wanted = [names.index(name) for name in (*COLUMNS, *(TIMES if all(timed) else ()))]
+    on = names.index("part") if "part" in names else None
+    found: dict[int, array[float]] = {}
+    for line, row in table:
+        if on is not None and row[on].strip() != part:
             continue
-        numbers = parse_floats([cells[name] for name in wanted], path, line)
+        numbers = parse_floats([row[place] for place in wanted], path, line)
         if numbers[0] != int(numbers[0]):
-            raise DataFormatError(f"touch {cells['touch']!r} is no whole number", path, line)
-        found.setdefault(int(numbers[0]), []).append(numbers[1:])
+            raise DataFormatError(f"touch {row[wanted[0]]!r} is no whole number", path, line)
+        found.setdefault(int(numbers[0]), array("d")).extend(numbers[1:])
     if not found:
         raise DataFormatError(f"no place on {part!r}", path)
     places = []
-    for number, rows in sorted(found.items()):
-        points = np.array(rows)
-        span = (rows[0][3], rows[0][4]) if len(rows[0]) > 3 else None
-        places.append(AskedPlace(number, points[:, :3] * unit, span))
+    for number, values in sorted(found.items()):
+        rows = np.array(values).reshape(-1, len(wanted) - 1)
+        span = (float(rows[0, 3]), float(rows[0, 4])) if all(timed) else None
+        places.append(AskedPlace(number, rows[:, :3] * unit, span))
     return places
 
 

@@ -150,7 +150,7 @@ def read_table(
     DataFormatError
         A missing or unknown column, a row of another length, a word that is no number.
     """
-    names, rows = _rows(path, needed, known, first)
+    names, rows = read_cells(path, needed, known, first)
     values, lines = array("d"), []  # a word takes ten times the memory of its number
     for line, row in rows:
         values.extend(parse_floats(row, path, line))
@@ -160,8 +160,8 @@ def read_table(
 
 def read_cells(
     path: Path, needed: Sequence[str], known: Sequence[str], first: Sequence[str] = ()
-) -> tuple[list[str], list[int], list[list[str]]]:
-    """Names of the columns of a CSV table, the line of each row, and its words.
+) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
+    """Names of the columns of a CSV table, and line and words of each row, one after the other.
 
     Parameters
     ----------
@@ -174,17 +174,8 @@ def read_cells(
     Raises
     ------
     DataFormatError
-        A missing or unknown column, a row of another length, no row.
+        A missing or unknown column; and where it is come to, a row of another length, no row.
     """
-    names, found = _rows(path, needed, known, first)
-    lines, rows = zip(*found, strict=True)
-    return names, list(lines), list(rows)
-
-
-def _rows(
-    path: Path, needed: Sequence[str], known: Sequence[str], first: Sequence[str]
-) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
-    """Names of the columns, and line and words of each row; errors are those of `read_cells`."""
     reader = csv.reader(io.StringIO(read_text(path), newline=""))
     try:
         names = [cell.strip().lower() for cell in next(reader, [])]

@@ -8,14 +8,44 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.cache import cached
+from skinmap.errors import InvalidArrayError
+
+MAX_COINCIDENT = 1000  # points at one place: a search among them takes their number squared
 
 
 def median_spacing(points: FloatArray) -> float:
-    """Median distance to the nearest other point [m]; 0 for fewer than two points."""
+    """Median distance to the nearest other point [m]; 0 for fewer than two points.
+
+    Raises
+    ------
+    InvalidArrayError
+        More than `MAX_COINCIDENT` points at one place.
+    """
     if len(points) < 2:
         return 0.0
+    check_coincident(points)
     distance, _ = cKDTree(points).query(points, k=2)
     return float(np.median(distance[:, 1]))
+
+
+def check_coincident(points: FloatArray) -> None:
+    """Refuse more points (n, 3) or (n, 2) at one place than a search among them can bear.
+
+    Raises
+    ------
+    InvalidArrayError
+        Says how many, and where.
+    """
+    _, alike = np.unique(points[:, 0], return_counts=True)  # settles nearly all, in no time
+    if alike.max(initial=0) <= MAX_COINCIDENT:
+        return
+    places, counts = np.unique(points, axis=0, return_counts=True)
+    worst = int(counts.argmax())
+    if counts[worst] > MAX_COINCIDENT:
+        where = ", ".join(f"{value:g}" for value in places[worst])
+        raise InvalidArrayError(
+            f"{counts[worst]} points at one place ({where}), at most {MAX_COINCIDENT} may coincide"
+        )
 
 
 def nearest(points: FloatArray, k: int) -> tuple[FloatArray, IntArray]:
