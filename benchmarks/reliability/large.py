@@ -37,6 +37,14 @@ MEGABYTES = 10.0
 LONGEST = 60.0  # CPU seconds for one file
 MESHES = (".ply", ".stl", ".obj", ".off", ".glb", ".dae")
 BYTES_A_FACE = 50  # of a binary STL; other formats take 20 to 120
+LINES = {
+    "long field": b'"' + b"a" * 200_000,
+    "long number": b"9" * 200_000,
+    "many fields": b"1," * 200_000,
+    "empty lines": b"\n" * 200_000,
+    "blanks": b" " * 200_000,
+    "deep lists": b"[" * 200_000,
+}  # in the place of a second line of small files
 CHANNELS = 4326  # of a whole iCub
 
 
@@ -83,7 +91,14 @@ def examine(name: str, megabytes: float) -> dict[str, Any]:
         changed = bytearray(whole)
         changed[half] ^= 0x55
         more, longest, faults = 0.0, 0.0, list[str]()
-        for how, data in (("whole", whole), ("cut", whole[:half]), ("changed", bytes(changed))):
+        head, _, rest = seed.partition(b"\n")
+        for how, data in (
+            ("whole", whole),
+            ("cut", whole[:half]),
+            ("changed", bytes(changed)),
+            # Beyond what parsers take: fields of csv, digits of whole numbers, depths of JSON.
+            *((name, b"\n".join((head, line, rest))) for name, line in LINES.items()),
+        ):
             base = resident_mb()
             most = MOST_MB * max(1.0, len(data) / 1e7)
             said, took, took_mb = trouble(target, data, folder, base, longest=LONGEST, most_mb=most)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from calibration.files.tables import read_cells
 from skinmap.arrays import FloatArray
@@ -81,8 +82,9 @@ def check_places(places: list[AskedPlace], positions: FloatArray, part: str, pat
         Says which touch, and how far off it is.
     """
     limit = max(FAR, 3.0 * median_spacing(positions))
+    skin = cKDTree(positions)
     for place in places:
-        away = np.linalg.norm(place.path[:, None] - positions[None], axis=2).min(axis=1)
+        away, _ = skin.query(place.path)
         if float(away.max()) > limit:
             raise DataFormatError(
                 f"touch {place.number} is {1e3 * float(away.max()):.0f} mm from the nearest taxel "

@@ -10,7 +10,7 @@ from damage.catalogue import TARGETS
 from damage.recordings import mcap
 
 import skinmap
-from benchmarks.reliability import cuts
+from benchmarks.reliability import cuts, large
 from skinmap.errors import SkinWarning
 
 FEW = 8  # cuts and as many changed bytes of each kind; `make soak` takes 1,000
@@ -24,6 +24,16 @@ def test_cut_and_changed_files_open_whole_say_so_or_are_refused(tmp_path, kind):
     )
     assert not found["faults"]
     assert found["files"] >= 2 * FEW
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_lines_beyond_what_parsers_take_are_refused(tmp_path, kind):
+    """The field limit of csv and the depth of a parser end in errors that are not ours."""
+    target = TARGETS[kind]
+    target.lay_out(tmp_path)
+    head, _, rest = target.seeds()[0].partition(b"\n")
+    for line in large.LINES.values():
+        target.try_one(b"\n".join((head, line, rest)), tmp_path)  # raises what is not ours
 
 
 def test_every_kind_with_a_checksum_is_a_file():
@@ -47,6 +57,8 @@ def test_a_reader_that_says_nothing_is_a_fault(tmp_path):
         # Deflated data end before their last bits: the checksum must be asked for.
         ("recording", 1545, 0xA5), ("self-touch", 1132, 0x12), ("wrenches", 1200, 0x5F),
         ("cache", 310, 0xC5),
+        # A date of which COLLADA's parser does not know the time zone, and warns.
+        ("mesh-dae", 178, 0x58),
         # A chunk that a flipped bit turns into a record of a kind that readers pass over.
         ("mcap", None, 0xC4),
     ],

@@ -7,7 +7,13 @@ from numpy.testing import assert_allclose
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.distances import bridged_graph, path_distances
 from skinmap.geometry.log_map import BLOCK, KEPT_POINTS, LogMaps, log_map
-from skinmap.geometry.proximity import closest_on_mesh, median_spacing, nearest, ray_hits
+from skinmap.geometry.proximity import (
+    MAX_COINCIDENT,
+    closest_on_mesh,
+    median_spacing,
+    nearest,
+    ray_hits,
+)
 from skinmap.geometry.rigid import check_transform, transform_points
 
 
@@ -20,6 +26,15 @@ def test_nearest_never_returns_the_point_itself(hexagons, rng):
 
 def test_median_spacing_of_hexagons_is_the_pitch(hexagons):
     assert median_spacing(hexagons) == pytest.approx(6.5e-3, rel=1e-12)
+
+
+def test_thousands_of_points_at_one_place_are_refused_not_searched(rng):
+    plane = np.column_stack([np.zeros(3 * MAX_COINCIDENT), rng.random((3 * MAX_COINCIDENT, 2))])
+    assert median_spacing(plane) > 0.0  # one x for all of them is no crowd
+    crowd = np.concatenate([plane, np.tile(plane[:1], (MAX_COINCIDENT - 1, 1))])
+    assert median_spacing(crowd) > 0.0
+    with pytest.raises(InvalidArrayError, match=r"^1001 points at one place \(0, 0\.\d+, 0\.\d+\)"):
+        median_spacing(np.concatenate([crowd, plane[:1]]))
 
 
 def test_closest_on_mesh_finds_planted_points(half_cylinder, rng):

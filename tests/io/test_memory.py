@@ -57,10 +57,20 @@ def test_large_tables_take_less_than_200_mb(tmp_path, format):
     assert float(result.stdout.split()[-1]) < 200.0, result.stdout
 
 
-@pytest.mark.parametrize("kind", ["touches", "numbers", "module-layout-csv"])
+@pytest.mark.parametrize(
+    "kind", ["touches", "numbers", "module-layout-csv", "places", "batch", "anchor-table"]
+)
 def test_large_tables_of_other_readers_take_no_more(kind):
     """A fifth of the size and of the memory; words of all rows together took twice as much."""
     found, code = apart(large.examine, kind, large.MEGABYTES / 5)
     assert found is not None, f"the process ended with {code}"
     assert not found["faults"]
     assert found["more_mb"] < MOST_MB / 5
+
+
+def test_a_part_of_thousands_of_taxels_at_one_place_is_refused_at_once():
+    """Each is a copy of one of a few taxels: nearest ones were looked for among all of them."""
+    found, code = apart(large.examine, "self-touch-part", large.MEGABYTES / 5)
+    assert found is not None, f"the process ended with {code}"
+    assert not found["faults"]
+    assert found["longest_s"] < 5.0

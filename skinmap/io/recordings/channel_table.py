@@ -5,10 +5,11 @@ from __future__ import annotations
 import csv
 import re
 import warnings
+from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -110,8 +111,9 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
         values = np.where(mapping.falling, -1.0, 1.0) * table.values
         if mapping.rest_percentile is not None:
             values = _above_rest(values, table.stretches, mapping.rest_percentile)
-        counts = np.rint(np.clip(values * (COUNTS / mapping.full_scale), 0.0, COUNTS))
-    counts = np.nan_to_num(counts, nan=0.0)
+        counts = values * (COUNTS / mapping.full_scale)
+        np.rint(np.clip(counts, 0.0, COUNTS, out=counts), out=counts)  # may be a gigabyte
+    np.nan_to_num(counts, copy=False, nan=0.0)
     pressures = np.zeros((len(counts), len(skin)), np.uint8)
     rows, columns = _places(_numbers_of(robot, skin), table.channels, path)
     pressures[:, rows] = counts[:, columns]
@@ -223,7 +225,8 @@ def read_table(path: Path) -> list[Recording]:
     """
     check_file(path, "a table of channels over time", MAX_BYTES)
     mapping = needed_mapping(path)
-    names, rows = _rows(path, mapping)
+    rows = _rows(path, mapping)
+    names = next(rows)
     words = (mapping.label_column, mapping.person_column, mapping.session_column)
     own = {mapping.time, mapping.event_column, *words}
     channels = _channel_columns([name for name in names if name not in own], mapping, path)
@@ -231,27 +234,36 @@ def read_table(path: Path) -> list[Recording]:
     for name in (*words, mapping.event_column, None if mapping.rate_hz else mapping.time):
         if name is not None and name not in place:
             raise DataFormatError(f"no column {name!r}; the columns are: {_some(names)}", path)
-    values = _numbers(rows, [place[name] for name in channels], path)
+    beside = [name for name in (mapping.time, mapping.event_column) if name in place]
+    columns = [place[name] for name in (*channels, *beside) if name is not None]
+    said: list[list[str] | None] = [None if name is None else [] for name in words]
+    held, known = array("d"), dict[str, str]()  # a word takes ten times the memory of its number
+    for number, row in enumerate(rows):
+        _take(held, row, columns, number, path)
+        for name, column in zip(words, said, strict=True):
+            if name is not None and column is not None:
+                word = row[place[name]]
+                column.append(known.setdefault(word, word))
+    table = np.frombuffer(held).reshape(-1, len(columns))
+    values, others = table[:, : len(channels)], table[:, len(channels) :]
+    count = len(table)
     if mapping.time in place:
-        times = _numbers(rows, [place[mapping.time]], path)[:, 0] * SECONDS[mapping.time_unit]
+        times = others[:, 0] * SECONDS[mapping.time_unit]
     else:
-        times = np.arange(len(rows)) / (mapping.rate_hz or 1.0)
-    said = [None if name is None else [row[place[name]] for row in rows] for name in words]
-    count = len(rows)
+        times = np.arange(count) / (mapping.rate_hz or 1.0)
     numbers = None
     if mapping.event_column is not None:
-        found = _numbers(rows, [place[mapping.event_column]], path)[:, 0]
-        if not (np.abs(found) <= MAX_CHANNEL).all():
+        if not (np.abs(others[:, -1]) <= MAX_CHANNEL).all():
             raise DataFormatError(
                 f"{mapping.event_column} holds what is no number of a touch", path
             )
-        numbers = found.astype(np.int64)
+        numbers = others[:, -1].astype(np.int64)
     events, first = _events(said[0], numbers, mapping.label_of(path), count)
     labels = said[0] or [mapping.label_of(path)] * count
     people, sessions = (
         () if column is None else tuple(column[row] for row in first) for column in said[1:]
     )
-    table = ChannelTable(
+    found = ChannelTable(
         times,
         values,
         np.array(list(channels.values()), np.int64),
@@ -260,36 +272,38 @@ def read_table(path: Path) -> list[Recording]:
         sessions,
         people,
     )
-    return [recording_of(table, mapping, path)]
+    return [recording_of(found, mapping, path)]
 
 
-def _rows(path: Path, mapping: Mapping) -> tuple[list[str], list[list[str]]]:
-    """Names of the columns and the rows of a table."""
-    with path.open(encoding="utf-8", newline="") as file:
-        try:
+def _rows(path: Path, mapping: Mapping) -> Iterator[list[str]]:
+    """Names of the columns, then the words of each sample."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
             start = "".join(islice(file, 20))
             delimiter = "\t" if path.suffix.lower() == ".tsv" else ","
             if delimiter not in start:
                 delimiter = next((one for one in (";", "\t", " ") if one in start), ",")
             file.seek(0)
             lines = (line for line in file if line.strip() and not line.startswith("#"))
-            table = [
+            table = (
                 [cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)
-            ]
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise DataFormatError(f"not a table: {error}", path) from None
-    names = list(mapping.columns) if mapping.columns else (table.pop(0) if table else [])
-    if not table:
-        raise DataFormatError("no samples", path)
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise DataFormatError(f"columns given twice: {_some(twice)}", path)
-    for number, row in enumerate(table):
-        if len(row) != len(names):
-            raise DataFormatError(
-                f"sample {number} has {len(row)} values for {len(names)} columns", path
             )
-    return names, table
+            names = list(mapping.columns) if mapping.columns else next(table, [])
+            twice = [name for name, count in Counter(names).items() if count > 1]
+            if twice:
+                raise DataFormatError(f"columns given twice: {_some(twice)}", path)
+            first = next(table, None)
+            if first is None:
+                raise DataFormatError("no samples", path)
+            yield names
+            for number, row in enumerate(chain([first], table)):
+                if len(row) != len(names):
+                    raise DataFormatError(
+                        f"sample {number} has {len(row)} values for {len(names)} columns", path
+                    )
+                yield row
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DataFormatError(f"not a table: {error}", path) from None
 
 
 def _some(names: Sequence[str]) -> str:
@@ -318,18 +332,18 @@ def _channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict
     return numbers
 
 
-def _numbers(rows: list[list[str]], columns: list[int], path: Path) -> FloatArray:
+def _take(held: array[float], row: list[str], columns: list[int], number: int, path: Path) -> None:
+    """Put the numbers of a sample behind those of the samples before."""
     try:
-        return np.array([[float(row[k]) for k in columns] for row in rows])
+        held.extend([float(row[k]) for k in columns])
     except ValueError:
-        for number, row in enumerate(rows):
-            for k in columns:
-                try:
-                    float(row[k])
-                except ValueError:
-                    raise DataFormatError(
-                        f"sample {number} holds {row[k]!r}, no number", path
-                    ) from None
+        for k in columns:
+            try:
+                float(row[k])
+            except ValueError:
+                raise DataFormatError(
+                    f"sample {number} holds {row[k]!r}, no number", path
+                ) from None
         raise
 
 
@@ -346,7 +360,8 @@ def _events(
     keys: IntArray = np.zeros(count, np.int64)
     if labels is not None:
         touched &= np.array([bool(word) for word in labels])
-        keys = np.unique(labels, return_inverse=True)[1].reshape(-1)
+        kinds = {word: k for k, word in enumerate(dict.fromkeys(labels))}
+        keys = np.array([kinds[word] for word in labels], np.int64)
     if numbers is not None:
         touched &= numbers >= 0
         keys = numbers
@@ -404,12 +419,12 @@ def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Pa
             raise DataFormatError(f"{name} are no list of whole numbers", path)
     kinds = min(int(np.max(events, initial=-1)) + 1, count)
     labels = labels or [label] * kinds
-    for name, array, length in (
+    for name, held, length in (
         ("times", times, count), ("channels", channels, width), ("events", events, count),
         ("labels", labels, kinds),
     ):  # fmt: skip
-        if np.shape(array) != (length,) and not (name == "labels" and len(array) > length):
-            raise DataFormatError(f"{name} of shape {np.shape(array)}, expected ({length},)", path)
+        if np.shape(held) != (length,) and not (name == "labels" and len(held) > length):
+            raise DataFormatError(f"{name} of shape {np.shape(held)}, expected ({length},)", path)
     return ChannelTable(
         times,
         values.astype(np.float64),

@@ -9,6 +9,9 @@ Values fall into 0 to 20,002; more is an error of a sensor, read as nothing.
 
 from __future__ import annotations
 
+from array import array
+from collections.abc import Iterable
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -39,33 +42,35 @@ def read_cyskin_text(path: Path) -> list[Recording]:
     check_file(path, "a CySkin recording", MAX_BYTES)
     mapping = needed_mapping(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open(encoding="utf-8") as file:
+            lines = (
+                (number, line.split())
+                for number, line in enumerate(file, 1)
+                if line.strip() and not line.startswith("#")
+            )
+            begin = list(islice(lines, 2))
+            if len(begin) < 2:
+                raise DataFormatError("no samples", path)
+            width = len(begin[0][1])
+            heads = all(word.isascii() and word.isdigit() for word in begin[0][1])
+            heads = heads and len(begin[1][1]) == width + LEAD
+            samples = chain(begin[heads:], lines)
+            rows = _numbers(samples, width + LEAD * heads, path)
     except UnicodeDecodeError as error:
         raise DataFormatError(f"not a text file ({error.reason})", path) from None
-    lines = [
-        (number, line.split())
-        for number, line in enumerate(text.splitlines(), 1)
-        if line.strip() and not line.startswith("#")
-    ]
-    if len(lines) < 2:
-        raise DataFormatError("no samples", path)
-    width = len(lines[0][1])
-    heads = all(word.isascii() and word.isdigit() for word in lines[0][1])
-    if heads and len(lines[1][1]) == width + LEAD:
-        channels = [min(int(word[:DIGITS]), MAX_CHANNEL + 1) for word in lines[0][1]]
-        rows = _numbers(lines[1:], width + LEAD, path)
+    if heads:
+        channels = [min(int(word[:DIGITS]), MAX_CHANNEL + 1) for word in begin[0][1]]
         times, values = rows[:, 1], rows[:, LEAD:]
     else:
-        rows = _numbers(lines, width, path)
         times, pairs = rows[:, 1], rows[:, LEAD:]
         if pairs.shape[1] == 0 or pairs.shape[1] % 2 or (pairs[:, ::2] != pairs[0, ::2]).any():
             raise DataFormatError(
                 "neither a line of ids and then samples, nor samples of ids and values in turn",
                 path,
-                lines[0][0],
+                begin[0][0],
             )
         if not ((pairs[0, ::2] >= 0) & (pairs[0, ::2] <= MAX_CHANNEL)).all():
-            raise DataFormatError("ids that are no numbers of taxels", path, lines[0][0])
+            raise DataFormatError("ids that are no numbers of taxels", path, begin[0][0])
         channels, values = pairs[0, ::2].astype(np.int64).tolist(), pairs[:, 1::2]
     label = mapping.label_of(path)
     table = ChannelTable(
@@ -78,14 +83,13 @@ def read_cyskin_text(path: Path) -> list[Recording]:
     return [recording_of(table, mapping, path)]
 
 
-def _numbers(lines: list[tuple[int, list[str]]], width: int, path: Path) -> np.ndarray:
+def _numbers(lines: Iterable[tuple[int, list[str]]], width: int, path: Path) -> np.ndarray:
+    found = array("d")  # a word takes ten times the memory of its number
     for number, words in lines:
         if len(words) != width:
             raise DataFormatError(f"{len(words)} words, expected {width}", path, number)
-    found = []
-    for number, words in lines:
         try:
-            found.append([float(word) for word in words])
+            found.extend(map(float, words))
         except ValueError as error:
             raise DataFormatError(str(error), path, number) from None
-    return np.array(found)
+    return np.frombuffer(found).reshape(-1, width)

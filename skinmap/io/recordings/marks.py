@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -201,18 +202,34 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
         No such file, missing columns, and of a line: no number, an unknown part, an end before
         its beginning, no sample, a label that nobody can use, or a touch that overlaps another.
     """
-    rows = list(csv.reader(io.StringIO(read_text(path))))
-    if not rows or not {"part", "began_s", "ended_s", "label"} <= set(rows[0]):
+    reader = csv.reader(io.StringIO(read_text(path)))
+    try:
+        return Marks(tuple(_checked(reader, path, before, times, parts)))
+    except csv.Error as error:
+        raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
+
+
+def _checked(
+    rows: Iterator[list[str]],
+    path: Path,
+    before: Marks,
+    times: FloatArray,
+    parts: Sequence[str],
+) -> Iterator[MarkedTouch]:
+    """The touch of each row, each with a number of its own."""
+    names = next(rows, [])
+    if not {"part", "began_s", "ended_s", "label"} <= set(names):
         raise DataFormatError(f"not a table of touches: columns {', '.join(COLUMNS)}", path, 1)
     known = {(one.part, one.event): one for one in before.touches}
     free = 1 + max((one.event for one in before.touches), default=-1)
-    found: list[MarkedTouch] = []
-    for line, row in enumerate(rows[1:], 2):
+    taken: set[tuple[str, int]] = set()
+    spans: dict[str, list[tuple[int, int]]] = {}  # of each part, in the order of time
+    for line, row in enumerate(rows, 2):
         if not any(cell.strip() for cell in row):
             continue
-        if len(row) != len(rows[0]):
-            raise DataFormatError(f"{len(row)} cells for {len(rows[0])} columns", path, line)
-        cells = dict(zip(rows[0], (cell.strip() for cell in row), strict=True))
+        if len(row) != len(names):
+            raise DataFormatError(f"{len(row)} cells for {len(names)} columns", path, line)
+        cells = dict(zip(names, (cell.strip() for cell in row), strict=True))
         one = _marked(cells, times, parts, path, line)
         number = cells.get("event", "")
         if len(number) > MAX_DIGITS:
@@ -224,21 +241,18 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
         subject = 0 if old is None else old.subject
         same = old is not None and (old.first, old.last) == (one.first, one.last)
         motion = old.motion if old is not None and same else None
-        one = replace(one, event=event, owners=owners, subject=subject, motion=motion)
-        clash = next((t for t in found if t.part == one.part and _overlap(t, one)), None)
-        if clash is not None:
-            raise DataFormatError(
-                f"overlaps the touch of {one.part!r} from {times[clash.first]:.3f} s on", path, line
-            )
-        if any((t.part, t.event) == (one.part, event) for t in found):
-            one = replace(one, event=free)
-            free += 1
-        found.append(one)
-    return Marks(tuple(found))
-
-
-def _overlap(one: MarkedTouch, other: MarkedTouch) -> bool:
-    return one.first <= other.last and other.first <= one.last
+        own = spans.setdefault(one.part, [])
+        place = bisect_left(own, (one.first, one.last))
+        for first, last in own[max(place - 1, 0) : place + 1]:  # those beside it in time
+            if first <= one.last and one.first <= last:
+                raise DataFormatError(
+                    f"overlaps the touch of {one.part!r} from {times[first]:.3f} s on", path, line
+                )
+        own.insert(place, (one.first, one.last))
+        if (one.part, event) in taken:
+            event, free = free, free + 1
+        taken.add((one.part, event))
+        yield replace(one, event=event, owners=owners, subject=subject, motion=motion)
 
 
 def _marked(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import struct
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -145,7 +146,9 @@ def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
             check_collada(root, path)
         elif suffix in (".glb", ".gltf"):
             check_gltf(path)
-        with np.errstate(over="ignore", invalid="ignore"):  # merging casts to whole numbers
+        # Merging casts to whole numbers; parsers warn of dates and names that no mesh needs.
+        with np.errstate(over="ignore", invalid="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             scene = trimesh.load_scene(str(path), process=merge)
             check_scene(scene, path)
             mesh = scene.to_mesh()
