@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-import graphlib
-import importlib
-
-import grimp
 import pytest
+
+from benchmarks.harness.house import (
+    PRODUCT,
+    circle,
+    count,
+    importers_of,
+    imports_of,
+    lone_siblings,
+)
 
 MOST_LONE = 30  # modules with one importer, beside it; fewer are better
 
 
-def circle(imports: dict[str, set[str]]) -> list[str]:
-    """Modules that import each other, the first again at the end; nothing where none do."""
-    try:
-        graphlib.TopologicalSorter(imports).prepare()
-    except graphlib.CycleError as error:
-        return list(error.args[1])
-    return []
-
-
-@pytest.mark.parametrize("package", ["skinmap", "calibration", "viewer"])
+@pytest.mark.parametrize("package", PRODUCT)
 def test_no_imports_run_in_a_circle(package):
-    importlib.import_module(package)
-    graph = grimp.build_graph(package, exclude_type_checking_imports=True, cache_dir=None)
-    imports = {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
+    imports = imports_of(package)
     assert sum(map(len, imports.values())) > len(imports) > 10
     assert circle(imports) == []
 
@@ -35,23 +29,8 @@ def test_a_circle_is_seen():
     assert circle({"a": {"b"}, "b": set()}) == []
 
 
-def lone_siblings(importers: dict[str, set[str]]) -> set[str]:
-    """Modules that exactly one other imports, which lies in the same folder."""
-    return {
-        name
-        for name, others in importers.items()
-        if len(others) == 1 and min(others).rpartition(".")[0] == name.rpartition(".")[0]
-    }
-
-
 def test_few_modules_have_one_importer_in_the_same_folder():
-    packages = ("skinmap", "calibration", "viewer")
-    graph = grimp.build_graph(*packages, cache_dir=None)
-    importers = {
-        name: graph.find_modules_that_directly_import(name)
-        for name in graph.modules
-        if not graph.find_children(name)
-    }
+    importers = importers_of(PRODUCT)
     assert len(importers) > 400
     # A file ends where an idea ends: a new one of these belongs to its importer, unless it is an
     # idea of its own. What a registry finds by its name has no importer.
@@ -61,3 +40,8 @@ def test_few_modules_have_one_importer_in_the_same_folder():
 def test_a_lone_sibling_is_seen():
     importers = {"a.b.c": {"a.b.d"}, "a.b.d": {"a.e"}, "a.e": {"a.f", "a.b.c"}, "a.f": set()}
     assert lone_siblings(importers) == {"a.b.c"}
+
+
+def test_lines_of_code_and_docstrings_are_told_apart():
+    text = '"""What\nthis is."""\n\nx = """\nno docstring\n"""  # said\n# alone\ndef f(): "One."\n'
+    assert count([text]) == {"lines": 8, "code": 3, "docstrings": 3}

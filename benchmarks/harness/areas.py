@@ -71,6 +71,8 @@ AREAS = (
     Area("needs", "benchmarks.scale.needs",
          "time and memory against what is asked for",
          {"turns": 3}, "3 fresh processes a case instead of 5"),
+    Area("house", "benchmarks.harness.house",
+         "lines, circles of imports, modules with one importer, the public interface"),
 )  # fmt: skip
 NAMES = tuple(area.name for area in AREAS)
 

@@ -27,6 +27,7 @@ from benchmarks.harness.asked import judge, table_text
 from benchmarks.harness.bench_doc import write_doc
 from benchmarks.harness.bench_page import page_of
 from benchmarks.harness.record import RESULTS, about, write
+from benchmarks.harness.timing import children_seconds
 from benchmarks.scale.needs_page import write_page
 
 KEPT = RESULTS / "bench.json"
@@ -131,7 +132,7 @@ def measure_one(area: areas.Area, form: str) -> dict[str, Any]:
         "shorter": area.shorter if form == "short" else "",
         "load_average": os.getloadavg()[0],
     }
-    began, spent = time.perf_counter(), _children_seconds()
+    began, spent = time.perf_counter(), children_seconds()
     with tempfile.TemporaryDirectory() as name:
         out, said = Path(name) / "rows.json", Path(name) / "said.txt"
         command = [*PROGRAM, "--child", area.name, "--form", form, "--out", str(out)]
@@ -141,7 +142,7 @@ def measure_one(area: areas.Area, form: str) -> dict[str, Any]:
         else:
             found["failed"] = failed
     found["seconds"] = time.perf_counter() - began
-    found["cpu_seconds"] = _children_seconds() - spent
+    found["cpu_seconds"] = children_seconds() - spent
     return found
 
 
@@ -169,11 +170,6 @@ def _end(child: subprocess.Popen[bytes]) -> None:
     with contextlib.suppress(ProcessLookupError):
         os.killpg(child.pid, signal.SIGKILL)
     child.wait()
-
-
-def _children_seconds() -> float:
-    times = os.times()
-    return times.children_user + times.children_system
 
 
 def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:

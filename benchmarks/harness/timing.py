@@ -7,6 +7,7 @@ turns with its quartiles.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -50,6 +51,12 @@ def timed(run: Callable[[], Any]) -> tuple[Any, float, float]:
     wall, cpu = time.perf_counter(), time.process_time()
     result = run()
     return result, time.process_time() - cpu, time.perf_counter() - wall
+
+
+def children_seconds() -> float:
+    """CPU time of all processes that this one started and that have ended [s]."""
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 def take_turns(tasks: Mapping[str, Task], rounds: int, *, warm: int = 1) -> dict[str, Times]:
