@@ -128,8 +128,9 @@ def read_touches(
     points = np.column_stack([column[name] for name in "xyz"]) * unit
     spread = column["sigma"] * unit if "sigma" in column else np.full(len(values), sigma)
     touches = []
-    for number in np.unique(column["touch"]):
-        own = np.flatnonzero(column["touch"] == number)
+    order = np.argsort(column["touch"], kind="stable")
+    numbers, begins = np.unique(column["touch"][order], return_index=True)
+    for number, own in zip(numbers, np.split(order, begins[1:]), strict=True):
         apart = (points[own] != points[own[0]]).any(axis=1)
         if apart.any():
             line = lines[int(own[np.argmax(apart)])]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.classify.catalogue import BUILT_IN, DEFAULT, classifiers
@@ -149,16 +150,10 @@ class Classifier(Summary):
         skins = dict.fromkeys(touch.skin for touch in touches)
         self.trained_on = tuple(remember(skin.skin) for skin in skins)
         self.descriptor.fit(touches, rng=rng)
-        rows = [self.descriptor.describe(touch) for touch in touches]
         labels = np.array([touch.label for touch in touches])
-        touched = np.array([len(row) > 0 for row in rows], bool)
-        kinds, count = np.unique(labels[touched], return_counts=True)
-        if len(kinds) < 2 or count.min() < least:
-            have = ", ".join(f"{n} {kind}" for kind, n in zip(kinds, count, strict=True))
-            raise InvalidArrayError(
-                f"training needs two labels or more, and of each {least} touches in "
-                f"contact; got: {have or 'none'}"
-            )
+        _check_labels(labels, least)  # of all: before minutes are spent on those that are felt
+        rows = [self.descriptor.describe(touch) for touch in touches]
+        _check_labels(labels[np.array([len(row) > 0 for row in rows], bool)], least)
         table = np.concatenate(rows)
         named = np.repeat(labels, [len(row) for row in rows])
         most = getattr(self.estimator, "most_rows", ROWS)
@@ -328,6 +323,17 @@ class Classifier(Summary):
 
 
 TouchClassifier = Classifier
+
+
+def _check_labels(labels: NDArray[np.str_], least: int) -> None:
+    """Refuse fewer than two labels, or fewer than `least` touches of one."""
+    kinds, count = np.unique(labels, return_counts=True)
+    if len(kinds) < 2 or count.min() < least:
+        have = ", ".join(f"{n} {kind}" for kind, n in zip(kinds, count, strict=True))
+        raise InvalidArrayError(
+            f"training needs two labels or more, and of each {least} touches in contact; got: "
+            f"{have or 'none'}"
+        )
 
 
 def calibrated(estimator: Any) -> Any:

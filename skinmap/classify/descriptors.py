@@ -67,11 +67,9 @@ def recorded_touches(skin: PreparedSkin, recording: Recording) -> list[Touch]:
 
     Spikes, stuck taxels and what does not exceed a taxel's own noise at rest are 0.
     """
-    rest, beside = recording.rest(), skin.geometry.beside
+    rest, beside, rate = recording.rest(), skin.geometry.beside, recording.rate
     return [
-        Touch(
-            skin, felt(samples, rest, beside), label, int(recording.subjects[event]), recording.rate
-        )
+        Touch(skin, felt(samples, rest, beside), label, int(recording.subjects[event]), rate)
         for event, label, samples in recording.touches()
     ]
 

@@ -199,9 +199,9 @@ def classify(
             raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
     found = []
     for one in every:
-        rest = one.rest()
-        for event in range(len(one.labels)):
-            found += _classify_event(classifier, skins[one.part], one, event, rule, rest)
+        rest, own = one.rest(), replace(rule, rate=one.rate)
+        for event, _, samples in one.touches():
+            found += _classify_event(classifier, skins[one.part], one, event, samples, own, rest)
     return found
 
 
@@ -210,12 +210,12 @@ def _classify_event(
     skin: PreparedSkin,
     recording: Recording,
     event: int,
+    samples: NDArray[np.uint8],
     rule: GroupingRule,
     rest: Rest,
 ) -> list[ClassifiedTouch]:
-    label, samples = recording.labels[event], recording.pressures[recording.events == event]
+    label = recording.labels[event]
     owners = None if recording.owners is None else recording.owners[event]
-    rule = replace(rule, rate=recording.rate)
     person = int(recording.subjects[event])
     named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
     said = [one.prediction for one in named] or [Prediction(NO_CONTACT, 1.0)]

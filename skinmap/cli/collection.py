@@ -216,13 +216,14 @@ def _touches(
 
     several = len(np.unique(recording.subjects)) > 1
     touches = recorded_touches(skin, recording)
-    for event, touch in enumerate(touches):
-        rows = np.flatnonzero(recording.events == event)
+    samples = np.arange(len(recording.events))
+    # Behind the last sample of a touch before each sample.
+    free = np.maximum.accumulate(np.where(recording.events >= 0, samples + 1, 0))
+    for event, (touch, rows) in enumerate(zip(touches, recording.rows(), strict=True)):
         if len(rows) == 0:
             continue
         start = int(rows[0])
-        marked = np.flatnonzero(recording.events[:start] >= 0)
-        quiet = int(marked[-1]) + 1 if len(marked) else 0
+        quiet = int(free[start - 1]) if start else 0
         stretch = recording.pressures[quiet : start + len(rows)]
         own = recording.sessions[event] or session
         number = int(recording.subjects[event])

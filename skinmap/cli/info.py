@@ -102,7 +102,7 @@ def work(path: Path, robot: str | None) -> tuple[RecordingInfo, Counter[str], li
     if loaded is not None:
         check_skin(track.info, loaded)
     skin = RecordedSkin(
-        robot=track.info.robot,
+        robot=track.info.robot or track.manifest,
         parts=list(track.info.parts),
         taxels=sum(len(table) for table in track.tables.values()) or None,
         fingerprints=dict(track.info.fingerprints),

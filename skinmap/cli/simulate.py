@@ -262,7 +262,8 @@ def command(
         subjects=subjects, places=places, variety=number, sensing=given, physics=physics,
         variant=variant,
     )  # fmt: skip
-    present(result, _lines, as_json=as_json)
+    asked = per_gesture if pairs is None else 0
+    present(result, lambda one: _lines(one, asked), as_json=as_json)
 
 
 def work(
@@ -338,9 +339,12 @@ def work(
     )
 
 
-def _lines(result: SimulateResult) -> Iterator[str]:
+def _lines(result: SimulateResult, asked: int) -> Iterator[str]:
     for row in result.parts:
-        counts = ", ".join(f"{count} {name}" for name, count in row.touches.items())
+        counts = ", ".join(
+            f"{count} {name}" + (f" (no room for {asked})" if count < asked else "")
+            for name, count in row.touches.items()
+        )
         yield f"{row.part}: {row.samples} samples, {counts or 'no touch fits'}"
 
 

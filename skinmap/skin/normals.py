@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from skinmap.arrays import FloatArray, IntArray
@@ -47,14 +48,17 @@ def orient_normals(points: FloatArray, normals: FloatArray, labels: IntArray) ->
     weight = neighbour_graph(points, NEIGHBOURS, PATCH_GAP * median_spacing(points)).tocoo()
     dots = np.abs(np.einsum("ij,ij->i", normals[weight.row], normals[weight.col]))
     weight.data = 1.0 - np.minimum(dots, 1.0) + 1e-9  # a stored zero would read as no edge
-    tree = minimum_spanning_tree(weight.tocsr())
+    tree = minimum_spanning_tree(weight.tocsr()).tocoo()
+    # One more point beside the first of each patch, so that a single walk visits all patches.
+    n = len(points)
+    roots = np.unique(labels, return_index=True)[1]
+    row, column = np.append(tree.row, np.full(len(roots), n)), np.append(tree.col, roots)
+    walk = coo_array((np.ones(len(row)), (row, column)), shape=(n + 1, n + 1)).tocsr()
+    order, parent = breadth_first_order(walk, n, directed=False)
     oriented = normals.copy()
-    for label in np.unique(labels):
-        root = int(np.flatnonzero(labels == label)[0])
-        order, parent = breadth_first_order(tree, root, directed=False)
-        for child in order[1:]:
-            if oriented[child] @ oriented[parent[child]] < 0:
-                oriented[child] *= -1
+    for child in order[1 + len(roots) :]:
+        if oriented[child] @ oriented[parent[child]] < 0:
+            oriented[child] *= -1
     return oriented
 
 
@@ -88,10 +92,8 @@ def outward_normals(
         above = ray_hits(points + lift, normals, body.vertices, body.faces)
         below = ray_hits(points - lift, -normals, body.vertices, body.faces)
         margin = below.astype(np.float64) - above
-    for label in np.unique(labels):
-        inside = labels == label
-        if margin[inside].sum() < 0:
-            outward[inside] *= -1
+    patch = np.unique(labels, return_inverse=True)[1]
+    outward[np.bincount(patch, margin)[patch] < 0] *= -1
     return outward
 
 

@@ -6,6 +6,7 @@ import io
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -137,10 +138,14 @@ class Recording(Summary):
         """What its taxels read between the touches; the usual where that is hardly recorded."""
         return find_rest(self.pressures, quiet=self.events < 0)
 
+    def rows(self) -> list[IntArray]:
+        """Rows (k,) of the samples of each touch event."""
+        return rows_of(self.events, len(self.labels))
+
     def touches(self) -> Iterator[tuple[int, str, NDArray[np.uint8]]]:
         """Number, label and samples (k, n_taxels) of each touch event."""
-        for event, label in enumerate(self.labels):
-            yield event, label, self.pressures[self.events == event]
+        for event, (label, rows) in enumerate(zip(self.labels, self.rows(), strict=True)):
+            yield event, label, self.pressures[rows]
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""
@@ -153,6 +158,13 @@ class Recording(Summary):
             "touches": len(self.labels),
             "labels": listed(sorted(set(self.labels))),
         }
+
+
+def rows_of(events: IntArray, count: int) -> list[IntArray]:
+    """Rows (k,) of each of `count` touch events among samples (t,), found in one pass."""
+    order = np.argsort(events, kind="stable")
+    bounds = np.searchsorted(events[order], np.arange(count + 1))
+    return [order[first:end] for first, end in pairwise(bounds.tolist())]
 
 
 def save_recordings(recordings: list[Recording], path: Path) -> None:

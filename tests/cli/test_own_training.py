@@ -50,6 +50,18 @@ def days(tmp_path_factory):
     return folder
 
 
+def test_a_recording_says_which_robot_it_is_of(days):
+    assert run("info", days / "monday.npz")["skin"]["robot"] == "kaspar"
+
+
+def test_touches_that_find_no_room_are_told(tmp_path):
+    """A whole hand hardly fits on the back of a child's: too few came, and nothing said why."""
+    words = ["simulate", "kaspar", "--part", "left_hand", "--per-gesture", "12", "-o"]
+    result = CliRunner().invoke(cli, [*words, str(tmp_path / "t.npz")])
+    assert "12 poke," in result.output
+    assert "whole_hand (no room for 12)" in result.output
+
+
 def test_folders_of_several_robots_are_trained_on(days, tmp_path):
     told = run("train", days, "-o", tmp_path / "m.skinmodel", "--with-simulated", 4)
     assert [(one["robot"], one["part"]) for one in told["skins"]] == [

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import DataFormatError, SkinError
-from skinmap.touch.recording import Recording, load_recordings, save_recordings
+from skinmap.touch.recording import Recording, load_recordings, rows_of, save_recordings
 
 
 @pytest.fixture
@@ -37,3 +37,10 @@ def test_a_cut_recording_is_refused(stored, share):
     stored.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(DataFormatError, match="not a Skinmap recording"):
         load_recordings(stored)
+
+
+def test_rows_of_each_event_are_found_in_one_pass(rng):
+    events = rng.integers(-1, 6, 500)  # mixed: stretches of two events may take turns
+    for event, rows in enumerate(rows_of(events, 7)):
+        np.testing.assert_array_equal(rows, np.flatnonzero(events == event))
+    assert [len(rows) for rows in rows_of(np.zeros(0, np.int64), 2)] == [0, 0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.classify.protocols.folds import Names
 from skinmap.errors import InvalidArrayError
 from skinmap.neighbours.offsets import Neighbourhoods, flat_map_directions, neighbourhoods
@@ -91,9 +91,9 @@ def draw_samples(
     seen = dict.fromkeys(counts, 0)
     rows: dict[str, list[IntArray]] = {name: [] for name in counts}
     book: list[IntArray] = []
-    touched = (recording.pressures > ACTIVE).any(axis=1)
-    for event, label in enumerate(recording.labels):
-        own = np.flatnonzero((recording.events == event) & touched)
+    touched: BoolArray = np.asarray((recording.pressures > ACTIVE).any(axis=1))
+    for label, rows_of_touch in zip(recording.labels, recording.rows(), strict=True):
+        own = rows_of_touch[touched[rows_of_touch]]
         seen[label] += 1
         (book if seen[label] <= BOOK_TOUCHES else rows[label]).append(own)
     chosen = [np.concatenate(rows[name])[: counts[name]] for name in counts]

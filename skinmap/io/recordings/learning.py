@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from skinmap.errors import DataFormatError, OutputError
 from skinmap.io.recordings.marked_events import part_events, taxel_columns
 from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, StreamInfo
-from skinmap.touch.recording import Recording
+from skinmap.touch.recording import Recording, rows_of
 from skinmap.touch.true_motion import TrueMotion
 
 FORMAT = "skinmap-arrays-1"
@@ -286,10 +286,9 @@ def _marks(arrays: Any, part: str) -> Iterator[MarkedTouch]:
     nobody = ("",) * len(labels)
     sessions = _words(arrays, f"{part}/sessions") or nobody
     people = _words(arrays, f"{part}/people") or nobody
-    for event, said in enumerate(zip(labels, sessions, people, strict=True)):
-        rows = np.flatnonzero(events == event)
+    said = zip(labels, sessions, people, rows_of(events, len(labels)), strict=True)
+    for event, (label, session, person, rows) in enumerate(said):
         if len(rows):
-            label, session, person = said
             yield MarkedTouch(
                 part, event, label, int(rows[0]), int(rows[-1]), session=session, person=person,
                 motion=_motion(arrays, part, event),

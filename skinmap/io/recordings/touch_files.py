@@ -231,12 +231,15 @@ def track_of(recordings: Sequence[Recording], path: Path) -> RecordedStream:
     values = np.zeros((len(longest.times), sum(widths)), np.uint8)
     for one, end in zip(recordings, np.cumsum(widths).tolist(), strict=True):
         values[: len(one.times), end - one.pressures.shape[1] : end] = one.pressures
+    parts = tuple(one.part for one in recordings)
+    known = {one.part: one.fingerprint for one in recordings if one.fingerprint}
     return RecordedStream(
-        StreamInfo(path.name, tuple(one.part for one in recordings), widths, 0.0),
+        StreamInfo(path.name, parts, widths, 0.0, fingerprints=known),
         longest.times,
         values,
         touches=tuple(touch for one in recordings for touch in touches_of(one)),
         samples={one.part: len(one.times) for one in recordings},
+        manifest=next((one.robot for one in recordings if one.robot), ""),
     )
 
 

@@ -55,13 +55,12 @@ def stroke_errors(
     """Follow every stroke of 5 cm or more, sample by sample, as live; all contacts are its own."""
     joined, rest = JoinedSkin({skin.skin.part: skin}), recording.rest()
     found = []
-    for event, label, samples in recording.touches():
+    for (event, label, samples), own in zip(recording.touches(), recording.rows(), strict=True):
         truth = recording.motions[event] if recording.motions else None
         if label not in STROKES or truth is None or truth.length < LEAST:
             continue
         rows = felt(samples, rest, skin.geometry.beside).astype(np.float64)
-        times = recording.times[recording.events == event]
-        found.append(_followed(joined, times, rows, truth, window, method))
+        found.append(_followed(joined, recording.times[own], rows, truth, window, method))
     return found
 
 
