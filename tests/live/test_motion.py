@@ -14,6 +14,7 @@ from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.stroke_errors import stroke_errors
 from skinmap.live.contacts.touch_history import TouchBook
 from skinmap.live.robot_skin import JoinedSkin
+from skinmap.touch.motion_features import presses
 from skinmap.touch.simulator import simulate
 
 SPACING = 5e-3
@@ -118,6 +119,16 @@ def test_a_recorded_touch_that_stays_is_still(hand):
         assert recorded_course(book, touch.samples, touch.rate).heading == "still"
     nothing = np.zeros((0, len(hand.skin)), np.uint8)
     assert recorded_course(book, nothing, 50.0).heading == "still"
+
+
+def test_a_press_that_leaves_off_for_a_sample_has_a_course(hand):
+    """One touch of 12,000 had such a gap: an IndexError."""
+    made = simulate(hand.skin, rng=2, gestures=["hold"], per_gesture=1)
+    samples = recorded_touches(hand, made)[0].samples.copy()
+    samples[len(samples) // 2] = 0
+    book = MotionBook(JoinedSkin({"left_forearm": hand}))
+    assert len(presses(samples.sum(axis=1).astype(float), made.rate)) == 1
+    assert recorded_course(book, samples, made.rate).heading == "still"
 
 
 def _at(made, event):

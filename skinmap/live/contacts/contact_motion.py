@@ -559,6 +559,8 @@ def recorded_course(book: MotionBook, samples: NDArray[np.uint8], rate: float) -
     longest = max(presses(loads, rate), key=lambda one: one[1] - one[0], default=(0, 0))
     for row in range(*longest):
         index = np.flatnonzero(weight[row])
+        if len(index) == 0:  # a press may leave off for a moment
+            continue
         centre, normal = book.middle(index, weight[row, index])
         book.add(row / rate, 0, 0, centre, normal, float(loads[row]))
         book.ways[0].velocity()
