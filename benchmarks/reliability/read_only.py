@@ -63,11 +63,12 @@ def _of_command(name: str, folder: Path, each: int, rng: np.random.Generator) ->
     if code not in (0, 3):  # or each refusal would be taken for that of its folder
         row["faults"].append(f"the whole command: exit {code}: {said[-200:]}")
         return row
+    names = stops.names_of(stops.result_of(stops.COMMANDS[name], place / name.replace(" ", "-")))
     for number in range(each):
         place = folder / f"{name.replace(' ', '-')}{number}"
         place.mkdir()
         moment = float(rng.uniform(0.2, 1.0)) * took
-        when, fault = lock(stops.COMMANDS[name], place, given, moment)
+        when, fault = lock(stops.COMMANDS[name], place, given, moment, names=names)
         row[when] += 1
         if fault:
             row["faults"].append(f"after {moment:.2f} s: {fault}")
@@ -75,7 +76,12 @@ def _of_command(name: str, folder: Path, each: int, rng: np.random.Generator) ->
 
 
 def lock(
-    long: stops.Long, place: Path, given: Path, moment: float | None = None
+    long: stops.Long,
+    place: Path,
+    given: Path,
+    moment: float | None = None,
+    *,
+    names: frozenset[str] = frozenset(),
 ) -> tuple[str, str]:
     """Lock a command's folder after so many seconds, or once it listens to signals.
 
@@ -101,10 +107,10 @@ def lock(
                 one.chmod(0o755)
     result = stops.result_of(long, out)
     when = "done" if code in (0, 3) else "refused"
-    return when, _judged(said, code, len(left), result)
+    return when, _judged(said, code, len(left), result, names)
 
 
-def _judged(said: str, code: int, left: int, result: Path) -> str:
+def _judged(said: str, code: int, left: int, result: Path, names: frozenset[str]) -> str:
     if left:
         return f"{left} processes left"
     if "Traceback" in said or code not in (0, 2, 3):
@@ -112,7 +118,7 @@ def _judged(said: str, code: int, left: int, result: Path) -> str:
     lines = said.strip().splitlines()
     if code == 2 and not (lines and lines[-1].startswith("Error: cannot")):
         return f"said {lines[-1:]}"
-    if result.exists() and not stops.opens(result):
+    if result.exists() and not stops.opens(result, names):
         return f"half a result: {result.name}"
     return "" if result.exists() or code == 2 else "no result and no word of it"
 

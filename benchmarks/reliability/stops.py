@@ -148,6 +148,7 @@ def _of_command(
     if code not in (0, 3):
         return {"seconds": took, "before": 0, "under_way": 0, "after": 0,
                 "faults": [f"the whole command: exit {code}: {said[-200:]}"]}  # fmt: skip
+    names = names_of(result_of(long, folder / "whole"))
     counts = {"before": 0, "under_way": 0, "after": 0}
     faults = []
     for number in range(each):
@@ -156,7 +157,7 @@ def _of_command(
             place.mkdir()
             out = place / "out"
             moment = float(rng.uniform(0.0, took))
-            when, fault = stop(long, out, given, kind, moment)
+            when, fault = stop(long, out, given, kind, moment, names=names)
             counts[when] += 1
             if fault:
                 faults.append(f"{kind} after {moment:.2f} s: {fault}")
@@ -179,9 +180,17 @@ def result_of(long: Long, out: Path) -> Path:
 
 
 def stop(
-    long: Long, out: Path, given: Path, kind: str, moment: float | None = None
+    long: Long,
+    out: Path,
+    given: Path,
+    kind: str,
+    moment: float | None = None,
+    *,
+    names: frozenset[str] = frozenset(),
 ) -> tuple[str, str]:
     """Stop a command after so many seconds, or, without any, once it listens to signals.
+
+    `names` are the files that a whole result has, where it is a folder.
 
     Returns
     -------
@@ -215,11 +224,11 @@ def stop(
     result = result_of(long, out)
     if code == -getattr(signal, kind) and kind != "SIGKILL":  # as any program ends
         when = "after" if result.exists() else "before"
-        return when, "" if when == "before" or opens(result) else "half a result"
-    return "under_way", _judged(long, kind, code, said, result)
+        return when, "" if when == "before" or opens(result, names) else "half a result"
+    return "under_way", _judged(kind, code, said, result, names)
 
 
-def _judged(long: Long, kind: str, code: int, said: str, result: Path) -> str:
+def _judged(kind: str, code: int, said: str, result: Path, names: frozenset[str]) -> str:
     """What is wrong about how a stopped command ended; "" where nothing is."""
     done = code in (0, 3)  # it was just ready, or ends as if nothing had been
     if not done and code != CODES.get(kind, 0):
@@ -235,13 +244,24 @@ def _judged(long: Long, kind: str, code: int, said: str, result: Path) -> str:
         partial = [path.name for path in result.parent.rglob(".skinmap-*")]
         if partial:
             return f"left {partial}"
-    if done or not result.exists():
+    if done and not (result.exists() and names_of(result) >= names):
+        return f"exit {code} without {sorted(names - names_of(result))[:3] or result.name}"
+    if not result.exists():
         return ""
-    return "" if opens(result) else f"half a result: {result.name}"
+    return "" if opens(result, names) else f"half a result: {result.name}"
 
 
-def opens(result: Path) -> bool:
-    """Whether a result is whole: a file by its reader, a folder by a page or table in it."""
+def names_of(result: Path) -> frozenset[str]:
+    """Files of a result that is a folder, without what was only staged in it."""
+    every = (path.relative_to(result) for path in result.rglob("*") if path.is_file())
+    return frozenset(str(path) for path in every if not path.parts[0].startswith(".skinmap-"))
+
+
+def opens(result: Path, names: frozenset[str] = frozenset()) -> bool:
+    """Whether a result is whole: a file by its reader, a folder by the files it must have.
+
+    Where these are not known, a page or table must be among them.
+    """
     import warnings
 
     from skinmap.classify.model_file import load_classifier
@@ -249,9 +269,10 @@ def opens(result: Path) -> bool:
     from skinmap.live.sources.open_recording import open_track
 
     if result.is_dir():  # what was staged in it vanishes with the next run's temporary names
-        every = (path.relative_to(result) for path in result.rglob("*"))
-        names = [path for path in every if not path.parts[0].startswith(".skinmap-")]
-        return not names or any(path.suffix in (".html", ".json", ".toml") for path in names)
+        there = names_of(result)
+        if not there or names:
+            return not there or there >= names
+        return any(Path(name).suffix in (".html", ".json", ".toml") for name in there)
     readers: Mapping[str, Callable[[Path], object]] = {".skinmodel": load_classifier}
     try:
         with warnings.catch_warnings():

@@ -43,6 +43,15 @@ def test_the_judge_of_stops_sees_a_command_that_does_not_listen(tmp_path, monkey
     assert fault.startswith("went on for")
 
 
+def test_the_judge_of_stops_sees_a_folder_that_lacks_a_file(tmp_path):
+    (tmp_path / "report.html").touch()
+    (tmp_path / ".skinmap-part").mkdir()
+    (tmp_path / ".skinmap-part" / "map.png").touch()
+    assert stops.names_of(tmp_path) == {"report.html"}
+    assert stops.opens(tmp_path, frozenset({"report.html"}))
+    assert not stops.opens(tmp_path, frozenset({"report.html", "map.png"}))
+
+
 def test_commands_that_are_stopped_listen_where_this_program_does_not(tmp_path):
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
