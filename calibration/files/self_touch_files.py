@@ -305,9 +305,12 @@ def lone_touches(track: RecordedStream, found: Sequence[TouchRecording], path: P
 
 def _force(track: RecordedStream) -> FloatArray:
     """Counts (t, parts) above what is noise, summed over each part."""
-    values = np.asarray(track.values[:], np.float64)
-    values = np.where(values > ACTIVE, values, 0.0)
-    return np.stack([values[:, track.columns(part)].sum(axis=1) for part in track.parts], axis=1)
+    found = np.zeros((len(track.times), len(track.parts)))
+    for rows, values in track.blocks():
+        felt = np.where(values > ACTIVE, values, 0.0)
+        for number, part in enumerate(track.parts):
+            found[rows, number] = felt[:, track.columns(part)].sum(axis=1, dtype=np.float64)
+    return found
 
 
 def _sides(

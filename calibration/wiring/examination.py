@@ -213,7 +213,9 @@ def examine_recording(
     cases = open_cases(robot, there, plan)
     notes: list[str] = []
     for part, case in cases.items():
-        values = np.asarray(track.values[:], np.float64)[:, info.part_slice(part)]
+        values = np.zeros((len(track.times), info.widths[info.parts.index(part)]))
+        for rows, block in track.blocks():
+            values[rows] = block[:, info.part_slice(part)]
         if not np.isfinite(values).all():
             raise DataFormatError(f"samples of {part!r} hold NaN or infinity", path)
         if values.shape[1] != len(case.boards.table):

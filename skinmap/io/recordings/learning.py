@@ -20,12 +20,16 @@ from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError, OutputError
 from skinmap.io.recordings.marked_events import part_events, taxel_columns
-from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, StreamInfo
+from skinmap.io.recordings.recorded_stream import (
+    BLOCK,
+    MarkedTouch,
+    RecordedStream,
+    StreamInfo,
+)
 from skinmap.touch.recording import Recording, rows_of
 from skinmap.touch.true_motion import TrueMotion
 
 FORMAT = "skinmap-arrays-1"
-BLOCK = 1024  # samples that are read, compressed and written at once
 GZIP = 4
 
 
@@ -95,9 +99,7 @@ def write_hdf5(track: RecordedStream, path: Path) -> None:
                 disk.check()
             for part, width in zip(track.parts, track.info.widths, strict=True):
                 _values(file, f"{part}/values", track, width)
-            for start in range(0, len(track.times), BLOCK):
-                rows = slice(start, start + BLOCK)
-                values = track.values[rows]
+            for rows, values in track.blocks():
                 for part in track.parts:
                     file[f"{part}/values"][rows] = values[:, track.columns(part)]
                 disk.check()

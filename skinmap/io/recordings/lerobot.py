@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import IntArray
 from skinmap.errors import DataFormatError, SkinWarning
 from skinmap.imports import import_optional
-from skinmap.io.recordings.learning import BLOCK, about
+from skinmap.io.recordings.learning import about
 from skinmap.io.recordings.recorded_stream import RecordedStream
 
 VERSION = "v3.0"
@@ -98,10 +98,8 @@ def _blocks(
     track: RecordedStream, fps: int, task_of: IntArray
 ) -> Iterator[dict[str, NDArray[Any]]]:
     """Columns of the frames, some at a time."""
-    for start in range(0, len(track.times), BLOCK):
-        rows = slice(start, start + BLOCK)
-        values = track.values[rows]
-        index = np.arange(start, start + len(values))
+    for rows, values in track.blocks():
+        index = np.arange(rows.start, rows.stop)
         columns: dict[str, NDArray[Any]] = {
             f"{PRESSURES}.{part}": values[:, track.columns(part)].astype(np.float32)
             for part in track.parts

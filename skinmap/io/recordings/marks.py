@@ -21,7 +21,6 @@ from skinmap.touch.recording import Recording
 
 COLUMNS = ("part", "event", "began_s", "ended_s", "label", "session", "person")
 MAX_DIGITS = 9  # of the number of a touch
-BLOCK = 1024  # samples that are read at once
 KEYS = (
     "enter next, b back, g N go to touch N, n NAME name, s split (s SECONDS after its beginning), "
     "j join with the next of its part, d delete, u undo"
@@ -108,9 +107,9 @@ class MarkEditor:
 
     def __init__(self, marks: Marks, track: RecordedStream) -> None:
         self._history, self._track, self.place = [marks], track, 0
-        starts = range(0, max(len(track.times), 1), BLOCK)
-        blocks = [np.asarray(track.values[k : k + BLOCK], np.float64) for k in starts]
-        self.loads: FloatArray = np.concatenate([one.sum(axis=1) for one in blocks])
+        self.loads: FloatArray = np.zeros(len(track.times))
+        for rows, values in track.blocks():
+            self.loads[rows] = values.sum(axis=1, dtype=np.float64)
 
     @property
     def marks(self) -> Marks:

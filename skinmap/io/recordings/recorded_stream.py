@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -17,6 +17,7 @@ from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.true_motion import TrueMotion
 
 Kind = Literal["raw", "pressure"]
+BLOCK = 1024  # samples that are read at once
 GAP = 1.5  # median steps between two samples that count as a gap
 NS = 1_000_000_000
 
@@ -223,6 +224,12 @@ class RecordedStream:
     def columns(self, part: str) -> slice:
         """Where the values of a part stand in a sample."""
         return self.info.part_slice(part)
+
+    def blocks(self) -> Iterator[tuple[slice, NDArray[Any]]]:
+        """Rows and samples, `BLOCK` at a time: a day of a whole robot fits no memory."""
+        for start in range(0, len(self.times), BLOCK):
+            rows = slice(start, min(start + BLOCK, len(self.times)))
+            yield rows, self.values[rows]
 
     @property
     def seconds(self) -> float:

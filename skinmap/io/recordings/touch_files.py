@@ -36,7 +36,6 @@ from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording
 
 SUFFIXES = (".npz", ".mcap")
-BLOCK = 1024  # samples read at once
 SAVED_CHUNK = 10.0  # [s]; nothing is saved piece by piece, so chunks close by size
 SAME_TIME = 1e-6  # [s]; parts that are recorded together agree within it
 
@@ -308,14 +307,12 @@ def recordings_of(track: RecordedStream, path: Path) -> list[Recording]:
 
 def _counts(track: RecordedStream, path: Path) -> NDArray[np.uint8]:
     pressures = np.empty((len(track.times), track.info.channels), np.uint8)
-    for start in range(0, len(pressures), BLOCK):
-        rows = slice(start, start + BLOCK)
-        values = track.values[rows]
+    for rows, values in track.blocks():
         outside = ~((values >= 0) & (values <= 255))
         if outside.any():
             row, channel = np.argwhere(outside)[0]
             raise DataFormatError(
-                f"sample {start + row} holds {values[row, channel]} at channel {channel}; "
+                f"sample {rows.start + row} holds {values[row, channel]} at channel {channel}; "
                 f"pressures are 0 to 255",
                 path,
             )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from skinmap.imports import import_optional
-from skinmap.io.recordings.learning import BLOCK, about, arrays_of
-from skinmap.io.recordings.recorded_stream import RecordedStream
+from skinmap.io.recordings.learning import about, arrays_of
+from skinmap.io.recordings.recorded_stream import BLOCK, RecordedStream
 
 
 def write_zarr(track: RecordedStream, folder: Path) -> None:
@@ -36,9 +36,7 @@ def write_zarr(track: RecordedStream, folder: Path) -> None:
         )
         for part, width in zip(track.parts, track.info.widths, strict=True)
     }
-    for start in range(0, count, BLOCK):
-        rows = slice(start, min(start + BLOCK, count))
-        values = track.values[rows]
+    for rows, values in track.blocks():
         for part in track.parts:
             stores[part][rows] = values[:, track.columns(part)]
     group.attrs.update(words)
