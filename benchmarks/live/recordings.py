@@ -36,7 +36,7 @@ MAX_MB = 70.0
 PLAYED = 500  # samples that a child plays over and over
 FEWEST, MOST = 10, 120  # samples that a child sends before it is killed
 WAIT = 300.0  # for a child to start [s]
-LAST = ("nice", "-n", "19")
+LAST = 19  # the lowest priority of all
 BUSY = "while True: pass"
 REPORT = struct.Struct("<I")
 
@@ -45,6 +45,7 @@ def main() -> None:
     """Print all figures, or be a child that is killed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--child", nargs=2, type=Path, metavar=("SAMPLES", "FILE"))
+    parser.add_argument("--last", action="store_true", help="of a child: give way to all others")
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument(
         "--beside",
@@ -57,7 +58,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     if arguments.child:
-        record_until_killed(*arguments.child)
+        record_until_killed(*arguments.child, last=arguments.last)
         return
     found = measure(
         kills=arguments.kills, minutes=arguments.minutes, seed=arguments.seed,
@@ -202,13 +203,13 @@ def kill_once(
     after = int(rng.integers(FEWEST, most))
     child = subprocess.Popen(
         [
-            *LAST * last,
             sys.executable,
             "-m",
             "benchmarks.live.recordings",
             "--child",
             str(stored.resolve()),
             str(path.resolve()),
+            *["--last"] * last,
         ],
         stdout=subprocess.PIPE,
         cwd=ROOT,
@@ -250,13 +251,18 @@ def _reports(pipe: int, wanted: int) -> int:
     return len(data) // REPORT.size
 
 
-def record_until_killed(stored: Path, path: Path) -> None:
-    """What a child does: play samples at 50 Hz, record them, report each one."""
+def record_until_killed(stored: Path, path: Path, *, last: bool = False) -> None:
+    """What a child does: play samples at 50 Hz, record them, report each one.
+
+    Its imports are done before it gives way to others: they take a minute of the lowest priority.
+    """
     from skinmap.live.recording.recorder import Recorder
     from skinmap.live.sources.playback import Playback
     from skinmap.live.sources.source import Block, StreamInfo
 
     values = np.load(stored)
+    if last:
+        os.nice(LAST)  # before any thread is begun, as Linux sets it for one thread alone
     info = StreamInfo("simulated", ("all",), (values.shape[1],), RATE)
     source = Playback(info, np.arange(len(values)) / RATE, values, loop=True)
     recorder = Recorder(path, info)
