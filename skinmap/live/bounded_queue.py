@@ -85,6 +85,12 @@ class BoundedQueue(Generic[Item]):
             item, self._held = self._items.popleft()
             return item
 
+    def wait(self, timeout: float | None) -> bool:
+        """Whether an item is there within `timeout` [s]; raises as `take`, and takes nothing."""
+        with self._changed:
+            self._release()
+            return self._wait(timeout)
+
     def take_all(self, timeout: float | None) -> list[Item]:
         """All that waits; nothing where nothing came within `timeout` [s]; raises as `take`."""
         with self._changed:

@@ -124,6 +124,57 @@ def test_time_that_starts_again_gets_a_file_of_its_own(tmp_path, info, values):
     assert [len(read_track(file).times) for file in recorder.files] == [100, 100, 100]
 
 
+def test_samples_are_in_the_file_also_where_the_thread_has_no_turn(
+    tmp_path, info, values, monkeypatch
+):
+    """On a busy machine what came in a second was put at once, and lost at once."""
+    monkeypatch.setattr(Recorder, "_work", lambda self: None)
+    recorder, path = Recorder(tmp_path / "t.mcap", info), tmp_path / "t.mcap"
+    for first in range(120):
+        recorder.put(block(values, first))
+        assert first + 1 - len(read_track(path).times) <= module.BEHIND * info.rate + 1
+    recorder.put(block(values, 120, 50))
+    assert len(read_track(path).times) == 170
+    monkeypatch.setattr(module, "BEHIND", 1e6)  # the control: what only the thread would write
+    other = Recorder(tmp_path / "u.mcap", info)
+    for first in range(120):
+        other.put(block(values, first))
+    assert len(read_track(tmp_path / "u.mcap").times) == 0
+    for one in (recorder, other):
+        one._file.close()
+
+
+def test_samples_that_come_in_their_time_never_wait_for_the_disk(
+    tmp_path, info, values, monkeypatch
+):
+    monkeypatch.setattr(Recorder, "_work", lambda self: None)
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    recorder._clock = iter(np.arange(200) / 50).__next__
+    for first in range(120):
+        recorder.put(block(values, first))
+    assert len(read_track(tmp_path / "t.mcap").times) == 0
+    recorder._file.close()
+
+
+def test_a_disk_that_hangs_is_waited_for_once(tmp_path, info, values, monkeypatch):
+    """Who gives samples goes on: they wait in memory until the disk has caught up."""
+    asked = []
+
+    class Taken:
+        def acquire(self, timeout):
+            asked.append(timeout)
+            return False
+
+    monkeypatch.setattr(Recorder, "_work", lambda self: None)
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    recorder._turn = Taken()
+    for first in range(100):
+        recorder.put(block(values, first), patience=0.5)
+    assert asked == [0.5]
+    assert recorder.counts.dropped == 0
+    recorder._file.close()
+
+
 def test_slow_disk_drops_samples_counts_them_and_keeps_memory_bounded(
     tmp_path, info, values, monkeypatch
 ):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,9 @@ from skinmap.live.sources.source import Block, Kind, StreamInfo
 from skinmap.skin.robot import Robot
 
 MAX_BYTES = 64 * 2**20  # waiting to be written: 5 minutes of a whole iCub at 50 Hz
+BEHIND = 0.15  # seconds of samples that may wait where they come faster than
+AHEAD = 0.05  # seconds before their time: all of a pause at once, as a busy machine gives them
+USUAL_RATE = 50.0  # of a source that does not say
 RESTART = 1.0  # a time that falls by more [s] is a new start: it gets a file of its own
 ROTATE_SECONDS = 3600.0
 ROTATE_BYTES = 2**30
@@ -93,7 +96,11 @@ class Recorder:
         self._widths: dict[Kind, tuple[int, ...]] = {**(widths or {}), info.kind: info.widths}
         self._rotate = (rotate_bytes, rotate_seconds)
         self._chunk_seconds, self._points_hz = chunk_seconds, points_hz
-        self._written = self._dropped = 0
+        self._given = self._written = self._saved = self._dropped = 0
+        self._rate = info.rate or USUAL_RATE
+        self._clock, self._last, self._ahead = time.monotonic, 0.0, 0.0
+        self._turn = threading.Lock()  # of who writes: the thread, or who gives what it cannot
+        self._stuck = False  # the disk: nobody waits for it again before it has caught up
         self._jobs: BoundedQueue[Callable[[McapRecording], None]] = BoundedQueue(most_bytes)
         self._error: Exception | None = None
         self._newest = float("-inf")
@@ -108,6 +115,10 @@ class Recorder:
 
     def put(self, block: Block, kind: Kind | None = None, *, patience: float = 1.0) -> None:
         """Queue samples; drop and count them if the disk lags behind for longer than `patience`.
+
+        Samples that come at once, as after a pause of a busy machine, are written here where more
+        than `BEHIND` seconds of them wait: they would be lost at once, too. A disk that hangs does
+        not hold up samples that come in their time.
 
         Raises
         ------
@@ -126,6 +137,39 @@ class Recorder:
         size = block.values.nbytes
         if not self._jobs.put(lambda _: self._write(kind, block), size, patience=patience):
             self._dropped += len(block)
+        elif kind == self.info.kind:
+            now, self._given = self._clock(), self._given + len(block)
+            self._ahead = max(self._ahead - (now - self._last), 0.0) + len(block) / self._rate
+            self._last = now
+            if self._ahead > AHEAD and self._waits_long() and not self._stuck:
+                self._save(patience)
+
+    def _waits_long(self) -> bool:
+        return self._given - self._saved > max(BEHIND * self._rate, 1.0)
+
+    def _save(self, patience: float) -> None:
+        """Write what waits, in the thread of who gives samples."""
+        with self._writing(patience) as mine:
+            self._stuck = not mine
+            with contextlib.suppress(QueueEnded):
+                while mine and self._do_next():
+                    pass
+            if mine:
+                self._flush()
+
+    @contextlib.contextmanager
+    def _writing(self, patience: float = -1.0) -> Iterator[bool]:
+        """Whether it is one's turn to write; errors are kept for who gives the next sample."""
+        got = self._turn.acquire(timeout=patience)
+        try:
+            yield got and self._error is None
+        except QueueEnded:
+            raise
+        except Exception as error:  # noqa: BLE001 - the file is ended before another's turn
+            self._fail(error)
+        finally:
+            if got:
+                self._turn.release()
 
     def mark(self, part: str, event: int, label: str, **how: Any) -> None:
         """Queue a mark of a touch (see `McapRecording.mark`)."""
@@ -159,21 +203,37 @@ class Recorder:
 
     def _work(self) -> None:
         try:
-            while True:
-                wait = self._chunk_seconds - self._file.age if self._file.age else None
-                try:
-                    job = self._jobs.take(wait)
-                except QueueEnded:
-                    break
-                if job is None:  # what has waited long enough
-                    self._file.flush()
-                    continue
-                if self._is_full():
-                    self._next_file()
-                job(self._file)
-            self._file.close()
-        except Exception as error:  # noqa: BLE001 - told to who gives the next sample
-            self._fail(error)
+            while self._error is None:
+                age = self._file.age
+                late = not self._jobs.wait(self._chunk_seconds - age if age else None)
+                with self._writing() as mine:
+                    if mine and late:  # what has waited long enough
+                        self._flush()
+                    elif mine and self._do_next() and not self._file.age:
+                        self._saved = self._written  # all of it is in closed chunks
+                self._stuck = self._stuck and self._waits_long()
+        except QueueEnded:
+            with self._writing() as mine:
+                if mine:
+                    self._file.close()
+        except Exception as error:  # noqa: BLE001 - what the queue was ended with
+            self._error = error
+
+    def _do_next(self) -> bool:
+        """Write what has waited longest; False where nothing waits. Only in one's turn."""
+        job = self._jobs.take(0.0)
+        if job is None:
+            return False
+        if self._is_full():
+            self._next_file()
+        job(self._file)
+        return True
+
+    def _flush(self) -> None:
+        """Give the system all that was written. Only in one's turn."""
+        if self._file.age:
+            self._file.flush()
+        self._saved = self._written
 
     def _fail(self, error: Exception) -> None:
         """Keep the file readable, and raise the error at the next sample."""
