@@ -28,6 +28,12 @@ TESTED = [
      "tests/live/test_recorder.py"),
     ("A slow disk under the recorder drops samples, counts them and keeps memory bounded",
      "tests/live/test_recorder.py"),
+    ("A recorder whose thread has no turn loses no burst; samples that come in their time never "
+     "wait for a disk", "tests/live/test_recorder.py"),
+    ("Fields of 200,000 letters, numbers of as many digits, lists as deep are taken or refused by "
+     "each reader", "tests/extremes/test_cuts.py"),
+    ("More than 1,000 points at one place are refused, not searched for minutes",
+     "tests/geometry/test_surface_lengths.py"),
     ("Two processes share a cache, of two versions too, and never see each other's entries; a "
      "damaged entry is made anew", "tests/test_cache.py"),
     ("A plug-in that raises or hangs costs names and no sample; nonsense is named before training",
