@@ -21,7 +21,6 @@ from skinmap.skin.robot import Robot
 MAX_BYTES = 64 * 2**20  # waiting to be written: 5 minutes of a whole iCub at 50 Hz
 BEHIND = 0.15  # seconds of samples that may wait where they come faster than
 AHEAD = 0.05  # seconds before their time: all of a pause at once, as a busy machine gives them
-USUAL_RATE = 50.0  # of a source that does not say
 RESTART = 1.0  # a time that falls by more [s] is a new start: it gets a file of its own
 ROTATE_SECONDS = 3600.0
 ROTATE_BYTES = 2**30
@@ -96,9 +95,9 @@ class Recorder:
         self._widths: dict[Kind, tuple[int, ...]] = {**(widths or {}), info.kind: info.widths}
         self._rotate = (rotate_bytes, rotate_seconds)
         self._chunk_seconds, self._points_hz = chunk_seconds, points_hz
-        self._given = self._written = self._saved = self._dropped = 0
-        self._rate = info.rate or USUAL_RATE
+        self._written = self._dropped = 0
         self._clock, self._last, self._ahead = time.monotonic, 0.0, 0.0
+        self._given = self._saved = float("-inf")  # times of the last sample put, and in a file
         self._turn = threading.Lock()  # of who writes: the thread, or who gives what it cannot
         self._stuck = False  # the disk: nobody waits for it again before it has caught up
         self._jobs: BoundedQueue[Callable[[McapRecording], None]] = BoundedQueue(most_bytes)
@@ -137,15 +136,18 @@ class Recorder:
         size = block.values.nbytes
         if not self._jobs.put(lambda _: self._write(kind, block), size, patience=patience):
             self._dropped += len(block)
-        elif kind == self.info.kind:
-            now, self._given = self._clock(), self._given + len(block)
-            self._ahead = max(self._ahead - (now - self._last), 0.0) + len(block) / self._rate
-            self._last = now
+        elif kind == self.info.kind and len(block):
+            now, newest = self._clock(), float(block.times[-1])
+            step = newest - self._given if newest > self._given > float("-inf") else 0.0
+            self._ahead = max(self._ahead - (now - self._last), 0.0) + min(step, RESTART)
+            self._last, self._given = now, newest
+            if self._saved == float("-inf"):
+                self._saved = float(block.times[0])
             if self._ahead > AHEAD and self._waits_long() and not self._stuck:
                 self._save(patience)
 
     def _waits_long(self) -> bool:
-        return self._given - self._saved > max(BEHIND * self._rate, 1.0)
+        return self._given - self._saved > BEHIND
 
     def _save(self, patience: float) -> None:
         """Write what waits, in the thread of who gives samples."""
@@ -210,7 +212,7 @@ class Recorder:
                     if mine and late:  # what has waited long enough
                         self._flush()
                     elif mine and self._do_next() and not self._file.age:
-                        self._saved = self._written  # all of it is in closed chunks
+                        self._saved = self._newest  # all of it is in closed chunks
                 self._stuck = self._stuck and self._waits_long()
         except QueueEnded:
             with self._writing() as mine:
@@ -233,7 +235,7 @@ class Recorder:
         """Give the system all that was written. Only in one's turn."""
         if self._file.age:
             self._file.flush()
-        self._saved = self._written
+        self._saved = self._newest
 
     def _fail(self, error: Exception) -> None:
         """Keep the file readable, and raise the error at the next sample."""
