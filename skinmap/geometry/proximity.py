@@ -91,17 +91,21 @@ def closest_on_mesh(
 def ray_hits(
     origins: FloatArray, directions: FloatArray, vertices: FloatArray, faces: IntArray
 ) -> BoolArray:
-    """(n,) whether each ray meets the mesh, through trimesh (Embree where it is installed).
+    """(n,) whether each ray meets the mesh, through libigl: in double precision, and always there.
 
     Kept between runs: a skin asks the same of its body each time.
     """
 
     def shoot() -> dict[str, BoolArray]:
-        import trimesh
+        import igl
 
-        mesh = trimesh.Trimesh(vertices, faces, process=False)
-        return {"hits": np.asarray(mesh.ray.intersects_any(origins, directions))}
+        if len(faces) == 0:
+            return {"hits": np.zeros(len(origins), bool)}
+        tree = igl.AABB()
+        tree.init(vertices, faces)
+        face, _, _ = tree.intersect_ray_first(vertices, faces, origins, directions)
+        return {"hits": np.asarray(face) >= 0}
 
-    return cached("rays", [origins, directions, vertices, faces], shoot, made_by=("trimesh",))[
+    return cached("rays", [origins, directions, vertices, faces], shoot, made_by=("libigl",))[
         "hits"
     ]
