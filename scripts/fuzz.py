@@ -127,7 +127,7 @@ def fuzz(name: str, folder: Path, seconds: int, tried: Synchronized[int]) -> Non
                 shutil.rmtree(place)
                 os._exit(0)  # libFuzzer knows wall time only
             tried.value += 1
-            said, _ = accidents.trouble(target, data, place, base)
+            said, _, _ = accidents.trouble(target, data, place, base)
             if said:
                 # libFuzzer keeps inputs when the interpreter exits, which a forked one does not do.
                 accidents.keep(folder, data)

@@ -11,7 +11,7 @@ from damage.recordings import mcap
 
 import skinmap
 from benchmarks.reliability import cuts, large
-from skinmap.errors import SkinWarning
+from skinmap.errors import DataFormatError, SkinWarning
 
 FEW = 8  # cuts and as many changed bytes of each kind; `make soak` takes 1,000
 KINDS = [name for name, target in TARGETS.items() if cuts.is_file(target)]
@@ -34,6 +34,15 @@ def test_lines_beyond_what_parsers_take_are_refused(tmp_path, kind):
     head, _, rest = target.seeds()[0].partition(b"\n")
     for line in large.LINES.values():
         target.try_one(b"\n".join((head, line, rest)), tmp_path)  # raises what is not ours
+
+
+@pytest.mark.parametrize("text", ["0\n0\n", "0 1\n1 2\n", "0 1 2\n1 2 3\n"])
+def test_lines_without_pairs_are_no_recording_of_cyskin(tmp_path, text):
+    target = TARGETS["cyskin-text"]
+    target.lay_out(tmp_path)
+    (tmp_path / target.file).write_text(text)
+    with pytest.raises(DataFormatError, match="neither a line of ids"):
+        target.read(tmp_path / target.file)
 
 
 def test_every_kind_with_a_checksum_is_a_file():

@@ -62,7 +62,7 @@ def read_cyskin_text(path: Path) -> list[Recording]:
         channels = [min(int(word[:DIGITS]), MAX_CHANNEL + 1) for word in begin[0][1]]
         times, values = rows[:, 1], rows[:, LEAD:]
     else:
-        times, pairs = rows[:, 1], rows[:, LEAD:]
+        pairs = rows[:, LEAD:]
         if pairs.shape[1] == 0 or pairs.shape[1] % 2 or (pairs[:, ::2] != pairs[0, ::2]).any():
             raise DataFormatError(
                 "neither a line of ids and then samples, nor samples of ids and values in turn",
@@ -71,7 +71,11 @@ def read_cyskin_text(path: Path) -> list[Recording]:
             )
         if not ((pairs[0, ::2] >= 0) & (pairs[0, ::2] <= MAX_CHANNEL)).all():
             raise DataFormatError("ids that are no numbers of taxels", path, begin[0][0])
-        channels, values = pairs[0, ::2].astype(np.int64).tolist(), pairs[:, 1::2]
+        times, channels, values = (
+            rows[:, 1],
+            pairs[0, ::2].astype(np.int64).tolist(),
+            pairs[:, 1::2],
+        )
     label = mapping.label_of(path)
     table = ChannelTable(
         times,
