@@ -211,6 +211,10 @@ class Player:
         """Halt, and show `count` samples later (negative: earlier)."""
         self.pause()
         with self._news:
+            goal = self._until if self._asked is None else self._asked
+            if goal is not None and self.seekable:  # on its way: from where it goes
+                last = self._start + self.duration
+                return self._ask(min(goal + count * self._feed.period, last))
             if (moment := self._past.step(count)) is not None:
                 self._outlet.show(moment)
                 return True

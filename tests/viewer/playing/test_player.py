@@ -175,6 +175,24 @@ def test_recording_halts_steps_and_seeks():
         assert not player.step(-1) or number(player.moment) == 0
 
 
+def test_steps_right_after_a_seek_go_on_from_there():
+    """Asked for before the thread had got there they were lost: Home and then the arrow."""
+    loop = RecordedLoop()
+    with Player(loop, paused=True) as player:
+        until(player, lambda: player.moment is not None)
+        player.seek(2.0)
+        until(player, lambda: number(player.moment) == 100)
+        with player._news:
+            assert player.seek(1.0)
+            assert player.step(+1)
+            assert player.step(+2)
+        until(player, lambda: number(player.moment) == 53)
+        with player._news:
+            assert player.seek(3.0)
+            assert player.step(-2)
+        until(player, lambda: number(player.moment) == 148)
+
+
 def test_steps_back_go_beyond_what_is_remembered():
     loop = RecordedLoop()
     with Player(loop, paused=True) as player:
