@@ -60,7 +60,7 @@ def read_cyskin_text(path: Path) -> list[Recording]:
         raise DataFormatError(f"not a text file ({error.reason})", path) from None
     if heads:
         channels = [min(int(word[:DIGITS]), MAX_CHANNEL + 1) for word in begin[0][1]]
-        times, values = rows[:, 1], rows[:, LEAD:]
+        values = rows[:, LEAD:]
     else:
         pairs = rows[:, LEAD:]
         if pairs.shape[1] == 0 or pairs.shape[1] % 2 or (pairs[:, ::2] != pairs[0, ::2]).any():
@@ -71,17 +71,13 @@ def read_cyskin_text(path: Path) -> list[Recording]:
             )
         if not ((pairs[0, ::2] >= 0) & (pairs[0, ::2] <= MAX_CHANNEL)).all():
             raise DataFormatError("ids that are no numbers of taxels", path, begin[0][0])
-        times, channels, values = (
-            rows[:, 1],
-            pairs[0, ::2].astype(np.int64).tolist(),
-            pairs[:, 1::2],
-        )
+        channels, values = pairs[0, ::2].astype(np.int64).tolist(), pairs[:, 1::2]
     label = mapping.label_of(path)
     table = ChannelTable(
-        times,
+        rows[:, 1],
         np.where(values >= ERROR, 0.0, values),
         np.array(channels, np.int64),
-        np.full(len(times), 0 if label else -1),
+        np.full(len(rows), 0 if label else -1),
         (label,) if label else (),
     )
     return [recording_of(table, mapping, path)]

@@ -20,12 +20,7 @@ from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError, OutputError
 from skinmap.io.recordings.marked_events import part_events, taxel_columns
-from skinmap.io.recordings.recorded_stream import (
-    BLOCK,
-    MarkedTouch,
-    RecordedStream,
-    StreamInfo,
-)
+from skinmap.io.recordings.recorded_stream import BLOCK, MarkedTouch, RecordedStream, StreamInfo
 from skinmap.touch.recording import Recording, rows_of
 from skinmap.touch.true_motion import TrueMotion
 

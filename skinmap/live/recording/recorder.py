@@ -63,8 +63,8 @@ class Recorder:
     most_bytes : int
         Kept while the disk is busy; more is dropped and counted.
     chunk_seconds : float
-        Age at which a chunk is written: most that a killed process loses, plus the time that the
-        thread waits for its turn.
+        Age at which a chunk is written: most that a killed process loses, plus what comes while the
+        thread waits for its turn (of a burst `BEHIND` at most).
     points_hz : float
         Clouds of the robot's taxels a second, for ROS 2's tools; 0 none.
 
