@@ -10,7 +10,7 @@ ARGS ?=
 JOBS ?= 2
 export INSTALL ?= 1
 TARGETS ?=
-FUZZ_EXAMPLES ?= 10000
+export FUZZ_EXAMPLES ?= 10000
 FUZZ_SECONDS ?= 5
 
 BIN := .venv/bin
@@ -22,7 +22,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz audit limits schemas docs tutorials figures lint bench bench-compare bench-needs bench-commands bench-geometry bench-classify gallery bench-calibration bench-live bench-scale soak reliability bench-viewer wheel dist lock clean
+.PHONY: help demo test fuzz audit limits schemas docs tutorials figures lint bench bench-needs bench-geometry bench-classify gallery bench-calibration bench-live soak reliability bench-viewer wheel dist lock clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -36,7 +36,6 @@ test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
 
 fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each reader, then FUZZ_SECONDS by coverage
 	HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest tests --ignore tests/extremes -m fuzz --timeout 0 -o faulthandler_timeout=0 $(ARGS)
-	$(BIN)/python -m benchmarks.reliability.accidents --inputs $(FUZZ_EXAMPLES) $(TARGETS)
 	$(BIN)/python scripts/fuzz.py --seconds $(FUZZ_SECONDS) $(TARGETS)
 
 audit: $(READY)  ## known holes of the pinned versions (asks the service of pip-audit)
@@ -64,18 +63,11 @@ lint: $(READY)  ## style, formatting, types, import order
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: $(READY)  ## all areas beside their peers, asked and got (20 min), to benchmarks/results/bench.html (ARGS=--quick: 4 min)
+bench: $(READY)  ## all areas beside their peers, asked and got (20 min), to docs/benchmarks.md (ARGS=--quick: 4 min)
 	$(BIN)/python -m benchmarks.harness.bench $(ARGS)
-
-bench-compare: $(READY)  ## two results of `make bench`: make bench-compare OLD=a.json NEW=b.json
-	@test -n "$(OLD)" -a -n "$(NEW)" || { echo "make bench-compare OLD=a.json NEW=b.json"; exit 2; }
-	@$(BIN)/python -m benchmarks.harness.compare "$(OLD)" "$(NEW)" $(ARGS)
 
 bench-needs: $(READY)  ## time and memory against what is asked for, to benchmarks/results and docs/needs.md
 	$(BIN)/python -m benchmarks.scale.needs $(ARGS)
-
-bench-commands: $(READY)  ## whole commands of README.md beside imports and necessary work (ARGS=--quick)
-	$(BIN)/python -m benchmarks.scale.commands $(ARGS)
 
 bench-geometry: $(READY)  ## meshes, flat maps and contact images beside their peers, to benchmarks/results
 	$(BIN)/python -m benchmarks.geometry.geometry $(ARGS)
@@ -84,8 +76,7 @@ bench-classify: $(READY)  ## speed of histograms, SVM and labels, to benchmarks/
 	$(BIN)/python -m benchmarks.classify.classify $(ARGS)
 
 gallery: $(READY)  ## the pictures of docs/viewer.md and docs/gallery.md
-	$(BIN)/python -m viewer.gallery $(ARGS)
-	$(BIN)/python scripts/gallery.py
+	$(BIN)/python scripts/gallery.py $(ARGS)
 
 bench-calibration: $(READY)  ## accuracy of calibrations (90 min), to benchmarks/results (ARGS=--quick, ARGS='--only wrap mount')
 	$(BIN)/python -m benchmarks.calibration.calibrations $(ARGS)
@@ -93,14 +84,11 @@ bench-calibration: $(READY)  ## accuracy of calibrations (90 min), to benchmarks
 bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 min), to benchmarks/results (ARGS=--quick)
 	$(BIN)/python -m benchmarks.live.live $(ARGS)
 
-bench-scale: $(READY)  ## one thousand robots, estimated and measured up to what fits, to benchmarks/results
-	$(BIN)/python -m benchmarks.scale.scale $(ARGS)
-
 soak: $(READY)  ## files cut, disks full, commands stopped, recorders killed, memory: a table (ARGS=--quick, ARGS=stops)
 	$(BIN)/python -m benchmarks.reliability.soak $(ARGS)
 
 reliability: $(READY)  ## docs/reliability.md from what `make soak` and `make fuzz` measured
-	$(BIN)/python -m benchmarks.reliability.soak accidents fuzz
+	$(BIN)/python -m benchmarks.reliability.soak fuzz
 	$(BIN)/python -m benchmarks.reliability.page
 
 bench-viewer: $(READY)  ## frames, start-up, age and memory of the viewer (4 min), to benchmarks/results (ARGS=--quick)

@@ -1,4 +1,4 @@
-"""Make the model that comes with Skinmap, skinmap/classify/default.skinmodel, from its seeds.
+"""Make the model that comes with Skinmap, skinmap/classifiers/default.skinmodel, from its seeds.
 
     python scripts/default_model.py [FILE]
 
@@ -14,18 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
-from skinmap.classify.classifier import TouchClassifier
-from skinmap.classify.descriptors import ContactGeometry, Touch, recorded_touches
-from skinmap.classify.model_file import save_classifier
-from skinmap.classify.named_classifiers import DEFAULT_FILE
-from skinmap.classify.protocols.physics import mirror_pairs
-from skinmap.classify.rbf_machine import RbfMachine
+from skinmap.classifiers.classifier import TouchClassifier
+from skinmap.classifiers.descriptors import ContactGeometry, Touch, recorded_touches
+from skinmap.classifiers.model_file import save_classifier
+from skinmap.classifiers.named_classifiers import DEFAULT_FILE
+from skinmap.classifiers.protocols.physics import mirror_pairs
+from skinmap.classifiers.rbf_machine import RbfMachine
 from skinmap.io.robots.manifest import load_robot
 from skinmap.physics.simulation import simulate as press
 from skinmap.physics.variants import TUNING
-from skinmap.touch.gestures import FOUR, TIME
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.gestures import FOUR, TIME
+from skinmap.touch.simulation.simulator import simulate
 
 ROBOT = "icub"
 STATES = 6  # of the sensors of each part: what one state names right, another does not

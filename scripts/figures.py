@@ -1,7 +1,9 @@
 """Write the figures of README.md out of benchmarks/results, as the benchmarks printed them.
 
-The text between the two comments `figures` and `end of figures` is made here; a test refuses a
-README that says something else, so that no figure outlives the run it came from.
+The text between the two comments `figures` and `end of figures` is made here, and in pages of docs
+the line below each comment `made: NAME`: at which commit a result was made, and whether the code
+that ran has changed since. A test refuses pages that say something else, so that no figure outlives
+the run and the code that it came from.
 """
 
 from __future__ import annotations
@@ -14,18 +16,54 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:  # run as a script
+    sys.path.insert(0, str(ROOT))
+
+from benchmarks.harness.origin import changed, today  # noqa: E402
+
 RESULTS = ROOT / "benchmarks" / "results"
+OLDER = 0.05  # of the code that ran for a result: what a page tells when it has changed
+MADE = re.compile(r"(<!-- made: ([a-z_, ]+) -->\n)[^\n]*\n")
 BETWEEN = re.compile(r"(?<=<!-- figures: make figures -->\n).*?(?=<!-- end of figures -->)", re.S)
 
 
 def main() -> int:
-    """Renew README.md."""
+    """Renew README.md and the pages that show results."""
+    code = today()
     page = ROOT / "README.md"
-    page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
+    page.write_text(renewed(page.read_text(encoding="utf-8"), code), encoding="utf-8")
+    for page in pages():
+        page.write_text(dated(page.read_text(encoding="utf-8"), code), encoding="utf-8")
     return 0
 
 
-def renewed(page: str, results: Path = RESULTS) -> str:
+def pages() -> list[Path]:
+    """Pages of docs with a line of when their results were made."""
+    return [one for one in sorted((ROOT / "docs").glob("*.md")) if MADE.search(one.read_text())]
+
+
+def dated(page: str, code: frozenset[str], results: Path = RESULTS) -> str:
+    """A page whose lines below `made` tell the age of the results that they name."""
+    return MADE.sub(lambda found: f"{found[1]}{age(found[2].split(', '), code, results)}\n", page)
+
+
+def age(names: Sequence[str], code: frozenset[str], results: Path = RESULTS) -> str:
+    """At which commits results were made, and which of them the code has changed since."""
+    told = []
+    for name in names:
+        result = _read(results, name)
+        made = result.get("made", result)
+        share = changed(result, code)
+        tree = "" if made.get("clean", True) else " with changes"
+        since = ", before the code that ran was kept" if share is None else ""
+        if share and share > OLDER:
+            since = ", and more than a twentieth of the code that ran has changed since"
+        on = f" of {made['date']}" if "date" in made else ""
+        told.append(f"`{name}` at {made['commit']}{tree}{on}{since}")
+    return f"Made: {'; '.join(told)}."
+
+
+def renewed(page: str, code: frozenset[str], results: Path = RESULTS) -> str:
     """A page with the figures of the results in place of its own.
 
     Raises
@@ -34,15 +72,9 @@ def renewed(page: str, results: Path = RESULTS) -> str:
         If the page does not hold the two comments once.
     """
     made = "\n".join(
-        [
-            *("### The iCub, whole", "", *skin(results), ""),
-            *("### Touches named right", "", *names(results), ""),
-            *("### The same touches pressed by another physics", "", *physics(results), ""),
-            *("### Touches in time", "", *motion(results), ""),
-            *("### Speed, beside others", "", *speed(results), ""),
-            *("### New patches placed, and samples in real time", "", *places(results), ""),
-            *("### Installed, without extras", "", *installed(results), ""),
-        ]
+        line
+        for title, (rows, names) in SECTIONS.items()
+        for line in (f"### {title}", "", *rows(results), "", age(names, code, results), "")
     )
     page, found = BETWEEN.subn(lambda _: f"\n{made}\n", page)
     if found != 1:
@@ -80,7 +112,12 @@ def skin(results: Path) -> list[str]:
 def names(results: Path) -> list[str]:
     """How many simulated touches got their name, by the demo and over all patches."""
     demo = _read(results, "demo")
-    left_out = {row["features"]: row for row in _read(results, "evaluation_cross_patch")["rows"]}
+    varied, clean = (
+        {row["features"]: row for row in _read(results, f"evaluation_cross_patch{name}")["rows"]}
+        for name in ("_varied", "")
+    )
+    older = _read(results, "evaluation_cross_patch_histograms")["rows"]
+    clean = {row["features"]: row for row in older} | clean
     titles = (
         ("contact geometry (the default)", "contact-geometry"),
         ("histograms of structures, rest dropped, intersection SVM", "histogram"),
@@ -90,14 +127,21 @@ def names(results: Path) -> list[str]:
         (
             title,
             *(_share(_accuracy(demo, key, test)) for test in ("same_parts", "other_parts")),
-            _share(left_out[key]["mean"]),
-            _share(left_out[key]["worst"]),
+            *(
+                _share(rows[key][which]) if key in rows else ""
+                for rows in (varied, clean)
+                for which in ("mean", "worst")
+            ),
         )
         for title, key in titles
     ]
-    patches = ("each patch left out, clean touches", "the worst of them")
-    heads = ("classifier", "same parts", "other parts", *patches)
-    return _table(heads, table)
+    patches = ("each patch left out", "the worst of them", "clean touches", "the worst of them")
+    heads = ("touches that vary", "same parts", "other parts", *patches)
+    mirror = (
+        "Each patch is left out in turn; its mirror image on the other side of the body trains. "
+        "Clean touches are pads of fixed sizes on clean sensors (`--variety none`)."
+    )
+    return [*_table(heads, table), "", mirror]
 
 
 def physics(results: Path) -> list[str]:
@@ -343,6 +387,24 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
         for line in lines
     ]
 
+
+SECTIONS = {
+    "The iCub, whole": (skin, ["demo", "geometry"]),
+    "Touches named right": (
+        names,
+        [
+            "demo",
+            "evaluation_cross_patch_varied",
+            "evaluation_cross_patch",
+            "evaluation_cross_patch_histograms",
+        ],
+    ),
+    "The same touches pressed by another physics": (physics, ["evaluation_physics"]),
+    "Touches in time": (motion, ["in_time"]),
+    "Speed, beside others": (speed, ["geometry", "classify"]),
+    "New patches placed, and samples in real time": (places, ["calibration", "live"]),
+    "Installed, without extras": (installed, ["installed"]),
+}
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -5,7 +5,7 @@
 Each target runs in a process of its own (forked after the modules are imported with counters in
 them, which takes 15 s of CPU), from real small files and from what an earlier run found worth
 keeping, for so many seconds of its CPU: a busy machine tries no fewer. A finding is what
-benchmarks/reliability/accidents takes for one (an error or a warning that is not ours, 10 s of CPU
+benchmarks/reliability/cuts takes for one (an error or a warning that is not ours, 10 s of CPU
 for one input, 200 MB more than whole files took): its input stays in the corpus folder, and one
 line says where.
 """
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "extremes")]
 
-from benchmarks.reliability import accidents, cuts  # noqa: E402 - the tree of this script comes first
+from benchmarks.reliability import cuts  # noqa: E402 - the tree of this script comes first
 
 BUSY = 20  # times as long as the seconds of CPU that are asked for, until a target is given up
 START = 600  # s beyond: libraries are imported with a target's first file
@@ -127,10 +127,10 @@ def fuzz(name: str, folder: Path, seconds: int, tried: Synchronized[int]) -> Non
                 shutil.rmtree(place)
                 os._exit(0)  # libFuzzer knows wall time only
             tried.value += 1
-            said, _, _ = accidents.trouble(target, data, place, base)
+            said, _, _ = cuts.trouble(target, data, place, base)
             if said:
                 # libFuzzer keeps inputs when the interpreter exits, which a forked one does not do.
-                accidents.keep(folder, data)
+                cuts.keep(folder, data)
                 print(f"Error: {said}", flush=True)
                 os._exit(1)
 

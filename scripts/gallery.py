@@ -1,13 +1,12 @@
-"""The pictures of docs/gallery.md that no other command draws: a part of `make gallery`.
+"""The pictures of docs/viewer.md, and those of docs/gallery.md that no page draws: `make gallery`.
 
     python scripts/gallery.py [NAME ...]
 
-Each is one command of ours, or the glossary's picture; written to docs/pictures/gallery.
+Each is one command of ours, or the glossary's picture; written to docs/pictures.
 """
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -15,20 +14,33 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-OUT = ROOT / "docs" / "pictures" / "gallery"
+OUT = ROOT / "docs" / "pictures"
 SKINMAP = Path(sys.executable).with_name("skinmap")
 WIDTH = 720  # of a picture in the pages [px]
 
 # What is drawn by which command; OUT is a fresh folder, and the picture is taken from it.
 COMMANDS = {
-    "kaspar_touches": ("view kaspar --source sim --at 3 --screenshot OUT/a.png", "a.png"),
-    "baxter_forearm": ("view baxter-forearm --source sim --screenshot OUT/a.png", "a.png"),
-    "cyskin_arm": ("view ur10e-cyskin --source sim --at 3 --screenshot OUT/a.png", "a.png"),
-    "torso_modules": ("view icub --part torso --layer patches --screenshot OUT/a.png", "a.png"),
-    "foot_map": ("flatten icub --part left_foot --out OUT", "left_foot.png"),
-    "torso_map": ("flatten icub --part torso --out OUT", "torso.png"),
-    "forearm_structures": ("structures icub --part right_forearm --out OUT", "structures.png"),
-    "kaspar_structures": ("structures kaspar --part torso --out OUT", "structures.png"),
+    **{
+        f"viewer/{layer}": (
+            f"view icub --source sim --layer {layer} --screenshot OUT/a.png",
+            "a.png",
+        )
+        for layer in ("pressure", "structures", "distortion", "health")
+    },
+    "gallery/kaspar_touches": ("view kaspar --source sim --at 3 --screenshot OUT/a.png", "a.png"),
+    "gallery/baxter_forearm": ("view baxter-forearm --source sim --screenshot OUT/a.png", "a.png"),
+    "gallery/cyskin_arm": ("view ur10e-cyskin --source sim --at 3 --screenshot OUT/a.png", "a.png"),
+    "gallery/torso_modules": (
+        "view icub --part torso --layer patches --screenshot OUT/a.png",
+        "a.png",
+    ),
+    "gallery/foot_map": ("flatten icub --part left_foot --out OUT", "left_foot.png"),
+    "gallery/torso_map": ("flatten icub --part torso --out OUT", "torso.png"),
+    "gallery/forearm_structures": (
+        "structures icub --part right_forearm --out OUT",
+        "structures.png",
+    ),
+    "gallery/kaspar_structures": ("structures kaspar --part torso --out OUT", "structures.png"),
 }
 
 
@@ -41,9 +53,21 @@ def draw(name: str) -> None:
         command = [str(SKINMAP), *words.replace("OUT", folder).split()]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         with Image.open(Path(folder) / made) as whole:
-            picture = whole.convert("RGB")
+            picture = whole.copy()
     picture.thumbnail((WIDTH, WIDTH))
-    picture.quantize(128, dither=Image.Dither.NONE).save(OUT / f"{name}.png", optimize=True)
+    few_colours(picture).save(OUT / f"{name}.png", optimize=True)
+
+
+def few_colours(picture: Any) -> Any:
+    """The picture in 256 colours: a third of the bytes, the same to the eye.
+
+    They are chosen to cover all colours: the commonest ones alone would turn a legend's rare red
+    into the body's grey.
+    """
+    from PIL import Image
+
+    chosen, plain = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
+    return picture.convert("RGB").quantize(256, chosen, dither=plain)
 
 
 def glossary(path: Path) -> None:
@@ -122,14 +146,12 @@ def _chart(axes: Any, chart: Any, skin: Any) -> None:
 
 def main(names: list[str]) -> None:
     """Draw those that are named, or all."""
-    OUT.mkdir(parents=True, exist_ok=True)
     for name in names or [*COMMANDS, "glossary"]:
         print(name, flush=True)
         if name == "glossary":
-            glossary(OUT.parent / "glossary.png")
+            glossary(OUT / "glossary.png")
         else:
             draw(name)
-    shutil.rmtree(OUT / "__pycache__", ignore_errors=True)
 
 
 if __name__ == "__main__":

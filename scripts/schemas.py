@@ -38,7 +38,10 @@ def schemas() -> dict[str, dict[str, Any]]:
     """The schema of each mode of each command, by the name of its file."""
     found = {}
     for words, command in commands(cli):
-        extra = Profiled if any(one.name == "profile" for one in command.params) else None
+        options = [one for one in command.params if isinstance(one, click.Option)]
+        extra = (
+            Profiled if any(one.name == "profile" and not one.hidden for one in options) else None
+        )
         for mode, types in results_of(command).items():
             name = "-".join([*words, *([mode] if mode else [])])
             title = f"skinmap {' '.join(words)} --json" + (f" ({mode})" if mode else "")

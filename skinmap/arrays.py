@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import fields
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -125,7 +126,13 @@ def check_whole(values: ArrayLike, name: str, shape: tuple[int | None, ...] = (N
 
 
 def freeze(obj: object, **arrays: NDArray[Any]) -> None:
-    """Set read-only copies of arrays as attributes of a frozen dataclass (in `__post_init__`)."""
+    """Set read-only copies of arrays as attributes of a frozen dataclass (in `__post_init__`).
+
+    Of all arrays that it has where none is given.
+    """
+    if not arrays:
+        held = {field.name: getattr(obj, field.name) for field in fields(cast("Any", obj))}
+        arrays = {name: value for name, value in held.items() if isinstance(value, np.ndarray)}
     for name, array in arrays.items():
         own = np.array(array)
         own.flags.writeable = False

@@ -1,4 +1,4 @@
-"""Profiles: settings that `skinmap trade` recommended, in a TOML file that every command takes."""
+"""Profiles: settings that `skinmap trade` recommended, in a TOML file that commands take."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from skinmap.validation import checked, shown
 
 FORMAT = 1
 MAX_BYTES = 2**16  # a profile has about one kB
-ABOUT = "profile"  # the table that says where a profile is from
+PROFILE = "profile.toml"  # as `skinmap trade --out` calls it
+ABOUT = "profile"  # the table on where a profile is from
 PREDICTED = "predicted"
 WHAT = "a profile (.toml, as `skinmap trade` writes it)"
 
@@ -89,44 +90,29 @@ def _count(least: int, most: int) -> Allowed:
     return Allowed(least=least, most=most, whole=True)
 
 
-PRECISION = Allowed(("float64", "float32"))
+METRICS = ("edge_strain", "area", "quasi_conformal", "symmetric_dirichlet", "stretch_l2",
+           "arap_energy")  # fmt: skip
 KNOBS: Mapping[str, Mapping[str, Allowed]] = {
     "flatten": {
         "meshing": Allowed(("consensus", "fast", "accurate")),
         "method": Allowed(("fast", "balanced", "accurate", "auto"), any_name=True),
         "iterations": _count(1, 10_000),
-        "precision": PRECISION,
+        "max_seconds": _number(1e-3, 1e6),
+        "max_edge_rms": _number(1e-6, 1000.0),
+        "metric": Allowed(METRICS),
     },
     "classify": {
         "classifier": Allowed(any_name=True),
         "radius_mm": _number(0.1, 1000.0, "auto"),
         "tolerance_mm": _number(0.01, 1000.0),
-        "words": _count(2, 256),
+        "words": _count(2, 250),
         "rotations": Allowed(only=(1, 4, 6)),
         "distance": Allowed(("euclidean", "geodesic")),
-        "search": Allowed(("plain", "compiled")),
-        "precision": PRECISION,
         "image_size": Allowed(("66x100",), any_name=True),
-    },
-    "motion": {
-        "window_ms": _number(20.0, 2000.0),
-        "motion": Allowed(("places", "flow")),
     },
     "fidelity": {
         "physics": Allowed(("ours", "mujoco")),
         "variety": Allowed(("none", "some", "wide")),
-    },
-    "calibrate": {
-        "starts": _count(1, 9),
-        "steps": _count(1, 1000),
-        "wrap_detail_mm": _number(0.5, 50.0),
-    },
-    "view": {
-        "style": Allowed(("surface", "discs")),
-        "links": Allowed(("all", "skin", "none")),
-        "layer": Allowed(any_name=True),
-        "detail": _number(0.1, 100.0),
-        "contour_rate": _number(0.1, 1000.0),
     },
 }
 
@@ -150,8 +136,7 @@ class Profile:
     settings : mapping of str to mapping of str to value
         Knobs by task.
     predicted : mapping of str to mapping of str to value
-        By task, `seconds`, `error` and its `unit`, where it says so, and the `pace` of the machine
-        then (see `skinmap.trade.runner`).
+        By task, `seconds`, `error` and its `unit`, as far as they are given.
     seed, seeds : int or None
         The first seed that it was measured with, and how many.
     """
@@ -273,7 +258,7 @@ class _Predicted(msgspec.Struct):
     seconds: Cost | None = None
     error: Cost | None = None
     unit: str | None = None
-    pace: Cost | None = None
+    pace: Cost | None = None  # in profiles of before; nothing reads it
 
 
 def _about(table: object, path: Path) -> _About:

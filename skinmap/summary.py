@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 SHOWN = 4  # names of a long list
 STYLE = "text-align: left; padding: 0 1em 0 0"
@@ -33,6 +33,12 @@ class Summary:
             for name, value in self.facts().items()
         )
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+
+def first_few(things: Sequence[object], most: int = SHOWN, between: str = ", ") -> str:
+    """The first of them and how many more there are: "3, 7, 8, 12 and 5 more"."""
+    more = f" and {len(things) - most} more" if len(things) > most else ""
+    return between.join(map(str, things[:most])) + more
 
 
 def listed(names: Iterable[object], most: int = SHOWN) -> str:

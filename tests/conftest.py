@@ -44,6 +44,12 @@ PAD_12 = [
 ]  # fmt: skip
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _own_notes(tmp_path_factory):
+    """Which command made which file is noted for this run alone."""
+    os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
+
+
 @pytest.fixture(autouse=True)
 def _json_keeps_its_schema(monkeypatch):
     """What a test has a command print as JSON is held to docs/schemas."""

@@ -23,10 +23,9 @@ def validator(name: str) -> Any:
 
 
 def command_name(words: list[str]) -> str:
-    """The command that some arguments call: `flatten`, `calibrate-wrap`, `trade-check`."""
+    """The command that some arguments call: `flatten`, `calibrate-wrap`."""
     plain = [word for word in words if not word.startswith("-")]
-    name = "-".join(plain[: 2 if plain and plain[0] in GROUPS else 1])
-    return "trade-check" if name == "trade" and "--check" in words else name
+    return "-".join(plain[: 2 if plain and plain[0] in GROUPS else 1])
 
 
 def objects(text: str) -> tuple[list[Any], bool]:

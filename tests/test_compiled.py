@@ -12,20 +12,23 @@ from pathlib import Path
 import pytest
 
 import skinmap
-from skinmap.compiled import compile_loop, compiled, pays
 from skinmap.errors import MissingLibraryError
+from skinmap.numba_loops import compile_loop, compiled, pays
 
+PACKAGES = (
+    "classifiers/histograms", "neighbours", "surface", "touch/histograms", "touch/images"
+)  # fmt: skip
 needs_numba = pytest.mark.usefixtures("numba")
 LOOPS = """
 import json, os, sys
 import numpy as np
 import skinmap
-from skinmap.classify.additive import AdditiveFunction
+from skinmap.classifiers.histograms.additive import AdditiveFunction
 from skinmap.neighbours.matching import _match
 from skinmap.surface.compiled import take_kernel
-from skinmap.compiled import compiled
-from skinmap.touch.contact_image import compiled_gathers
-from skinmap.touch import votes
+from skinmap.numba_loops import compiled
+from skinmap.touch.images.contact_image import compiled_gathers
+from skinmap.touch.histograms import votes
 
 assert skinmap.__file__.startswith(sys.argv[1]), skinmap.__file__
 found = AdditiveFunction([np.zeros(0), np.ones(1)], [np.zeros((0, 1)), np.ones((1, 1))], [2.0])
@@ -75,7 +78,7 @@ def test_every_loop_runs_from_a_folder_that_cannot_be_written(tmp_path):
     for folder in (place, *(path for path in place.rglob("*") if path.is_dir())):
         folder.chmod(0o555)
     # Root may write anywhere: what is a file cannot be a folder, for nobody.
-    for package in ("classify", "neighbours", "surface", "touch"):
+    for package in PACKAGES:
         (place / "skinmap" / package).chmod(0o755)
         (place / "skinmap" / package / "__pycache__").write_text("no folder")
         (place / "skinmap" / package).chmod(0o555)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from skinmap.classify.classifier import TouchClassifier
+from skinmap.classifiers.classifier import TouchClassifier
 from skinmap.cli.main import cli
 from skinmap.flat.flat_map import FlatMap
 from skinmap.skin.skin import Skin
@@ -67,7 +67,7 @@ COMMANDS = {
     "structures": ["structures", "icub", "--part", PART],
     "simulate": ["simulate", "icub", "--part", PART, "--per-gesture", "1", "-o", "{out}/t.npz"],
     "export": ["export", "icub", "--part", PART, "--format", "csv", "-o", "{out}/t.csv"],
-    "view": ["view", "icub", "--part", PART, "--links", "skin", "--source", "sim",
+    "view": ["view", "icub", "--part", PART, "--view-file", "{out}/look.json", "--source", "sim",
              "--screenshot", "{out}/t.png", "--at", "1"],
 }  # fmt: skip
 
@@ -75,6 +75,7 @@ COMMANDS = {
 @pytest.mark.parametrize("name", COMMANDS)
 def test_command_for_one_part_touches_no_other(name, done, recording, tmp_path):
     words = [word.format(out=tmp_path, recording=recording) for word in COMMANDS[name]]
+    (tmp_path / "look.json").write_text('{"format": "skinmap-view", "version": 1, "links": "skin"}')
     result = CliRunner().invoke(cli, [*words, "--json"], catch_exceptions=False)
     assert result.exit_code == 0
     json.loads(result.stdout)

@@ -76,11 +76,11 @@ def test_read_profile_warns_of_another_version(profile):
         (HEAD + "[classify]\nwords = 2.5", DataFormatError, r"= 2\.5; expected whole numbers"),
         (HEAD + "[classify]\nwords = true", DataFormatError, "= true; expected whole"),
         (HEAD + "[classify]\nrotations = 2", DataFormatError, "= 2; expected 1, 4, 6"),
-        (HEAD + "[view.predicted]\nseconds = -1", DataFormatError, "a number from 0, got -1"),
-        (HEAD + "[view.predicted]\nunit = 1", DataFormatError, "unit must be text"),
-        (HEAD + "[view]\npredicted = 1", DataFormatError, "predicted. must be a table, got 1"),
-        (HEAD + "[view.predicted]\nsecond = 1", UnknownNameError, "did you mean 'seconds'"),
-        ("view = 1\n" + HEAD, DataFormatError, r"'view' must be a table \[view\], got 1"),
+        (HEAD + "[flatten.predicted]\nseconds = -1", DataFormatError, "a number from 0, got -1"),
+        (HEAD + "[flatten.predicted]\nunit = 1", DataFormatError, "unit must be text"),
+        (HEAD + "[flatten]\npredicted = 1", DataFormatError, "predicted. must be a table, got 1"),
+        (HEAD + "[flatten.predicted]\nsecond = 1", UnknownNameError, "did you mean 'seconds'"),
+        ("flatten = 1\n" + HEAD, DataFormatError, r"'flatten' must be a table \[flatten\], got 1"),
         ("[profile", DataFormatError, "not TOML: "),
         (b"\xff\xfe", DataFormatError, "not a text file"),
         ("a = " + "[" * 5000 + "]" * 5000, DataFormatError, "not TOML: "),
@@ -146,4 +146,4 @@ def test_allowed_says_what_there_is():
 
 
 def test_tables_are_those_of_the_tasks():
-    assert set(tables()) >= {"flatten", "classify", "calibrate", "view"}
+    assert set(tables()) >= {"flatten", "classify"}

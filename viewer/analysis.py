@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.classify.classifier import TouchClassifier, classifiers
-from skinmap.classify.evaluate import Score, Split, score, split_touches
+from skinmap.classifiers.classifier import TouchClassifier, classifiers
+from skinmap.classifiers.evaluate import Score, Split, score, split_touches
 from skinmap.io.robots.manifest import data_folder
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, find_structures
 from skinmap.skin.fit import SkinFit, measure_fit
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 from viewer.results import (
     DemoAccuracy,
     DemoResult,

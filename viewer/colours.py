@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.touch.gestures import GESTURES, TIME
+from skinmap.touch.simulation.gestures import GESTURES, TIME
 
 BACKGROUND = "#f7f8fa"
 PANEL = "#ffffff"
@@ -64,6 +64,7 @@ HEALTH = {
     "stuck": "#6a1fc2",
     "saturated": "#d55e00",
     "noisy": "#ffd60a",
+    "unheard": "#f262fe",
     "stale": "#7a6f66",
 }
 
@@ -84,11 +85,6 @@ def rgb(colour: str) -> FloatArray:
     channels = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
     channels.flags.writeable = False
     return channels
-
-
-def pressure_colours(n: int = 256) -> NDArray[np.uint8]:
-    """(n, 4) table of red, green, blue and opacity from rest to full scale, 0 to 255."""
-    return ramp(PRESSURE_STOPS, n)
 
 
 def steps(colours: Iterable[str]) -> NDArray[np.uint8]:

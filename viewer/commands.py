@@ -14,7 +14,9 @@ from skinmap.commands.options import (
     PICTURE,
     Number,
     Written,
+    file_option,
     open_robot,
+    out_folder,
     part_option,
     prints,
     response_option,
@@ -23,43 +25,29 @@ from skinmap.commands.options import (
     shown_argument,
     speed_option,
 )
-from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 from viewer.results import DemoResult, ViewFiles, ViewPage, ViewWindow
 
-VIEWS = ("auto", "window", "none")
 # As `viewer.layers` has them, which takes a second to import; a test compares.
 LAYERS = (
     "pressure", "raw", "binary", "structures", "uncertainty", "distortion", "health", "patches",
 )  # fmt: skip
 MOVIES = (".mp4", ".gif")
+ANYWHERE = "127.0.0.1:0"
+IN_VIEW_FILE = "write it in --view-file (docs/viewer.md)"
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 @click.command("demo", short_help="The whole thread on the real iCub: start here.")
-@click.option(
-    "-o",
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    metavar="FOLDER",
-    default=Path("skinmap-demo"),
-    show_default=True,
-    help="Folder for pictures, movie, report and numbers.",
-)
+@out_folder("pictures, movie, report and numbers", default="skinmap-demo")
 @part_option
 @seed_option
-@click.option(
-    "--view",
-    type=click.Choice(VIEWS),
-    default="auto",
-    show_default=True,
-    help="Open the live window at the end: where there is a display, always, never.",
-)
-@profile_option("view")
+@retired(profile=NO_PROFILE, view="write skinmap view icub for a window")
 @prints(DemoResult)
-def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool) -> None:
+def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     """From the iCub's files to named touches on its body.
 
     Trains classifiers on simulated touches of some parts, names simulated touches on the others,
@@ -68,20 +56,16 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
     \b
     Example:  skinmap demo --out demo --seed 1
     """
-    from viewer.demo import STEPS, demo_lines, run_demo, show_window
-    from viewer.display import has_display, require_opengl
+    from viewer.demo import STEPS, demo_lines, run_demo
+    from viewer.display import require_opengl
 
     require_opengl()
     robot, names = open_robot("icub", parts)
     if len(names) < 2:
         raise click.UsageError("the demo trains on one part and tests on another: give two --part")
-    if view == "window" and not has_display():
-        raise click.UsageError("--view window needs a display")
-    with progress(STEPS + 4 * len(names), "demo") as advance:
-        result, stage = run_demo(robot, names, out, seed=seed, advance=advance)
+    with progress(STEPS + 3 * len(names), "demo") as advance:
+        result = run_demo(robot, names, out, seed=seed, advance=advance)
     present(result, demo_lines, as_json=as_json, inside=out)
-    if view == "window" or (view == "auto" and has_display()):
-        show_window(stage)
 
 
 @click.command("view", short_help="Touches on the body: window, browser, picture or movie.")
@@ -100,9 +84,6 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
 )
 @click.option("--layer", metavar="LAYER", help=f"What the skin shows: {', '.join(LAYERS)}.")
 @click.option(
-    "--style", metavar="STYLE", help="How: surface (interpolated) or discs (one a taxel)."
-)
-@click.option(
     "--calibration",
     "calibrations",
     multiple=True,
@@ -110,52 +91,16 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
     help="Calibrated taxels, for the layer uncertainty; may be repeated.",
 )
 @response_option
-@click.option("--pose", metavar="JOINT=DEG,...", help="Joint angles; the natural pose without.")
 @click.option(
-    "--links",
-    type=click.Choice(("all", "skin", "none")),
-    default="all",
-    show_default=True,
-    help="What is drawn of the body: all, links with the parts' skin, nothing.",
+    "--view-file",
+    type=FILE,
+    help="From where and how to look (style, links, pose, size, ranges, units); the window saves "
+    "its view there.",
 )
-@click.option("--size", metavar="WxH", help="Width and height of the picture [px], as 1200x800.")
-@click.option(
-    "--range",
-    "ranges",
-    multiple=True,
-    metavar="[LAYER=]LOW:HIGH",
-    help="Values of the first and last colour, or auto: from the data. May be repeated.",
-)
-@click.option(
-    "--unit",
-    "units",
-    multiple=True,
-    type=click.Choice(("%", "um", "cm")),
-    help="Pressures in % of full scale, lengths in um or cm.",
-)
-@click.option(
-    "--detail",
-    type=Number(0.1, 100.0),
-    metavar="PX",
-    help="Vertices of links are drawn so far apart, in pixels; 1.5 without. More is quicker.",
-)
-@click.option(
-    "--contour-rate",
-    type=Number(0.1, 1000.0),
-    metavar="HZ",
-    help="How often contours of touches are found anew; with each sample without.",
-)
-@click.option("--view-file", type=FILE, help="Saved view to begin with; the window saves there.")
-@click.option("--screenshot", type=PICTURE, help="Write a picture; needs no screen.")
-@click.option(
-    "--movie", type=Written(".mp4", ".gif"), help="Write a movie (.mp4 or .gif); needs no screen."
-)
-@click.option("--gltf", type=Written(".glb"), help="Write the scene for 3D programs (.glb).")
-@click.option(
-    "--html",
-    type=PAGE,
-    help="Write the scene as a page that needs nothing else.",
-)
+@file_option("--screenshot", PICTURE, "Write a picture; needs no screen.")
+@file_option("--movie", Written(".mp4", ".gif"), "Write a movie (.mp4 or .gif); needs no screen.")
+@file_option("--gltf", Written(".glb"), "Write the scene for 3D programs (.glb).")
+@file_option("--html", PAGE, "Write the scene as a page that needs nothing else.")
 @click.option(
     "--at",
     type=Number(0.0, MAX_SECONDS),
@@ -163,18 +108,27 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, view: str, as_json: bool)
 )
 @seconds_option("Stop after so long; a movie lasts so long.")
 @speed_option("than recorded", endless=False)
-@click.option("--loop", is_flag=True, help="Play a recording over and over.")
-@click.option("--follow", is_flag=True, help="Let a movie's camera turn to the touches.")
-@click.option("--web", is_flag=True, help="Serve the scene to a browser.")
 @click.option(
-    "--host", metavar="HOST", default="127.0.0.1", show_default=True, help="Address for --web."
-)
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port; 0: a free one.")
-@click.option(
-    "--token", metavar="TOKEN", help="First part of --web's address; a random one without."
+    "--web",
+    metavar="[HOST:PORT]",
+    is_flag=False,
+    flag_value=ANYWHERE,
+    help="Serve the scene to a browser, at a free port of this machine or at an address.",
 )
 @seed_option
-@profile_option("view")
+@retired(
+    **dict.fromkeys(("style", "links", "pose", "size"), IN_VIEW_FILE),
+    range="write ranges in --view-file (docs/viewer.md)",
+    unit="each layer has one unit; write ranges in --view-file (docs/viewer.md)",
+    follow='write a camera of mode "auto" in --view-file (key v of the window saves one)',
+    detail="links are drawn as fine as the picture is",
+    contour_rate="contours are found anew with each sample",
+    loop="press l in the window or the page",
+    host="write --web HOST:PORT",
+    port="write --web PORT",
+    token="set SKINMAP_TOKEN: every user of this machine reads a command line",
+    profile=NO_PROFILE,
+)
 @prints(ViewFiles, ViewWindow, ViewPage)
 def view(**options: Any) -> None:
     """Show touches on the robot's body, with the flat map of the touched part beside it.
@@ -201,30 +155,24 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
     from viewer.display import require_opengl
 
     require_opengl()
-    from viewer.drawing.skin.taxel_drawing import check_style
-    from viewer.interaction.view_file import load_view
+    from viewer.inputs import checked_pose, checked_ranges, parse_address, read_token
+    from viewer.interaction.view_file import Settings, has_camera, load_settings, load_view
     from viewer.view_files import Wanted, write_files
     from viewer.view_options import Look
     from viewer.window import open_window
 
-    if options["style"] is not None:
-        check_style(options["style"])
-    view_file: Path | None = options["view_file"]
-    view = load_view(view_file) if view_file is not None and view_file.exists() else None
+    path: Path | None = options["view_file"]
+    there = path is not None and path.exists()
+    settings = load_settings(path) if path is not None and there else Settings()
     session = _session(options)
-    from viewer.inputs import parse_pose, parse_ranges, parse_size
-
     look = Look(
-        layer=options["layer"],
-        style=options["style"],
-        angles=parse_pose(options["pose"], session.robot),
-        links=options["links"],
-        size=parse_size(options["size"]),
-        ranges=parse_ranges(options["ranges"], options["layer"] or "pressure"),
-        units=options["units"],
-        view=view,
-        follow=options["follow"],
-        **{name: options[name] for name in ("detail", "contour_rate") if options[name] is not None},
+        layer=options["layer"] or settings.layer,
+        style=settings.style,
+        angles=checked_pose(settings.pose, session.robot),
+        links=settings.links,
+        size=settings.size,
+        ranges=checked_ranges(settings.ranges),
+        view=load_view(path) if path is not None and there and has_camera(path) else None,
     )
     wanted = Wanted(
         screenshot=options["screenshot"],
@@ -237,17 +185,12 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
     if wanted.files:
         return write_files(session, look, wanted)
     if options["web"]:
-        from viewer.web.serving import serve_web
+        from viewer.web.server import serve_web
 
-        return serve_web(
-            session,
-            look,
-            host=options["host"],
-            port=options["port"],
-            seconds=wanted.seconds,
-            token=options["token"],
-        )
-    return open_window(session, look, seconds=wanted.seconds, view_file=view_file)
+        host, port = parse_address(options["web"])
+        token = read_token()
+        return serve_web(session, look, host=host, port=port, seconds=wanted.seconds, token=token)
+    return open_window(session, look, seconds=wanted.seconds, view_file=path)
 
 
 def _session(options: Mapping[str, Any]) -> Any:
@@ -263,7 +206,6 @@ def _session(options: Mapping[str, Any]) -> Any:
         model=options["model"],
         seed=options["seed"],
         speed=options["speed"],
-        loop=options["loop"],
         responses=read_responses(options["responses"], robot, parts),
         covariances=read_covariances(options["calibrations"], robot, parts),
     )

@@ -1,10 +1,10 @@
-"""What a user names on the command line, read and checked: pose, calibrations, responses, model."""
+"""What a user names, read and checked: pose, ranges, calibrations, responses, an address."""
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,90 +12,83 @@ import numpy as np
 
 from calibration.response.response_file import load_response
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.errors import (
+    DataFormatError,
+    InvalidArrayError,
+    SkinMismatchError,
+    UnreachableError,
+)
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.io.taxels.table import COLUMNS, COVARIANCE
-from skinmap.io.text import read_text
+from skinmap.io.text import CsvRows, read_text
 from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
-from viewer.layers import AUTO, Range, check_layer
+from viewer.drawing.body.bare_body import posed
+from viewer.layers import check_layer
+from viewer.web.guard import LOOPBACK, check_token
 
-SIZES = (160, 8000)  # of a picture [px]
+TOKEN = "SKINMAP_TOKEN"  # in the environment: every user reads a command line
+LAST_PORT = 65535
 # Place of each covariance column in the matrix.
 ENTRIES = dict(zip(COVARIANCE, ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), strict=True))
 
 
-def parse_pose(text: str | None, robot: Robot) -> dict[str, float]:
-    """Joint angles [rad] from "joint=deg,joint=deg"; checked against the body's joints.
+def checked_pose(degrees: Mapping[str, float], robot: Robot) -> dict[str, float]:
+    """Joint angles [rad] of angles [deg] that the body's joints can take.
 
     Raises
     ------
     InvalidArrayError, UnknownNameError
-        No number, a joint that the body lacks, or an angle beyond its limits.
+        A joint that the body lacks, or an angle beyond its limits.
     """
-    angles: dict[str, float] = {}
-    for item in (text or "").split(","):
-        if not item.strip():
-            continue
-        joint, _, number = (word.strip() for word in item.partition("="))
-        try:
-            degrees = float(number)
-        except ValueError:
-            raise InvalidArrayError(f"pose: expected joint=degrees, got {item.strip()!r}") from None
-        limits = robot.body.joints
-        if joint not in limits:
-            raise UnknownNameError("joint", joint, limits)
-        low, high = (math.degrees(limit) for limit in limits[joint])
-        if not low <= degrees <= high:  # false for NaN
-            raise InvalidArrayError(
-                f"pose: {joint} = {degrees:g} degrees is out of its range {low:.0f} to {high:.0f}"
-            )
-        angles[joint] = math.radians(degrees)
+    angles = {joint: math.radians(angle) for joint, angle in degrees.items()}
+    posed(robot, angles)
     return angles
 
 
-def parse_size(text: str | None) -> tuple[int, int] | None:
-    """Width and height [px] from "WxH".
-
-    Raises
-    ------
-    InvalidArrayError
-        No such text, or a size that cannot be drawn.
-    """
-    if text is None:
-        return None
-    width, _, height = text.lower().partition("x")
-    try:
-        size = int(width), int(height)
-    except ValueError:
-        raise InvalidArrayError(f"--size: expected WxH, as 1200x800, got {text!r}") from None
-    if not all(SIZES[0] <= side <= SIZES[1] for side in size):
-        raise InvalidArrayError(f"--size: sides from {SIZES[0]} to {SIZES[1]} pixels, got {text!r}")
-    return size
-
-
-def parse_ranges(texts: Sequence[str], shown: str) -> dict[str, Range]:
-    """Limits by layer from "LOW:HIGH", "auto", or either with "LAYER=" before it.
+def checked_ranges(ranges: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Limits by layer.
 
     Raises
     ------
     InvalidArrayError, UnknownNameError
         No range, or no such layer.
     """
-    found: dict[str, Range] = {}
-    for text in texts:
-        name, equals, limits = text.partition("=")
-        if not equals:
-            name, limits = shown, text
+    for name, limits in ranges.items():
         check_layer(name)
-        low, _, high = limits.partition(":")
-        try:
-            found[name] = AUTO if limits == AUTO else (float(low), float(high))
-        except ValueError:
-            raise InvalidArrayError(f"--range: expected LOW:HIGH or auto, got {limits!r}") from None
-        if found[name] != AUTO and not -math.inf < float(low) < float(high) < math.inf:
-            raise InvalidArrayError(f"--range: LOW must be below HIGH, got {limits!r}")
-    return found
+        if not -math.inf < limits[0] < limits[1] < math.inf:
+            raise InvalidArrayError(f"ranges: the first of {list(limits)} must be below the second")
+    return dict(ranges)
+
+
+def parse_address(text: str) -> tuple[str, int]:
+    """Host and port from "HOST:PORT" or "PORT"; port 0 is any that is free.
+
+    Raises
+    ------
+    UnreachableError
+        No such address; a robot's name for one, which stands before --web.
+    """
+    host, _, port = text.rpartition(":")
+    if not port.isdigit():
+        raise UnreachableError(f"--web takes PORT or HOST:PORT, got {text!r}: write it last")
+    if int(port) > LAST_PORT:
+        raise UnreachableError(f"--web: port {port} does not exist: ports are 0 to {LAST_PORT}")
+    return host or LOOPBACK, int(port)
+
+
+def read_token() -> str | None:
+    """The token in the environment, or in the file named there by "@FILE"; None without.
+
+    Raises
+    ------
+    MissingFileError, InvalidArrayError
+        No such file, or a token that could be guessed.
+    """
+    text = os.environ.get(TOKEN)
+    if text and text.startswith("@"):
+        text = read_text(Path(text[1:])).strip()
+    return check_token(text) if text else None
 
 
 def read_covariances(
@@ -163,7 +156,7 @@ def _named(name: str, robot: Robot) -> tuple[str, Path]:
 def _covariances(path: Path) -> tuple[np.ndarray, FloatArray]:
     """Channels (n,) and covariances (n, 3, 3) [m2] of a calibrated table."""
     read_taxels(path, "csv")  # checks header and numbers
-    rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
+    rows = [row for row in CsvRows(read_text(path)) if row]
     names = tuple(cell.strip() for cell in rows[0])
     if names != (*COLUMNS, *COVARIANCE):
         raise DataFormatError(
@@ -186,15 +179,14 @@ def _in_order(
     channels: IntArray, covariances: FloatArray, wanted: IntArray, path: Path, part: str
 ) -> FloatArray:
     """Covariances in the order of a part's channels."""
-    rows = {int(channel): row for row, channel in enumerate(channels)}
-    strange = sorted(set(rows) - set(map(int, wanted)))
-    if strange:
+    strange = np.setdiff1d(channels, wanted)
+    if len(strange):
         raise SkinMismatchError(
             f"{path}: channel {strange[0]} is none of the {len(wanted)} taxels of {part!r}"
         )
     ordered = np.full((len(wanted), 3, 3), np.nan)
-    known = [row for row, channel in enumerate(wanted) if int(channel) in rows]
-    ordered[known] = covariances[[rows[int(wanted[row])] for row in known]]
+    order = np.argsort(wanted)
+    ordered[order[np.searchsorted(wanted, channels, sorter=order)]] = covariances
     return ordered
 
 
@@ -202,8 +194,7 @@ def _owner(channels: np.ndarray, robot: Robot, parts: Sequence[str], path: Path)
     """The only part whose taxels are these; where none has just these, the only one with them."""
     mine = set(channels.tolist())
     owned = {part: set(robot.skin(part).channels.tolist()) for part in parts}
-    fitting = [part for part in parts if mine == owned[part]]
-    fitting = fitting or [part for part in parts if mine <= owned[part]]
+    fitting = [p for p in parts if mine == owned[p]] or [p for p in parts if mine <= owned[p]]
     if len(fitting) == 1:
         return fitting[0]
     why = f"fits {', '.join(fitting)}" if fitting else "fits no part that is shown"

@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Callable
-from functools import cache
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib import resources
 from typing import Any
 
 import click
@@ -19,11 +17,12 @@ from skinmap.io.recordings.marks import MarkEditor, Marks
 from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
+from viewer.web.files import page_files
 from viewer.web.guard import LOOPBACK, Guard, Refusal, new_token, page_headers
 
 LARGEST = 4096  # bytes of a request: a key and a word
 POINTS = 600  # of the course of the load
-TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
+PAGE = "labelling_page"
 
 
 def label_in_page(marks: Marks, track: RecordedStream, robot: Robot, name: str) -> Marks:
@@ -129,29 +128,16 @@ class LabelServer:
         return rest if len(rest) == len(skin) else rest[skin.skin.channels]
 
 
-@cache
-def _files() -> dict[str, tuple[str, bytes]]:
-    """Type and content of the page's files by name; "" is the page."""
-    folder = resources.files("viewer") / "labelling_page"
-    found = {
-        entry.name: (TYPES[entry.name.rpartition(".")[2]], entry.read_bytes())
-        for entry in folder.iterdir()
-        if entry.name.rpartition(".")[2] in TYPES
-    }
-    found[""] = found.pop("index.html")
-    return found
-
-
 def _handler(server: LabelServer) -> Callable[..., BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             asked = self._asked()
             if asked is None:
                 return
-            if asked not in _files():
+            if asked not in page_files(PAGE):
                 self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"nothing here\n")
                 return
-            self._answer(HTTPStatus.OK, *_files()[asked])
+            self._answer(HTTPStatus.OK, *page_files(PAGE)[asked])
 
         def do_POST(self) -> None:
             length = self.headers.get("Content-Length", "")
@@ -188,7 +174,7 @@ def _handler(server: LabelServer) -> Callable[..., BaseHTTPRequestHandler]:
             self.send_response(status)
             for key, value in page_headers(self.headers.get("Host", "")).items():
                 self.send_header(key, value)
-            self.send_header("Content-Type", f"{kind}; charset=utf-8")
+            self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(content)))
             self.end_headers()
             self.wfile.write(content)

@@ -7,21 +7,19 @@ layer.colours(layer.values("torso", moment))
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from skinmap.arrays import FloatArray, check_finite
+from skinmap.arrays import FloatArray, IntArray, check_finite
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live.moment import Moment
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import find_structures
-from skinmap.touch.contacts import ACTIVE
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import (
     CATEGORIES,
@@ -33,12 +31,16 @@ from viewer.colours import (
     RAW_STOPS,
     TOUCHED,
     UNCERTAINTY_STOPS,
+    UNKNOWN,
     UNTOUCHED,
     ramp,
+    rgb,
+    steps,
 )
 from viewer.health import STATES, HealthWatch
-from viewer.layer import Layer as Layer
-from viewer.layer import categories, check_values
+
+Values = Callable[[str, Moment | None], FloatArray]
+
 
 LAYERS = (
     "pressure",
@@ -53,15 +55,96 @@ LAYERS = (
 FULL_SCALE = 255.0  # counts
 WORST_SD = 3.0  # [mm]: half a pitch of the finest skins; beyond, taxels are taken for neighbours
 WORST_STRAIN = 5.0  # [%]
-AUTO: Literal["auto"] = "auto"
-Range = tuple[float, float] | Literal["auto"]
-# What one of a layer's own unit is in another.
-UNITS: dict[str, dict[str, float]] = {
-    "%": {"counts": 100.0 / FULL_SCALE},
-    "um": {"mm": 1e3},
-    "cm": {"mm": 0.1},
-}
 TURNS = 6  # structures that are turned by multiples of 60 degrees count as one
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Layer:
+    """One thing that the skin can show.
+
+    Attributes
+    ----------
+    name : str
+        One of `viewer.layers.LAYERS`.
+    title, unit : str
+        What stands at the colour bar; categories have no unit.
+    limits : (float, float)
+        Values of the table's first and last colour: fixed, so that pictures compare.
+    table : (k, 4) uint8
+        Colours from low to high, or of each category.
+    categories : tuple of str
+        Names of the values 0, 1, ... where these have no order; empty otherwise.
+    live : bool
+        Whether values change from moment to moment.
+    missing : str
+        Why there are no values, for where all are NaN.
+    source : callable
+        (part, moment) to (n,) values.
+    """
+
+    name: str
+    title: str
+    unit: str
+    limits: tuple[float, float]
+    table: NDArray[np.uint8]
+    categories: tuple[str, ...]
+    live: bool
+    missing: str
+    source: Values
+
+    def values(self, part: str, moment: Moment | None) -> FloatArray:
+        """(n,) what the taxels of a part show; NaN where nothing is known.
+
+        Raises
+        ------
+        UnknownNameError, SkinMismatchError
+            A part that is not there, or a moment of another skin.
+        """
+        return self.source(part, moment)
+
+    def rows(self, values: FloatArray) -> IntArray:
+        """(n,) row of the table for each value (n,); -1 where nothing is known."""
+        low, high = self.limits
+        k = len(self.table)
+        known = np.isfinite(values)
+        share = (np.where(known, values, low) - low) / (high - low)
+        return np.where(known, np.clip(np.floor(share * k), 0, k - 1), -1).astype(np.int64)
+
+    def colours(self, values: FloatArray) -> NDArray[np.uint8]:
+        """(n, 3) red, green and blue for values (n,), 0 to 255."""
+        unknown = np.rint(rgb(UNKNOWN) * 255).astype(np.uint8)
+        return np.vstack([self.table[:, :3], unknown])[self.rows(values)]
+
+
+def categories(
+    name: str,
+    title: str,
+    names: tuple[str, ...],
+    colours: tuple[str, ...],
+    source: Values,
+    *,
+    live: bool = False,
+) -> Layer:
+    """A layer of names without an order, each in its colour."""
+    limits = (-0.5, len(names) - 0.5)
+    return Layer(name, title, "", limits, steps(colours), names, live, "nothing known", source)
+
+
+def check_values(values: ArrayLike, n: int, part: str) -> FloatArray:
+    """Values (n,) as float64; infinite ones become NaN, as they say nothing.
+
+    Raises
+    ------
+    SkinMismatchError
+        Another number of values than the skin has taxels, or words.
+    """
+    try:
+        array = np.asarray(values, np.float64)
+    except (TypeError, ValueError) as error:
+        raise SkinMismatchError(f"values of {part!r} are no numbers") from error
+    if array.shape != (n,):
+        raise SkinMismatchError(f"pressures of shape {array.shape} for the {n} taxels of {part!r}")
+    return array if np.isfinite(array).all() else np.where(np.isfinite(array), array, np.nan)
 
 
 class Layers:
@@ -75,11 +158,27 @@ class Layers:
         Of the calibrated positions of each part's taxels [m2].
     healths : mapping of str to (n,) array-like of str, optional
         States of each part's taxels, named as in `viewer.health.STATES`.
-    ranges : mapping of str to (float, float) or "auto", optional
-        Values of a layer's first and last colour, in its unit. "auto" takes the least and the
-        largest value that were seen so far: such limits grow, and never shrink.
-    units : iterable of str, optional
-        Of `UNITS`: what values of layers are told in.
+    ranges : mapping of str to (float, float), optional
+        Values of a layer's first and last colour, in its unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import skinmap
+    >>> from skinmap.live import Moment
+    >>> from skinmap.touch.prepared_skin import PreparedSkin
+    >>> from viewer import Layers
+    >>> skin = PreparedSkin(skinmap.load_robot("kaspar").skin("torso"))
+    >>> layers = Layers({"torso": skin})
+    >>> states = np.full(len(skin), "ok", "<U7")
+    >>> states[7] = "stuck"
+    >>> moment = Moment(0.0, {"torso": np.full(len(skin), 9.0)}, states={"torso": states})
+    >>> layers.observe(moment)
+    >>> layers.get("pressure").values("torso", moment)[6:9].tolist()
+    [9.0, nan, 9.0]
+    >>> layer = layers.get("health")
+    >>> layer.categories[int(layer.values("torso", moment)[7])]
+    'stuck'
     """
 
     def __init__(
@@ -88,20 +187,17 @@ class Layers:
         *,
         covariances: Mapping[str, ArrayLike] | None = None,
         healths: Mapping[str, ArrayLike] | None = None,
-        ranges: Mapping[str, Range] | None = None,
-        units: Iterable[str] = (),
+        ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         for name in ranges or {}:
             check_layer(name)
         self._ranges = dict(ranges or {})
-        self._units = tuple(units)
         self.skins = dict(skins)
         self._sd = {part: self._worst_sd(part, c) for part, c in (covariances or {}).items()}
         for part in healths or {}:
             self._check(part)
         self.watch = HealthWatch({p: len(s) for p, s in self.skins.items()}, healths)
         self._made: dict[str, Layer] = {}
-        self._seen: dict[str, tuple[float, float]] = {}  # limits of the layers that find them
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -118,57 +214,23 @@ class Layers:
         """
         check_layer(name)
         if name not in self._made:
-            makers: dict[str, Callable[[], Layer]] = {
-                "pressure": self._pressure,
-                "raw": self._raw,
-                "binary": self._binary,
-                "structures": self._structures,
-                "uncertainty": self._uncertainty,
-                "distortion": self._distortion,
-                "health": self._health,
-                "patches": self._patches,
-            }
-            self._made[name] = self._as_wished(makers[name]())
+            layer: Layer = getattr(self, f"_{name}")()
+            ranged = name in self._ranges and not layer.categories
+            self._made[name] = replace(layer, limits=self._ranges[name]) if ranged else layer
         return self._made[name]
 
     @property
-    def felt(self) -> Layer:
+    def counts(self) -> Layer:
         """Pressures in counts from 0 to 255, whatever range and unit the layer of them has."""
         return self._pressure()
 
+    def felt(self, moment: Moment) -> dict[str, FloatArray]:
+        """Pressures (n,) [counts] of each part in a moment; NaN where a taxel is mute."""
+        return {part: self._felt(part, moment) for part in moment.pressures if part in self.skins}
+
     def observe(self, moment: Moment) -> None:
-        """See a moment: what was touched or sits at full scale, and how far values go."""
+        """See a moment: what was touched or sits at full scale."""
         self.watch.observe(moment)
-        for name, wanted in self._ranges.items():
-            layer = self._made.get(name)
-            if wanted == AUTO and layer is not None and layer.live:
-                self._made[name] = self._widened(layer, moment)
-
-    def _as_wished(self, layer: Layer) -> Layer:
-        """A layer in the unit and with the limits that were asked for."""
-        for unit in self._units:
-            if (factor := UNITS[unit].get(layer.unit.partition(",")[0])) is not None:
-                layer = in_unit(layer, unit, factor)
-        wanted = self._ranges.get(layer.name)
-        if wanted is None or layer.categories:
-            return layer
-        if wanted != AUTO:
-            return replace(layer, limits=wanted)
-        return self._widened(layer, None, layer.limits)
-
-    def _widened(
-        self, layer: Layer, moment: Moment | None, least: tuple[float, float] = (0.0, 1.0)
-    ) -> Layer:
-        """Limits that hold the values of a moment too; as they are where nothing is known."""
-        values = np.concatenate([layer.values(part, moment) for part in self.skins])
-        known = values[np.isfinite(values)]
-        low, high = self._seen.get(layer.name, (math.inf, -math.inf))
-        if len(known):
-            low, high = min(low, float(known.min())), max(high, float(known.max()))
-            self._seen[layer.name] = (low, high)
-        if not low < high:
-            low, high = least if not math.isfinite(low) else (low, low + 1.0)
-        return layer if layer.limits == (low, high) else replace(layer, limits=(low, high))
 
     def _check(self, part: str) -> None:
         if part not in self.skins:
@@ -198,26 +260,25 @@ class Layers:
             return np.full(len(self.skins[part]), np.nan)
         return check_values(sent[part], len(self.skins[part]), part)
 
+    def _felt(self, part: str, moment: Moment | None) -> FloatArray:
+        """(n,) pressures; NaN where what a taxel reads is not a pressure."""
+        counts = self._sent("pressures", part, moment)
+        mute = self.watch.mute(part)
+        return np.where(mute, np.nan, counts) if mute.any() else counts
+
     def _fixed(self, table: Mapping[str, FloatArray], part: str, _: Moment | None) -> FloatArray:
         self._check(part)
         return table[part] if part in table else np.full(len(self.skins[part]), np.nan)
 
     def _pressure(self) -> Layer:
-        return self._counts("pressure", "pressure", "pressures", PRESSURE_STOPS)
+        return _counts("pressure", "pressure", self._felt, PRESSURE_STOPS)
 
     def _raw(self) -> Layer:
-        return self._counts("raw", "raw value", "raw", RAW_STOPS)
-
-    def _counts(
-        self, name: str, label: str, kind: str, stops: Sequence[tuple[float, str]]
-    ) -> Layer:
-        absent = f"no {label}s in this source"
-        limits, sent = (0.0, FULL_SCALE), partial(self._sent, kind)
-        return Layer(name, label, "counts", limits, ramp(stops), (), True, absent, sent)
+        return _counts("raw", "raw value", partial(self._sent, "raw"), RAW_STOPS)
 
     def _binary(self) -> Layer:
         def touched(part: str, moment: Moment | None) -> FloatArray:
-            counts = self._sent("pressures", part, moment)
+            counts = self._felt(part, moment)
             return np.where(np.isfinite(counts), counts > ACTIVE, np.nan)
 
         names = ("not touched", "touched")
@@ -306,17 +367,10 @@ def check_layer(name: str) -> str:
     return name
 
 
-def in_unit(layer: Layer, unit: str, factor: float) -> Layer:
-    """A layer whose values are told in another unit."""
-    low, high = layer.limits
-    _, comma, more = layer.unit.partition(",")
-    full = " of full scale" if unit == "%" else ""
-
-    def values(part: str, moment: Moment | None) -> FloatArray:
-        return factor * layer.values(part, moment)
-
-    limits = (factor * low, factor * high)
-    return replace(layer, unit=f"{unit}{full}{comma}{more}", limits=limits, source=values)
+def _counts(name: str, label: str, source: Values, stops: Sequence[tuple[float, str]]) -> Layer:
+    """A layer of counts that come with each moment."""
+    absent = f"no {label}s in this source"
+    return Layer(name, label, "counts", (0.0, FULL_SCALE), ramp(stops), (), True, absent, source)
 
 
 def taxel_strain(skin: PreparedSkin) -> FloatArray:

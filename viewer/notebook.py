@@ -30,20 +30,17 @@ from skinmap.skin.joints import Joint
 from skinmap.skin.robot import Part, Robot
 from skinmap.skin.skin import Skin
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.drawing.skin.lazy_maps import LazyMaps
 from viewer.export.html_page import page
-from viewer.export.thinned_moments import Excerpt
 from viewer.layers import Layers
-from viewer.playing.playable import stepwise
-from viewer.playing.player import Player
-from viewer.view_options import Session
+from viewer.playing.player import Player, stepwise
+from viewer.playing.recent_moments import Excerpt
+from viewer.view_options import Look, Session, new_scene
 from viewer.web.hub import Hub
 from viewer.web.offline_page_data import pack_reel
-from viewer.web.scene_data import WebScene, make_scene
+from viewer.web.scene_data import make_scene
 
 HEIGHT = 560  # of the cell's frame [px]
 STILL = (1000, 640)  # of the picture that stays in a saved notebook [px]
-CELL = 6e-3  # of the body's meshes [m]
 WAITING = 64  # letters of a page that wait to be read; more are forgotten
 
 
@@ -129,23 +126,11 @@ class Shown:
         """A moment without a touch."""
         return Moment(0.0, {part: np.zeros(len(skin)) for part, skin in self.skins.items()})
 
-    def scene(self) -> WebScene:
-        """What the page draws of it."""
-        return make_scene(self.robot, self.skins, cell=CELL)
-
     def still(self, moment: Moment, layer: str) -> bytes | None:
         """A picture (PNG) of a moment; None where there is no library to draw with."""
-        from viewer.scene import Scene
-
+        session = Session(self.robot, tuple(self.skins), skins=dict(self.skins))
         try:
-            scene = Scene(
-                self.robot,
-                {part: skin.mesh for part, skin in self.skins.items()},
-                LazyMaps(self.skins),
-                data=Layers(self.skins),
-                layer=layer,
-                window_size=STILL,
-            )
+            scene = new_scene(session, Look(layer=layer), size=STILL, off_screen=True)
         except MissingLibraryError:
             return None
         scene.follow(moment)
@@ -198,7 +183,7 @@ def _parts_of(session: Session) -> tuple[str, ...]:
 
 def _resting(shown: Shown, layer: str, height: int) -> Any:
     """A frame of what is at rest."""
-    scene, moment = shown.scene(), shown.at_rest
+    scene, moment = make_scene(shown.robot, shown.skins), shown.at_rest
     reel = pack_reel(scene, Layers(shown.skins), [moment], layer=layer)
     return widget(page(scene.packed, reel, shown.robot.name), shown.still(moment, layer), height)
 
@@ -211,7 +196,7 @@ def _played(shown: Shown, session: Session, layer: str, height: int) -> Any:
     moments, now = excerpt.around(best if excerpt.moments else None)
     if not moments or now is None:
         raise InvalidArrayError(f"{session.source}: no sample to show")
-    scene = shown.scene()
+    scene = make_scene(shown.robot, shown.skins)
     reel = pack_reel(scene, Layers(shown.skins), moments, now=now, layer=layer)
     return widget(page(scene.packed, reel, shown.robot.name), shown.still(best, layer), height)
 
@@ -225,7 +210,7 @@ def _live(shown: Shown, loop: TouchLoop, layer: str, height: int) -> Any:
             "a live source is shown in a notebook, where an event loop runs; "
             "elsewhere: skinmap view --web"
         ) from None
-    scene, player = shown.scene(), Player(loop)
+    scene, player = make_scene(shown.robot, shown.skins), Player(loop)
     first = {"layer": layer, "style": "surface", "view": None, "size": None}
     hub = Hub(scene, player, Layers(shown.skins), first, loop.totals)
     content = page(scene.packed, None, shown.robot.name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,13 +22,13 @@ from viewer.view_options import Look, Session, new_scene
 from viewer.window import SIZE, play
 
 # What is written for a suffix.
-SUFFIXES: dict[str, Callable[[Path, float | None], Wanted]] = {
-    ".png": lambda path, seconds: Wanted(screenshot=path, seconds=seconds),
-    ".jpg": lambda path, seconds: Wanted(screenshot=path, seconds=seconds),
-    ".mp4": lambda path, seconds: Wanted(movie=path, seconds=seconds),
-    ".gif": lambda path, seconds: Wanted(movie=path, seconds=seconds),
-    ".glb": lambda path, seconds: Wanted(gltf=path, seconds=seconds),
-    ".html": lambda path, seconds: Wanted(html=path, seconds=seconds),
+SUFFIXES = {
+    ".png": "screenshot",
+    ".jpg": "screenshot",
+    ".mp4": "movie",
+    ".gif": "movie",
+    ".glb": "gltf",
+    ".html": "html",
 }
 
 
@@ -113,7 +113,8 @@ def show(
         scene = new_scene(session, Look(), size=SIZE, off_screen=False)
         play(scene, session.given, seconds=math.inf if seconds is None else seconds)
         return None
-    write_files(session, Look(), SUFFIXES[kind](Path(path), seconds))
+    file: dict[str, Any] = {kind: Path(path)}
+    write_files(session, Look(), Wanted(**file, seconds=seconds))
     return Path(path)
 
 
@@ -133,12 +134,12 @@ def in_notebook() -> bool:
 
 
 def _kind(path: Path) -> str:
-    """The suffix of a file, checked."""
+    """The field of `Wanted` for a file."""
     if path.suffix.lower() not in SUFFIXES:
         raise UnknownNameError(
             "format to show a skin in, for files ending in", path.suffix, SUFFIXES
         )
-    return path.suffix.lower()
+    return SUFFIXES[path.suffix.lower()]
 
 
 def _felt(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import IntArray
-from skinmap.errors import UnknownNameError
+from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.output import staged_file
 from skinmap.live.contacts.named_touch import NamedTouch
@@ -27,24 +27,16 @@ from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.display import require_opengl
-from viewer.drawing.body.posing import posed
-from viewer.drawing.frame.camera import View
+from viewer.drawing.body.bare_body import posed
+from viewer.drawing.frame.camera import Framing, View
 from viewer.drawing.frame.canvas import TURN_STEP, Canvas, Drawing
-from viewer.drawing.frame.content_checks import (
-    check_moment,
-    check_part,
-    check_taxels,
-    check_touches,
-)
-from viewer.drawing.frame.framing import Framing
 from viewer.drawing.panel.flat_panel import FlatPanel
-from viewer.drawing.skin.lazy_maps import LazyMaps, SomeMaps
+from viewer.drawing.skin.lazy_maps import LazyMaps
 from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
 from viewer.drawing.skin.taxel_drawing import check_style
-from viewer.drawing.touches.contact_courses import COURSES, ContactCourses
-from viewer.drawing.touches.traces import History
-from viewer.layer import Layer
-from viewer.layers import Layers
+from viewer.drawing.touches.traces import COURSES, SAMPLES, SECONDS
+from viewer.layers import Layer, Layers, check_values
+from viewer.playing.recent_moments import History
 
 STILL_SAMPLES = 8  # per pixel, for stills only: too slow for live pictures
 
@@ -72,7 +64,7 @@ class Scene:
         A coloured surface with a dot for each taxel, or a coloured disc for each.
     drawing
         As `viewer.drawing.frame.canvas.Drawing` has them: links, window_size, off_screen, camera,
-        detail, contour_rate.
+        cached.
 
     Attributes
     ----------
@@ -147,9 +139,9 @@ class Scene:
         self.touches: tuple[NamedTouch, ...] = ()
         self.selection: Mapping[str, IntArray] = {}
         self.title: str | None = None
-        self.history, self.courses = History(sizes), ContactCourses()
+        self.past = History(SECONDS, SAMPLES, spread=True)
         self.plot = "taxels"
-        self.canvas = Canvas(robot, self.layers, SomeMaps(flat_maps, shown), self.poses, how)
+        self.canvas = Canvas(robot, self.layers, LazyMaps(flat_maps, shown), self.poses, how)
         self.plotter = self.canvas.plotter
         self.panel: FlatPanel | None = self.canvas.panel
         self.framing: Framing = self.canvas.framing
@@ -214,14 +206,13 @@ class Scene:
         touches = check_moment(moment, self.layers)
         if moment.angles and dict(moment.angles) != self._angles:
             self.set_pose(moment.angles)
-        for part, pressures in moment.pressures.items():
-            if part in self.layers:
-                self.layers[part].set_pressures(pressures)
-        self.moment, self.touches = moment, touches
         self.data.observe(moment)
-        self.layer = self.data.get(self.layer.name)
-        self.history.add(moment.time, moment.pressures)
-        self.courses.add(moment)
+        felt = self.data.felt(moment)
+        for part, pressures in felt.items():
+            self.layers[part].set_pressures(pressures)
+        self.moment, self.touches = moment, touches
+        if np.isfinite(moment.time) and not moment.stale:
+            self.past.add(replace(moment, pressures=felt, raw={}))
         self.canvas.status.take(moment)
         self.canvas.changed = True
 
@@ -361,3 +352,69 @@ class Scene:
         """Give the window and its memory back."""
         self.canvas.cache.close()
         self.plotter.close()
+
+
+def check_part(part: str, layers: Mapping[str, SkinLayer]) -> SkinLayer:
+    """The layer of a part.
+
+    Raises
+    ------
+    UnknownNameError
+        No such part.
+    """
+    if part not in layers:
+        raise UnknownNameError("part in this scene", part, layers)
+    return layers[part]
+
+
+def check_moment(moment: Moment, layers: Mapping[str, SkinLayer]) -> tuple[NamedTouch, ...]:
+    """The touches of a moment that lie on the parts shown.
+
+    Raises
+    ------
+    SkinMismatchError
+        None of its parts is shown, or values or touches of another skin.
+    """
+    if moment.pressures and not any(part in layers for part in moment.pressures):
+        raise SkinMismatchError(
+            f"a moment of {', '.join(moment.pressures)} for a scene of {', '.join(layers)}"
+        )
+    for values in (moment.pressures, moment.raw):
+        for part in values:
+            if part in layers:
+                check_values(values[part], len(layers[part].skin), part)
+    touches = tuple(touch for touch in moment.touches if touch.part in layers)
+    check_touches(touches, layers)
+    return touches
+
+
+def check_touches(touches: Iterable[NamedTouch], layers: Mapping[str, SkinLayer]) -> None:
+    """Refuse touches of parts or taxels that are not there.
+
+    Raises
+    ------
+    UnknownNameError, SkinMismatchError
+    """
+    for touch in touches:
+        n = len(check_part(touch.part, layers).skin)
+        if touch.taxels.size and not 0 <= touch.taxels.min() <= touch.taxels.max() < n:
+            raise SkinMismatchError(
+                f"a touch of taxels {touch.taxels.min()} to {touch.taxels.max()} for the {n} "
+                f"of {touch.part!r}"
+            )
+
+
+def check_taxels(taxels: ArrayLike, part: str, n: int) -> IntArray:
+    """Different taxels (k,) of a part with n of them, in their order.
+
+    Raises
+    ------
+    InvalidArrayError
+        Taxels that are not there.
+    """
+    chosen = np.unique(np.asarray(taxels, np.int64))
+    if chosen.size and not 0 <= chosen[0] <= chosen[-1] < n:
+        raise InvalidArrayError(
+            f"part {part!r} has taxels 0 to {n - 1}, not {chosen[0]} to {chosen[-1]}"
+        )
+    return chosen

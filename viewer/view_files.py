@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +13,15 @@ import numpy as np
 from skinmap.geometry.rigid import transform_directions
 from skinmap.live.moment import Moment
 from skinmap.live.sources.source import Seekable, SourceEnded
-from skinmap.touch.contacts import ACTIVE
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 from viewer.drawing.frame.camera import AZIMUTHS, View, front_view
 from viewer.export.gltf import write_gltf
 from viewer.export.html_page import write_html
 from viewer.export.movie import MOVIE_FPS, Picture, write_movie
-from viewer.export.thinned_moments import Excerpt
-from viewer.layers import AUTO, Range
+from viewer.playing.recent_moments import Excerpt
 from viewer.results import ShownTouch, ViewFiles
 from viewer.scene import Scene
-from viewer.view_options import Look, Session, new_layers, new_scene
+from viewer.view_options import Look, Session, new_scene
 
 STILL_SIZE = (1600, 1100)
 MOVIE_SIZE = (1024, 768)
@@ -64,9 +63,8 @@ class Wanted:
 def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
     """Write pictures and files of what the source shows; no screen is needed."""
     best = Best(session, look)
-    look = replace(look, ranges=found_ranges(session, look, wanted))
     files: list[Path] = []
-    start, seconds = _start(wanted), _length(session, wanted)
+    start, seconds = wanted.at or 0.0, _length(session, wanted)
     if wanted.at is None and wanted.movie is None and wanted.html is None and seconds is None:
         start, seconds = fullest(session)
     moments = best.watch(session.moments(seconds, start=start))
@@ -75,7 +73,7 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
         moments = excerpt.watch(moments)
     if wanted.movie is not None:
         scene = new_scene(session, look, size=MOVIE_SIZE, off_screen=True)
-        if scene.framing.mode == "auto" and not look.follow:
+        if look.view is None and scene.framing.mode == "auto":
             scene.framing.mode = "still"  # touches come and go all around: it would never rest
         files.append(write_movie(wanted.movie, movie_frames(scene, moments), MOVIE_FPS))
         scene.close()
@@ -97,22 +95,6 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
         ],
         files=files,
     )
-
-
-def found_ranges(session: Session, look: Look, wanted: Wanted) -> Mapping[str, Range]:
-    """The ranges asked for, those of "auto" found from all that will be shown.
-
-    Of a live source nobody knows what will come: its limits grow with what was seen.
-    """
-    if AUTO not in look.ranges.values() or not session.repeats:
-        return look.ranges
-    layers = new_layers(session, look)
-    start, seconds = _start(wanted), _length(session, wanted)
-    for moment in session.moments(
-        0.0 if wanted.at is not None else seconds, start=start, name=False
-    ):
-        layers.observe(moment)
-    return {name: layers.get(name).limits for name in look.ranges}
 
 
 def _stills(
@@ -140,10 +122,6 @@ def _length(session: Session, wanted: Wanted) -> float | None:
     if wanted.movie is not None:
         return MOVIE_SECONDS
     return STILL_SECONDS if wanted.html is None else None  # a page plays what was watched
-
-
-def _start(wanted: Wanted) -> float:
-    return 0.0 if wanted.at is None else wanted.at
 
 
 def fullest(session: Session) -> tuple[float, float | None]:
@@ -183,7 +161,7 @@ class Best:
     def __init__(self, session: Session, look: Look) -> None:
         robot = session.robot
         poses = robot.body.poses({**robot.pose, **(look.angles or {})})
-        self._poses = {part: poses[robot.part(part).link] for part in session.parts}
+        self._poses = {part: poses[robot.part(part).link] for part in session.skins}
         normals = [
             transform_directions(self._poses[part], skin.skin.normals)
             for part, skin in session.skins.items()

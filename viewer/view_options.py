@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from skinmap.arrays import FloatArray
-from skinmap.classify.classifier import TouchClassifier
-from skinmap.classify.model_file import load_classifier
-from skinmap.classify.named_classifiers import default_model
+from skinmap.classifiers.classifier import TouchClassifier
+from skinmap.classifiers.model_file import load_classifier
+from skinmap.classifiers.named_classifiers import default_model
 from skinmap.errors import (
     InvalidArrayError,
-    SkinMismatchError,
     UnknownNameError,
     UnreachableError,
 )
@@ -26,19 +26,18 @@ from skinmap.live.sources.source import Seekable, Source, SourceEnded, is_live
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.body.bare_body import check_links
-from viewer.drawing.body.body_view import GOOD_PX
 from viewer.drawing.skin.lazy_maps import LazyMaps
-from viewer.drawing.touches.contour_cache import EVERY
-from viewer.interaction.saving import apply_view
+from viewer.interaction.saving import apply_view, check_view
 from viewer.interaction.selection import Selection
 from viewer.interaction.view_file import SavedView
-from viewer.layers import Layers, Range
-from viewer.playing.playable import stepwise
+from viewer.layers import Layers
+from viewer.playing.player import stepwise
 from viewer.scene import Scene
 
 LIVE = 5.0  # how long a live source is watched for a picture or a movie [s]
 MADE = 12.0  # how long recordings and the simulator are, for a picture [s]
 LEAD = 1.0  # of a recording before the time asked for: touches are named from their past [s]
+LEARN = 10.0  # as long as it may take to know that a taxel is stuck [s]
 STEP = 0.2  # longest wait for a sample before the clock is looked at [s]
 SAME = 1e-6  # times that differ by less are the same [s]
 SILENCE = 5.0  # a live source that sends nothing for so long gives no picture [s]
@@ -58,7 +57,7 @@ class Session:
     model : Path or None
         Names the touches; the one that comes with Skinmap by default.
     seed : int
-    speed, loop
+    speed : float
         Of recordings.
     responses : mapping of str to ResponseCalibration
     covariances : mapping of str to (n, 3, 3) array
@@ -72,7 +71,6 @@ class Session:
     model: Path | None = None
     seed: int = 0
     speed: float = 1.0
-    loop: bool = False
     responses: Mapping[str, Any] = field(default_factory=dict)
     covariances: Mapping[str, FloatArray] = field(default_factory=dict)
     skins: dict[str, PreparedSkin] = field(default_factory=dict)
@@ -96,7 +94,6 @@ class Session:
             parts=self.parts if self.simulated else None,
             seed=self.seed,
             speed=speed,
-            loop=self.loop and not hurry,
         )
 
     def touch_loop(
@@ -173,6 +170,10 @@ class Session:
         length = LIVE if live else math.inf if recording else MADE
         end = start + (length if seconds is None else seconds)
         loop = self.touch_loop(source, self.classifier() if name else None, singly=True)
+        if self.repeats:
+            with closing(self.open(hurry=True)) as ahead:
+                _led(ahead, start)
+                loop.learn_rest(ahead, LEARN)
         try:
             before = _led(source, start)
             for moment in _heard(loop, end):
@@ -241,13 +242,10 @@ class Look:
         What is drawn of the body.
     size : (int, int) or None
         Width and height of the picture [px]; each kind of picture has its own without.
-    ranges, units
+    ranges
         As `viewer.layers.Layers` takes them.
     view : SavedView or None
-    follow : bool
-        Whether a movie's camera turns to the touches; otherwise it keeps its view.
-    detail, contour_rate : float
-        As `viewer.scene.Scene` takes them.
+        A movie's camera turns to the touches where its mode is "auto", and keeps its view without.
     """
 
     layer: str | None = None
@@ -255,12 +253,8 @@ class Look:
     angles: dict[str, float] | None = None
     links: str = "all"
     size: tuple[int, int] | None = None
-    ranges: Mapping[str, Range] = field(default_factory=dict)
-    units: tuple[str, ...] = ()
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     view: SavedView | None = None
-    follow: bool = False
-    detail: float = GOOD_PX
-    contour_rate: float = EVERY
 
 
 def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen: bool) -> Scene:
@@ -282,8 +276,6 @@ def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen
         links=drawn_links(session, look),
         window_size=look.size or size,
         off_screen=off_screen,
-        detail=look.detail,
-        contour_rate=look.contour_rate,
     )
     if look.view is not None:
         selection = Selection()
@@ -298,25 +290,13 @@ def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen
 
 
 def new_layers(session: Session, look: Look) -> Layers:
-    """What the skin can show, with limits and units as asked for."""
-    layers = Layers(
+    """What the skin can show, with limits as asked for."""
+    return Layers(
         session.skins,
         covariances=session.covariances,
         healths=session.healths,
         ranges=look.ranges,
-        units=look.units,
     )
-    for name in look.ranges:
-        layers.get(name)
-    return layers
-
-
-def check_view(view: SavedView, robot: Robot) -> None:
-    """Raise SkinMismatchError for a view of another robot."""
-    if view.robot != robot.name:
-        raise SkinMismatchError(
-            f"the view was saved of {view.robot!r}, this robot is {robot.name!r}"
-        )
 
 
 def drawn_links(session: Session, look: Look) -> tuple[str, ...] | None:

@@ -27,11 +27,11 @@ from benchmarks.calibration.mounts import drift_rows, mount_rows
 from benchmarks.calibration.patches import Case, far_apart, icub_cases, simulate_touches
 from benchmarks.calibration.planes import plane_rows
 from benchmarks.calibration.wiring import wiring_rows
-from benchmarks.calibration.wraps import family_rows, family_touch_rows, wrong_rows
+from benchmarks.calibration.wraps import family_rows, measured, wrapped, wrong_rows
 from benchmarks.harness.record import RESULTS, about, commit, readable, write
 from benchmarks.harness.timing import timed
-from calibration import PatchCalibration, Status, locate_by_touch, register_scan, wrap_layout
-from calibration.patch.link_surface import OFFSET, make_target, rounded
+from calibration import locate_by_touch, register_scan
+from calibration.patch.link_surface import OFFSET, make_target
 from skinmap.arrays import FloatArray
 from skinmap.geometry.proximity import closest_on_mesh
 
@@ -43,10 +43,7 @@ WRAPS = (  # anchors, scale and jitter of the layout [m], goals for median and p
     (4, 1.01, 0.3e-3, (1.2 * 1.15, 2.3 * 1.15)),
     (8, 1.01, 0.3e-3, (0.8 * 1.15, 1.7 * 1.15)),
 )
-TABLES = (
-    "wrap", "family", "family_touch", "wrong", "touch", "units", "scan", "mount", "wiring", "plane",
-    "drift",
-)  # fmt: skip
+TABLES = ("wrap", "family", "wrong", "touch", "scan", "mount", "wiring", "plane", "drift")
 HEALTHY = 501  # skins without a fault: one false alarm in 500 is asked for at most
 WRONG = 67  # inputs of each kind: 200 that are mirrored, misplaced or exchanged
 TOUCHES: tuple[tuple[int, dict[str, Any], float | None], ...] = (  # count, how, goal [mm]
@@ -57,8 +54,6 @@ TOUCHES: tuple[tuple[int, dict[str, Any], float | None], ...] = (  # count, how,
 )
 POINTS, NOISE, STRAY = 4000, 0.7e-3, 0.1
 TURN, SHIFT = np.radians(15.0), 15e-3
-MADE = 60  # meshes made besides the links
-SAME = 1e-6  # [m]
 
 
 def wrap_rows(cases: list[Case], repeats: int) -> list[dict[str, Any]]:
@@ -72,14 +67,7 @@ def wrap_rows(cases: list[Case], repeats: int) -> list[dict[str, Any]]:
                 layout = scale * case.layout + rng.normal(0.0, jitter, case.layout.shape)
                 taxels = far_apart(layout, anchors, rng)
                 points = case.truth[taxels] + rng.normal(0.0, 1e-3, (anchors, 3))
-                make_target(case.vertices, case.faces)
-                found, seconds, _ = timed(
-                    partial(
-                        wrap_layout, layout, case.vertices, case.faces, taxels, points,
-                        modules=case.modules, rng=rng,
-                    )
-                )  # fmt: skip
-                runs.append(_measured(found, case.truth, seconds))
+                runs.append(wrapped(case, layout, taxels, points, modules=case.modules, rng=rng))
         rows.append(
             {"anchors": anchors, "scale": scale, "jitter_mm": 1e3 * jitter, "goal_mm": goal}
             | _table_row(runs)
@@ -105,28 +93,15 @@ def touch_rows(cases: list[Case], repeats: int) -> list[dict[str, Any]]:
                         locate_by_touch, case.layout, *link, touches, modules=case.modules, rng=rng
                     )
                 )
-                runs.append(_measured(found, case.truth, seconds))
+                runs.append(measured(found, case, seconds))
         row = {"touches": count, "one_module": False, **how, "goal_mm": goal}
         rows.append(row | _table_row(runs))
     return rows
 
 
-def _measured(found: PatchCalibration, truth: Any, seconds: float) -> dict[str, Any]:
-    error = found.positions - truth
-    length = 1e3 * np.linalg.norm(error, axis=1)
-    square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error)
-    return {
-        "median": float(np.median(length)),
-        "p95": float(np.percentile(length, 95)),
-        "nees": float(square.mean() / 3),
-        "seconds": seconds,
-        "status": found.status,
-    }
-
-
 def _table_row(runs: list[dict[str, Any]]) -> dict[str, Any]:
-    statuses = [str(run["status"]) for run in runs]
-    trusted = [run["median"] for run in runs if run["status"] is Status.OK]
+    statuses = [run["status"] for run in runs]
+    trusted = [run["median"] for run in runs if run["ok"]]
     return {
         "runs": len(runs),
         "median_mm": float(np.median([run["median"] for run in runs])),
@@ -134,7 +109,7 @@ def _table_row(runs: list[dict[str, Any]]) -> dict[str, Any]:
         "worst_median_mm": max(run["median"] for run in runs),
         "worst_median_ok_mm": max(trusted, default=None),
         "ok": len(trusted),
-        "normalised_error_squared": float(np.mean([run["nees"] for run in runs])),
+        "normalised_error_squared": float(np.mean([run["normalised"] for run in runs])),
         "statuses": {name: statuses.count(name) for name in sorted(set(statuses))},
         "seconds": {
             "mean": float(np.mean([run["seconds"] for run in runs])),
@@ -186,12 +161,10 @@ def measure(
     tables: dict[str, Callable[[], Any]] = {
         "wrap": lambda: wrap_rows(some, repeats),
         "family": lambda: family_rows(repeats, some=2 if quick else None),
-        "family_touch": lambda: family_touch_rows(some=2 if quick else None),
         "wrong": lambda: wrong_rows(cases, 2 if quick else wrong),
         "touch": lambda: touch_rows(some, repeats),
-        "units": lambda: unit_rows(some),
         "scan": lambda: scan_rows(cases, 4 if quick else scans),
-        "mount": lambda: mount_rows(trials=2 if quick else trials),
+        "mount": lambda: mount_rows(2 if quick else trials),
         "wiring": lambda: (
             wiring_rows(faulty=7, healthy=9, rests=20)
             if quick
@@ -279,82 +252,6 @@ def _away(scan: FloatArray, rng: np.random.Generator) -> FloatArray:
     middle = scan.mean(axis=0)
     T[:3, 3] = middle - T[:3, :3] @ middle + SHIFT * side
     return T
-
-
-def unit_rows(cases: list[Case]) -> list[dict[str, Any]]:
-    """Targets of links and made meshes, and patches on the links, read in both units."""
-    links = [case.vertices for case in {len(case.vertices): case for case in cases}.values()]
-    meshes = [*links, *_made()]
-    rows = []
-    for name, how in PAIRS.items():
-        same = [np.array_equal(*map(rounded, how(vertices))) for vertices in meshes]
-        rows.append({"files": name, "meshes": len(meshes), "same_target": int(sum(same))})
-    rows.append(_wrapped(cases))
-    return rows
-
-
-def _single(vertices: FloatArray, unit: float) -> FloatArray:
-    """Vertices [m] once through a file of single floats in a unit."""
-    return unit * (vertices / unit).astype(np.float32).astype(np.float64)
-
-
-def _decimals(vertices: FloatArray, unit: float) -> FloatArray:
-    return unit * np.round(vertices / unit, 8)
-
-
-PAIRS = {
-    "double floats": lambda x: (x, 1e-3 * (1e3 * x)),
-    "single floats, mm made from m": lambda x: (
-        _single(x, 1.0),
-        _single(_single(x, 1.0), 1e-3),
-    ),
-    "single floats, m made from mm": lambda x: (
-        _single(_single(x, 1e-3), 1.0),
-        _single(x, 1e-3),
-    ),
-    "single floats, both from doubles": lambda x: (_single(x, 1.0), _single(x, 1e-3)),
-    "text of 8 decimals, both from doubles": lambda x: (_decimals(x, 1.0), _decimals(x, 1e-3)),
-}
-
-
-def _made() -> list[FloatArray]:
-    """Bumpy balls and capsules, some on round numbers, some anywhere."""
-    rng = np.random.default_rng(0)
-    meshes = []
-    for number in range(MADE):
-        ball = trimesh.creation.icosphere(3, radius=0.05)
-        capsule = trimesh.creation.capsule(height=0.1, radius=0.04, count=[32, 32])
-        mesh = (ball, capsule)[number % 2]
-        points = mesh.vertices * rng.uniform(0.7, 1.3, 3) + rng.normal(0, 1e-3, mesh.vertices.shape)
-        turned = Rotation.random(rng=rng).apply(points) + rng.normal(0, 0.1, 3)
-        meshes.append(np.round(points, 6) if number % 3 == 0 else turned)
-    return meshes
-
-
-def _wrapped(cases: list[Case]) -> dict[str, Any]:
-    """All patches by six anchors, their links from single floats in metres and in millimetres."""
-    apart = []
-    for number, case in enumerate(cases):
-        rng = np.random.default_rng([number, 7])
-        taxels = far_apart(case.layout, 6, rng)
-        points = case.truth[taxels] + rng.normal(0.0, 1e-3, (6, 3))
-        metres = _single(case.vertices, 1.0)
-        found = [
-            wrap_layout(
-                layout, link, case.faces, taxels, places, rng=np.random.default_rng(number)
-            ).positions
-            for layout, link, places in (
-                (case.layout, metres, points),
-                (1e-3 * (1e3 * case.layout), _single(metres, 1e-3), 1e-3 * (1e3 * points)),
-            )
-        ]
-        apart.append(float(np.abs(found[1] - found[0]).max()))
-    return {
-        "files": "patches on links of single floats, mm made from m",
-        "patches": len(cases),
-        "same_within_1e-6": int(np.sum(np.array(apart) <= SAME)),
-        "furthest_m": max(apart),
-    }
 
 
 def main() -> None:

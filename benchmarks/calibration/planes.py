@@ -8,7 +8,6 @@ by 1 mm. The calibration knows of a logistic curve only.
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -62,7 +61,6 @@ class Setting:
     modules: float = 0.0  # of a module along each axis [m]
     shape: float = 0.0  # of a taxel along each axis [m]
     dead: float = 0.03  # share of taxels
-    wrong: int = 0  # contacts whose angles belong to another pose
     torso: bool = True  # whether it moves
 
 
@@ -121,7 +119,6 @@ class Bench:
         apart = np.linalg.norm(self.places[:, None] - self.places[None], axis=2)
         self.spreading = np.exp(-((apart / SPREAD) ** 2))
         self.obstacles = obstacles(self.robot, self.part, own, side)
-        self.wrong_rows: list[int] = []
 
     def drawn(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Poses at random of a person who sees the table, as the robot reads them."""
@@ -157,11 +154,7 @@ class Bench:
         felt = 1e3 * COUNTS * (pressed @ self.spreading) / 2.0
         counts = np.rint(np.clip(self.gains * felt + rng.normal(0, NOISE, s.shape), 0, 255))
         felt_it = (counts > self.thresholds).any(axis=1)
-        read, counts, m = read[felt_it], counts[felt_it], int(felt_it.sum())
-        if off.wrong:
-            chosen = rng.choice(m, off.wrong, replace=False)
-            read[chosen] = read[np.roll(chosen, 1)]
-            self.wrong_rows = sorted(int(row) for row in chosen)
+        read, counts = read[felt_it], counts[felt_it]
         return PlaneContacts(read, {self.part: counts > self.thresholds})
 
 
@@ -305,7 +298,3 @@ def _row(runs: list[dict[str, Any]]) -> dict[str, Any]:
         "touched": float(np.median([run["touched"] for run in runs])),
         "cpu_s": float(np.median([run["seconds"] for run in runs])),
     }
-
-
-if __name__ == "__main__":
-    print(json.dumps(plane_rows(int(sys.argv[1]) if len(sys.argv) > 1 else 30), indent=1))

@@ -185,11 +185,3 @@ def _row(case: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
         "control_ok": controls.count("ok"),
         "cpu_s": float(np.median([run["seconds"] for run in runs])),
     }
-
-
-if __name__ == "__main__":
-    import json
-    import sys
-
-    for row in simulated_rows(int(sys.argv[1]) if len(sys.argv) > 1 else TRIALS):
-        print(json.dumps(row))

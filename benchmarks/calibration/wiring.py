@@ -1,15 +1,13 @@
-"""The wiring doctor on simulated skins: single faults, healthy ones, rests, two channels.
+"""The wiring doctor on simulated skins: single faults, healthy ones, rests.
 
 The contacts are those of `skinmap.touch` (Hertz pads laid in the log map, Gaussian foam), which is
 not the model the doctor judges by; places are off by 4 mm an axis, gains spread by 15 to 40 %, 1 to
 2 % of the taxels dead, 1 % of the touches somewhere else, spikes, noise of 1.2 counts. A fault
-counts as found where it, and nothing else, was named. Alone, this prints the rows.
+counts as found where it, and nothing else, was named.
 """
 
 from __future__ import annotations
 
-import json
-import sys
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -17,15 +15,15 @@ from typing import Any
 import numpy as np
 
 import skinmap
+from benchmarks.calibration.person import Patient, Person
 from calibration.wiring.boards import Boards, Wiring, boards_of
 from calibration.wiring.doctor import Doctor
 from calibration.wiring.faults import Fault
-from calibration.wiring.person import Patient, Person
 from calibration.wiring.rest import judge_rest
 from calibration.wiring.touches import Baseline, make_touch
 
 PARTS = (("left_forearm", 12), ("torso", 20), ("left_leg_upper", 28))  # and pokes asked for
-STROKES, HANDS = 18, 18
+STROKES = 18
 MODULE_KINDS = (
     "swapped_modules", "turned_module", "mirrored_module", "mute_module", "swapped_chains",
     "reversed_chain", "mute_chain",
@@ -62,21 +60,17 @@ class Trials:
         how: str,
         touches: int,
         seed: Sequence[int],
-        *,
-        rested: bool = True,
     ) -> tuple[Doctor, int]:
         """An examination; the doctor, and after how many touches the first fault was named."""
         person = self.person(faults, np.random.default_rng(list(seed)))
         doctor = self.base.again()
         rest = person.rest(REST)
-        if rested:
-            doctor.rest(judge_rest(rest, self.boards))
+        doctor.rest(judge_rest(rest, self.boards))
         level = Baseline.of(rest, "pressure")
         first = 0 if not doctor.found else -1
         for number in range(1, touches + 1):
             path, _ = doctor.next_place(how)
-            sent = {"poke": person.poke, "hand": person.hold}.get(how)
-            samples = person.stroke(path) if sent is None else sent(path[0])
+            samples = person.stroke(path) if how == "stroke" else person.poke(path[0])
             new = doctor.hear(make_touch(level.answers(samples), how, path))
             first = first or (number if new else 0)
         doctor.conclude()
@@ -102,12 +96,11 @@ def wiring_rows(*, faulty: int = 35, healthy: int = 300, rests: int = 500) -> li
     """
     every = [(Trials(part), pokes) for part, pokes in PARTS]
     rows = []
-    for how in ("poke", "stroke", "hand"):
+    for how in ("poke", "stroke"):
         false_alarms, done = 0, 0
         for number, (trials, pokes) in enumerate(every):
-            touches = {"poke": pokes, "stroke": STROKES, "hand": HANDS}[how]
-            kinds = MODULE_KINDS if how != "hand" else ("swapped_modules", "mute_module")
-            rows += _fault_rows(trials, how, touches, kinds, faulty, number)
+            touches = pokes if how == "poke" else STROKES
+            rows += _fault_rows(trials, how, touches, faulty, number)
             share = healthy // 3 + (number < healthy % 3)
             for seed in range(share):
                 doctor, _ = trials.run((), how, touches, (seed, number, 7))
@@ -116,21 +109,18 @@ def wiring_rows(*, faulty: int = 35, healthy: int = 300, rests: int = 500) -> li
         rows.append({"what": "healthy", "touch": how, "part": "all", "runs": done,
                      "false_alarms": false_alarms, "truth": TRUTH})  # fmt: skip
     rows += rest_rows(every[0][0], rests)
-    rows += [channel_row(trials, 48, max(2, faulty // 6)) for trials, _ in every[:2]]
-    rows.append(pair_row(every[0][0], max(2, faulty // 3)))
-    rows.append(alone_row(every[0][0], 12, max(2, faulty // 2)))
     return rows
 
 
 def _fault_rows(
-    trials: Trials, how: str, touches: int, kinds: Sequence[str], faulty: int, number: int
+    trials: Trials, how: str, touches: int, faulty: int, number: int
 ) -> list[dict[str, Any]]:
     """A row for each kind, and one for all."""
     rows: list[dict[str, Any]] = []
-    for place, kind in enumerate(kinds):
+    for place, kind in enumerate(MODULE_KINDS):
         choices = trials.faults(kind)
         found, wrong, when, seconds = 0, 0, [], 0.0
-        runs = max(1, faulty // len(kinds))
+        runs = max(1, faulty // len(MODULE_KINDS))
         for seed in range(runs):
             rng = np.random.default_rng([seed, number, place])
             fault = choices[int(rng.integers(len(choices)))]
@@ -193,56 +183,3 @@ def raw_rest(n: int, noise: float, rng: np.random.Generator, samples: int = REST
     hum = 0.15 * noise * np.sin(2 * np.pi * 0.37 * np.arange(samples))[:, None]
     level = rng.uniform(235.0, 245.0, n)
     return np.rint(level + drift + hum + rng.normal(0.0, noise, (samples, n)))
-
-
-def channel_row(trials: Trials, most: int, runs: int) -> dict[str, Any]:
-    """Two channels exchanged inside a module: no promise, how many pokes it takes."""
-    choices = trials.faults("swapped_channels")
-    when = []
-    for seed in range(runs):
-        rng = np.random.default_rng([seed, 11])
-        fault = choices[int(rng.integers(len(choices)))]
-        doctor, first = trials.run((fault,), "poke", most, (seed, 12))
-        when += [first] if right(doctor, (fault,)) else []
-    return {"what": "swapped_channels", "touch": "poke", "part": trials.part, "touches": most,
-            "runs": runs, "found_percent": 100.0 * len(when) / runs,
-            "touches_median": float(np.median(when)) if when else None,
-            "truth": TRUTH}  # fmt: skip
-
-
-def pair_row(trials: Trials, runs: int) -> dict[str, Any]:
-    """Two faults of modules far apart, found one after the other in twice as many pokes."""
-    found = 0
-    centres = trials.boards.centres
-    for seed in range(runs):
-        rng = np.random.default_rng([seed, 13])
-        while True:
-            swap, turn = (
-                trials.faults(kind)[int(rng.integers(len(trials.faults(kind))))]
-                for kind in ("swapped_modules", "turned_module")
-            )
-            gap = np.linalg.norm(centres[list(swap.modules)] - centres[turn.modules[0]], axis=1)
-            if gap.min() > 45e-3:
-                break
-        doctor, _ = trials.run((swap, turn), "poke", 24, (seed, 14))
-        found += right(doctor, (swap, turn))
-    return {"what": "swapped and turned", "touch": "poke", "part": trials.part, "touches": 24,
-            "runs": runs, "found_percent": 100.0 * found / runs, "truth": TRUTH}  # fmt: skip
-
-
-def alone_row(trials: Trials, touches: int, runs: int) -> dict[str, Any]:
-    """Mute modules by touches alone, without what the rest says of them."""
-    choices, found = trials.faults("mute_module"), 0
-    for seed in range(runs):
-        fault = choices[int(np.random.default_rng([seed, 15]).integers(len(choices)))]
-        doctor, _ = trials.run((fault,), "poke", touches, (seed, 16), rested=False)
-        found += right(doctor, (fault,))
-    return {"what": "mute_module, no rest", "touch": "poke", "part": trials.part,
-            "touches": touches, "runs": runs, "found_percent": 100.0 * found / runs,
-            "truth": TRUTH}  # fmt: skip
-
-
-if __name__ == "__main__":
-    quick = {"faulty": 7, "healthy": 6, "rests": 10} if "--quick" in sys.argv else {}
-    for row in wiring_rows(**quick):
-        print(json.dumps(row), flush=True)

@@ -1,25 +1,21 @@
 """Boards laid by anchors on the family of links, and what becomes of wrong input.
 
 The truth is a formula (`links`), the evidence simulated: anchors of 1 mm a coordinate. No constant
-of the wrap was chosen by the links that are `judged`. The former method, lengths alone, is measured
-on the same evidence in the same run: it expects no strain and knows no plates.
+of the wrap was chosen by the links that are `judged`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from benchmarks.calibration.links import family_cases
-from benchmarks.calibration.patches import Case, far_apart, simulate_touches
+from benchmarks.calibration.patches import Case, far_apart
 from benchmarks.harness.timing import timed
-from calibration import PatchCalibration, Status, locate_by_touch, wrap_layout
-from calibration.patch import board as boards
-from calibration.patch import minima
+from calibration import PatchCalibration, Status, wrap_layout
 from calibration.patch.link_surface import make_target
 from skinmap.arrays import FloatArray, IntArray
 
@@ -27,68 +23,52 @@ COUNTS = (4, 6, 8)  # anchors
 NOISE = 1e-3  # of each of their coordinates [m]
 OFF = 9e-3  # how far a misplaced anchor is off, along the skin [m]
 INSIDE = (0.2, 2.5)  # normalised errors squared that count as true
-WRONG_BY = 2e-3  # a median error above this must not be called ok [m]
+WRONG_BY_MM = 2.0  # a median error above this must not be called ok
 NEAR = 8  # taxels round one, which tell its tangent plane
 FIRST_CHANNEL = 1000  # so that no channel is a row
 Run = dict[str, Any]
 
 
-@contextmanager
-def lengths_alone() -> Iterator[None]:
-    """The former method: all strain is unexpected."""
-    rounds, smooth = minima.ROUNDS, boards.SMOOTH
-    minima.ROUNDS, boards.SMOOTH = 0, 1e-6
-    try:
-        yield
-    finally:
-        minima.ROUNDS, boards.SMOOTH = rounds, smooth
-
-
 def family_rows(repeats: int, *, some: int | None = None) -> list[dict[str, Any]]:
-    """Rows by method, anchors and kind of board, over links that chose constants and others."""
+    """Rows by anchors and kind of board, over links that chose constants and others."""
     cases = [(board, link.judged, case) for board in ("flat", "modules")
              for link, case in list(family_cases(board))[:some]]  # fmt: skip
     rows = []
-    for method in ("lengths alone", "flat map"):
-        for count in COUNTS:
-            runs = [
-                _run(case, board, judged, method, count, repeat)
-                for board, judged, case in cases
-                for repeat in range(repeats)
-            ]
-            rows += _summaries(runs, method, count)
+    for count in COUNTS:
+        runs = []
+        for board, judged, case in cases:
+            for repeat in range(repeats):
+                rng = np.random.default_rng([repeat, count, len(case.layout), len(case.part)])
+                taxels, points = anchored(case, count, rng)
+                modules = case.modules if board == "modules" else None
+                run = wrapped(case, case.layout, taxels, points, modules=modules, rng=rng)
+                runs.append(run | {"board": board, "judged": judged})
+        rows += _summaries(runs, count)
     return rows
 
 
-def _run(case: Case, board: str, judged: bool, method: str, count: int, repeat: int) -> Run:
-    rng = np.random.default_rng([repeat, count, len(case.layout), len(case.part)])
-    taxels, points = anchored(case, count, rng)
+def wrapped(case: Case, layout: FloatArray, taxels: Any, points: Any, **how: Any) -> Run:
+    """One board laid by anchors, against where it is; the link's wrap is made before."""
     make_target(case.vertices, case.faces)
-    modules = case.modules if board == "modules" and method == "flat map" else None
-    solve = partial(
-        wrap_layout, case.layout, case.vertices, case.faces, taxels, points,
-        modules=modules, rng=rng,
-    )  # fmt: skip
-    if method == "flat map":
-        found, seconds, _ = timed(solve)
-    else:
-        with lengths_alone():
-            found, seconds, _ = timed(solve)
-    return _measured(found, case, board, judged, seconds)
+    found, seconds, _ = timed(
+        partial(wrap_layout, layout, case.vertices, case.faces, taxels, points, **how)
+    )
+    return measured(found, case, seconds)
 
 
-def _measured(found: PatchCalibration, case: Case, board: str, judged: bool, seconds: float) -> Run:
+def measured(found: PatchCalibration, case: Case, seconds: float) -> Run:
+    """Errors of the taxels [mm], how honest they are, status and CPU time."""
     error = found.positions - case.truth
-    length = np.linalg.norm(error, axis=1)
+    length = 1e3 * np.linalg.norm(error, axis=1)
     square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error)
     return {
-        "board": board, "judged": judged, "median": 1e3 * float(np.median(length)),
-        "p95": 1e3 * float(np.percentile(length, 95)), "ok": found.status is Status.OK,
-        "normalised": float(square.mean() / 3), "seconds": seconds,
+        "median": float(np.median(length)), "p95": float(np.percentile(length, 95)),
+        "normalised": float(square.mean() / 3), "seconds": seconds, "status": str(found.status),
+        "ok": found.status is Status.OK, "reasons": found.reasons,
     }  # fmt: skip
 
 
-def _summaries(runs: list[Run], method: str, count: int) -> list[dict[str, Any]]:
+def _summaries(runs: list[Run], count: int) -> list[dict[str, Any]]:
     groups: dict[str, Callable[[Run], bool]] = {
         "all": lambda run: True,
         "flat": lambda run: run["board"] == "flat",
@@ -103,7 +83,7 @@ def _summaries(runs: list[Run], method: str, count: int) -> list[dict[str, Any]]
         normalised = np.array([run["normalised"] for run in own])
         inside = (normalised >= INSIDE[0]) & (normalised <= INSIDE[1])
         rows.append({
-            "method": method, "anchors": count, "boards": name, "runs": len(own),
+            "method": "flat map", "anchors": count, "boards": name, "runs": len(own),
             "median_mm": float(np.mean([run["median"] for run in own])),
             "p95_mm": float(np.mean([run["p95"] for run in own])),
             "worst_median_ok_mm": max((run["median"] for run in own if run["ok"]), default=None),
@@ -123,25 +103,6 @@ def anchored(case: Case, count: int, rng: np.random.Generator) -> tuple[IntArray
     return taxels, case.truth[taxels] + rng.normal(0.0, NOISE, (count, 3))
 
 
-def family_touch_rows(*, some: int | None = None) -> list[dict[str, Any]]:
-    """The same boards located by touches alone, gains spread by a quarter."""
-    rows = []
-    for count, how in ((32, {"noise": 1e-3}), (64, {"noise": 2e-3, "wrong": 0.3, "dead": 0.2})):
-        runs = []
-        for board in ("flat", "modules"):
-            for link, case in list(family_cases(board))[:some]:
-                rng = np.random.default_rng([count, len(case.layout), len(case.part)])
-                touches = simulate_touches(case, count, rng, **how)
-                make_target(case.vertices, case.faces)
-                found, seconds, _ = timed(partial(
-                    locate_by_touch, case.layout, case.vertices, case.faces, touches,
-                    modules=case.modules if board == "modules" else None, rng=rng,
-                ))  # fmt: skip
-                runs.append(_measured(found, case, board, link.judged, seconds))
-        rows += [row | {"touches": count, **how} for row in _summaries(runs, "touches", count)]
-    return rows
-
-
 def wrong_rows(icub: list[Case], each: int) -> list[dict[str, Any]]:
     """Wrong inputs of each kind, and as many honest ones: called ok, refused, named right."""
     family = [case for board in ("flat", "modules") for _, case in family_cases(board)]
@@ -155,7 +116,7 @@ def wrong_rows(icub: list[Case], each: int) -> list[dict[str, Any]]:
         rows.append({
             "kind": kind, "runs": each,
             "ok": sum(run["ok"] for run in runs),
-            "ok_and_wrong": sum(run["ok"] and run["median"] > WRONG_BY for run in runs),
+            "ok_and_wrong": sum(run["ok"] and run["median"] > WRONG_BY_MM for run in runs),
             "named_percent": 100.0 * float(np.mean([run["named"] for run in runs])),
             "seconds_mean": float(np.mean([run["seconds"] for run in runs])),
         })  # fmt: skip
@@ -166,17 +127,13 @@ def _spoilt(case: Case, spoil: Any, count: int, rng: np.random.Generator) -> Run
     taxels, points = anchored(case, count, rng)
     layout, points, words = spoil(case, case.layout, taxels, points, rng)
     modules = case.modules if len(np.unique(case.modules)) > 1 and "flat" not in case.part else None
-    found, seconds, _ = timed(partial(
-        wrap_layout, layout, case.vertices, case.faces, taxels, points, modules=modules,
+    run = wrapped(
+        case, layout, taxels, points, modules=modules,
         channels=FIRST_CHANNEL + np.arange(len(layout)), rng=rng,
-    ))  # fmt: skip
-    said = found.reasons[0] if found.reasons else ""
-    return {
-        "ok": found.status is Status.OK,
-        "median": float(np.median(np.linalg.norm(found.positions - case.truth, axis=1))),
-        "named": all(word in said for word in words) and bool(said) == bool(words),
-        "seconds": seconds,
-    }
+    )  # fmt: skip
+    said = run["reasons"][0] if run["reasons"] else ""
+    named = all(word in said for word in words) and bool(said) == bool(words)
+    return run | {"named": named}
 
 
 Spoilt = tuple[FloatArray, FloatArray, tuple[str, ...]]  # layout, points, words that name it

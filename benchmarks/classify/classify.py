@@ -16,8 +16,8 @@ from benchmarks.geometry.structures import structure_rows
 from benchmarks.harness.record import command
 from benchmarks.harness.timing import medians, ratio_quartiles, spreads, take_turns
 from benchmarks.live.live_speed import live_rows
-from skinmap.classify.additive import intersection_function
-from skinmap.classify.intersection import IntersectionSVC, intersection_kernel
+from skinmap.classifiers.histograms.additive import intersection_function
+from skinmap.classifiers.histograms.intersection import IntersectionSVC, intersection_kernel
 
 SHARES = ((1, 1.0), (1, 0.03), (6, 1.0), (6, 0.03))  # rotations, share of the taxels active
 ROUNDS = 15
@@ -26,14 +26,10 @@ BLOCK = 2**22  # numbers at a time in the plain kernel
 RATIOS = {  # of two tasks on all samples
     "numpy": ("scikit_learn", "numpy"),
     "compiled": ("scikit_learn", "compiled"),
-    "numpy_over_cityblock": ("scikit_learn_cityblock", "numpy"),
-    "compiled_over_cityblock": ("scikit_learn_cityblock", "compiled"),
 }
 ONE_RATIOS = {  # on one
-    "one_sample_numpy_over_cityblock": ("scikit_learn_cityblock", "numpy"),
     "one_sample_numpy": ("scikit_learn", "numpy"),
     "one_sample_compiled": ("scikit_learn", "compiled"),
-    "one_sample_estimator": ("scikit_learn", "estimator"),
 }
 
 
@@ -88,14 +84,10 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
     svc = SVC(kernel="precomputed", C=ours.C).fit(gram, labels)
     support = x[svc.support_]
 
-    def peer(rows: np.ndarray, make: Any = sum_of_minima) -> np.ndarray:
+    def peer(rows: np.ndarray) -> np.ndarray:
         kernel = np.zeros((len(rows), len(x)))  # only the support columns are ever read
-        kernel[:, svc.support_] = make(rows, support) / ours.scale_
+        kernel[:, svc.support_] = sum_of_minima(rows, support) / ours.scale_
         return svc.decision_function(kernel)
-
-    def quick_peer(rows: np.ndarray) -> np.ndarray:
-        """With the kernel through SciPy's city-block distances, as we train."""
-        return peer(rows, intersection_kernel)
 
     parts = (ours.support_histograms_, ours.coefficients_, ours.intercept_)
     plain, fast = intersection_function(*parts), intersection_function(*parts)
@@ -104,20 +96,16 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
     many_times = take_turns(
         {
             "scikit_learn": (lambda: peer(z), 1),
-            "scikit_learn_cityblock": (lambda: quick_peer(z), 1),
             "numpy": (lambda: plain(z), 2),
             "compiled": (lambda: fast(z), 5),
-            "estimator": (lambda: ours.decision_function(z), 2),
         },
         rounds,
     )
     single_times = take_turns(
         {
             "scikit_learn": (lambda: peer(one), 5),
-            "scikit_learn_cityblock": (lambda: quick_peer(one), 5),
             "numpy": (lambda: plain(one), 100),
             "compiled": (lambda: fast(one), 200),
-            "estimator": (lambda: ours.decision_function(one), 20),
         },
         rounds,
     )

@@ -7,16 +7,17 @@ tests/golden/contact_cnn.npz beside the logits that torch gives for some images
 
 from __future__ import annotations
 
+import json
 import time
 
 import numpy as np
 import torch
 
 from benchmarks import ROOT
-from skinmap.classify.cnn import ContactImageCNN, shrunken
-from skinmap.classify.convolution import Network, save_network
-from skinmap.classify.protocols.baxter import PART, ROBOT
-from skinmap.classify.protocols.baxter_images import simulate_images
+from skinmap.classifiers.images.cnn import ContactImageCNN, shrunken
+from skinmap.classifiers.images.convolution import Network
+from skinmap.classifiers.protocols.baxter import PART, ROBOT
+from skinmap.classifiers.protocols.baxter_images import simulate_images
 from skinmap.io.robots.manifest import load_robot
 from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -43,7 +44,13 @@ def main() -> None:
     machine = ContactImageCNN("small", random_state=SEED).fit(data.table, data.labels)
     print(f"{len(data)} images, {time.process_time() - start:.0f} s CPU")
     network = machine.trained
-    save_network(network, GOLDEN / "contact_cnn.npz")
+    head = json.dumps({"shape": network.shape, "labels": network.labels})
+    layers = {f"kernel_{k}": kernel for k, kernel in enumerate(network.kernels)}
+    layers |= {f"bias_{k}": bias for k, bias in enumerate(network.biases)}
+    layers |= {"weight": network.weight, "bias": network.bias}
+    np.savez_compressed(
+        GOLDEN / "contact_cnn.npz", head=np.frombuffer(head.encode(), np.uint8), **layers
+    )
     few = data.images[:: len(data) // 12]
     logits = torch_logits(network, shrunken(few, 2))
     np.savez_compressed(GOLDEN / "contact_cnn_logits.npz", images=few, logits=logits)

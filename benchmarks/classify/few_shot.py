@@ -11,15 +11,16 @@ import argparse
 import json
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 import skinmap
 from benchmarks.harness.record import about
-from skinmap.classify.classifier import DEFAULT, classifiers
-from skinmap.classify.descriptors import ContactGeometry, Touch, recorded_touches
-from skinmap.classify.evaluate import score
+from skinmap.classifiers.classifier import DEFAULT, classifiers
+from skinmap.classifiers.descriptors import ContactGeometry, Touch, recorded_touches
+from skinmap.classifiers.evaluate import score
 from skinmap.touch.prepared_skin import PreparedSkin
 
 ROBOT = "icub"
@@ -34,7 +35,7 @@ def draw(part: str, *, seed: int, per_gesture: int = PER_GESTURE) -> list[Touch]
     """Touches of ten people on a part."""
     skin = PreparedSkin(skinmap.load_robot(ROBOT).skin(part))
     made = skinmap.simulate(skin.skin, rng=seed, per_gesture=per_gesture)
-    return recorded_touches(skin, made)
+    return recorded_touches(skin, replace(made, people=tuple(map(str, made.subjects))))
 
 
 def judge(touches: Sequence[Touch], count: int, *, seed: int, mixed: bool = False) -> float:
@@ -53,7 +54,7 @@ def judge(touches: Sequence[Touch], count: int, *, seed: int, mixed: bool = Fals
     train = [one for name in labels for one in [t for t in own if t.label == name][:count]]
     if mixed:
         words = rng.permutation([one.label for one in train])
-        train = [Touch(t.skin, t.samples, str(w)) for t, w in zip(train, words, strict=True)]
+        train = [replace(t, label=str(w)) for t, w in zip(train, words, strict=True)]
     model = classifiers.get(DEFAULT)().fit(train, rng=rng)
     judged = [t for t in touches if t.person not in learn and t.label in labels]
     found = score(model, judged)

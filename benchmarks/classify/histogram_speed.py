@@ -10,8 +10,8 @@ from sklearn.cluster import KMeans
 from benchmarks.harness.timing import medians, ratio_quartiles, spreads, take_turns
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import Structures, find_structures
-from skinmap.touch.codebook import Codebook, learn_codebook, patterns
-from skinmap.touch.votes import VoteCounter
+from skinmap.touch.histograms.codebook import Codebook, learn_codebook, patterns
+from skinmap.touch.histograms.votes import VoteCounter
 
 # Taxel places in a 12-pad module of side 30 mm, origin at its centre [mm].
 PAD_12 = [
@@ -23,15 +23,11 @@ BATCH = 200
 ONE_RATIOS = {  # of two tasks on one sample
     "numpy_over_literal_loop": ("literal_loop", "numpy"),
     "compiled_over_literal_loop": ("literal_loop", "compiled"),
-    "numpy_over_tight_loop": ("tight_loop", "numpy"),
-    "compiled_over_tight_loop": ("tight_loop", "compiled"),
     "compiled_to_gather": ("compiled", "gather_compiled"),
 }
 BATCH_RATIOS = {
     "batch_numpy_over_kmeans": ("kmeans_per_structure", "numpy"),
     "batch_compiled_over_kmeans": ("kmeans_per_structure", "compiled"),
-    "batch_numpy_over_kmeans_predict_only": ("kmeans_predict_only", "numpy"),
-    "batch_compiled_over_kmeans_predict_only": ("kmeans_predict_only", "compiled"),
 }
 
 
@@ -55,18 +51,6 @@ def literal_loop(book: Codebook, structures: Structures, sample: np.ndarray) -> 
         pattern = np.concatenate([sample[[taxel]], np.where(places >= 0, sample[places], 0.0)])
         distances = np.linalg.norm(book.words[s] - pattern, axis=1)
         votes[s, np.argmin(distances)] += 1
-    return votes[:, 1:].ravel()
-
-
-def tight_loop(counter: VoteCounter, sample: np.ndarray) -> np.ndarray:
-    """The same loop with everything but the loop itself prepared: the quickest that we found."""
-    votes = np.zeros(counter.words.shape[:2], np.int64)
-    words = np.ascontiguousarray(counter.words.transpose(0, 2, 1))
-    padded = np.append(sample, 0.0)
-    index = np.ascontiguousarray(counter.index[:-1].T)
-    for place, s in zip(index, counter.labels, strict=True):
-        gap = padded[place][:, None] - words[s]
-        votes[s, (gap * gap).sum(axis=0).argmin()] += 1
     return votes[:, 1:].ravel()
 
 
@@ -114,30 +98,22 @@ def histogram_row(rotations: int, share: float, rounds: int) -> dict[str, Any]:
     shapes = range(len(book.words))
     width = book.words.shape[2]
 
-    def seen(x: np.ndarray) -> list[np.ndarray]:
-        return [patterns(structures, s, x).reshape(-1, width) for s in shapes]
-
-    ready = seen(samples)
-
-    def predict(rows: list[np.ndarray]) -> list[np.ndarray]:
-        return [machine.predict(x) for machine, x in zip(machines, rows, strict=True)]
+    def predict() -> list[np.ndarray]:
+        seen = (patterns(structures, s, samples).reshape(-1, width) for s in shapes)
+        return [machine.predict(x) for machine, x in zip(machines, seen, strict=True)]
 
     one_times = take_turns(
         {
             "literal_loop": (lambda: literal_loop(book, structures, sample), 1),
-            "tight_loop": (lambda: tight_loop(plain, sample), 1),
-            "kmeans_per_structure": (lambda: predict(seen(sample[None])), 2),
             "numpy": (lambda: plain.count_one(sample), 50),
             "compiled": (lambda: fast.count_one(sample), 200),
-            "gather_numpy": (lambda: padded[order], 200),
             "gather_compiled": (lambda: gather(padded, order, gathered), 200),
         },
         rounds,
     )
     batch_times = take_turns(
         {
-            "kmeans_per_structure": (lambda: predict(seen(samples)), 1),
-            "kmeans_predict_only": (lambda: predict(ready), 1),
+            "kmeans_per_structure": (predict, 1),
             "numpy": (lambda: plain.count(samples), 1),
             "compiled": (lambda: fast.count(samples), 2),
         },

@@ -15,22 +15,21 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ROOT
-from benchmarks.harness.record import about, write
+from benchmarks.harness import keep
+from benchmarks.harness.record import write
 from benchmarks.live.live_speed import in_time_rows
 from skinmap import load_robot
-from skinmap.classify.protocols.in_time import evaluate_in_time, play
-from skinmap.classify.protocols.physics import OURS, Judged
+from skinmap.classifiers.protocols.physics import OURS
 from skinmap.cli.evaluate.in_time import strokes_row
 from skinmap.errors import UnknownNameError
 from skinmap.live.contacts.contact_motion import MotionBook
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.stroke_errors import stroke_errors
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.physics.variants import DEFAULT, FROZEN
 from skinmap.report.result import plain
-from skinmap.touch.gestures import TIME
+from skinmap.skin.checks import twin_parts
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 
 OUT = ROOT / "benchmarks" / "results" / "in_time.json"
 ROBOTS = (("kaspar", ("left_hand",)), ("ur10e-cyskin", ()))  # beside the iCub
@@ -41,59 +40,21 @@ SAMPLES = 300
 def skins_of(robot: str, parts: tuple[str, ...] = ()) -> dict[str, PreparedSkin]:
     """Skins of a robot, one of each pair of mirror images."""
     loaded = load_robot(robot)
-    sizes: dict[int, str] = {}
-    for part in parts or loaded.parts:
-        sizes.setdefault(len(loaded.skin(part)), part)
-    return {part: PreparedSkin(loaded.skin(part)) for part in sizes.values()}
+    firsts = twin_parts({part: loaded.skin(part) for part in parts or loaded.parts})
+    return {part: PreparedSkin(loaded.skin(part)) for part in dict.fromkeys(firsts.values())}
 
 
-def names(skins: dict[str, PreparedSkin], per_gesture: int, seeds: Sequence[int]) -> dict[str, Any]:
-    """Names, presses, directions and speeds on the iCub, in three physics."""
-    found, errors = [], dict[str, list[Any]]()
-    for seed in seeds:
-        played = play(skins, [OURS, DEFAULT, FROZEN], TIME, per_gesture, seed)
-        found.append(evaluate_in_time(played, seed=seed))
-        for each in played:
-            errors.setdefault(each.physics, []).extend(stroke_errors(each.skin, each.recording))
-    rows = [
-        {
-            "features": first.features, "tested_on": first.judged.tested_on, "seen": first.seen,
-            **several([one.rows[number].judged for one in found]),
-        }
-        for number, first in enumerate(found[0].rows)
-    ]  # fmt: skip
-    mean = {(row["features"], row["tested_on"], row["seen"]): row["mean"] for row in rows}
-    whole = mean["and motion", OURS, 1.0]
-    alone, together = (
-        float(np.mean([getattr(one, name) for one in found]))
-        for name in ("still_alone", "still_together")
+def names(per_gesture: int, seeds: int) -> dict[str, Any]:
+    """Names, presses, directions and speeds on the iCub, in three physics: evaluate's protocol."""
+    words = ["--protocol", "time", "--per-gesture", str(per_gesture), "--seeds", str(seeds)]
+    found = keep.run(["evaluate", *words])
+    whole = next(
+        row["mean"]
+        for row in found["rows"]
+        if (row["features"], row["tested_on"], row["seen"]) == ("and motion", OURS, 1.0)
     )
-    return {
-        "rows": rows,
-        "named": whole,
-        "gained_points": 100.0 * (whole - mean["contact geometry", OURS, 1.0]),
-        "half_seen": mean["and motion", OURS, 0.5] / whole,
-        "still_lost_points": 100.0 * (alone - together),
-        "still_alone": alone,
-        "presses_right": {
-            one: float(np.mean([each.counted[one] for each in found])) for one in found[0].counted
-        },
-        "strokes": [plain(strokes_row(name, own)) for name, own in errors.items()],
-    }
-
-
-def several(found: Sequence[Judged]) -> dict[str, Any]:
-    """Mean over classes and seeds, its spread over the seeds, and the mean of each class."""
-    means = [one.mean for one in found]
-    labels = list(found[0].per_class)
-    return {
-        "mean": float(np.mean(means)),
-        "spread": float(np.std(means)),
-        "per_class": {
-            label: float(np.nanmean([one.per_class.get(label, np.nan) for one in found]))
-            for label in labels
-        },
-    }
+    lost = 100.0 * (found["still_alone"] - found["still_together"])
+    return {**found, "named": whole, "still_lost_points": lost}
 
 
 def other_robots(strokes: int, seeds: Sequence[int]) -> list[dict[str, Any]]:
@@ -154,11 +115,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=2)
     chosen = parser.parse_args()
     seeds = list(range(chosen.seeds))
+    icub = names(chosen.touches, chosen.seeds)
     found = {
-        **about("full"), "touches": chosen.touches, "seeds": seeds, "cost": cost(),
+        "made": icub.pop("made"), "touches": chosen.touches, "seeds": seeds, "cost": cost(),
         "sample_to_labels": in_time_rows(quick=False),
-        "robots": other_robots(2 * chosen.touches, seeds),
-        "icub": names(skins_of("icub"), chosen.touches, seeds),
+        "robots": other_robots(2 * chosen.touches, seeds), "icub": icub,
     }  # fmt: skip
     write(OUT, found)
     print(OUT.read_text())

@@ -19,15 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.harness.record import RESULTS, about, write
-from skinmap.classify.classifier import DEFAULT, TouchClassifier, classifiers
-from skinmap.classify.descriptors import recorded_touches
-from skinmap.classify.naming import name_touches
+from skinmap.classifiers.classifier import DEFAULT, TouchClassifier, classifiers
+from skinmap.classifiers.descriptors import recorded_touches
+from skinmap.classifiers.naming import name_touches
 from skinmap.cli.evaluate.fingers import ARCHIVE, FOLDER
 from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
-from skinmap.touch.grouping import GroupingRule
+from skinmap.touch.contacts.grouping import GroupingRule
+from skinmap.touch.contacts.rest import find_rest
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.rest import find_rest
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "cyskin"
 RATE = 10.0  # samples a second

@@ -11,10 +11,10 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt
 
-from skinmap.classify.protocols.baxter import PART, ROBOT
-from skinmap.classify.protocols.baxter_images import GESTURES, simulate_images
+from skinmap.classifiers.protocols.baxter import PART, ROBOT
+from skinmap.classifiers.protocols.baxter_images import GESTURES, simulate_images
 from skinmap.io.robots.manifest import load_robot
-from skinmap.touch.contact_image import image_geometry
+from skinmap.touch.images.contact_image import image_geometry
 from skinmap.touch.prepared_skin import PreparedSkin
 
 TARGET = ROOT / "docs" / "pictures" / "contact_images.png"

@@ -9,9 +9,7 @@ only and leaves out what takes long.
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-import tempfile
+import math
 import warnings
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
+import skinmap
 from benchmarks.geometry.meshing import meshing_rows, missing
 from benchmarks.geometry.saddle import flattening_rows, large_rows
 from benchmarks.harness.record import command
@@ -31,10 +30,14 @@ from benchmarks.harness.timing import (
     timed,
 )
 from skinmap.flat.flat_map import FlatMap, flatten
+from skinmap.skin.fit import measure_fit
 from skinmap.skin.skin import Skin, skin_from_points
 from skinmap.surface.surface_mesh import build_surface
-from skinmap.touch.contact_image import ContactImageGeometry, compiled_gathers, image_geometry
-from skinmap.touch.paper_image import paper_images
+from skinmap.touch.images.contact_image import (
+    ContactImageGeometry,
+    compiled_gathers,
+    image_geometry,
+)
 
 CYSKIN = Path(__file__).resolve().parents[3] / "shared" / "data" / "cyskin" / "ur10e"
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000)
@@ -100,10 +103,6 @@ def cost_model(rows: list[dict[str, Any]]) -> dict[str, tuple[float, float]]:
 
 def icub_row(repeats: int) -> dict[str, Any]:
     """All parts of the iCub meshed and flattened, warm."""
-    import skinmap
-    from skinmap.flat.flat_map import flatten
-    from skinmap.surface.surface_mesh import build_surface
-
     robot = skinmap.load_robot("icub")
     skins = [robot.skin(part) for part in robot.parts]
     times = []
@@ -128,10 +127,6 @@ def icub_row(repeats: int) -> dict[str, Any]:
 
 def ur10e_row() -> dict[str, Any]:
     """The second real skin on our meshes and, where its laboratory's files are, on theirs."""
-    import skinmap
-    from skinmap.flat.flat_map import flatten
-    from skinmap.surface.surface_mesh import build_surface
-
     robot = skinmap.load_robot("ur10e-cyskin")
     meshes = [build_surface(robot.skin(part)) for part in robot.parts]
     maps = [flatten(mesh) for mesh in meshes]
@@ -147,34 +142,20 @@ def ur10e_row() -> dict[str, Any]:
 
 def theirs_row(path: Path) -> dict[str, Any]:
     """Our edge error on the mesh of a CySkin file, and that of the best map that came with it."""
-    command = [str(Path(sys.executable).with_name("skinmap")), "flatten", str(path)]
-    with tempfile.TemporaryDirectory() as folder:
-        done = subprocess.run(
-            [*command, "--compare", "theirs", "--json"],
-            check=True, capture_output=True, text=True, cwd=folder,
-        )  # fmt: skip
-    found = json.loads(done.stdout)
+    from skinmap.cli.flatten import work
+
+    found, _ = work([str(path)], compare="theirs")
     return {
         "file": path.name,
-        "ours_percent": max(one["edge_rms_percent"] for one in found["patches"]),
-        "theirs_percent": min(one["edge_rms_percent"] for one in found["compare"]),
+        "ours_percent": max(one.edge_rms_percent for one in found.patches),
+        "theirs_percent": min(one.edge_rms_percent or math.inf for one in found.compare),
     }
 
 
 def normals_of(robot: Any, skins: list[Any]) -> dict[str, Any]:
     """Angles between taxels' normals and the nearest face of their link, sign aside."""
-    from skinmap.geometry.proximity import closest_on_mesh
-
-    angles = []
-    for skin in skins:
-        mesh = robot.mesh(skin.link)
-        _, face, _ = closest_on_mesh(skin.positions, mesh.vertices, mesh.faces)
-        a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
-        side = np.cross(b - a, c - a)
-        cosine = np.abs(np.einsum("ni,ni->n", side, skin.normals))
-        cosine /= np.maximum(np.linalg.norm(side, axis=1), 1e-300)
-        angles.append(np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0))))
-    every = np.concatenate(angles)
+    fits = [measure_fit(skin, robot.mesh(skin.link)) for skin in skins]
+    every = np.degrees(np.concatenate([fit.normal_angle for fit in fits]))
     return {
         "taxels": len(every),
         "normals_deg_median": float(np.median(every)),
@@ -238,7 +219,6 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
     """One row: ours and the peers on one map and one grid."""
     rng = np.random.default_rng(0)
     geometry = image_geometry(flat, shape=shape)
-    paper = image_geometry(flat)
     samples = rng.random((BATCH, len(geometry)), np.float32)
     sample = samples[0]
     values = samples.T.copy()
@@ -259,27 +239,17 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
         {
             "image": (lambda: geometry.image(sample), repeats),
             "copy": (lambda: np.copyto(target, source), repeats),
-            "csr": (lambda: geometry.single @ sample, repeats),
             "batch": (lambda: geometry.images(samples), few),
             "csr_batch": (lambda: geometry.single @ values, few),
-            "paper": (lambda: paper_images(paper, samples[:1]), few),
-            "paper_batch": (lambda: paper_images(paper, samples), few),
             "peer_reused": (
                 lambda: LinearNDInterpolator(triangulation, sample, fill_value=0.0)(centres),
                 few,
-            ),
-            "peer_rebuilt": (
-                lambda: LinearNDInterpolator(flat.uv, sample, fill_value=0.0)(centres),
-                1,
             ),
         },
         ROUNDS,
     )
     times = medians(turns, 1e6)
     ratios = ratio_quartiles(turns, {"times_bandwidth_bound": ("image", "copy")})
-    theirs = LinearNDInterpolator(triangulation, sample, fill_value=0.0)(centres)
-    both = geometry.mask.ravel()
-    error = np.abs(theirs - geometry.image(sample).ravel())[both]
     return {
         "taxels": len(geometry),
         "shape": list(geometry.shape),
@@ -288,21 +258,11 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
         "quartiles_us": spreads(turns, 1e6),
         "image_us": times["image"],
         "batch_us_per_sample": times["batch"] / BATCH,
-        "csr_us": times["csr"],
         "csr_batch_us_per_sample": times["csr_batch"] / BATCH,
-        "bandwidth_bound_us": times["copy"],
-        "bytes": moved,
-        "gigabytes_per_second": moved / times["copy"] * 1e-3,
         "times_bandwidth_bound": ratios["times_bandwidth_bound"][1],
         "ratio_quartiles": ratios,
         "batch_quartiles_us_per_sample": spreads(turns, 1e6 / BATCH)["batch"],
-        "paper_image_us": times["paper"],
-        "paper_batch_us_per_sample": times["paper_batch"] / BATCH,
-        "scipy_rebuilt_us": times["peer_rebuilt"],
         "scipy_reused_us": times["peer_reused"],
-        "times_faster_than_scipy_reused": times["peer_reused"] / times["image"],
-        # Where scipy's Delaunay has the same triangles as the map: all but slivers at the border.
-        "pixels_equal_to_scipy_percent": 100.0 * float((error < 1e-5).mean()),
     }
 
 

@@ -1,8 +1,7 @@
 """Meshing of taxels against the peers: what comes out, and what it costs.
 
-`meshing_rows` and `icub_rows` give the rows, one dictionary each; run as a program this prints
-them and writes benchmarks/results/meshing.json. Peers that are not installed are left out, and
-named so. One thread: set OMP_NUM_THREADS=1.
+`meshing_rows` gives the rows, a part of `make bench-geometry`. Peers that are not installed are
+left out, and named so.
 """
 
 from __future__ import annotations
@@ -17,16 +16,11 @@ import numpy as np
 from benchmarks.harness.timing import Quartiles, quartiles
 from benchmarks.harness.timing import timed as timed_call
 from skinmap.errors import InvalidMeshError
-from skinmap.geometry.topology import boundary_loops, edges, face_components, half_edges
+from skinmap.geometry.topology import face_components
 from skinmap.skin.skin import Skin, skin_from_points
-from skinmap.surface.consensus_meshing import Limits, close_small_holes
-from skinmap.surface.merge import consensus, fans
 from skinmap.surface.surface_mesh import build_surface
-from skinmap.surface.taxel_cloud import make_cloud
 
-SIZES = (1_000, 10_000, 100_000, 1_000_000)
 REPEATS = 3
-ONCE = 300_000  # points: from here on one run each
 PITCH = 6.5e-3  # m, as on the iCub
 Mesher = Callable[[Skin], np.ndarray]
 
@@ -48,38 +42,6 @@ def ours(method: str) -> Mesher:
     return lambda skin: build_surface(skin, method=method).faces
 
 
-def potpourri3d_stars(skin: Skin) -> np.ndarray:
-    """Stars from potpourri3d, then our merge and closing of holes."""
-    import potpourri3d
-
-    cloud = make_cloud(skin.positions, skin.normals)
-    limits = Limits.of(cloud, None, None, 8)
-    local = potpourri3d.PointCloudLocalTriangulation(np.array(cloud.points))
-    votes = local.get_local_triangulation().reshape(-1, 3).astype(np.int64)
-    votes = votes[(votes >= 0).all(axis=1)]
-    corners = cloud.points[votes]
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    turned = np.einsum("ij,ij->i", np.cross(b - a, c - a), cloud.normals[votes[:, 0]]) < 0
-    votes[turned] = votes[turned][:, ::-1]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    votes = votes[longest <= limits.max_edge]
-    faces = consensus(cloud.points, cloud.normals, votes, limits.least_altitude)
-    return cloud.vertices[close_small_holes(cloud, limits, faces)]
-
-
-def open3d_pivoting(skin: Skin) -> np.ndarray:
-    """Open3D ball pivoting with balls of one, one and a half and two spacings."""
-    import open3d
-
-    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(np.array(skin.positions)))
-    cloud.normals = open3d.utility.Vector3dVector(
-        np.array(skin.normals)
-    )  # it takes no read-only arrays
-    radii = open3d.utility.DoubleVector([PITCH, 1.5 * PITCH, 2 * PITCH])
-    mesh = open3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(cloud, radii)
-    return np.asarray(mesh.triangles, np.int64)
-
-
 def pymeshlab_pivoting(skin: Skin) -> np.ndarray:
     """Ball pivoting of MeshLab with the radius of its choice."""
     import pymeshlab
@@ -93,8 +55,6 @@ def pymeshlab_pivoting(skin: Skin) -> np.ndarray:
 METHODS: dict[str, tuple[str | None, Mesher]] = {
     "consensus": (None, ours("consensus")),
     "fast": (None, ours("fast")),
-    "potpourri3d stars, our merge": ("potpourri3d", potpourri3d_stars),
-    "Open3D ball pivoting": ("open3d", open3d_pivoting),
     "pymeshlab ball pivoting": ("pymeshlab", pymeshlab_pivoting),
 }
 
@@ -109,38 +69,13 @@ def installed() -> dict[str, Mesher]:
 
 
 def describe(faces: np.ndarray) -> dict[str, int]:
-    """What a mesh is like: taxels used, patches, holes, and what of it is not manifold."""
-    if len(faces) == 0:
-        return {"faces": 0, "used": 0, "patches": 0, "holes": 0, "bad_edges": 0, "bad_vertices": 0}
-    directed = half_edges(faces)
-    sides = np.sort(directed, axis=1)
-    _, count = np.unique(sides, axis=0, return_counts=True)
-    crowded = int((count > 2).sum()) + len(directed) - len(np.unique(directed, axis=0))
-    pinched = _pinched(faces)
+    """What a mesh is like: triangles, taxels used, patches."""
+    label = face_components(faces) if len(faces) else np.array([-1])
     return {
         "faces": len(faces),
         "used": len(np.unique(faces)),
-        "patches": int(face_components(faces).max()) + 1,
-        "holes": _holes(faces) if crowded + pinched == 0 else _euler_holes(faces),
-        "bad_edges": crowded,
-        "bad_vertices": pinched,
+        "patches": int(label.max()) + 1,
     }
-
-
-def _holes(faces: np.ndarray) -> int:
-    loops = len(boundary_loops(faces))
-    return loops - int(face_components(faces).max()) - 1 if loops else 0
-
-
-def _euler_holes(faces: np.ndarray) -> int:
-    """Holes of a mesh that is no manifold: what its Euler number lacks to discs."""
-    pieces = int(face_components(faces).max()) + 1
-    return pieces - (len(np.unique(faces)) - len(edges(faces)) + len(faces))
-
-
-def _pinched(faces: np.ndarray) -> int:
-    _, vertex = fans(faces)
-    return int((np.bincount(vertex) > 1).sum())
 
 
 def timed(
@@ -163,7 +98,7 @@ def timed(
     return {name: (faces[name], quartiles(each)) for name, each in runs.items()}
 
 
-def meshing_rows(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
+def meshing_rows(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
     """One row for each size and method, methods interleaved, each warmed up on a small skin."""
     meshers = installed()
     small = wavy_skin(400)
@@ -171,50 +106,12 @@ def meshing_rows(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
     rows = []
     for size in sizes:
         skin = wavy_skin(size)
-        for name, (faces, cpu) in timed(meshers, skin, 1 if size >= ONCE else REPEATS).items():
+        for name, (faces, cpu) in timed(meshers, skin, REPEATS).items():
             row = {"method": name, "n": len(skin), **describe(faces), "cpu_s": cpu[1]}
             rows.append(row | {"quartiles_s": cpu})
-    return rows
-
-
-def icub_rows() -> list[dict[str, Any]]:
-    """One row for each method: all 13 parts of the iCub together, `accurate` on their links."""
-    import skinmap
-
-    robot = skinmap.load_robot("icub")
-    skins = [robot.skin(part) for part in robot.parts]
-    bodies = {id(skin): robot.mesh(skin.link) for skin in skins}
-
-    def accurate(skin: Skin) -> np.ndarray:
-        return build_surface(skin, method="accurate", body=bodies[id(skin)]).faces
-
-    rows = []
-    for name, mesher in {**installed(), "accurate": accurate}.items():
-        total, complete, seconds = dict.fromkeys(describe(np.zeros((0, 3))), 0), 0, 0.0
-        for skin in skins:
-            repeats = 1 if name == "accurate" else REPEATS
-            faces, cpu = timed({name: mesher}, skin, repeats)[name]
-            found = describe(faces)
-            total = {key: total[key] + value for key, value in found.items()}
-            complete += found["used"] == len(skin)
-            seconds += cpu[1]
-        rows.append({"method": name, "n": sum(map(len, skins)), "complete_parts": complete,
-                     **total, "cpu_s": seconds})  # fmt: skip
     return rows
 
 
 def missing() -> list[str]:
     """Peers that are not installed."""
     return [name for name in METHODS if name not in installed()]
-
-
-def measure(quick: bool, *, largest: int = SIZES[-1]) -> dict[str, Any]:
-    """Rows of the iCub and of sheets of up to so many taxels."""
-    sizes = (1_000,) if quick else tuple(size for size in SIZES if size <= largest)
-    return {"not_installed": missing(), "icub": icub_rows(), "rows": meshing_rows(sizes)}
-
-
-if __name__ == "__main__":
-    from benchmarks.harness.record import command
-
-    command(measure, __doc__, "meshing")

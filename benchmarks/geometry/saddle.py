@@ -11,7 +11,6 @@ import resource
 import subprocess
 import sys
 from collections.abc import Callable
-from importlib.util import find_spec
 from statistics import median
 from typing import Any
 
@@ -25,7 +24,7 @@ from skinmap.flat.distortion import measure_distortion
 from skinmap.flat.factorisation import factorise, solvers
 from skinmap.geometry.topology import boundary_loops
 
-OURS = ("tutte", "harmonic", "lscm", "fast", "balanced", "dirichlet")
+OURS = ("fast", "balanced", "dirichlet")
 REPEATS = {1_000: 9, 3_000: 7, 10_000: 5}
 ONCE_FROM = 30_000  # vertices: peers that take more than 5 C run once from here on
 
@@ -41,12 +40,12 @@ def saddle(n: int) -> tuple[np.ndarray, np.ndarray]:
     return np.column_stack([x, y, 0.5 * (x * x - y * y)]), np.concatenate([lower, upper])
 
 
-def flattening_rows(sizes: tuple[int, ...], *, slow_peers: bool = True) -> list[dict[str, Any]]:
+def flattening_rows(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
     """One row a method and size: CPU seconds, multiples of C, flips and distortion."""
-    return [row for n in sizes for row in _rows_of_size(n, slow_peers)]
+    return [row for n in sizes for row in _rows_of_size(n)]
 
 
-def _rows_of_size(n: int, slow_peers: bool) -> list[dict[str, Any]]:
+def _rows_of_size(n: int) -> list[dict[str, Any]]:
     vertices, faces = saddle(n)
     loop = boundary_loops(faces)[0]
     factors = factor_cases(vertices, faces, loop)
@@ -54,8 +53,7 @@ def _rows_of_size(n: int, slow_peers: bool) -> list[dict[str, Any]]:
         name: lambda name=name: map_disc(vertices, faces, method=name).uv for name in OURS
     }
     methods |= peer_cases(vertices, faces, loop)
-    slow = [name for name in methods if "SLIM" in name or "lscm" in name.lower()]
-    methods = {name: run for name, run in methods.items() if slow_peers or name not in slow}
+    slow = [name for name in methods if "SLIM" in name or "LSCM" in name]
     times: dict[str, list[float]] = {name: [] for name in (*factors, *methods)}
     maps = {}
     for repeat in range(REPEATS.get(n, 3)):
@@ -133,16 +131,8 @@ def peer_cases(
     """The libraries' own methods, each with all that it needs, from our BFF where it needs one."""
     import igl
 
-    disc = Disc(vertices, faces, loop)
-
     def start() -> np.ndarray:
         return Disc(vertices, faces, loop).conformal
-
-    def harmonic() -> np.ndarray:
-        length = np.linalg.norm(vertices[np.roll(loop, -1)] - vertices[loop], axis=1)
-        angle = 2 * np.pi * np.concatenate([[0.0], np.cumsum(length)[:-1]]) / length.sum()
-        circle = np.column_stack([np.cos(angle), np.sin(angle)])
-        return np.asarray(igl.harmonic(vertices, faces, loop, circle, 1))
 
     def lscm() -> np.ndarray:
         ends = np.array([loop[0], loop[len(loop) // 2]])
@@ -160,26 +150,11 @@ def peer_cases(
         mesh = column(vertices), column(faces.astype(np.int32)), column(start())
         return np.asarray(igl.slim_solve(igl.slim_precompute(*mesh, energy, *none, 0.0), steps))
 
-    cases = {
-        "libigl harmonic": harmonic,
+    return {
         "libigl LSCM": lscm,
         "libigl ARAP-10 from BFF": arap,
         "libigl SLIM-2 from BFF": lambda: slim(2),
     }
-    if find_spec("pymeshlab"):
-        filters = {"harmonic": "harmonic", "LSCM": "least_squares_conformal_maps"}
-        for name, end in filters.items():
-            cases[f"pymeshlab {name}"] = lambda end=end: _pymeshlab(disc, end)
-    return cases
-
-
-def _pymeshlab(disc: Disc, end: str) -> np.ndarray:
-    import pymeshlab
-
-    meshes = pymeshlab.MeshSet(verbose=False)
-    meshes.add_mesh(pymeshlab.Mesh(disc.vertices, disc.faces.astype(np.int32)))
-    getattr(meshes, f"compute_texcoord_parametrization_{end}")()
-    return np.asarray(meshes.current_mesh().vertex_tex_coord_matrix())
 
 
 def _cpu(run: Callable[[], Any]) -> tuple[float, Any]:

@@ -1,22 +1,22 @@
 """Periodic structures: how many there are, how firm under noise, and how long they take.
 
-`python -m benchmarks.geometry.structures` prints the rows; `benchmarks/classify/classify.py`
-takes them from `structure_rows`. CPU time of one thread, median of three after a warm-up.
+`benchmarks/classify/classify.py` takes the rows from `structure_rows`. CPU time of one thread,
+median of three after a warm-up.
 """
 
 from __future__ import annotations
 
-import json
-import time
 from typing import Any
 
 import numpy as np
 from sklearn.metrics import adjusted_rand_score
 
 import skinmap
-from benchmarks.harness.timing import quartiles
+from benchmarks.harness.timing import quartiles, timed
 from skinmap.arrays import FloatArray
 from skinmap.neighbours.offsets import (
+    BAND,
+    LATTICE,
     Neighbourhoods,
     concatenate,
     flat_map_directions,
@@ -28,33 +28,22 @@ from skinmap.skin.sheets import taxel_table, triangle_sheet
 from skinmap.touch.prepared_skin import PreparedSkin
 
 REPEATS = 3
-RARE = 5
-ROBOTS = ("kaspar", "icub")
+NOISE = 0.25e-3  # of the positions [m]
 Placed = tuple[FloatArray, FloatArray, FloatArray]  # positions, normals, reference directions
-PARTS = {"right_arm": 49, "right_leg_upper": 39, "torso": 97}  # at most so many, no rotation
-LATTICES = {"triangle_12pad": (8e-3, 8.8e-3), "triangle_10pad": (8e-3, 9.15e-3)}
-SIZES = {"kaspar": 1.0, "icub": 1.0, "100,000 taxels of 10-pad tiling": 30.0}  # CPU seconds
+PARTS = ("right_arm", "right_leg_upper", "torso")
+LATTICES = {"triangle_12pad": 8e-3, "triangle_10pad": 9.15e-3}  # radius [m]
 
 
 def structure_rows(*, seeds: int = 5) -> list[dict[str, Any]]:
     """Rows with the key `what`: time, part or noise, and what was measured beside the bound."""
-    icub, kaspar = placed("icub"), placed("kaspar")
-    large = {"sheet": noisy(tiling("triangle_10pad", 100), 0.1e-3, 0)}
-    rows = [
-        time_row(name, skins, bound)
-        for (name, bound), skins in zip(SIZES.items(), (kaspar, icub, large), strict=True)
+    icub = placed("icub")
+    sheet = {"sheet": noisy(tiling("triangle_10pad", 100), 0.1e-3, 0)}
+    return [
+        time_row("icub", icub),
+        time_row("100,000 taxels of 10-pad tiling", sheet),
+        *(part_row(part, icub[part]) for part in PARTS),
+        *(noise_row(name, radius, seeds) for name, radius in LATTICES.items()),
     ]
-    for part, most in PARTS.items():
-        for radius in (RADIUS, 8.6e-3):
-            rows.append(part_row(part, icub[part], radius, most))
-    for name, radii in LATTICES.items():
-        for radius in radii:
-            for rotations in (1, 6):
-                rows += [
-                    noise_row(name, radius, rotations, noise, seeds)
-                    for noise in (0.1e-3, 0.25e-3, 0.5e-3)
-                ]
-    return rows
 
 
 def placed(name: str) -> dict[str, Placed]:
@@ -93,72 +82,57 @@ def hoods_of(skins: dict[str, Placed], radius: float) -> Neighbourhoods:
     return concatenate([neighbourhoods(*skin, radius=radius) for skin in skins.values()])
 
 
-def time_row(name: str, skins: dict[str, Placed], bound: float) -> dict[str, Any]:
-    """CPU time of neighbourhoods and structures together, compiled and not."""
-    row: dict[str, Any] = {"what": "time", "skin": name, "bound_cpu_s": bound}
-    for rotations in (1, 6):
-        for key, compiled in (("compiled", True), ("numpy", False)):
-            if key == "numpy" and name not in ROBOTS:
-                continue  # minutes
-            seconds = []
-            for _ in range(REPEATS + 1 if compiled else 1):
-                start = time.process_time()
-                hoods = hoods_of(skins, RADIUS)
-                found = find_structures(hoods, rotations=rotations, compiled=compiled)
-                seconds.append(time.process_time() - start)
-            tail = seconds[1:] or seconds
-            row[f"cpu_s_{key}_rotations_{rotations}"] = round(float(np.median(tail)), 3)
-            row[f"quartiles_s_{key}_rotations_{rotations}"] = quartiles(tail)
+def time_row(name: str, skins: dict[str, Placed]) -> dict[str, Any]:
+    """CPU time of neighbourhoods and structures together, compiled and, of a robot, not."""
+    row: dict[str, Any] = {"what": "time", "skin": name}
+    for key, compiled in (("compiled", True), ("numpy", False)):
+        if key == "numpy" and name != "icub":
+            continue  # minutes
+        seconds = []
+        for _ in range(REPEATS + 1 if compiled else 1):
+            found, cpu, _ = timed(
+                lambda how=compiled: find_structures(
+                    hoods_of(skins, RADIUS), rotations=LATTICE, compiled=how
+                )
+            )
+            seconds.append(cpu)
+        tail = seconds[1:] or seconds
+        row[f"cpu_s_{key}_rotations_6"] = round(float(np.median(tail)), 3)
+        row[f"quartiles_s_{key}_rotations_6"] = quartiles(tail)
         row["taxels"] = len(found.labels)
-        row[f"structures_rotations_{rotations}"] = len(found.prototypes)
-        row[f"rare_share_rotations_{rotations}"] = rare_share(found)
     return row
 
 
-def part_row(part: str, skin: Placed, radius: float, most: int) -> dict[str, Any]:
-    """Structures of one part of the iCub, with a hard and a soft radius."""
-    row: dict[str, Any] = {"what": "part", "part": part, "radius_mm": 1e3 * radius, "bound": most}
-    hard = neighbourhoods(*skin, radius=radius, band=0.0)
-    row["hard_radius"] = len(find_structures(hard).prototypes)
-    for rotations in (1, 6):
-        found = find_structures(neighbourhoods(*skin, radius=radius), rotations=rotations)
-        row[f"rotations_{rotations}"] = len(found.prototypes)
-        row[f"rare_share_rotations_{rotations}"] = rare_share(found)
-    return row
+def part_row(part: str, skin: Placed) -> dict[str, Any]:
+    """Structures of one part of the iCub without rotation, with a hard and a soft radius."""
+    hard, soft = (
+        len(find_structures(neighbourhoods(*skin, radius=RADIUS, band=band)).prototypes)
+        for band in (0.0, BAND)
+    )
+    radius_mm = 1e3 * RADIUS
+    return {"what": "part", "part": part, "radius_mm": radius_mm, "hard_radius": hard,
+            "rotations_1": soft}  # fmt: skip
 
 
-def noise_row(name: str, radius: float, rotations: int, noise: float, seeds: int) -> dict[str, Any]:
+def noise_row(name: str, radius: float, seeds: int) -> dict[str, Any]:
     """Adjusted Rand index of labels against the noise-free ones, worst of several seeds."""
     skin = tiling(name, 6)
-    quiet = find_structures(neighbourhoods(*skin, radius=radius), rotations=rotations)
-    index, count, seconds = [], [], []
-    for seed in range(seeds):
-        hoods = neighbourhoods(*noisy(skin, noise, seed), radius=radius)
-        start = time.process_time()
-        found = find_structures(hoods, rotations=rotations)
-        seconds.append(time.process_time() - start)
-        index.append(float(adjusted_rand_score(quiet.labels, found.labels)))
-        count.append(len(found.prototypes))
+
+    def found(placed: Placed) -> Structures:
+        return find_structures(neighbourhoods(*placed, radius=radius), rotations=LATTICE)
+
+    quiet = found(skin)
+    index = [
+        float(adjusted_rand_score(quiet.labels, found(noisy(skin, NOISE, seed)).labels))
+        for seed in range(seeds)
+    ]
     return {
         "what": "noise",
         "lattice": name,
         "radius_mm": 1e3 * radius,
-        "rotations": rotations,
-        "noise_mm": 1e3 * noise,
+        "rotations": LATTICE,
+        "noise_mm": 1e3 * NOISE,
         "taxels": len(quiet.labels),
         "structures": len(quiet.prototypes),
-        "structures_with_noise": [min(count), max(count)],
         "adjusted_rand_index": {"worst": min(index), "mean": float(np.mean(index))},
-        "cpu_s": round(float(np.median(seconds)), 3),
     }
-
-
-def rare_share(found: Structures) -> float:
-    """Share of the taxels in structures with fewer than five members."""
-    counts = found.counts
-    return round(1.0 - float(counts[counts >= RARE].sum()) / max(len(found.labels), 1), 4)
-
-
-if __name__ == "__main__":
-    for line in structure_rows():
-        print(json.dumps(line))

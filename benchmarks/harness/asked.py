@@ -17,6 +17,7 @@ from benchmarks.harness.areas import NAMES
 from benchmarks.harness.record import RESULTS
 
 TABLE = ROOT / "benchmarks" / "asked.toml"
+KEPT = "kept in"  # a file: what a note on a figure of another run begins with
 BOUNDS = ("most", "least", "equals")
 TIMES = ("s", "ms", "us", "times", "factorisations C", "s wall")
 HEADS = ("asked for", "asked", "got", "spread", "ratio", "", "peer", "asked in")
@@ -116,8 +117,9 @@ def _rows(entry: Mapping[str, Any], result: Mapping[str, Any]) -> tuple[Any, str
         if not path.is_file():
             return None, f"{entry['file']} is not there"
         rows = json.loads(path.read_text(encoding="utf-8"))
-        kept = rows.get("commit") if isinstance(rows, dict) else None
-        return rows, f"kept in {entry['file']}" + (f" since {kept}" if kept else "")
+        made = rows.get("made", rows)
+        since = f" since {made['commit']}" if "commit" in made else ""
+        return rows, f"{KEPT} {entry['file']}{since}"
     if entry["area"] == "bench":
         whole = set(result["areas"]) == set(NAMES) and result["form"] != "quick"
         whole = whole and not any("failed" in area for area in result["areas"].values())
@@ -205,13 +207,20 @@ def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> str:
-    """How many are met, fall short and were not measured; which fall short."""
-    count = {
-        state: sum(row["state"] == state for row in rows)
-        for state in ("met", "falls short", "not measured")
-    }
+    """How many are met, fall short and were not measured, kept ones apart; which fall short."""
+    kept = [row for row in rows if row["note"].startswith(KEPT)]
+    run = [row for row in rows if not row["note"].startswith(KEPT)]
+    text = f"{_counted(run)} asked for and measured by this run"
+    text += f"\n{_counted(kept)} kept from runs before" if kept else ""
     short = [f"  {row['area']}: {cells(row)[0]}: asked {cells(row)[1]}, got {cells(row)[2]}"
              for row in rows if row["state"] == "falls short"]  # fmt: skip
-    text = f"{count['met']} met, {count['falls short']} fall short, "
-    text += f"{count['not measured']} not measured, of {len(rows)} asked for"
     return "\n".join([text, *short])
+
+
+def _counted(rows: Sequence[Mapping[str, Any]]) -> str:
+    states = [row["state"] for row in rows]
+    count = {state: states.count(state) for state in ("met", "falls short", "not measured")}
+    return (
+        f"{count['met']} met, {count['falls short']} fall short, "
+        f"{count['not measured']} not measured, of {len(rows)}"
+    )

@@ -2,8 +2,8 @@
 
 Each area runs in a process of its own, one after the other, with one thread; one that fails or
 takes too long is reported and the others go on (exit code 1 at the end). Writes
-benchmarks/results/{bench,needs}.json, bench.html and docs/{benchmarks,needs}.md, and prints what
-the issues asked for beside what came out. What is quick or of some areas goes to build/bench.
+benchmarks/results/{bench,needs}.json and docs/{benchmarks,needs}.md, and prints what was asked for
+beside what came out. What is quick or of some areas goes to build/bench.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,9 @@ from benchmarks import ROOT
 from benchmarks.harness import areas
 from benchmarks.harness.asked import judge, table_text
 from benchmarks.harness.bench_doc import write_doc
-from benchmarks.harness.bench_page import page_of
 from benchmarks.harness.record import RESULTS, about, write
 from benchmarks.harness.timing import children_seconds
-from benchmarks.scale.needs_page import write_page
+from benchmarks.scale.needs import write_page
 
 KEPT = RESULTS / "bench.json"
 BUILD = RESULTS.parents[1] / "build" / "bench"  # of runs with no figures to keep
@@ -51,26 +50,23 @@ def main(arguments: list[str] | None = None) -> int:
     target = options.out or (KEPT if whole else BUILD / f"bench_{form}.json")
     measure_all(options.only, form, target)
     result = json.loads(target.read_text(encoding="utf-8"))  # what the pages say is in the file
-    page = write_pages(result, target)
+    if target == KEPT:
+        write_pages(result)
     print(table_text(result["asked"]))
-    print(f"\n{result['seconds']:.0f} s in all; written to {target} and {page.name}")
+    print(f"\n{result['seconds']:.0f} s in all; written to {target}")
     for name, area in result["areas"].items():
         if "failed" in area:
             print(f"FAILED {name}: {area['failed']}")
     return 1 if any("failed" in area for area in result["areas"].values()) else 0
 
 
-def write_pages(result: dict[str, Any], target: Path) -> Path:
-    """The page beside a result; of the result that is kept, the pages in docs too."""
-    page = target.with_suffix(".html")
-    page.write_text(page_of(result), encoding="utf-8")
-    if target == KEPT:
-        write_doc(result)
-        if rows := result["areas"].get("needs", {}).get("rows"):
-            needs = RESULTS / "needs.json"
-            write(needs, {key: one for key, one in result.items() if key in HEAD} | rows)
-            write_page(json.loads(needs.read_text(encoding="utf-8")))
-    return page
+def write_pages(result: dict[str, Any]) -> None:
+    """The pages in docs of the result that is kept."""
+    write_doc(result)
+    if rows := result["areas"].get("needs", {}).get("rows"):
+        needs = RESULTS / "needs.json"
+        write(needs, {key: one for key, one in result.items() if key in HEAD} | rows)
+        write_page(json.loads(needs.read_text(encoding="utf-8")))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -79,14 +75,14 @@ def _parser() -> argparse.ArgumentParser:
     size.add_argument("--quick", action="store_true", help="whether all of it runs (4 minutes)")
     size.add_argument("--full", action="store_true", help="the full form of each area (an hour)")
     parser.add_argument("--only", nargs="+", choices=areas.NAMES, default=areas.NAMES)
-    parser.add_argument("--out", type=Path, help="JSON to write; the page stands beside it")
+    parser.add_argument("--out", type=Path, help="JSON to write")
     parser.add_argument("--child", choices=areas.NAMES, help=argparse.SUPPRESS)
     parser.add_argument("--form", default="short", help=argparse.SUPPRESS)
     return parser
 
 
 def measure_all(names: Sequence[str], form: str, keep: Path) -> dict[str, Any]:
-    """Every area's rows, what they are judged by, and the figures that `compare.py` compares.
+    """Every area's rows, and what they are judged by.
 
     Parameters
     ----------
@@ -114,7 +110,6 @@ def measure_all(names: Sequence[str], form: str, keep: Path) -> dict[str, Any]:
 def _judge(result: dict[str, Any], seconds: float) -> None:
     result["seconds"] = seconds
     result["asked"] = judge(result)
-    result["figures"] = figures_of(result)
 
 
 def measure_one(area: areas.Area, form: str) -> dict[str, Any]:
@@ -170,60 +165,6 @@ def _end(child: subprocess.Popen[bytes]) -> None:
     with contextlib.suppress(ProcessLookupError):
         os.killpg(child.pid, signal.SIGKILL)
     child.wait()
-
-
-def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """All figures of a run.
-
-    Returns
-    -------
-    list of dict
-        `key`, which stays the same from run to run, `area, name, unit, value, better` ("less" or
-        "more") and `spread`: lower and upper quartile, or None where only one value was taken.
-    """
-    return [*_asked(result["asked"]), *_scaling(_rows(result, "scaling")),
-            *_needs(_rows(result, "needs"))]  # fmt: skip
-
-
-def _rows(result: Mapping[str, Any], area: str) -> Mapping[str, Any]:
-    return result["areas"].get(area, {}).get("rows") or {}
-
-
-def _asked(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    for row in rows:
-        value = row["got"]
-        if "kept in" in row["note"] or isinstance(value, bool | str | None):
-            continue
-        if row["bound"] != "equals":
-            better = "more" if row["bound"] == "least" else "less"
-            key, name = row["key"], row["what"]
-            yield _figure(key, name, row["unit"], value, better, row["spread"])
-
-
-def _scaling(rows: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    for row in rows.get("curves", ()):
-        if "cpu_s" in row and not row["peer"]:
-            name = f"{row['curve']}, {row['taxels']:,} taxels"
-            key = f"scaling.{row['curve']}.{row['taxels']}"
-            yield _figure(f"{key}.s", name, "s", row["cpu_s"], "less", row.get("spread_s"))
-            if row.get("peak_mb") is not None:
-                yield _figure(f"{key}.mb", f"{name}, memory", "MB", row["peak_mb"], "less", None)
-
-
-def _needs(rows: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    for row in rows.get("cases", ()):
-        name = f"{row['what']}: {row['case']}"
-        key = f"needs.{row['what']}.{row['case']}"
-        yield _figure(f"{key}.s", name, "s", row["cpu_s"], "less", row["spread_s"])
-        yield _figure(f"{key}.mb", f"{name}, memory", "MB", row["mb"], "less", row["spread_mb"])
-
-
-def _figure(
-    key: str, name: str, unit: str, value: float, better: str, spread: Any
-) -> dict[str, Any]:
-    quartiles = [spread[0], spread[-1]] if spread else None
-    return {"key": key, "area": key.partition(".")[0], "name": name, "unit": unit, "value": value,
-            "better": better, "spread": quartiles}  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -21,26 +22,30 @@ from typing import Any
 from benchmarks import ROOT
 
 RESULTS = ROOT / "benchmarks" / "results"
-FORMAT = 1  # of the files; `compare.py` refuses another
+FORMAT = 1  # of the files
+DIRTY = "-dirty"  # of a commit whose files were changed
 LIBRARIES = (
     "skinmap", "numpy", "scipy", "scikit-learn", "numba", "libigl", "trimesh", "pymeshlab",
-    "cholespy", "scikit-sparse", "potpourri3d", "open3d", "pyvista", "vtk", "viser", "websockets",
+    "cholespy", "scikit-sparse", "potpourri3d", "open3d", "pyvista", "vtk", "websockets",
     "mcap", "zstandard", "pyzmq", "pylsl", "loky", "torch",
 )  # fmt: skip
 Measure = Callable[..., dict[str, Any]]
 
 
 def about(form: str) -> dict[str, Any]:
-    """Commit, form, versions and machine: the head of every result.
+    """Commit, date, form, versions and machine: the head of every result.
 
     Parameters
     ----------
     form : {"full", "short", "quick"}
         How long the benchmark was allowed to be.
     """
+    named = commit()
     return {
         "format": FORMAT,
-        "commit": commit(),
+        "commit": named.removesuffix(DIRTY),
+        "clean": not named.endswith(DIRTY),
+        "date": datetime.now(UTC).date().isoformat(),
         "form": form,
         "python": platform.python_version(),
         "versions": versions(LIBRARIES),
@@ -65,7 +70,7 @@ def commit() -> str:
     named = _git("describe", "--always")
     elsewhere = f":(exclude){RESULTS.relative_to(ROOT)}"
     changed = _git("status", "--porcelain", "--untracked-files=no", "--", ".", elsewhere)
-    return (named or "unknown") + ("-dirty" if changed else "")
+    return (named or "unknown") + (DIRTY if changed else "")
 
 
 def _git(*words: str) -> str:

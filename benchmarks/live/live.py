@@ -22,8 +22,8 @@ from benchmarks.live import recordings, transport
 from benchmarks.live.live_memory import soak
 from benchmarks.live.live_planted import finger, kept_share, read
 from benchmarks.live.live_planted import pairs as pairs_on
-from skinmap.classify.classifier import TouchClassifier, classifiers
-from skinmap.classify.descriptors import Touch
+from benchmarks.live.live_speed import train
+from skinmap.classifiers.classifier import TouchClassifier
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.loop import TouchLoop
 from skinmap.live.robot_skin import JoinedSkin
@@ -31,7 +31,6 @@ from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.source import SourceEnded
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
 
 WARM = 2.0  # seconds of a stream that are left out: who joins works off what waited
 
@@ -97,17 +96,6 @@ def main() -> None:
         command(measure, __doc__, "live")
 
 
-def train(skins: dict[str, PreparedSkin]) -> TouchClassifier:
-    """Contact geometry that learnt on two parts."""
-    rng = np.random.default_rng(2)
-    touches = [
-        Touch(skins[part], samples, label)
-        for part in ("torso", "right_forearm")
-        for _, label, samples in simulate(skins[part].skin, rng=rng, per_gesture=16).touches()
-    ]
-    return classifiers.get("contact-geometry")().fit(touches, rng=rng)
-
-
 def contacts(skin: JoinedSkin, repeats: int) -> dict[str, Any]:
     """CPU time for the contacts of one sample with five touches that tremble."""
     rng = np.random.default_rng(0)
@@ -129,7 +117,6 @@ def contacts(skin: JoinedSkin, repeats: int) -> dict[str, Any]:
     cost = np.array(times[50:])
     return {
         "touches": int(np.median(counts)),
-        "active_taxels": int(sum(len(track.taxels) for track in tracker.present)),
         "median_ms": float(np.median(cost)),
         "quartiles_ms": quartiles(cost),
         "p95_ms": float(np.percentile(cost, 95)),
@@ -149,8 +136,6 @@ def identities(skin: JoinedSkin, count: int) -> dict[str, Any]:
     return {
         "pairs": len(shares),
         "share": float(np.mean(shares)),
-        "worst": float(np.min(shares)),
-        "pairs_always_kept": float(np.mean(np.array(shares) == 1.0)),
     }
 
 
@@ -196,18 +181,12 @@ def live(
     """Follow a publisher in another process, and measure in this one."""
     port = transport.free_port()
     command = [
-        str(Path(sys.executable).with_name("skinmap")),
-        "simulate",
-        "icub",
-        "--rate",
-        str(rate),
-    ]
-    command += ["--publish", f"zmq:{port}", "--seconds", str(seconds + 4.0)]
+        str(Path(sys.executable).with_name("skinmap")), "simulate", "icub",
+        "--fault", f"rate={rate}", "--publish", f"zmq:{port}", "--seconds", str(seconds + 4.0),
+        *["--raw"] * raw,
+    ]  # fmt: skip
     publisher = subprocess.Popen(
-        [*command, *(["--raw"] if raw else [])],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     )
     try:
         assert publisher.stderr is not None
@@ -221,62 +200,42 @@ def live(
 
 
 def follow(loop: TouchLoop, seconds: float) -> dict[str, Any]:
-    """Latencies, losses and CPU of a loop for some seconds of its stream."""
-    latencies, costs, touched, behind = [], [], 0, 0
-    first = started = spent = named = float("nan")
-    used = 0
+    """Latencies, losses and CPU of a loop for some seconds of its stream, after the first ones."""
+    latencies: list[float] = []
+    touched, begun = 0, (float("inf"), 0.0, 0.0, 0)  # time, CPU, clock, labels
+    first = now = float("nan")
     try:
-        while True:
-            cost = time.thread_time()
+        while not now >= begun[0] + seconds:
             moment = loop.step(0.2)
-            cost = time.thread_time() - cost
-            loop.happenings()
             loop.finished()
             if moment is None or moment.stale:
                 continue
-            if first != first:
-                first = moment.time
-            if moment.time - first < WARM:
+            now = moment.time
+            first = now if first != first else first
+            if now - first < WARM:
                 continue
-            if started != started:
-                started, spent = moment.time, time.process_time()
-                wall, named = time.perf_counter(), loop.labels_given
-                used = loop.counts.used
+            if not latencies:
+                begun = now, time.process_time(), time.perf_counter(), loop.labels_given
             latencies.append(moment.latency)
-            costs.append(cost)
             touched += bool(moment.touches)
-            behind = max(behind, loop.counts.used - used)
-            used = loop.counts.used
-            if moment.time - started >= seconds:
-                break
     except SourceEnded:
         pass
     finally:
         loop.close()
-    cpu = (time.process_time() - spent) / (time.perf_counter() - wall)
-    late = np.array(latencies) * 1e3
+    since, cpu, clock, labels = begun
+    cpu_share = (time.process_time() - cpu) / (time.perf_counter() - clock)
+    median, p99, most = np.percentile(np.array(latencies) * 1e3, (50, 99, 100)).tolist()
+    share = touched / len(latencies)
     return {
-        "seconds": moment.time - started if moment is not None else None,
+        "seconds": now - since,
         "samples": loop.counts.used,
-        "moments": len(late),
-        "touched_share": touched / len(late),
+        "touched_share": share,
         "lost": loop.totals()["lost"],
         "dropped": loop.totals()["dropped"],
-        "most_samples_in_a_step": behind,
-        "labels_a_second": (loop.labels_given - named) / seconds,
-        "labels_a_second_while_touched": (loop.labels_given - named)
-        / seconds
-        / (touched / len(late)),
-        "latency_ms": spread(late),
-        "cpu_ms_a_step": spread(np.array(costs) * 1e3),
-        "cpu_share_of_one_core": cpu,
+        "labels_a_second_while_touched": (loop.labels_given - labels) / seconds / share,
+        "latency_ms": {"median": median, "p99": p99, "max": most},
+        "cpu_share_of_one_core": cpu_share,
     }
-
-
-def spread(values: np.ndarray) -> dict[str, float]:
-    """Median, 99th percentile and largest."""
-    median, p99 = np.percentile(values, (50, 99))
-    return {"median": float(median), "p99": float(p99), "max": float(values.max())}
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.classify.classifier import TouchClassifier
+from skinmap.classifiers.classifier import TouchClassifier
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import Playback
@@ -114,7 +114,7 @@ def resident_mb() -> float:
 def main() -> None:
     """Print the figures of a long loop."""
     import skinmap
-    from benchmarks.live.live import train
+    from benchmarks.live.live_speed import train
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, default=4_320_000)

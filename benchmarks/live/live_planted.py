@@ -11,7 +11,7 @@ from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.robot_skin import JoinedSkin
 
 PRINT = 9e-3  # at this distance from its middle a finger's print has fallen to 1/e [m]
-NOISE = 1.2  # counts, as `skinmap.touch.sensing` has it
+NOISE = 1.2  # counts, as `skinmap.touch.simulation.sensing` has it
 APART = 0.03  # between two touches [m]
 
 

@@ -32,7 +32,6 @@ from benchmarks import ROOT
 RATE = 50.0  # samples a second
 MINUTES = 10
 LONGEST_LOSS = 0.2  # seconds that a killed process may lose
-MAX_MB = 70.0
 PLAYED = 500  # samples that a child plays over and over
 FEWEST, MOST = 10, 120  # samples that a child sends before it is killed
 WAIT = 300.0  # for a child to start [s]
@@ -99,7 +98,6 @@ def measure(
             "most_lost_s": max((one["lost_s"] for one in losses), default=None),
             "median_lost_s": float(np.median([one["lost_s"] for one in losses])),
             "goal_s": LONGEST_LOSS,
-            "most_stated_s": max((one["stated_s"] for one in losses), default=None),
         },
         "disk_full": full,
     }
@@ -110,7 +108,6 @@ def measure_size(
 ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
     """Record the simulator as fast as it goes; some of its samples, and what the file costs."""
     import skinmap
-    from skinmap.io.recordings.mcap_track import read_track
     from skinmap.live.recording.recorder import Recorder
     from skinmap.live.sources.open_source import open_source
 
@@ -118,27 +115,17 @@ def measure_size(
     source = open_source("sim", robot=robot, seed=seed, speed=float("inf"))
     path = folder / "size.mcap"
     recorder = Recorder(path, source.info, robot=robot)
-    wanted, spent, kept = round(minutes * 60 * RATE), 0.0, []
-    count = 0
+    wanted, count, kept = round(minutes * 60 * RATE), 0, []
     while count < wanted:
         block = source.read(10.0)
         if block is None:
             continue
         if len(kept) * len(block) < PLAYED:
             kept.append(block.values)
-        began = time.process_time()
         recorder.put(block, patience=WAIT)
-        spent += time.process_time() - began  # the simulator's threads and the writer's are in it
         count += len(block)
     source.close()
     recorder.close()
-    began = time.process_time()
-    track = read_track(path)
-    opened = time.process_time() - began
-    began = time.process_time()
-    for start in range(0, len(track.times), 256):
-        track.values[start : start + 256]
-    played = time.process_time() - began
     megabytes = path.stat().st_size / 1e6
     return np.concatenate(kept)[:PLAYED], {
         "channels": source.info.channels,
@@ -146,11 +133,7 @@ def measure_size(
         "minutes": count / RATE / 60,
         "megabytes": megabytes,
         "megabytes_in_10_minutes": megabytes * MINUTES / (count / RATE / 60),
-        "goal_megabytes": MAX_MB,
-        "uncompressed_megabytes": count * source.info.channels / 1e6,
         "uncompressed_megabytes_in_10_minutes": 60 * RATE * MINUTES * source.info.channels / 1e6,
-        "open_cpu_s": opened,
-        "read_all_cpu_s": played,
     }
 
 
@@ -195,25 +178,19 @@ def kill_once(
     Returns
     -------
     dict
-        `sent` and `found` samples, `lost_s`, `opened`, and `stated_s`: the loss that the file
-        states of itself.
+        `found` samples, `lost_s` and `opened`.
     """
-    from skinmap.io.recordings.mcap_track import read_track
+    from skinmap.io.mcap.reading import read_track
 
     after = int(rng.integers(FEWEST, most))
     child = subprocess.Popen(
         [
-            sys.executable,
-            "-m",
-            "benchmarks.live.recordings",
-            "--child",
-            str(stored.resolve()),
-            str(path.resolve()),
-            *["--last"] * last,
+            sys.executable, "-m", "benchmarks.live.recordings",
+            "--child", str(stored.resolve()), str(path.resolve()), *["--last"] * last,
         ],
         stdout=subprocess.PIPE,
         cwd=ROOT,
-    )
+    )  # fmt: skip
     assert child.stdout is not None
     try:
         sent = _reports(child.stdout.fileno(), after)
@@ -231,11 +208,9 @@ def kill_once(
     expected = played[np.arange(found) % len(played)]
     opened = bool(np.array_equal(track.values[:], expected))
     return {
-        "sent": sent,
         "found": found,
         "lost_s": max(sent - found, 0) / RATE,
         "opened": opened,
-        "stated_s": track.loss.seconds,
     }
 
 
@@ -281,7 +256,7 @@ def fill_disk(folder: Path, samples: NDArray[np.uint8], *, room: int = 500_000) 
     from mcap.reader import make_reader
 
     from skinmap.errors import OutputError
-    from skinmap.io.recordings.mcap_track import read_track
+    from skinmap.io.mcap.reading import read_track
     from skinmap.live.recording.recorder import Recorder
     from skinmap.live.sources.source import Block, StreamInfo
 
@@ -308,12 +283,9 @@ def fill_disk(folder: Path, samples: NDArray[np.uint8], *, room: int = 500_000) 
         standard = sum(1 for _ in make_reader(file).iter_messages())
     return {
         "error": message.replace(str(folder), ""),
-        "sent": sent,
         "readable": len(track.times),
         "readable_by_mcap": standard,
-        "recovered": track.loss.recovered,
         "bytes": path.stat().st_size,
-        "room": room,
     }
 
 

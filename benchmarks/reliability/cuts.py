@@ -1,17 +1,15 @@
 """Every kind of file cut at a thousand places, and with one byte changed at a thousand places.
 
-`python -m benchmarks.reliability.cuts [--places 1000] [KIND...]` prints one JSON object. A file
-opens whole, opens with what was lost said, or is refused with an error of ours. Where its format
-has a checksum no number may differ without a word; where it has none that is counted as well.
+A part of `make soak` (ARGS=cuts). A file opens whole, opens with what was lost said, or is refused
+with an error of ours. Where its format has a checksum no number may differ
+without a word; where it has none that is counted as well.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
 import hashlib
-import json
 import os
 import resource
 import signal
@@ -35,11 +33,13 @@ if TYPE_CHECKING:
 
 PLACES = 1000
 LONGEST = 10  # seconds for one file of some kilobytes
+LONGEST_CPU = 10.0  # CPU seconds for one input: real files of this size take a millisecond
+CORPUS = ROOT / "build" / "fuzz"  # of inputs that show a finding
 MOST_MB = 200.0  # more memory than the whole file took
 # Archives have a CRC-32 of each member, MCAP one of each chunk and of its index.
 CHECKED = (
     "recording", "recording-archive", "learning", "mcap", "mcap-touches", "mcap-repair", "model",
-    "network", "response", "self-touch", "robot-touches", "presses", "self-touch-part", "wrenches",
+    "response", "self-touch", "robot-touches", "presses", "self-touch-part", "wrenches",
     "arrays", "cache", "resume",
 )  # fmt: skip
 # A file in memory is written and read in half the time, where the system has such a place.
@@ -51,19 +51,7 @@ class TooLongError(Exception):
     """A damaged file that took longer than LONGEST."""
 
 
-def main() -> None:
-    """Print what came of each kind."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("kinds", nargs="*", help="all by default")
-    parser.add_argument("--places", type=int, default=PLACES)
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    print(json.dumps(measure(places=given.places, seed=given.seed, kinds=given.kinds), indent=2))
-
-
-def measure(
-    *, places: int = PLACES, seed: int = 0, kinds: list[str] | None = None
-) -> dict[str, Any]:
+def measure(*, places: int = PLACES, seed: int = 0) -> dict[str, Any]:
     """Counts of each kind, each in a process of its own, and their sums.
 
     Parameters
@@ -71,23 +59,32 @@ def measure(
     places : int
         At which a file is cut, and at which a byte of it is changed.
     seed : int
-    kinds : list of str, optional
-        Names of targets of tests/extremes/damage; all that are damaged as files by default.
     """
-    targets = load_targets()
-    names = kinds or [name for name, one in targets.items() if is_file(one)]
-    rows = {}
-    for name in names:
-        row, code = apart(_examine, name, places, seed)
-        rows[name] = row or {"files": 0, "faults": [f"the process ended with {code}"],
-                             "more_mb": 0.0, "longest_s": 0.0}  # fmt: skip
-        print(f"{name}: {rows[name]}", file=sys.stderr, flush=True)
+    rows = each_kind(_examine, places, seed)
     return {
         "places": places,
-        "kinds": rows,
         "files": sum(row["files"] for row in rows.values()),
-        "faults": sum(len(row["faults"]) for row in rows.values()),
         "most_mb": max(row["more_mb"] for row in rows.values()),
+        **sums(rows),
+    }
+
+
+def each_kind(examine: Callable[..., dict[str, Any]], *given: Any) -> dict[str, dict[str, Any]]:
+    """What a function finds of each kind of file that lies on a disk, in a process of its own."""
+    rows = {}
+    for name in (name for name, one in load_targets().items() if is_file(one)):
+        row, code = apart(examine, name, *given)
+        rows[name] = row or {"files": 0, "megabytes": 0.0, "more_mb": 0.0, "longest_s": 0.0,
+                             "faults": [f"the process ended with {code}"]}  # fmt: skip
+        print(f"{name}: {rows[name]}", file=sys.stderr, flush=True)
+    return rows
+
+
+def sums(rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """The rows of all kinds, their faults and the longest time [s]."""
+    return {
+        "kinds": rows,
+        "faults": sum(len(row["faults"]) for row in rows.values()),
         "longest_s": max(row["longest_s"] for row in rows.values()),
     }
 
@@ -208,6 +205,54 @@ def _places(size: int, places: int, rng: np.random.Generator) -> list[int]:
     return [int(place) for place in np.concatenate([once, again])]
 
 
+def trouble(
+    target: Target,
+    data: bytes,
+    folder: Path,
+    base: float,
+    *,
+    longest: float = LONGEST_CPU,
+    most_mb: float = MOST_MB,
+) -> tuple[str, float, float]:
+    """What is wrong about how an input is taken ("" where nothing is), and what it took.
+
+    Returns
+    -------
+    said : str
+    seconds : float
+        CPU time [s].
+    more : float
+        Memory beyond `base` that was ever in use since that was taken [MB].
+    """
+    began, said = time.process_time(), ""
+    before = signal.signal(signal.SIGPROF, _too_much)
+    signal.setitimer(signal.ITIMER_PROF, longest)
+    try:
+        target.try_one(data, folder)
+    except Exception as error:  # noqa: BLE001 - what else comes is what is looked for
+        said = f"{type(error).__name__}: {error}"
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+    more = peak_mb() - base
+    if not said and more > most_mb:
+        said = f"memory: {more:.0f} MB more than whole files took"
+        resident_mb()  # the next one that takes as much is told apart
+    return said, time.process_time() - began, more
+
+
+def keep(folder: Path, data: bytes) -> Path:
+    """Write an input that shows a finding; its file."""
+    path = folder / f"crash-{hashlib.sha1(data, usedforsecurity=False).hexdigest()}"
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return path
+
+
+def _too_much(*_: object) -> None:
+    raise TooLongError("too many seconds of CPU for one input")
+
+
 def read(target: Target, data: bytes, folder: Path) -> tuple[str, str]:
     """How a file opens, "whole", "said" or "refused", and a fingerprint of what it holds.
 
@@ -267,7 +312,3 @@ def _feed(value: object, take: Any, depth: int) -> None:
             _feed(getattr(value, field.name), take, depth + 1)
     elif depth < 8 and not isinstance(value, PurePath) and hasattr(value, "__dict__"):
         _feed(vars(value), take, depth + 1)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,13 +1,11 @@
 """Every command that writes, on a disk without room: one line, exit code 2, nothing half written.
 
-`python -m benchmarks.reliability.full_disk [COMMAND...]` prints one JSON object. The system
-refuses each file beyond so many bytes (RLIMIT_FSIZE), which writers meet as they meet a full disk.
+A part of `make soak` (ARGS="'full disk'"). The system refuses each file beyond so many bytes
+(RLIMIT_FSIZE), which writers meet as they meet a full disk.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import resource
 import tempfile
@@ -30,13 +28,11 @@ COMMANDS = {
     "export icub": "export icub --part left_hand --format icub -o OUT.txt",
     "export urdf": "export icub --part left_hand --format urdf -o OUT.urdf",
     "export ply": "export icub --part left_hand --format ply -o OUT.ply",
-    "export vtp": "export icub --part left_hand --format vtp -o OUT.vtp",
     "export mjcf": "export icub --part left_hand --format mjcf -o OUT.xml",
     "export .npz": "export IN.mcap -o OUT.npz",
     "export .h5": "export IN.mcap -o OUT.h5",
     "export .mcap": "export IN.mcap -o OUT.mcap",
     "flatten": "flatten icub --part left_hand -o OUT",
-    "inspect": "inspect icub --part left_hand --html OUT.html",
     "evaluate": "evaluate IN.npz --seeds 1 -o OUT",
     "calibrate wrap": f"calibrate wrap --layout {BOARD}/board.csv --mesh {BOARD}/link.stl "
     f"--anchors {BOARD}/anchors.csv -o OUT",
@@ -50,7 +46,8 @@ COMMANDS = {
     "calibrate selftouch": f"calibrate selftouch {BOARD}/selftouch --robot icub "
     "--calibrate left_forearm -o OUT",
     "calibrate wrench": f"calibrate wrench {BOARD}/wrench.npz -o OUT",
-    "wiring": "wiring sim --part right_forearm --plant swap:3,7 -o OUT.csv",
+    "wiring": f"wiring {BOARD}/wiring/pokes.mcap --part right_forearm "
+    f"--places {BOARD}/wiring/places.csv -o OUT.csv",
     "structures": "structures icub --part left_foot -o OUT",
     "merge": "merge IN.mcap IN.mcap -o OUT.mcap",
     "label": "label IN.mcap --csv MARKS.csv -o OUT.mcap",
@@ -63,13 +60,6 @@ COMMANDS = {
     "anchors --screenshot": f"anchors --layout {BOARD}/board.csv --mesh {BOARD}/link.stl "
     f"--anchors {BOARD}/anchors.csv --screenshot OUT.png",
 }
-
-
-def main() -> None:
-    """Print what each command said."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("commands", nargs="*", help="all by default")
-    print(json.dumps(measure(parser.parse_args().commands or list(COMMANDS)), indent=2))
 
 
 def measure(names: Sequence[str] = tuple(COMMANDS)) -> dict[str, Any]:
@@ -130,7 +120,3 @@ def refuse(name: str, folder: Path, *, room: int = ROOM) -> dict[str, Any]:
     elif set(left) - set(kept):
         fault = f"left {left}"
     return {"said": said.replace(str(place), "").replace(str(folder), ""), "fault": fault}
-
-
-if __name__ == "__main__":
-    main()

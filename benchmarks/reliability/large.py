@@ -1,18 +1,15 @@
 """Files of 10 MB of every kind, whole, cut and with a byte changed: what memory they take.
 
-`python -m benchmarks.reliability.large [--megabytes 10] [KIND...]` prints one JSON object. They are
-grown from the originals of tests/extremes/damage: rows of tables repeated, arrays longer, meshes
-finer, recordings of more samples. Whether such a file is read or refused, it may take 200 MB.
+A part of `make soak` (ARGS=large). They are grown from the originals of tests/extremes/damage: rows
+of tables repeated, arrays longer, meshes finer, recordings of more samples. Whether such a file is
+read or refused, it may take 200 MB.
 """
 
 from __future__ import annotations
 
-import argparse
 import io
-import json
 import math
 import resource
-import sys
 import tempfile
 import zipfile
 from pathlib import Path
@@ -20,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.reliability.accidents import trouble
 from benchmarks.reliability.cuts import (
     MOST_MB,
     SCRATCH,
-    apart,
-    is_file,
+    each_kind,
     load_targets,
     resident_mb,
+    sums,
+    trouble,
 )
 
 if TYPE_CHECKING:
@@ -48,30 +45,14 @@ LINES = {
 CHANNELS = 4326  # of a whole iCub
 
 
-def main() -> None:
-    """Print what each kind took."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("kinds", nargs="*", help="all by default")
-    parser.add_argument("--megabytes", type=float, default=MEGABYTES)
-    given = parser.parse_args()
-    print(json.dumps(measure(megabytes=given.megabytes, kinds=given.kinds), indent=2))
-
-
-def measure(*, megabytes: float = MEGABYTES, kinds: list[str] | None = None) -> dict[str, Any]:
+def measure(*, megabytes: float = MEGABYTES) -> dict[str, Any]:
     """Memory, time and what was wrong of each kind, each in a process of its own."""
-    rows = {}
-    for name in kinds or [name for name, one in load_targets().items() if is_file(one)]:
-        row, code = apart(examine, name, megabytes)
-        rows[name] = row or {"megabytes": 0.0, "more_mb": 0.0, "longest_s": 0.0,
-                             "faults": [f"the process ended with {code}"]}  # fmt: skip
-        print(f"{name}: {rows[name]}", file=sys.stderr, flush=True)
+    rows = each_kind(examine, megabytes)
     return {
         "megabytes": megabytes,
-        "kinds": rows,
         # Meshes come in steps of four: what a larger file took counts by its size.
         "most_mb": max(row["more_mb"] / max(1.0, row["megabytes"] / 10.0) for row in rows.values()),
-        "longest_s": max(row["longest_s"] for row in rows.values()),
-        "faults": sum(len(row["faults"]) for row in rows.values()),
+        **sums(rows),
     }
 
 
@@ -169,7 +150,3 @@ def _saved(array: np.ndarray) -> bytes:
     buffer = io.BytesIO()
     np.save(buffer, array)
     return buffer.getvalue()
-
-
-if __name__ == "__main__":
-    main()

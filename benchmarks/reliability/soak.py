@@ -18,12 +18,13 @@ from typing import Any
 
 from benchmarks import ROOT
 from benchmarks.harness.record import RESULTS, commit
-from benchmarks.reliability import accidents, cuts, full_disk, large, read_only, stops
+from benchmarks.reliability import cuts, full_disk, large, stops
 from benchmarks.reliability.page import rows
 
 FILE = RESULTS / "reliability.json"
-COVERAGE = accidents.CORPUS / "counts.json"
+COVERAGE = cuts.CORPUS / "counts.json"
 QUICK_DISK = ("export csv", "export .h5", "label --write-csv")
+UPDATES, SAMPLES = 200_000, 4_320_000  # of window and page; of the loop (a day at 50 Hz)
 MOST_GROWN_MB = 5.0  # of the loop
 MOST_WINDOW_MB = 20.0  # of window and page, whose pictures are kept in pieces of many sizes
 Part = Callable[[bool], Mapping[str, Any]]
@@ -34,16 +35,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", help=f"all by default: {', '.join(PARTS)}")
     parser.add_argument("--quick", action="store_true", help="see whether it runs; nothing is kept")
-    parser.add_argument("--updates", type=int, default=200_000, help="of window and page")
-    parser.add_argument("--samples", type=int, default=4_320_000, help="of the loop (a day)")
-    parser.add_argument("--each", type=int, default=stops.EACH, help="stops by each signal")
-    parser.add_argument("--places", type=int, default=cuts.PLACES, help="of cuts and changes")
     given = parser.parse_args()
     strange = [name for name in given.parts if name not in PARTS]
     if strange:
         print(f"no part {strange[0]!r}; the parts are: {', '.join(PARTS)}", file=sys.stderr)
         return 2
-    LENGTHS.update({name: getattr(given, name) for name in LENGTHS})
     found = {} if given.quick else _kept()
     for name in given.parts or PARTS:
         print(f"{name} ...", file=sys.stderr, flush=True)
@@ -68,33 +64,12 @@ def _kept() -> dict[str, Any]:
     return json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
 
 
-LENGTHS = {"updates": 0, "samples": 0, "each": 0, "places": 0}  # as the command was given them
-
-
 def _program(*words: str) -> Any:
     """What a program of the benchmarks prints as JSON."""
     ran = subprocess.run(
         [sys.executable, "-m", *words], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
     )
     return json.loads(ran.stdout)
-
-
-def _accidents(quick: bool) -> dict[str, Any]:
-    """What the last `make fuzz` tried at random; a few inputs of each reader in a quick run."""
-    if quick:
-        kept = {"inputs": 5, "seconds": 1.0, "targets": dict(accidents.measure((), 5, 1.0, 0))}
-    elif accidents.COUNTS.exists():
-        kept = json.loads(accidents.COUNTS.read_text(encoding="utf-8"))
-    else:
-        kept = {"inputs": 0, "seconds": 0.0, "targets": {}}
-    each = kept["targets"].values()
-    return {
-        **kept,
-        "runs": sum(one["runs"] for one in each),
-        "most_mb": max((one["more_mb"] for one in each), default=0.0),
-        "longest_s": max((one["longest_s"] for one in each), default=0.0),
-        "faults": sum(len(one["findings"]) for one in each),
-    }
 
 
 def _coverage(_: bool) -> dict[str, Any]:
@@ -124,7 +99,7 @@ def _press(quick: bool) -> dict[str, Any]:
 
 
 def _loop(quick: bool) -> dict[str, Any]:
-    samples = 1500 if quick else LENGTHS["samples"]
+    samples = 1500 if quick else SAMPLES
     found: dict[str, Any] = _program("benchmarks.live.live_memory", "--samples", str(samples))
     grown, other = found["most_grown_mb"] > MOST_GROWN_MB, not found["same_as_fresh"]
     return {**found, "faults": int(grown) + int(other)}
@@ -132,25 +107,24 @@ def _loop(quick: bool) -> dict[str, Any]:
 
 def _shown(program: str, quick: bool) -> dict[str, Any]:
     """Window or page, over many updates."""
-    updates = 500 if quick else LENGTHS["updates"]
+    updates = 500 if quick else UPDATES
     found: dict[str, Any] = _program(program, "--updates", str(updates))
     grown, other = found["grown_mb"] > MOST_WINDOW_MB, not found["same_as_fresh"]
     return {**found, "faults": int(grown) + int(other)}
 
 
 PARTS: dict[str, Part] = {
-    "accidents": _accidents,
     "fuzz": _coverage,
-    "cuts": lambda quick: cuts.measure(places=4 if quick else LENGTHS["places"]),
+    "cuts": lambda quick: cuts.measure(places=4 if quick else cuts.PLACES),
     "large": lambda quick: large.measure(megabytes=0.2 if quick else large.MEGABYTES),
     "full disk": lambda quick: full_disk.measure(QUICK_DISK if quick else [*full_disk.COMMANDS]),
     "read only": lambda quick: (
-        read_only.measure(["simulate"], each=1) if quick else read_only.measure()
+        stops.measure(each=1, names=["simulate"], kinds=[stops.LOCK])
+        if quick
+        else stops.measure(kinds=[stops.LOCK])
     ),
     "stops": lambda quick: (
-        stops.measure(each=1, names=["simulate"], kinds=["SIGTERM"])
-        if quick
-        else stops.measure(each=LENGTHS["each"])
+        stops.measure(each=1, names=["simulate"], kinds=["SIGTERM"]) if quick else stops.measure()
     ),
     "kills": lambda quick: _kills(quick, 0),
     "kills beside": lambda quick: _kills(quick, 3),

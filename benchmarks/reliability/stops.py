@@ -1,14 +1,14 @@
-"""Long commands stopped at random moments: Ctrl-C, a polite kill, a kill, a halt and its end.
+"""Long commands stopped at random moments: Ctrl-C, a polite kill, a kill, a halt, a locked folder.
 
-`python -m benchmarks.reliability.stops [--each 3] [COMMAND...]` prints one JSON object. After each
-stop: the exit code of the documents and one line (a killed process can say nothing), no result
-that is not whole under its final name, and no process left.
+A part of `make soak` (ARGS=stops). After each stop: the exit code of the documents and one line (a
+killed process writes none), no result that is not whole under its final name, and no process left.
+`LOCK` makes the folder of the result read-only, for a command without root's right to write where
+it may not.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
+import ctypes
 import os
 import shutil
 import signal
@@ -33,6 +33,9 @@ LATE = 60.0  # what ends so long after it was told to has not listened [s]
 SKINMAP = "from skinmap.cli.main import main; main()"
 CODES = {"SIGINT": 130, "SIGTERM": 143, "SIGKILL": -9}
 KINDS = ("SIGINT", "SIGTERM", "SIGKILL", "SIGSTOP")
+LOCK = "LOCK"
+ENDS = ("before", "under_way", "after", "refused", "done")
+DROP_FROM_BOUNDS, CAP_DAC_OVERRIDE = 24, 1  # of prctl and of the rights of a process, by Linux
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,59 +58,28 @@ class Long:
 
 
 BOARD = str(ROOT / "docs" / "examples" / "board")
+
+
+def _long(line: str, **given: Any) -> Long:
+    return Long(tuple(line.split()), **given)
+
+
 COMMANDS = {
-    "simulate": Long(
-        ("simulate", "kaspar", "--part", "left_hand", "--per-gesture", "12", "-o", "OUT.npz")
+    "simulate": _long("simulate kaspar --part left_hand --per-gesture 12 -o OUT.npz"),
+    "train": _long("train IN.npz -o OUT.skinmodel", needs="simulate"),
+    "evaluate": _long("evaluate IN.npz --seeds 1 -o OUT", needs="simulate"),
+    "evaluate --jobs": _long("evaluate IN.npz --seeds 2 --jobs 2 -o OUT", needs="simulate"),
+    "flatten --jobs": _long("flatten icub --part left_hand --part left_foot --jobs 2 -o OUT"),
+    "trade": _long("trade icub --part left_hand --task flatten --seeds 1 -o OUT"),
+    "calibrate batch": _long(f"calibrate batch {BOARD}/patches.csv --jobs 2 -o OUT"),
+    "calibrate plane": _long(
+        f"calibrate plane {BOARD}/plane/presses.npz --robot icub --part right_forearm -o OUT"
     ),
-    "train": Long(("train", "IN.npz", "-o", "OUT.skinmodel"), needs="simulate"),
-    "evaluate": Long(("evaluate", "IN.npz", "--seeds", "1", "-o", "OUT"), needs="simulate"),
-    "evaluate --jobs": Long(
-        ("evaluate", "IN.npz", "--seeds", "2", "--jobs", "2", "-o", "OUT"), needs="simulate"
+    "calibrate selftouch": _long(
+        f"calibrate selftouch {BOARD}/selftouch --robot icub --calibrate left_forearm -o OUT"
     ),
-    "flatten --jobs": Long(
-        (
-            "flatten",
-            "icub",
-            "--part",
-            "left_hand",
-            "--part",
-            "left_foot",
-            "--jobs",
-            "2",
-            "-o",
-            "OUT",
-        )
-    ),
-    "trade": Long(
-        ("trade", "icub", "--part", "left_hand", "--task", "flatten", "--seeds", "1", "-o", "OUT")
-    ),
-    "calibrate batch": Long(
-        ("calibrate", "batch", f"{BOARD}/patches.csv", "--jobs", "2", "-o", "OUT")
-    ),
-    "calibrate plane": Long(
-        (
-            *("calibrate", "plane", f"{BOARD}/plane/presses.npz", "--robot", "icub"),
-            *("--part", "right_forearm", "-o", "OUT"),
-        )
-    ),
-    "calibrate selftouch": Long(
-        (
-            *("calibrate", "selftouch", f"{BOARD}/selftouch", "--robot", "icub"),
-            *("--calibrate", "left_forearm", "-o", "OUT"),
-        )
-    ),
-    "record": Long(("record", "sim", "--seconds", "2", "-o", "OUT.mcap"), live=True),
+    "record": _long("record sim --seconds 2 -o OUT.mcap", live=True),
 }
-
-
-def main() -> None:
-    """Print what came of each stop."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("commands", nargs="*", help="all by default")
-    parser.add_argument("--each", type=int, default=EACH)
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    print(json.dumps(measure(each=given.each, seed=given.seed, names=given.commands), indent=2))
 
 
 def measure(
@@ -120,7 +92,8 @@ def measure(
     dict
         `commands`: of each its length [s], how many stops came `before` it began to listen (as a
         shell ends any program), hit it `under_way`, or came `after` its end; `faults` in a line
-        each; and the sums.
+        each; and the sums. Of locked folders: how many commands were `refused`, and how many had
+        `done` their work or could end it by what they had open.
     """
     rng, rows = np.random.default_rng(seed), {}
     with tempfile.TemporaryDirectory(prefix="skinmap-stops-") as name:
@@ -130,7 +103,7 @@ def measure(
             print(f"{command}: {rows[command]}", file=sys.stderr, flush=True)
     return {
         "commands": rows,
-        "stops": sum(row["before"] + row["under_way"] + row["after"] for row in rows.values()),
+        "stops": sum(row[when] for row in rows.values() for when in ENDS),
         "under_way": sum(row["under_way"] for row in rows.values()),
         "faults": sum(len(row["faults"]) for row in rows.values()),
     }
@@ -146,10 +119,10 @@ def _of_command(
     said, code = wait(running)
     took = time.monotonic() - began
     if code not in (0, 3):
-        return {"seconds": took, "before": 0, "under_way": 0, "after": 0,
-                "faults": [f"the whole command: exit {code}: {said[-200:]}"]}  # fmt: skip
+        whole = f"the whole command: exit {code}: {said[-200:]}"
+        return {"seconds": took, **dict.fromkeys(ENDS, 0), "faults": [whole]}
     names = names_of(result_of(long, folder / "whole"))
-    counts = {"before": 0, "under_way": 0, "after": 0}
+    counts = dict.fromkeys(ENDS, 0)
     faults = []
     for number in range(each):
         for kind in kinds:
@@ -157,7 +130,10 @@ def _of_command(
             place.mkdir()
             out = place / "out"
             moment = float(rng.uniform(0.0, took))
-            when, fault = stop(long, out, given, kind, moment, names=names)
+            if kind == LOCK:
+                when, fault = lock(long, out, given, moment, names=names)
+            else:
+                when, fault = stop(long, out, given, kind, moment, names=names)
             counts[when] += 1
             if fault:
                 faults.append(f"{kind} after {moment:.2f} s: {fault}")
@@ -251,6 +227,55 @@ def _judged(kind: str, code: int, said: str, result: Path, names: frozenset[str]
     return "" if opens(result, names) else f"half a result: {result.name}"
 
 
+def lock(
+    long: Long,
+    out: Path,
+    given: Path,
+    moment: float | None = None,
+    *,
+    names: frozenset[str] = frozenset(),
+) -> tuple[str, str]:
+    """Lock the folder of a result after so many seconds, or once its command listens to signals.
+
+    Returns
+    -------
+    end : str
+        The command was `refused`, or had `done` its work.
+    fault : str
+        What was wrong about how it ended, or "".
+    """
+    running = start(long, out, given, first=_obey)
+    reach(running, moment)
+    folders = [out.parent, *(path for path in out.parent.rglob("*") if path.is_dir())]
+    for one in folders:
+        one.chmod(0o555)
+    try:
+        said, code = wait(running)
+        left = left_of(running.pid)
+    finally:
+        for one in folders:
+            if one.exists():
+                one.chmod(0o755)
+    result, lines = result_of(long, out), said.strip().splitlines()
+    fault = ""
+    if left:
+        fault = f"{len(left)} processes left"
+    elif "Traceback" in said or code not in (0, 2, 3):
+        fault = f"exit {code}: {said[-500:]}"
+    elif code == 2 and not (lines and lines[-1].startswith("Error: cannot")):
+        fault = f"said {lines[-1:]}"
+    elif result.exists() and not opens(result, names):
+        fault = f"half a result: {result.name}"
+    elif code != 2 and not result.exists():
+        fault = "no result and no word of it"
+    return "done" if code in (0, 3) else "refused", fault
+
+
+def _obey() -> None:
+    """Give up root's right to write anywhere, for the program that is begun."""
+    ctypes.CDLL(None, use_errno=True).prctl(DROP_FROM_BOUNDS, CAP_DAC_OVERRIDE, 0, 0, 0)
+
+
 def names_of(result: Path) -> frozenset[str]:
     """Files of a result that is a folder, without what was only staged in it."""
     every = (path.relative_to(result) for path in result.rglob("*") if path.is_file())
@@ -264,7 +289,7 @@ def opens(result: Path, names: frozenset[str] = frozenset()) -> bool:
     """
     import warnings
 
-    from skinmap.classify.model_file import load_classifier
+    from skinmap.classifiers.model_file import load_classifier
     from skinmap.errors import SkinError
     from skinmap.live.sources.open_recording import open_track
 
@@ -354,7 +379,3 @@ def _members(session: int) -> list[int]:
         if int(fields[3]) == session and fields[0] != "Z":
             found.append(int(entry.name))
     return found
-
-
-if __name__ == "__main__":
-    main()

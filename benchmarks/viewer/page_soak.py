@@ -89,7 +89,7 @@ def soak(updates: int) -> dict[str, Any]:
 def _same(server: WebServer, robot: Any, skins: dict[str, PreparedSkin]) -> bool:
     """Whether the last sample is written by a fresh writer to the same bytes."""
     hub = server.hub
-    fresh = SampleWriter(make_scene(robot, skins, links=[LINK]))
+    fresh = SampleWriter(make_scene(robot, skins, links=[LINK]), Layers(skins))
     last, layer = hub._moment, Layers(skins).get("pressure")
     return hub._writer.write(last, layer, {}) == fresh.write(last, layer, {})
 

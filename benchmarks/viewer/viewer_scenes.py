@@ -1,4 +1,4 @@
-"""What the viewer's benchmark draws: the iCub, large skins, and the plain PyVista way."""
+"""What the viewer's benchmark draws: the iCub, large skins, and the iCub by PyVista alone."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ import numpy as np
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.skin.robot import Part, Robot
 from skinmap.skin.skin import Skin
+from skinmap.surface.surface_mesh import SurfaceMesh
 
 SIZE = (1024, 768)
 PITCH = 5.5e-3  # between taxels [m]
+BODY = 100_000  # triangles of a body that is drawn by who knows how
 PARTS = 8  # that a large skin is cut into, as real ones are
 
 
@@ -40,7 +42,6 @@ def large_scene(n: int, *, panel: bool = False) -> Any:
 
     With a panel the flat map of the first part is beside it.
     """
-    from skinmap.surface.surface_mesh import SurfaceMesh
     from viewer.scene import Scene
 
     columns = PARTS * round(np.sqrt(n) / PARTS)
@@ -108,33 +109,68 @@ def _grid(columns: int, rows: int) -> np.ndarray:
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
-def plain_pyvista(robot: Robot, skins: Mapping[str, Skin]) -> Callable[[int], None]:
-    """The robot as a newcomer to PyVista draws it: defaults, a sphere for each taxel."""
+def good_pyvista(
+    robot: Robot, meshes: Mapping[str, SurfaceMesh], *, moving: bool = False
+) -> Callable[[int], None]:
+    """The robot in PyVista set up well: the skin a sheet, a body of few triangles, no smoothing."""
     import pyvista as pv
 
+    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
+    plotter.disable_anti_aliasing()
+    body = _body(robot)
+    plotter.add_mesh(body.decimate(1.0 - BODY / body.n_cells), color="lightgray")
+    placed = _placed(robot, meshes)
+    starts = np.cumsum([0, *(len(points) for points, _ in placed)])
+    faces = np.concatenate([f + s for (_, f), s in zip(placed, starts, strict=False)])
+    sheet = pv.PolyData.from_regular_faces(np.concatenate([p for p, _ in placed]), faces)
+    draw = _drawn(plotter, sheet, sheet.n_points)
+
+    def turned(number: int) -> None:
+        plotter.camera.Azimuth(1.0)
+        draw(number)
+
+    return turned if moving else draw
+
+
+def _placed(robot: Robot, meshes: Mapping[str, SurfaceMesh]) -> list[tuple[Any, Any]]:
+    """Taxels (n, 3) [m] of each part on the body, and triangles between them."""
     from skinmap.geometry.rigid import transform_points
 
-    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
-    plotter.enable_anti_aliasing("msaa", multi_samples=8)
     poses = robot.body.poses(robot.pose)
-    for link in robot.body.visible_links:
-        mesh = robot.mesh(link)
-        if len(mesh.faces):
-            surface = pv.PolyData.from_regular_faces(mesh.vertices, mesh.faces)
-            plotter.add_mesh(surface.transform(poses[link], inplace=False), color="lightgray")
-    points = np.concatenate([transform_points(poses[s.link], s.positions) for s in skins.values()])
-    cloud = pv.PolyData(points)
-    cloud["pressure"] = np.zeros(len(points))
-    ball = pv.Sphere(radius=0.002, theta_resolution=8, phi_resolution=8)
-    glyphs = cloud.glyph(geom=ball, scale=False, orient=False)
-    plotter.add_mesh(glyphs, scalars="pressure", clim=(0, 255))
+    return [
+        (transform_points(poses[one.skin.link], one.skin.positions), one.faces)
+        for one in meshes.values()
+    ]
+
+
+def _body(robot: Robot) -> Any:
+    """All links as one mesh."""
+    import pyvista as pv
+
+    poses = robot.body.poses(robot.pose)
+    links = {link: robot.mesh(link) for link in robot.body.visible_links}
+    return pv.merge(
+        [
+            pv.PolyData.from_regular_faces(mesh.vertices, mesh.faces).transform(
+                poses[link], inplace=False
+            )
+            for link, mesh in links.items()
+            if len(mesh.faces)
+        ]
+    )
+
+
+def _drawn(plotter: Any, skin: Any, taxels: int) -> Callable[[int], None]:
+    """Other values of all taxels with each call."""
+    skin["pressure"] = np.zeros(taxels)
+    plotter.add_mesh(skin, scalars="pressure", clim=(0, 255))
     plotter.camera_position = "yz"
     plotter.show(auto_close=False)
     rng = np.random.default_rng(0)
-    values = [np.repeat(255 * rng.random(len(points)), ball.n_points) for _ in range(4)]
+    values = [255 * rng.random(taxels) for _ in range(4)]
 
     def draw(number: int) -> None:
-        glyphs["pressure"][:] = values[number % 4]
+        skin["pressure"][:] = values[number % 4]
         plotter.render()
 
     return draw

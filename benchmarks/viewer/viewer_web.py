@@ -1,36 +1,42 @@
-"""The page in headless Chromium beside viser: `python -m benchmarks.viewer.viewer_web`.
+"""The page in headless Chromium: `python -m benchmarks.viewer.viewer_web`.
 
 The whole iCub with three moving touches at 50 samples a second, software rendering, 1024x768; and
 the same with every taxel changing. Time until the page is complete (body, skin and first sample
 drawn), drawn updates a second, bytes of a sample, and CPU times: of the server for a sample, of
-all of Chromium's processes for an update. The pages are opened in turn, as the machine is not the
-same all the time; `viewer_web_watch.py` says how updates are counted and the counters verified.
+all of Chromium's processes for an update.
 Without Chromium there is nothing to measure.
 """
 
 from __future__ import annotations
 
-import importlib.util
 import os
+import shutil
+import time
 from collections.abc import Iterator
+from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
 
 import skinmap
-from benchmarks.harness.asked import judge, table_text
 from benchmarks.harness.record import command
-from benchmarks.viewer.viewer_web_peer import Viser
-from benchmarks.viewer.viewer_web_watch import ARGUMENTS, CHROMIUM, SIZE, watch, watch_peer
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.playing.player import Player
 from viewer.web.server import serve
 
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+ARGUMENTS = (
+    "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-quic",
+    "--disable-background-networking", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)  # fmt: skip
+SIZE = {"width": 1024, "height": 768}
+DRAWN = "body[data-drawn]:not([data-drawn='0'])"
+PATIENCE = 90_000  # [ms]
+TICKS = os.sysconf("SC_CLK_TCK")
 RATE = 50.0  # samples a second
-WAYS = ("meshes", "instances")  # of viser
 OPENINGS = 3
 SECONDS = 5.0  # of counting
 
@@ -65,22 +71,27 @@ def noisy(skins: dict[str, PreparedSkin]) -> Iterator[Moment]:
 
 
 def measure(quick: bool = False, *, openings: int | None = None) -> dict[str, Any]:
-    """Figures of both pages, and what was asked for beside what ours reached.
+    """Figures of the page.
 
     Parameters
     ----------
     quick : bool
-        Each page once, for two seconds.
+        Opened once, for two seconds.
     openings : int, optional
-        How often each is opened; the medians are told.
+        How often it is opened; the medians are told.
 
     Returns
     -------
     dict
-        `chromium` (its version, None where there is none), a row for each page and scene, `asked`.
+        `chromium` (its version), `flags` it was started with, a row for each scene.
+
+    Raises
+    ------
+    RuntimeError
+        There is no Chromium.
     """
     if CHROMIUM is None:
-        return {"chromium": None}
+        raise RuntimeError("there is no Chromium to open the page in")
     from playwright.sync_api import sync_playwright
 
     times = (1 if quick else OPENINGS) if openings is None else openings
@@ -90,30 +101,19 @@ def measure(quick: bool = False, *, openings: int | None = None) -> dict[str, An
     result: dict[str, Any] = {"taxels": sum(map(len, skins.values())), "size": list(SIZE.values())}
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
-        result["chromium"] = browser.version
+        result |= {"chromium": browser.version, "flags": list(ARGUMENTS)}
         result["openings"] = times
         for name, moments in (("three touches", touched), ("all taxels change", noisy)):
-            rows: dict[str, list[dict[str, float]]] = {}
-            for _ in range(times):
-                rows.setdefault("ours", []).append(ours(browser, robot, skins, moments, seconds))
-                for way in WAYS if has_viser() else ():
-                    row = theirs(browser, robot, skins, moments, way, seconds)
-                    rows.setdefault(f"viser {way}", []).append(row)
-            result[name] = {
-                who: {key: median(one[key] for one in all_of) for key in all_of[0]}
-                for who, all_of in rows.items()
-            }
+            rows = [ours(browser, robot, skins, moments, seconds) for _ in range(times)]
+            result[name] = {"ours": {key: median(one[key] for one in rows) for key in rows[0]}}
         browser.close()
-    result["load_average"] = os.getloadavg()[0]
-    judged = judge({"areas": {"page": {"rows": result, "form": "quick" if quick else "full"}}})
-    result["asked"] = [row for row in judged if row["area"] == "page"]
     return result
 
 
 def ours(
     browser: Any, robot: Any, skins: dict[str, PreparedSkin], moments: Any, seconds: float
 ) -> dict[str, float]:
-    """Our page, opened once."""
+    """The page, opened once."""
     with Player(moments(skins)) as player, serve(robot, skins, player, port=0) as server:
         row = watch(browser, server.url, seconds)
         hub = server.hub
@@ -122,30 +122,59 @@ def ours(
     return row | {"load_average": os.getloadavg()[0]}
 
 
-def theirs(
-    browser: Any, robot: Any, skins: dict[str, PreparedSkin], moments: Any, way: str, seconds: float
-) -> dict[str, float]:
-    """Viser's page, opened once."""
-    with Viser(robot, skins, moments(skins), RATE, way) as peer:
-        row = watch_peer(browser, peer.url, seconds)
-        row["server_cpu_ms_per_sample"] = 1e3 * peer.seconds / max(peer.samples, 1)
-        row["bytes_per_sample"] = peer.size / max(peer.samples, 1)
-    return row | {"load_average": os.getloadavg()[0]}
+def watch(chromium: Any, url: str, seconds: float) -> dict[str, float]:
+    """Figures of the page, which counts its updates and bytes itself."""
+    page = chromium.new_page(viewport=SIZE)
+    started, browser, own = time.perf_counter(), browser_seconds(os.getpid()), time.process_time()
+    page.goto(url)
+    page.wait_for_selector(DRAWN, timeout=PATIENCE)
+    found = {
+        "complete_s": time.perf_counter() - started,
+        "complete_chromium_cpu_s": browser_seconds(os.getpid()) - browser,
+        "complete_server_cpu_s": time.process_time() - own,
+    }
+    page.wait_for_timeout(1000)
+    found["complete_by_its_clock_s"] = page.evaluate("skinmap.stats.complete") / 1e3
+    found |= _counted(page, seconds)
+    bytes_, samples = page.evaluate("[skinmap.stats.bytes, skinmap.stats.samples]")
+    page.close()
+    return {"bytes_per_sample": bytes_ / max(samples, 1), **found}
 
 
-def has_viser() -> bool:
-    """Whether the peer is installed."""
-    return importlib.util.find_spec("viser") is not None
+def _counted(page: Any, seconds: float) -> dict[str, float]:
+    """Updates a second, and Chromium's CPU time for one."""
+    cpu, (began, before) = browser_seconds(os.getpid()), _now(page)
+    page.wait_for_timeout(1000 * seconds)
+    (ended, after), spent = _now(page), browser_seconds(os.getpid()) - cpu
+    return {
+        "drawn_per_s": 1e3 * (after - before) / (ended - began),
+        "chromium_cpu_ms_per_update": 1e3 * spent / max(after - before, 1),
+    }
 
 
-def main() -> None:
-    """Measure, write, and print what was asked for beside what came out."""
-    import json
+def _now(page: Any) -> tuple[float, float]:
+    """The page's clock [ms] and the updates that it has drawn."""
+    ms, count = page.evaluate("[performance.now(), skinmap.stats.drawn]")
+    return ms, count
 
-    target = command(measure, __doc__, "viewer_web")
-    if target is not None:
-        print(table_text(json.loads(target.read_text(encoding="utf-8"))["asked"]))
+
+def browser_seconds(root: int) -> float:
+    """CPU time of all that a process started [s]."""
+    parents, spent = {}, {}
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            try:
+                fields = (folder / "stat").read_text().rpartition(")")[2].split()
+            except OSError:
+                continue  # it has ended meanwhile
+            parents[int(folder.name)] = int(fields[1])
+            spent[int(folder.name)] = (int(fields[11]) + int(fields[12])) / TICKS
+    ours, new = {root}, {root}
+    while new:
+        new = {pid for pid, parent in parents.items() if parent in new} - ours
+        ours |= new
+    return sum(spent.get(pid, 0.0) for pid in ours - {root})
 
 
 if __name__ == "__main__":
-    main()
+    command(measure, __doc__, "viewer_web")

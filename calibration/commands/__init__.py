@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-from importlib.util import find_spec
 
 import click
 
@@ -27,18 +26,14 @@ class LazyCommands(NamedGroup):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names in the order of a calibration's work."""
-        return [
-            name for name, (module, _, _) in COMMANDS.items() if find_spec(f"{__name__}.{module}")
-        ]
+        return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Load one command; None if there is none of that name."""
-        if cmd_name not in self.list_commands(ctx):
+        if cmd_name not in COMMANDS:
             return None
         module, attribute, _ = COMMANDS[cmd_name]
-        command: click.Command | None = getattr(
-            importlib.import_module(f"{__name__}.{module}"), attribute, None
-        )
+        command: click.Command = getattr(importlib.import_module(f"{__name__}.{module}"), attribute)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -13,14 +13,18 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.commands.options import PatchFiles, PatchOptions
+from calibration.commands.options import Outputs, PatchFiles
 from calibration.commands.patch_task import PatchTask, SolvedPatch, load_link
 from calibration.commands.results import MM
-from calibration.files.anchor_table import Anchor, read_anchor_table, write_anchor_table
-from calibration.files.tables import BoardTable, read_board
+from calibration.files.tables import (
+    Anchor,
+    BoardTable,
+    read_anchor_table,
+    read_board,
+    write_anchor_table,
+)
 from calibration.patch.evidence import FEWEST
 from calibration.patch.patch_calibration import PatchCalibration
-from calibration.patch.solver_budget import FULL, Effort
 from skinmap.arrays import FloatArray, IntArray, check_finite
 from skinmap.errors import InvalidArrayError, SkinError
 from skinmap.geometry.proximity import median_spacing
@@ -76,12 +80,10 @@ class AnchorSession:
         Of anchors in files, in metres; all else is in metres.
     sigma : float
         Error of a coordinate of an anchor [m].
-    seed : int
     title : str
         What is laid on what.
     mirror : bool
         Whether the board is drawn from its other side.
-    effort : Effort
 
     Attributes
     ----------
@@ -99,14 +101,12 @@ class AnchorSession:
         *,
         unit: float = 1.0,
         sigma: float = 1e-3,
-        seed: int = 0,
         title: str = "board on link",
         mirror: bool = False,
-        effort: Effort = FULL,
     ) -> None:
         self.board, self.link = board, link
-        self.unit, self.sigma, self.seed, self.title = unit, sigma, seed, title
-        self.mirror, self.effort = mirror, effort
+        self.unit, self.sigma, self.title = unit, sigma, title
+        self.mirror = mirror
         # A file without sigmas stays one: what is picked follows the same option as the rest.
         silent = any(anchor.sigma is None for anchor in anchors)
         self._stated = None if silent else sigma / unit
@@ -116,7 +116,7 @@ class AnchorSession:
         self.message = self.advice()
 
     @classmethod
-    def load(cls, files: PatchFiles, *, effort: Effort = FULL, seed: int = 0) -> AnchorSession:
+    def load(cls, files: PatchFiles) -> AnchorSession:
         """A session from files, as `skinmap calibrate wrap` reads them.
 
         Raises
@@ -132,10 +132,8 @@ class AnchorSession:
             [] if files.anchors is None else read_anchor_table(files.anchors, board),
             unit=unit,
             sigma=1e-3 * files.sigma_mm,
-            seed=seed,
             title=files.title,
             mirror=files.mirror,
-            effort=effort,
         )
 
     @property
@@ -177,7 +175,7 @@ class AnchorSession:
         """The anchors as `skinmap calibrate wrap` would read them."""
         return PatchTask.of(
             self.title, self.board, self.link, self.anchors,
-            unit=self.unit, sigma=self.sigma, mirror=self.mirror, effort=self.effort,
+            unit=self.unit, sigma=self.sigma, mirror=self.mirror,
         )  # fmt: skip
 
     def pick_board(self, place: ArrayLike) -> bool:
@@ -261,7 +259,7 @@ class AnchorSession:
 
     def solve(self) -> Solution:
         """Lay the board on the link by the anchors there are, and keep what comes of it."""
-        solution = solve(self.task(), self.anchors, self.seed)
+        solution = solve(self.task(), self.anchors)
         self.accept(solution)
         return solution
 
@@ -278,7 +276,7 @@ class AnchorSession:
         else:
             self.message = solution.problem
 
-    def save(self, options: PatchOptions) -> SavedAnchors:
+    def save(self, output: Outputs) -> SavedAnchors:
         """Write what `skinmap calibrate wrap` writes, and the anchors to go on from.
 
         Where the status is not ok and not accepted, or there is no solution, earlier results
@@ -289,13 +287,13 @@ class AnchorSession:
         OutputError
             The folder cannot be written to.
         """
-        out = cast("Path", options.out)
+        out = cast("Path", output.out)
         solution = self.solution
         if solution is None or self.stale:
             solution = self.solve()
         with staged_folder(out) as stage:
             solved = solution.solved
-            files = [] if solved is None else solved.save(stage, options).files
+            files = [] if solved is None else solved.save(stage, output).files
             good = "taxels.csv" in files
             if self.anchors:
                 files = [*files, ANCHORS if good else REFUSED_ANCHORS]
@@ -306,12 +304,12 @@ class AnchorSession:
         return SavedAnchors(good, tuple(files))
 
 
-def solve(task: PatchTask, anchors: tuple[Anchor, ...], seed: int) -> Solution:
+def solve(task: PatchTask, anchors: tuple[Anchor, ...]) -> Solution:
     """Solve without a session: may run beside it, in another thread."""
     if len(anchors) < FEWEST:
         return Solution(anchors, None, f"{len(anchors)} anchors, at least {FEWEST} are needed")
     try:
-        return Solution(anchors, task.solve(seed))
+        return Solution(anchors, task.solve())
     except SkinError as error:
         return Solution(anchors, None, str(error))
     except (np.linalg.LinAlgError, ArithmeticError) as error:

@@ -13,11 +13,20 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import click
 import msgspec
 
-from calibration.commands.options import FILE, PatchFiles, PatchOptions, patch_options
+from calibration.commands.options import (
+    FILE,
+    NO_EFFORT,
+    NO_SEED,
+    SIGMA_MM,
+    Outputs,
+    PatchFiles,
+    outputs,
+)
 from calibration.commands.results import Grade, PatchResult
-from skinmap.commands.options import prints
+from skinmap.commands.options import prints, units_option
 from skinmap.commands.progress import progress
-from skinmap.commands.workers import worker_options, workers_options
+from skinmap.commands.retired import retired
+from skinmap.commands.spreading import WorkerOptions, workers_options
 from skinmap.errors import DataFormatError, SkinError, unknown_name
 from skinmap.io.units import UNITS
 from skinmap.report.present import present
@@ -68,31 +77,28 @@ class BatchResult:
         Number of patches by status.
     patches
         One a row of the table.
-    seed
-        Of all randomness.
     """
 
     statuses: dict[str, int]
     patches: list[BatchPatch]
-    seed: int
 
 
 @click.command("batch")
 @click.argument("table_file", metavar="TABLE", type=FILE)
-@patch_options(
+@units_option("files, where the table does not say")
+@outputs(
     "a folder with taxels.csv and report.html for each patch",
-    of="files, where the table does not say",
-    board=False,
+    required=True,
+    accept="Write taxels and exit 0 whatever the status.",
 )
+@retired(**NO_EFFORT, seed=NO_SEED, sigma_mm="write a column sigma_mm in the table")
 @workers_options
 @prints(BatchResult)
 def batch(
     table_file: Path,
     units: str,
-    sigma_mm: float,
-    options: PatchOptions,
-    as_json: bool,
-    **spread: Any,
+    output: Outputs,
+    spread: WorkerOptions,
 ) -> None:
     """Lay many boards on their links, each as `calibrate wrap` does.
 
@@ -106,20 +112,17 @@ def batch(
     """
     from skinmap.io.output import staged_folder
 
-    chosen = worker_options(spread)
-    rows = read_batch(table_file, units, sigma_mm)
+    rows = read_batch(table_file, units)
     with (
-        staged_folder(cast("Path", options.out)) as stage,
-        chosen.open("calibrate batch") as workers,
+        staged_folder(cast("Path", output.out)) as stage,
+        spread.open("calibrate batch") as workers,
         progress(len(rows), "calibrate") as advance,
     ):
-        patches = calibrate_batch(rows, options, stage, workers=workers, progress=advance)
-    result = BatchResult(
-        statuses=Counter(patch.status for patch in patches), patches=patches, seed=options.seed
-    )
+        patches = calibrate_batch(rows, output, stage, workers=workers, progress=advance)
+    result = BatchResult(statuses=Counter(patch.status for patch in patches), patches=patches)
     bad = set(result.statuses) - {OK}
-    verdict = Verdict("failed" if bad else OK, accepted=options.accept and FAILED not in bad)
-    present(result, batch_lines, as_json=as_json, verdict=verdict)
+    verdict = Verdict("failed" if bad else OK, accepted=output.accept and FAILED not in bad)
+    present(result, batch_lines, as_json=output.as_json, verdict=verdict)
 
 
 def batch_lines(result: BatchResult) -> Iterator[Table]:
@@ -133,7 +136,7 @@ def batch_lines(result: BatchResult) -> Iterator[Table]:
     yield Table(("patch", "status", "taxels", "predicted error mm", "why"), rows)
 
 
-def read_batch(path: Path, units: str, sigma_mm: float) -> dict[str, PatchFiles]:
+def read_batch(path: Path, units: str) -> dict[str, PatchFiles]:
     """The patches of a table `name,layout,mesh,anchors[,units,sigma_mm,mirror]`, by name.
 
     Files are looked for from the table's folder.
@@ -155,13 +158,11 @@ def read_batch(path: Path, units: str, sigma_mm: float) -> dict[str, PatchFiles]
             raise DataFormatError(f"{name!r} is no name for a folder", path, line)
         if name in found:
             raise DataFormatError(f"the patch {name!r} comes more than once", path, line)
-        found[name] = _patch_files(words, path, line, units, sigma_mm)
+        found[name] = _patch_files(words, path, line, units)
     return found
 
 
-def _patch_files(
-    words: Mapping[str, str], path: Path, line: int, units: str, sigma_mm: float
-) -> PatchFiles:
+def _patch_files(words: Mapping[str, str], path: Path, line: int, units: str) -> PatchFiles:
     """A row of the table; what it leaves empty is as the options say."""
     from skinmap.io.text import parse_floats
 
@@ -170,7 +171,7 @@ def _patch_files(
         raise DataFormatError(unknown_name("unit", unit, UNITS), path, line)
     if mirror not in ("yes", "no"):
         raise DataFormatError(f"mirror is yes or no, got {mirror!r}", path, line)
-    sigma = sigma_mm
+    sigma = SIGMA_MM
     if words.get("sigma_mm"):
         (sigma,) = parse_floats([words["sigma_mm"]], path, line)
     if sigma <= 0.0:
@@ -188,12 +189,12 @@ class BatchTask:
 
     name: str
     evidence: PatchTask | str
-    options: PatchOptions
+    output: Outputs
 
 
 def calibrate_batch(
     rows: Mapping[str, PatchFiles],
-    options: PatchOptions,
+    output: Outputs,
     folder: Path,
     *,
     workers: Workers,
@@ -203,7 +204,7 @@ def calibrate_batch(
     from skinmap.parallel.run import each_result
 
     found: dict[int, BatchPatch] = {}
-    tasks = _tasks(rows, replace(options, out=None))
+    tasks = _tasks(rows, replace(output, out=None))
     with closing(each_result(_calibrated, tasks, workers=workers, progress=progress)) as results:
         for place, (printed, files) in results:
             patch = msgspec.convert(printed, BatchPatch)
@@ -215,16 +216,16 @@ def calibrate_batch(
     return [found[place] for place in sorted(found)]
 
 
-def _tasks(rows: Mapping[str, PatchFiles], options: PatchOptions) -> Iterator[BatchTask]:
+def _tasks(rows: Mapping[str, PatchFiles], output: Outputs) -> Iterator[BatchTask]:
     """Tasks of the rows, each read when a worker is free for it."""
     from calibration.commands.patch_task import PatchTask
 
     for name, files in rows.items():
         try:
-            evidence: PatchTask | str = PatchTask.load(files, options.effort)
+            evidence: PatchTask | str = PatchTask.load(files)
         except SkinError as error:
             evidence = str(error)
-        yield BatchTask(name, evidence, options)
+        yield BatchTask(name, evidence, output)
 
 
 def _calibrated(task: BatchTask) -> tuple[dict[str, Any], dict[str, bytes]]:
@@ -233,8 +234,8 @@ def _calibrated(task: BatchTask) -> tuple[dict[str, Any], dict[str, bytes]]:
         if isinstance(task.evidence, str):
             raise SkinError(task.evidence)
         with tempfile.TemporaryDirectory(prefix="skinmap-") as name:
-            solved = task.evidence.solve(task.options.seed)
-            found = solved.save(Path(name), task.options)
+            solved = task.evidence.solve()
+            found = solved.save(Path(name), task.output)
             data = {file: (Path(name) / file).read_bytes() for file in found.files}
     except SkinError as error:
         failed = BatchPatch(patch=task.name, status=FAILED, reasons=[str(error)])

@@ -1,49 +1,40 @@
-"""Options that commands of calibration share: one name and one meaning for each."""
+"""Options that commands of calibration share, and the one way in which these end."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
-from calibration.patch.solver_budget import FULL, Effort
-from skinmap.commands.options import Number, out_folder, seed_option, units_option
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.options import out_folder, units_option
+from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.report.present import present
+
+if TYPE_CHECKING:
+    from calibration.commands.results import Calibrated
 
 FILE = click.Path(path_type=Path, dir_okay=False)
-TABLES = "Also write tables as the iCub's positions (.txt)."
+NO_LOSS = "outliers never pull"
+NO_SEED = "the same files always give the same result"
+WORK = "a patch gets the work that its accuracy needs"
+SIGMA_MM = 1.0  # error of a coordinate where no file has it
+SIGMA = "write a column sigma in the file; without one it is 1 mm"
+NO_EFFORT = {"starts": WORK, "steps": WORK, "wrap_detail_mm": WORK, "profile": NO_PROFILE}
 F = TypeVar("F", bound=Callable[..., Any])
+R = TypeVar("R", bound="Calibrated")
 
 mesh_option = click.option(
     "--mesh", "mesh_file", type=FILE, required=True, help="Link: STL, OBJ, PLY ..."
 )
-loss_option = click.option(
-    "--loss", type=click.Choice(["linear", "cauchy"]), default="cauchy", show_default=True,
-    help="Squares, or a loss that outliers cannot pull.",
-)  # fmt: skip
-
-
-def format_option(
-    note: str = "Also write the iCub's positions, as taxels.txt.",
-) -> Callable[[F], F]:
-    """`--format`."""
-    return click.option(
-        "--format", "formats", type=click.Choice(["csv", "icub"]), multiple=True, help=note
-    )
-
-
-def accept_option(note: str = "Write results and exit 0 whatever the status.") -> Callable[[F], F]:
-    """`--accept`."""
-    return click.option("--accept", is_flag=True, help=note)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PatchFiles:
-    """A board and its link, and where taxels of it are: options of a command, a row of a batch.
+    """A board, its link and where taxels of it are: options of a command, or a row of a batch.
 
     Attributes
     ----------
@@ -68,7 +59,7 @@ class PatchFiles:
     anchors: Path | None = None
     touches: Path | None = None
     units: str = "m"
-    sigma_mm: float = 1.0
+    sigma_mm: float = SIGMA_MM
     mirror: bool = False
 
     @property
@@ -78,112 +69,126 @@ class PatchFiles:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class PatchOptions:
-    """What becomes of the evidence.
+class Outputs:
+    """What becomes of a result.
 
     Attributes
     ----------
     out : Path or None
         Folder for files.
-    formats : tuple of str
-        Tables besides our own.
     accept : bool
-        Write a doubtful result too.
-    effort : Effort
-        Starts, steps and detail of the wrap.
-    seed : int
+        Write a doubtful result too, and exit with 0.
+    as_json : bool
+        Print one JSON object.
     """
 
     out: Path | None = None
-    formats: tuple[str, ...] = ()
     accept: bool = False
-    effort: Effort = FULL
-    seed: int = 0
+    as_json: bool = False
+
+    def finish(
+        self,
+        result: R,
+        lines: Callable[[R], Iterable[str]],
+        write: Callable[[Path], list[str]],
+        page: Callable[[], str],
+    ) -> None:
+        """Show a result, write its files and its page, and exit with 3 where it is refused.
+
+        Parameters
+        ----------
+        result : Calibrated
+        lines : callable
+            Words for people.
+        write : callable
+            Given the folder, writes files and returns their names.
+        page : callable
+            The report.
+        """
+        present(
+            result,
+            lines,
+            as_json=self.as_json,
+            out=self.out,
+            write=write,
+            page=lambda _: page(),
+            verdict=result.verdict(accept=self.accept),
+        )
 
 
-def patch_options(
+def outputs(
     folder: str,
     *,
-    of: str = "all files",
-    sigma: str = "an anchor",
-    board: bool = True,
-    required: bool = True,
-    accept: str = "Write taxels and exit 0 whatever the status.",
+    required: bool = False,
+    accept: str = "Write results and exit 0 whatever the status.",
 ) -> Callable[[F], F]:
-    """What all commands of patches take; they get it as `files` and `options`.
+    """`--out` and `--accept`, with `--json`: the command gets them as `output`.
 
     Parameters
     ----------
     folder : str
         What `--out` is for.
-    of : str
-        What the units are of.
-    sigma : str
-        What the error is of.
-    board : bool
-        Whether board and link are options; if not, the command gets `units` and `sigma_mm`.
     required : bool
         Whether `--out` is.
     accept : str
         What `--accept` does.
     """
     taken = [
-        *(_BOARD if board else ()),
-        units_option(of),
-        click.option(
-            "--sigma-mm", type=Number(0.0, 1000.0, min_open=True), default=1.0,
-            show_default=True,
-            help=f"Error of a coordinate of {sigma}, where the file does not say [mm].",
-        ),
         out_folder(folder, required=required),
-        format_option(),
-        accept_option(accept),
-        *_EFFORT,
-        seed_option,
-        profile_option("calibrate"),
-    ]  # fmt: skip
+        retired(format="write skinmap export taxels.csv --format icub -o taxels.txt"),
+        click.option("--accept", is_flag=True, help=accept),
+    ]
 
-    def add(command: F) -> F:
+    def gathered(command: F) -> Any:
         @wraps(command)
-        def gather(starts: int, steps: int, wrap_detail_mm: float, **given: Any) -> Any:
-            effort = Effort(starts, steps, 1e-3 * wrap_detail_mm)
-            rest = {name: given.pop(name) for name in ("out", "formats", "accept", "seed")}
-            if board:
-                names = {"layout_file", "mesh_file", "anchors_file", "touches_file"} & given.keys()
-                files = {name.removesuffix("_file"): given.pop(name) for name in names}
-                more = {name: given.pop(name) for name in ("units", "sigma_mm", "mirror")}
-                given["files"] = PatchFiles(**files, **more)
-            return command(options=PatchOptions(effort=effort, **rest), **given)
+        def gather(out: Path | None, accept: bool, as_json: bool, **given: Any) -> Any:
+            output = Outputs(out=out, accept=accept, as_json=as_json)
+            return command(output=output, **given)
 
-        found: Any = gather
-        for option in reversed(taken):
+        return gather
+
+    return _with(taken, gathered)
+
+
+def board_options(*, of: str = "all files") -> Callable[[F], F]:
+    """A board on its link: the command gets them, with anchors and touches, as `files`.
+
+    Parameters
+    ----------
+    of : str
+        What the units are of.
+    """
+    taken = [
+        click.option(
+            "--layout", "layout_file", type=FILE, required=True,
+            help="Board: CSV `channel,x,y[,module]`.",
+        ),
+        mesh_option,
+        click.option(
+            "--mirror", is_flag=True,
+            help="The board is drawn from its other side: mirror the drawing.",
+        ),
+        units_option(of),
+        retired(sigma_mm=SIGMA),
+    ]  # fmt: skip
+    fields = ("layout_file", "mesh_file", "anchors_file", "touches_file", "mirror", "units")
+
+    def gathered(command: F) -> Any:
+        @wraps(command)
+        def gather(**given: Any) -> Any:
+            own = {name.removesuffix("_file"): given.pop(name) for name in fields if name in given}
+            return command(files=PatchFiles(**own), **given)
+
+        return gather
+
+    return _with(taken, gathered)
+
+
+def _with(options: Sequence[Any], gathered: Callable[[F], Any]) -> Callable[[F], F]:
+    def add(command: F) -> F:
+        found = gathered(command)
+        for option in reversed(options):
             found = option(found)
         return cast("F", found)
 
     return add
-
-
-_BOARD = (
-    click.option(
-        "--layout", "layout_file", type=FILE, required=True,
-        help="Board: CSV `channel,x,y[,module]`.",
-    ),
-    mesh_option,
-    click.option(
-        "--mirror", is_flag=True, help="The board is drawn from its other side: mirror the drawing."
-    ),
-)  # fmt: skip
-_EFFORT = (
-    click.option(
-        "--starts", type=click.IntRange(1, 9), default=3, show_default=True,
-        help="Places to start from; three times as many where these fit badly.",
-    ),
-    click.option(
-        "--steps", type=click.IntRange(1, 1000), default=20, show_default=True,
-        help="Steps in each of three stages, at most.",
-    ),
-    click.option(
-        "--wrap-detail-mm", type=Number(0.5, 50.0), default=4.0,
-        show_default=True, help="Longest edge of the wrap round the link.",
-    ),
-)  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 from calibration.commands.results import MM, PatchResult
 from calibration.files.tables import BoardTable
 from calibration.patch.patch_calibration import PatchCalibration
-from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import face_normals, unit
@@ -19,10 +19,9 @@ from skinmap.report.image import image
 from skinmap.report.page import facts, heading, note, page, paragraph, verdict_lines
 from skinmap.report.projection import View, draw_surface
 from skinmap.report.table import Table
-from skinmap.report.verdict import Verdict
 
 if TYPE_CHECKING:
-    from calibration.plane.fit import PlaneFit
+    from calibration.commands.results import Calibrated
     from calibration.response.response import ResponseCalibration
     from calibration.scan.registration import ScanRegistration
 
@@ -39,17 +38,17 @@ WORDS = {
     "low_coverage": "The evidence covers too little of the patch.",
     "ambiguous": "What was measured does not settle where the patch is.",
     "unobservable": "The patch can still move freely in some way.",
+    "not_settled": "The search ended before it came to rest.",
 }
 TURN = np.radians(50.0)  # of each of the two side views
 MARGIN = 12e-3  # round the patch: what of the link lies further is cut off [m]
 SHADES = "viridis"
 MAX_NAMED = 24  # taxels with evidence that are named
-MAX_DOTS = 4000  # pairs whose strain is drawn
 
 
 def judged_page(
     title: str,
-    verdict: Verdict,
+    result: Calibrated,
     rows: Iterable[tuple[str, str]],
     pictures: Sequence[Picture],
 ) -> str:
@@ -58,66 +57,34 @@ def judged_page(
     Parameters
     ----------
     title : str
-    verdict : Verdict
-        Comes first, with its reasons.
+    result : Calibrated
+        Its status and reasons come first.
     rows : iterable of two str
         Numbers in words.
     pictures : sequence of Picture
     """
     shown = [heading(head) + note(words) + image(png, head) for head, png, words in pictures]
-    return page(title, [verdict_lines(verdict), facts(rows), *shown])
-
-
-def distance_picture(before: FloatArray | None, after: FloatArray) -> bytes:
-    """PNG: how many touches miss by how much, before and after the fit [mm]."""
-    figure = plain_figure((7.0, 3.2))
-    axis = figure.subplots()
-    both = after if before is None else np.concatenate([before, after])
-    edges = np.linspace(0.0, MM * max(float(np.percentile(both, 99)), 1e-6), 41)
-    if before is not None:
-        axis.hist(MM * before, edges, color="#9aa5b1", label="as it came")
-    axis.hist(MM * after, edges, color="#00795c", alpha=0.75, label="calibrated")
-    axis.set_xlabel("distance of what touched [mm]")
-    axis.set_ylabel("touches")
-    axis.legend(frameon=False)
-    return picture_bytes(figure)
+    return page(title, [verdict_lines(result.verdict(accept=False)), facts(rows), *shown])
 
 
 def taxel_picture(positions: FloatArray, sd: FloatArray) -> bytes:
-    """PNG: taxels (n, 3) [m] in the frame of their link, coloured by sd (n,) [m]."""
-    return _two_sides(positions, MM * sd, "predicted error [mm]")
+    """PNG: taxels (n, 3) [m] in the frame of their link, coloured by sd (n,) [m].
 
-
-def coverage_picture(positions: FloatArray, touched: IntArray) -> bytes:
-    """PNG: taxels (n, 3) [m], coloured by how often (n,) they felt a press; grey: never."""
-    return _two_sides(positions, touched, "presses that it felt", touched > 0, 0.0)
-
-
-def _two_sides(
-    positions: FloatArray,
-    values: FloatArray | IntArray,
-    label: str,
-    known: BoolArray | None = None,
-    low: float | None = None,
-) -> bytes:
-    """PNG: points from above and from beside, the nearer ones in front, those unknown grey."""
+    From above and from beside, the nearer ones in front.
+    """
     middle = positions.mean(axis=0)
     _, _, axes = np.linalg.svd(positions - middle, full_matrices=False)
     across = MM * (positions - middle) @ axes.T
     figure = plain_figure((9.4, 3.8))
     both = figure.subplots(1, 2)
-    known = np.ones(len(positions), bool) if known is None else known
     for axis, (up, depth) in zip(both, ((1, 2), (2, 1)), strict=True):
         order = np.argsort(across[:, depth])
-        seen, unseen = order[known[order]], order[~known[order]]
-        axis.scatter(*across[unseen][:, (0, up)].T, c="#c9cfd6", s=12)
-        shown = axis.scatter(
-            *across[seen][:, (0, up)].T, c=values[seen], s=14, cmap="viridis", vmin=low
-        )
+        places = across[order][:, (0, up)].T
+        shown = axis.scatter(*places, c=MM * sd[order], s=14, cmap="viridis")
         axis.set_aspect("equal")
         axis.set_xlabel("along the patch [mm]")
         axis.set_ylabel(("across the patch [mm]", "out of the patch [mm]")[up - 1])
-    figure.colorbar(shown, ax=list(both), shrink=0.8).set_label(label)
+    figure.colorbar(shown, ax=list(both), shrink=0.8).set_label("predicted error [mm]")
     return picture_bytes(figure)
 
 
@@ -137,34 +104,18 @@ def response_picture(response: ResponseCalibration) -> bytes:
     return picture_bytes(figure)
 
 
-def contact_picture(fit: PlaneFit, contacts: int) -> bytes:
-    """PNG: press depth of each contact against the common one, and the loss of its readings."""
-    kept = np.setdiff1d(np.arange(contacts), fit.dropped)
-    odd = np.isin(kept, fit.inconsistent)
-    figure = plain_figure((9.4, 4.2))
-    above, below = figure.subplots(2, 1, sharex=True)
-    for rows, colour in ((~odd, "#00795c"), (odd, "#d4700a")):
-        above.bar(kept[rows], MM * fit.depths[rows], color=colour)
-        below.bar(kept[rows], fit.losses[rows], color=colour)
-    above.axhline(0.0, color="#6b7580", linewidth=0.8)
-    above.set_ylabel("extra depth [mm]")
-    below.set_ylabel("misfit of its readings")
-    below.set_xlabel("contact")
-    return picture_bytes(figure)
-
-
 def scan_picture(
     found: ScanRegistration, points: FloatArray, link: tuple[FloatArray, IntArray]
 ) -> bytes:
-    """PNG of the scan on the mesh from two sides, and how far it lies off."""
+    """PNG of the scan on the mesh from two sides, coloured by how far it lies off."""
     vertices, faces = link
     here = transform_points(found.T_mesh_scan, points)[:: max(1, len(points) // MAX_DRAWN)]
     distance, _, _ = closest_on_mesh(here, vertices, faces)
     off = MM * distance
-    figure = plain_figure((11.0, 4.2))
-    axes = figure.subplots(1, 3)
+    figure = plain_figure((9.0, 4.2))
+    axes = figure.subplots(1, 2)
     drawn = faces[:: max(1, len(faces) // MAX_FACES)]
-    for axis, view in zip(axes[:2], _views(vertices), strict=True):
+    for axis, view in zip(axes, _views(vertices), strict=True):
         _draw_link(axis, view, vertices, drawn)
         places = view.project(MM * here)
         order = np.argsort(places[:, 2])
@@ -172,11 +123,7 @@ def scan_picture(
             *places[order, :2].T, c=off[order], s=3, cmap="viridis", vmin=0, vmax=FAR_MM, zorder=3
         )
         axis.margins(0.05)
-    figure.colorbar(shown, ax=axes[1], extend="max").set_label("distance from the mesh [mm]")
-    axes[2].hist(np.clip(off, 0, 2 * FAR_MM), bins=50, color="#3b6ea8")
-    axes[2].set_xlabel(f"distance [mm], all above {2 * FAR_MM:g} in the last bar")
-    axes[2].set_ylabel("points")
-    axes[2].spines[["top", "right"]].set_visible(False)
+    figure.colorbar(shown, ax=list(axes), extend="max").set_label("distance from the mesh [mm]")
     return picture_bytes(figure)
 
 
@@ -236,14 +183,11 @@ def patch_page(
                 f"Weakest direction: {result.weakest}. Measure next: channels "
                 f"{', '.join(map(str, result.next))}, in this order."
             ),
-            heading("Predicted against measured"),
-            note(
-                f"Each of the {kind} where all others predict it, beside the error that is "
-                "expected there (bars, and black lines); and the strain of the sheet beside the "
-                "strain that a flat map of this place has (on the line where they agree)."
-            ),
-            image(judged_picture(result, found), "leave-one-out errors and strain"),
             heading(kind.capitalize()),
+            note(
+                f"How far each of the {kind} is from where it was laid, and from where all others "
+                "predict it, beside the error that is expected there."
+            ),
             _evidence(result).html(),
         ],
     )
@@ -358,39 +302,6 @@ def board_picture(
     axis.tick_params(labelsize=8)
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     figure.colorbar(paint, ax=axis, shrink=0.8).set_label("predicted error [mm]")
-    return picture_bytes(figure)
-
-
-def judged_picture(result: PatchResult, found: PatchCalibration) -> bytes:
-    """PNG of leave-one-out errors beside what is expected, and of strain against what is."""
-    figure = plain_figure((10.0, 3.6))
-    errors, strains = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
-    left = np.array([one.leave_one_out_mm for one in result.evidence])
-    expected = np.array([one.expected_mm for one in result.evidence])
-    place = np.arange(len(left))
-    errors.bar(place, left, color="#3b6ea8", label="left out, missed by")
-    errors.step(
-        np.append(place - 0.5, len(left) - 0.5), np.append(expected, expected[-1]), where="post",
-        color="black", linewidth=1.2, label="expected (rms)",
-    )  # fmt: skip
-    if len(left) <= MAX_NAMED:
-        errors.set_xticks(place, [str(one.channel) for one in result.evidence])
-    errors.set_xlabel("channel of the anchor or touch", fontsize=9)
-    errors.set_ylabel("mm", fontsize=9)
-    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
-    wanted, got = 100.0 * found.expected_strain, 100.0 * found.strain
-    rows = slice(None, None, max(1, len(got) // MAX_DOTS))
-    strains.scatter(wanted[rows], got[rows], s=4, color="#3b6ea8", linewidths=0, alpha=0.5)
-    reach = float(max(np.percentile(np.abs(wanted), 99), np.percentile(np.abs(got), 99), 0.5))
-    strains.plot([-reach, reach], [-reach, reach], color="black", linewidth=1.0)
-    strains.set_xlim(-reach, reach)
-    strains.set_ylim(-reach, reach)
-    strains.set_aspect("equal")
-    strains.set_xlabel("expected strain of a pair [%]", fontsize=9)
-    strains.set_ylabel("found [%]", fontsize=9)
-    for axis in (errors, strains):
-        axis.spines[["top", "right"]].set_visible(False)
-        axis.tick_params(labelsize=8)
     return picture_bytes(figure)
 
 

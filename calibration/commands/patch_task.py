@@ -14,25 +14,24 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from calibration.commands.options import PatchFiles, PatchOptions
+from calibration.commands.options import Outputs, PatchFiles
 from calibration.commands.results import MM, EvidenceRow, PatchResult, Spread, grade
-from calibration.files.anchor_table import Anchor, read_anchor_table
 from calibration.files.tables import (
+    Anchor,
     BoardTable,
+    read_anchor_table,
     read_board,
     read_touches,
-    write_calibrated,
-    write_icub_table,
+    write_taxels,
 )
 from calibration.patch.mesh_faults import mesh_notes
 from calibration.patch.patch_calibration import PatchCalibration
-from calibration.patch.solver_budget import FULL, Effort
 from calibration.patch.touch import Touch, locate_by_touch
 from calibration.patch.wrap import wrap_layout
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.units import UNITS
-from skinmap.report.present import present, write_files
+from skinmap.report.present import write_files
 
 FEWEST_ANCHORS, FEWEST_TOUCHES = 4, 8  # fewer leave too little over to predict one by the others
 
@@ -57,7 +56,6 @@ class PatchTask:
         None for a wrap by anchors alone.
     mirror : bool
         Whether the board is drawn from its other side.
-    effort : Effort
     """
 
     title: str
@@ -68,10 +66,9 @@ class PatchTask:
     sigma: FloatArray
     touches: tuple[Touch, ...] = ()
     mirror: bool = False
-    effort: Effort = FULL
 
     @classmethod
-    def load(cls, files: PatchFiles, effort: Effort = FULL) -> PatchTask:
+    def load(cls, files: PatchFiles) -> PatchTask:
         """What is in the files.
 
         Raises
@@ -88,7 +85,6 @@ class PatchTask:
         link = load_link(files.mesh, unit)
         task = cls.of(
             files.title, board, link, anchors, unit=unit, sigma=sigma, mirror=files.mirror,
-            effort=effort,
         )  # fmt: skip
         return replace(task, touches=tuple(touches))
 
@@ -103,7 +99,6 @@ class PatchTask:
         unit: float,
         sigma: float,
         mirror: bool = False,
-        effort: Effort = FULL,
     ) -> PatchTask:
         """Anchors in `unit` metres as a task in metres; `sigma` [m] where they do not say."""
         stated = [anchor.sigma for anchor in anchors if anchor.sigma is not None]
@@ -111,20 +106,20 @@ class PatchTask:
         spread = np.array(stated) * unit if whole else np.full(len(anchors), sigma)
         points = np.array([anchor.point for anchor in anchors]).reshape(-1, 3) * unit
         taxels = np.array([anchor.taxel for anchor in anchors], np.int64)
-        return cls(title, board, link, taxels, points, spread, mirror=mirror, effort=effort)
+        return cls(title, board, link, taxels, points, spread, mirror=mirror)
 
     @property
     def kind(self) -> str:
         """What the patch is judged by: touches where there are any, else anchors."""
         return "touches" if self.touches else "anchors"
 
-    def solve(self, seed: int) -> SolvedPatch:
+    def solve(self, seed: int = 0) -> SolvedPatch:
         """The patch, with the seconds of CPU that it took."""
         start = time.process_time()
         board, rng = self.board, np.random.default_rng(seed)
         how: dict[str, Any] = {
             "anchor_sigma": self.sigma, "modules": board.rigid_modules, "channels": board.channels,
-            "mirror": self.mirror, "effort": self.effort, "rng": rng,
+            "mirror": self.mirror, "rng": rng,
         }  # fmt: skip
         if self.touches:
             anchors = (self.anchors, self.points) if len(self.anchors) else None
@@ -190,43 +185,32 @@ class SolvedPatch:
         board = self.task.board
         return replace(board, layout=board.layout * [-1.0, 1.0]) if self.task.mirror else board
 
-    def write(self, folder: Path, formats: Sequence[str]) -> list[str]:
-        """Write the tables; their names."""
-        write_calibrated(self.board, self.found, folder / "taxels.csv")
-        if "icub" not in formats:
-            return ["taxels.csv"]
-        link = self.task.title.split(" on ")[-1]
-        write_icub_table(self.board, self.found, folder / "taxels.txt", link)
-        return ["taxels.csv", "taxels.txt"]
+    def write(self, folder: Path) -> list[str]:
+        """Write the table; its name."""
+        board, found = self.board, self.found
+        order = np.argsort(board.channels, kind="stable")
+        name = write_taxels(
+            board.channels[order], found.positions[order], found.covariance[order],
+            folder / "taxels.csv", modules=board.modules[order], normals=found.normals[order],
+        )  # fmt: skip
+        return [name]
 
-    def page(self, _: Path | None = None) -> str:
+    def page(self) -> str:
         """The report."""
         from calibration.commands.pages import patch_page
 
         task = self.task
         return patch_page(task.title, self.result, self.found, self.board, task.link, task.kind)
 
-    def save(self, folder: Path, options: PatchOptions) -> PatchResult:
+    def save(self, folder: Path, output: Outputs) -> PatchResult:
         """Write tables and report, of a refused patch only the report of why not."""
         files = write_files(
             folder,
-            self.result.verdict(accept=options.accept).refused,
-            lambda stage: self.write(stage, options.formats),
-            self.page,
+            self.result.verdict(accept=output.accept).refused,
+            self.write,
+            lambda _: self.page(),
         )
         return replace(self.result, files=files)
-
-    def present(self, options: PatchOptions, as_json: bool) -> None:
-        """Show and write it."""
-        present(
-            self.result,
-            patch_lines,
-            as_json=as_json,
-            out=options.out,
-            write=lambda stage: self.write(stage, options.formats),
-            page=self.page,
-            verdict=self.result.verdict(accept=options.accept),
-        )
 
 
 def load_link(path: Path, unit: float) -> tuple[FloatArray, IntArray]:

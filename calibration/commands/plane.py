@@ -10,24 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.options import FILE, TABLES, accept_option, format_option
+from calibration.commands.options import FILE, NO_SEED, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, grade, judged
 from skinmap.commands.options import (
     Number,
     open_robot,
-    out_folder,
     part_option,
     prints,
     robot_option,
-    seed_option,
 )
-from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import InvalidArrayError
-from skinmap.report.present import present
+
+PROPOSED = 3  # poses for the next presses
 
 if TYPE_CHECKING:
-    from calibration.commands.pages import Picture
     from calibration.files.plane_files import PlaneEvidence
     from calibration.plane.contacts import Plane
     from calibration.plane.fit import PlaneFit
@@ -116,8 +114,6 @@ class PlaneResult(Calibrated):
         How a part could still move most easily.
     next
         Poses to press in, the best first.
-    seed
-        Of all randomness.
     seconds
         CPU time of the solution.
     files
@@ -144,24 +140,8 @@ class PlaneResult(Calibrated):
     assumed: list[str]
     weakest: dict[str, str]
     next: list[NextPress]
-    seed: int
     seconds: float
     files: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True, slots=True)
-class PlaneOptions:
-    """What was asked for."""
-
-    evidence: Sequence[Path]
-    robot: Robot
-    parts: Sequence[str]
-    planes: Sequence[Plane] | None
-    joint_sigma_deg: float
-    threshold: float
-    drop_inconsistent: bool
-    proposed: int
-    seed: int
 
 
 @click.command("plane")
@@ -177,31 +157,16 @@ class PlaneOptions:
     "--joint-sigma-deg", type=Number(0.0, 180.0, min_open=True), default=0.5,
     show_default=True, help="What zero positions of joints may be off by (sd).",
 )  # fmt: skip
-@click.option(
-    "--threshold", type=Number(0.0, 1e6, min_open=True), default=8.0, show_default=True,
-    help="Of recordings: counts above rest from which a taxel is active.",
-)  # fmt: skip
 @click.option("--drop-inconsistent", is_flag=True, help="Leave out what contradicts the rest.")
-@click.option(
-    "--next", "proposed", type=click.IntRange(0, 100), default=3, show_default=True,
-    help="Poses to propose for the next presses.",
-)  # fmt: skip
-@out_folder("mounts, taxels and the report")
-@format_option(TABLES)
-@accept_option()
-@seed_option
-@profile_option()
+@outputs("mounts, taxels and the report")
+@retired(
+    threshold="a taxel is active from 8 counts above rest",
+    seed=NO_SEED,
+    profile=NO_PROFILE,
+    next="three poses are proposed",
+)
 @prints(PlaneResult)
-def plane(
-    robot: str | None,
-    parts: tuple[str, ...],
-    planes: tuple[str, ...],
-    out: Path | None,
-    formats: tuple[str, ...],
-    accept: bool,
-    as_json: bool,
-    **given: Any,
-) -> None:
+def plane(robot: str | None, parts: tuple[str, ...], output: Outputs, **how: Any) -> None:
     """Mounts of skin patches that a robot pressed on a flat surface in many poses.
 
     EVIDENCE is an .npz file with `joints` (names), `angles (m, j)` [rad] and, of each part,
@@ -219,18 +184,14 @@ def plane(
     Example:  skinmap calibrate plane presses.npz --robot icub --part right_forearm -o out
     """
     loaded, _ = open_robot(robot, parts)
-    options = PlaneOptions(robot=loaded, parts=parts, planes=read_planes(planes), **given)
     with progress(1, "calibrate") as advance:
         advance("presses")
-        result, evidence, fit = work(options)
-    present(
+        result, presses, fit = work(loaded, parts, **how)
+    output.finish(
         result,
         _lines,
-        as_json=as_json,
-        out=out,
-        write=lambda folder: _write(loaded, evidence, fit, formats, folder),
-        page=lambda _: _page(evidence, fit, result),
-        verdict=result.verdict(accept=accept),
+        lambda folder: _write(loaded, presses, fit, folder),
+        lambda: _page(presses, fit, result),
     )
 
 
@@ -260,7 +221,15 @@ def read_planes(words: Sequence[str]) -> list[Plane] | None:
     return planes or None
 
 
-def work(options: PlaneOptions) -> tuple[PlaneResult, PlaneEvidence, PlaneFit]:
+def work(
+    robot: Robot,
+    parts: Sequence[str],
+    *,
+    evidence: Sequence[Path],
+    planes: Sequence[str],
+    joint_sigma_deg: float,
+    drop_inconsistent: bool,
+) -> tuple[PlaneResult, PlaneEvidence, PlaneFit]:
     """Fit mounts to presses, and propose the next ones."""
     import numpy as np
 
@@ -268,48 +237,36 @@ def work(options: PlaneOptions) -> tuple[PlaneResult, PlaneEvidence, PlaneFit]:
     from calibration.plane.fit import fit_plane
     from calibration.plane.robot import part_chains
 
-    robot = options.robot
-    evidence = read_plane_evidence(
-        options.evidence, robot, options.parts, threshold=options.threshold
-    )
-    parts = tuple(evidence.contacts.active)
+    known = read_planes(planes)
+    presses = read_plane_evidence(evidence, robot, parts)
+    pressed, joints = tuple(presses.contacts.active), presses.joints
     start = time.process_time()
     fit = fit_plane(
-        evidence.contacts,
-        list(part_chains(robot, parts, evidence.joints).values()),
-        modules={part: robot.skin(part).modules for part in parts},
-        planes=options.planes,
-        joint_sigma=float(np.deg2rad(options.joint_sigma_deg)),
-        joint_names=evidence.joints,
-        drop_inconsistent=options.drop_inconsistent,
+        presses.contacts,
+        list(part_chains(robot, pressed, joints).values()),
+        modules={part: robot.skin(part).modules for part in pressed},
+        planes=known,
+        joint_sigma=float(np.deg2rad(joint_sigma_deg)),
+        joint_names=joints,
+        drop_inconsistent=drop_inconsistent,
     )
     seconds = time.process_time() - start
-    return _result(options, evidence, fit, seconds), evidence, fit
-
-
-def _result(
-    options: PlaneOptions, evidence: PlaneEvidence, fit: PlaneFit, seconds: float
-) -> PlaneResult:
-    import numpy as np
-
-    parts, joints = tuple(evidence.contacts.active), evidence.joints
-    sliding = options.robot.body.sliding_joints
-    turning = [k for k in fit.joint_offsets if joints[k] not in sliding]
-    channels = {part: options.robot.skin(part).channels for part in parts}
-    return PlaneResult(
+    turning = [k for k in fit.joint_offsets if joints[k] not in robot.body.sliding_joints]
+    channels = {part: robot.skin(part).channels for part in pressed}
+    result = PlaneResult(
         status=grade(fit.status),
         reasons=list(fit.reasons),
-        robot=options.robot.name,
-        calibrated=list(parts),
-        contacts=len(evidence.contacts),
-        predicted_sd_mm=Spread.of(MM * np.concatenate([fit.predicted_sd(part) for part in parts])),
-        touched={part: float((fit.touched[part] > 0).mean()) for part in parts},
+        robot=robot.name,
+        calibrated=list(pressed),
+        contacts=len(presses.contacts),
+        predicted_sd_mm=Spread.of(MM * np.concatenate([*map(fit.predicted_sd, pressed)])),
+        touched={part: float((fit.touched[part] > 0).mean()) for part in pressed},
         mounts={part: mount.tolist() for part, mount in fit.mounts.items()},
         planes=[
             Surface(point_mm=(MM * one.point).tolist(), normal=one.normal.tolist())
             for one in fit.planes
         ],
-        plane_given=options.planes is not None,
+        plane_given=known is not None,
         joint_offsets_deg={joints[k]: float(np.rad2deg(fit.joint_offsets[k])) for k in turning},
         joint_sd_deg={joints[k]: float(np.rad2deg(fit.joint_sds[k])) for k in turning},
         depth_spread_mm=MM * fit.depth_spread,
@@ -317,14 +274,14 @@ def _result(
         widening=fit.widening,
         inconsistent=list(fit.inconsistent),
         dropped=list(fit.dropped),
-        dead={part: channels[part][list(fit.dead[part])].tolist() for part in parts},
-        stuck={part: channels[part][list(fit.stuck[part])].tolist() for part in parts},
-        assumed=[*fit.assumed, *_still(options.robot, evidence)],
+        dead={part: channels[part][list(fit.dead[part])].tolist() for part in pressed},
+        stuck={part: channels[part][list(fit.stuck[part])].tolist() for part in pressed},
+        assumed=[*fit.assumed, *_still(robot, presses)],
         weakest=dict(fit.weakest),
-        next=_proposed(options, evidence, fit),
-        seed=options.seed,
+        next=_proposed(robot, presses, fit),
         seconds=seconds,
     )
+    return result, presses, fit
 
 
 def _still(robot: Robot, evidence: PlaneEvidence) -> list[str]:
@@ -344,24 +301,21 @@ def _still(robot: Robot, evidence: PlaneEvidence) -> list[str]:
     ]
 
 
-def _proposed(options: PlaneOptions, evidence: PlaneEvidence, fit: PlaneFit) -> list[NextPress]:
+def _proposed(robot: Robot, presses: PlaneEvidence, fit: PlaneFit) -> list[NextPress]:
     import numpy as np
 
     from calibration.plane.robot import candidates, pressing
 
-    if options.proposed == 0:
-        return []
-    parts = tuple(evidence.contacts.active)
-    setup = pressing(options.robot, parts, evidence.joints, evidence.contacts)
-    rng = np.random.default_rng(options.seed)
-    some = candidates(setup, evidence.contacts, fit.mounts, fit.planes, rng)
+    contacts, joints = presses.contacts, presses.joints
+    setup = pressing(robot, tuple(contacts.active), joints, contacts)
+    some = candidates(setup, contacts, fit.mounts, fit.planes, np.random.default_rng(0))
     if len(some) == 0:
         return []
-    chosen = fit.next_contacts(some, options.proposed)
-    sliding = options.robot.body.sliding_joints
+    chosen = fit.next_contacts(some, PROPOSED)
+    sliding = robot.body.sliding_joints
     found = []
     for row, sd in zip(chosen.rows.tolist(), chosen.sd.tolist(), strict=True):
-        pose = dict(zip(evidence.joints, some.angles[row].tolist(), strict=True))
+        pose = dict(zip(joints, some.angles[row].tolist(), strict=True))
         turns = {joint: float(np.rad2deg(v)) for joint, v in pose.items() if joint not in sliding}
         slides = {joint: MM * v for joint, v in pose.items() if joint in sliding}
         surface = int(some.surface[row])
@@ -371,10 +325,9 @@ def _proposed(options: PlaneOptions, evidence: PlaneEvidence, fit: PlaneFit) -> 
     return found
 
 
-def _write(
-    robot: Robot, evidence: PlaneEvidence, fit: PlaneFit, formats: Sequence[str], folder: Path
-) -> list[str]:
-    from calibration.files.mount_files import write_mounts, write_tables
+def _write(robot: Robot, evidence: PlaneEvidence, fit: PlaneFit, folder: Path) -> list[str]:
+    from calibration.files.mount_files import write_mounts
+    from calibration.files.tables import write_taxels
 
     mounts = {
         "mounts": fit.mounts,
@@ -386,36 +339,21 @@ def _write(
     }
     files = [write_mounts(mounts, folder / "mounts.json")]
     for part in evidence.contacts.active:
-        files += write_tables(
-            robot.skin(part).channels, fit.places[part], fit.place_covariances[part],
-            folder / f"taxels_{part}.csv", formats=formats,
-        )  # fmt: skip
+        table = folder / f"taxels_{part}.csv"
+        places, covariances = fit.places[part], fit.place_covariances[part]
+        files.append(write_taxels(robot.skin(part).channels, places, covariances, table))
     return files
 
 
 def _page(evidence: PlaneEvidence, fit: PlaneFit, result: PlaneResult) -> str:
-    from calibration.commands.pages import (
-        PLACED,
-        contact_picture,
-        coverage_picture,
-        judged_page,
-        taxel_picture,
-    )
+    from calibration.commands.pages import PLACED, judged_page, taxel_picture
 
-    pictures: list[Picture] = []
-    for part in evidence.contacts.active:
-        places = fit.places[part]
-        placed = taxel_picture(places, fit.predicted_sd(part))
-        pictures.append((f"{part} on its link", placed, PLACED))
-        covered = "How often each taxel felt a press, from two sides; grey: never."
-        pictures.append((f"{part}: coverage", coverage_picture(places, fit.touched[part]), covered))
-    missed = (
-        "How much deeper or shallower each contact was pressed than all, and how well its readings "
-        "fit (lower is better). Contacts in orange contradict the others."
-    )
-    pictures.append(("Contacts", contact_picture(fit, len(evidence.contacts)), missed))
+    pictures = [
+        (f"{part} on its link", taxel_picture(fit.places[part], fit.predicted_sd(part)), PLACED)
+        for part in evidence.contacts.active
+    ]
     title = f"Presses on a flat surface: {', '.join(result.calibrated)}"
-    return judged_page(title, result.verdict(accept=False), _rows(result), pictures)
+    return judged_page(title, result, _rows(result), pictures)
 
 
 def _rows(result: PlaneResult) -> Iterator[tuple[str, str]]:

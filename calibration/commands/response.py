@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.options import FILE, accept_option
+from calibration.commands.options import FILE, Outputs, outputs
 from calibration.commands.results import Calibrated, Spread, judged
-from skinmap.commands.options import Number, open_robot, out_folder, prints
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.options import open_robot, prints
 from skinmap.commands.progress import progress
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import SkinMismatchError
-from skinmap.report.present import present
 
 if TYPE_CHECKING:
     from calibration.response.response import ResponseCalibration
@@ -47,6 +46,8 @@ class ResponseResult(Calibrated):
         Deviation that is a touch [counts].
     gain
         Whether load curves were found.
+    rate
+        Samples a second at which drift is followed.
     fingerprint
         Of the skin; empty without `--part`.
     seconds
@@ -62,35 +63,10 @@ class ResponseResult(Calibrated):
     noise: Spread
     threshold: Spread
     gain: bool
+    rate: float
     fingerprint: str
     seconds: float
     files: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ResponseOptions:
-    """What was measured, and how.
-
-    Attributes
-    ----------
-    rest : Path
-        Samples untouched.
-    reference : Path or None
-        Samples under known loads.
-    sign : int
-        -1 where harder presses read lower.
-    rate : float
-        Samples a second.
-    robot : str
-    part : str or None
-    """
-
-    rest: Path
-    reference: Path | None
-    sign: int
-    rate: float
-    robot: str
-    part: str | None
 
 
 @click.command("response")
@@ -98,60 +74,61 @@ class ResponseOptions:
 @click.option("--reference", type=FILE, help="Samples under known loads: .npz `samples, loads`.")
 @click.option("--sign", type=click.Choice(["1", "-1"]), default="1", show_default=True,
               help="-1 where harder presses read lower.")  # fmt: skip
-@click.option("--rate", type=Number(0.0, 10_000.0, min_open=True), default=50.0,
-              show_default=True, help="Samples a second.")  # fmt: skip
 @click.option(
     "--robot", default="icub", show_default=True, metavar="ROBOT", help="Robot of --part."
 )
 @click.option("--part", metavar="PART",
               help="Only this part of the robot: the result remembers its skin.")  # fmt: skip
-@out_folder("response.npz and the report")
-@accept_option()
-@profile_option()
+@outputs("response.npz and the report")
+@retired(profile=NO_PROFILE, rate="write it in the .npz: an array rate, or times")
 @prints(ResponseResult)
-def response(sign: str, out: Path | None, accept: bool, as_json: bool, **given: Any) -> None:
+def response(sign: str, output: Outputs, **given: Any) -> None:
     """Baseline, noise, threshold, gain and health of each channel.
 
     REST holds five to ten seconds untouched: .npy or .csv (t, n), or .npz with `samples (t, n)` and
-    perhaps `modules (n,)` and `thermal (n,)` (channels that feel temperature only).
+    perhaps `rate` (samples a second, else 50) or `times (t,)`, `modules (n,)` and `thermal (n,)`
+    (channels that feel temperature only).
 
     \b
     Example:  skinmap calibrate response rest.npy --reference loads.npz -o out
     """
-    options = ResponseOptions(sign=int(sign), **given)
     with progress(1, "calibrate") as advance:
         advance("response")
-        result, found = work(options)
-    present(
+        result, found = work(sign=int(sign), **given)
+    output.finish(
         result,
         _lines,
-        as_json=as_json,
-        out=out,
-        write=lambda folder: _write(found, folder),
-        page=lambda _: _page(options.rest.stem, found, result),
-        verdict=result.verdict(accept=accept),
+        lambda folder: _write(found, folder),
+        lambda: _page(given["rest"].stem, found, result),
     )
 
 
-def work(options: ResponseOptions) -> tuple[ResponseResult, ResponseCalibration]:
+def work(
+    *,
+    rest: Path,
+    reference: Path | None,
+    sign: int,
+    robot: str,
+    part: str | None,
+) -> tuple[ResponseResult, ResponseCalibration]:
     """Learn the response of a skin, and judge its channels."""
     import numpy as np
 
-    from calibration.files.mount_files import read_samples
+    from calibration.files.mount_files import rate_of, read_samples
     from calibration.response.gain import ReferenceLoads
-    from calibration.response.response import Health, ResponseCalibration
+    from calibration.response.response import RATE, Health, ResponseCalibration
 
-    arrays = read_samples(options.rest)
+    arrays = read_samples(rest)
     loads = None
-    if options.reference is not None:
-        given = read_samples(options.reference, ("samples", "loads"))
+    if reference is not None:
+        given = read_samples(reference, ("samples", "loads"))
         loads = ReferenceLoads(given["samples"], given["loads"])
     modules, fingerprint = arrays.get("modules"), ""
-    if options.part is not None:
-        modules, fingerprint = _skin_of(options, np.shape(arrays["samples"])[-1])
+    if part is not None:
+        modules, fingerprint = _skin_of(robot, part, np.shape(arrays["samples"])[-1])
     start = time.process_time()
     found = ResponseCalibration.fit(
-        arrays["samples"], loads, sign=options.sign, rate=options.rate, modules=modules,
+        arrays["samples"], loads, sign=sign, rate=rate_of(arrays, rest) or RATE, modules=modules,
         thermal=arrays.get("thermal"), fingerprint=fingerprint,
     )  # fmt: skip
     seconds = time.process_time() - start
@@ -172,18 +149,18 @@ def work(options: ResponseOptions) -> tuple[ResponseResult, ResponseCalibration]
         noise=Spread.of(found.noise),
         threshold=Spread.of(found.threshold),
         gain=found.gain is not None,
+        rate=found.rate,
         fingerprint=fingerprint,
         seconds=seconds,
     )
     return result, found
 
 
-def _skin_of(options: ResponseOptions, count: int) -> tuple[Any, str]:
+def _skin_of(robot: str, part: str, count: int) -> tuple[Any, str]:
     """Modules and fingerprint of a part with as many taxels as there are channels."""
     from skinmap.skin.fingerprint import fingerprint
 
-    part = str(options.part)
-    loaded, _ = open_robot(options.robot, (part,))
+    loaded, _ = open_robot(robot, (part,))
     skin = loaded.skin(part)
     if len(skin) != count:
         raise SkinMismatchError(f"{part!r} has {len(skin)} taxels, the samples {count} channels")
@@ -210,7 +187,7 @@ def _page(name: str, found: ResponseCalibration, result: ResponseResult) -> str:
     ]
     words = "At rest. A channel is never touched until a load proves it well or dead."
     pictures = [("Channels", response_picture(found), words)]
-    return judged_page(f"Response: {name}", result.verdict(accept=False), rows, pictures)
+    return judged_page(f"Response: {name}", result, rows, pictures)
 
 
 def _lines(result: ResponseResult) -> Iterator[str]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from skinmap.arrays import FloatArray
 
 MM = 1e3
-Grade = Literal["ok", "low_coverage", "ambiguous", "unobservable", "faulty"]
+Grade = Literal["ok", "low_coverage", "ambiguous", "unobservable", "not_settled", "faulty"]
 Matrix = list[list[float]]
 
 

@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.options import (
-    FILE,
-    accept_option,
-    format_option,
-    mesh_option,
-)
+from calibration.commands.options import FILE, NO_SEED, Outputs, mesh_option, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, grade
-from skinmap.commands.options import out_folder, prints, seed_option, units_option
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.options import prints, units_option
 from skinmap.commands.progress import progress
-from skinmap.report.present import present
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.result import plain
 
 if TYPE_CHECKING:
@@ -79,8 +73,8 @@ class ScanFiles:
     points : (n, 3) float
         Of the scan.
     link : (v, 3) array of float, (f, 3) array of int
-    start : dict
-        `initial` and `anchors`, as `register_scan` takes them.
+    anchors : (k, 3) float, (k, 3) float or None
+        The same points in the scan and on the mesh.
     taxels : (n,) int, (n, 3) float, (n,) float or None
         Channels, places in the scan, and sigmas.
     """
@@ -88,7 +82,7 @@ class ScanFiles:
     title: str
     points: FloatArray
     link: tuple[FloatArray, IntArray]
-    start: dict[str, Any]
+    anchors: tuple[FloatArray, FloatArray] | None
     taxels: tuple[IntArray, FloatArray, FloatArray] | None
 
 
@@ -102,27 +96,25 @@ class ScanFiles:
     "--anchors", "anchors_file", type=FILE,
     help="The same points in both: CSV `x,y,z,mesh_x,mesh_y,mesh_z`, three or more.",
 )  # fmt: skip
-@click.option(
-    "--initial", "initial_file", type=FILE,
-    help="Rough pose that takes the scan to the mesh: CSV of four rows of four [m].",
-)  # fmt: skip
 @units_option("scan, mesh and anchors")
 @click.option(
     "--taxels", "taxels_file", type=FILE,
     help="Taxels seen in the scan, in its frame: CSV `channel,x,y,z[,sigma]`.",
 )  # fmt: skip
-@out_folder("pose.json and report.html", required=True)
-@format_option("With --taxels: also write the iCub's positions, as taxels.txt.")
-@accept_option("Write the pose and exit 0 whatever the status.")
-@seed_option
-@profile_option("calibrate")
+@outputs(
+    "pose.json and report.html",
+    required=True,
+)
+@retired(
+    initial="give --anchors, or move the scan first",
+    seed=NO_SEED,
+    profile=NO_PROFILE,
+)
 @prints(ScanResult)
-def scan(
-    out: Path, formats: tuple[str, ...], accept: bool, seed: int, as_json: bool, **given: Any
-) -> None:
+def scan(output: Outputs, **given: Any) -> None:
     """Register a scan of a link to its mesh, from a pose within 30 degrees and 30 mm.
 
-    The start is --initial, or --anchors; without either, the frames are taken as equal. Where
+    The start is --anchors; without them, the frames are taken as equal. Where
     the status is not ok, only refused.html is written and the exit code is 3, unless --accept.
     With --taxels, taxels.csv holds them in the frame of the mesh.
 
@@ -132,15 +124,12 @@ def scan(
     with progress(1, "calibrate") as advance:
         files = _load(**given)
         advance("scan")
-        result, found = work(files, seed)
-    present(
+        result, found = work(files)
+    output.finish(
         result,
         _lines,
-        as_json=as_json,
-        out=out,
-        write=lambda folder: _write(files, found, result, formats, folder),
-        page=lambda _: _page(files, found, result),
-        verdict=result.verdict(accept=accept),
+        lambda folder: _write(files, found, result, folder),
+        lambda: _page(files, found, result),
     )
 
 
@@ -148,7 +137,6 @@ def _load(
     scan_file: Path,
     mesh_file: Path,
     anchors_file: Path | None,
-    initial_file: Path | None,
     units: str,
     taxels_file: Path | None,
 ) -> ScanFiles:
@@ -161,22 +149,19 @@ def _load(
     vertices, faces = read_mesh(mesh_file)
     pairs = None if anchors_file is None else read_numbers(anchors_file, PAIRS) * unit
     taxels = None if taxels_file is None else read_placed(taxels_file, unit)
-    start = {
-        "anchors": None if pairs is None else (pairs[:, :3], pairs[:, 3:]),
-        "initial": None if initial_file is None else read_numbers(initial_file, None),
-    }
+    anchors = None if pairs is None else (pairs[:, :3], pairs[:, 3:])
     title = f"{scan_file.stem} on {mesh_file.stem}"
-    return ScanFiles(title, points, (vertices * unit, faces), start, taxels)
+    return ScanFiles(title, points, (vertices * unit, faces), anchors, taxels)
 
 
-def work(files: ScanFiles, seed: int) -> tuple[ScanResult, ScanRegistration]:
+def work(files: ScanFiles) -> tuple[ScanResult, ScanRegistration]:
     """Register the scan."""
     import numpy as np
 
     from calibration.scan.registration import register_scan
 
-    start, rng = time.process_time(), np.random.default_rng(seed)
-    found = register_scan(files.points, *files.link, **files.start, rng=rng)
+    start, rng = time.process_time(), np.random.default_rng(0)
+    found = register_scan(files.points, *files.link, anchors=files.anchors, rng=rng)
     result = ScanResult(
         status=grade(found.status),
         reasons=list(found.reasons),
@@ -196,10 +181,9 @@ def _write(
     files: ScanFiles,
     found: ScanRegistration,
     result: ScanResult,
-    formats: Sequence[str],
     folder: Path,
 ) -> list[str]:
-    from calibration.files.mount_files import write_tables
+    from calibration.files.tables import write_taxels
     from calibration.scan.registration import carried
 
     kept = {key: getattr(result, key) for key in ("status", "T_mesh_scan", "covariance")}
@@ -208,8 +192,7 @@ def _write(
         return ["pose.json"]
     channels, places, sigma = files.taxels
     moved, covariance = carried(found, files.points, places, sigma)
-    table = folder / "taxels.csv"
-    return ["pose.json", *write_tables(channels, moved, covariance, table, formats=formats)]
+    return ["pose.json", write_taxels(channels, moved, covariance, folder / "taxels.csv")]
 
 
 def _page(files: ScanFiles, found: ScanRegistration, result: ScanResult) -> str:
@@ -224,7 +207,7 @@ def _page(files: ScanFiles, found: ScanRegistration, result: ScanResult) -> str:
     ]
     words = "Points of the scan on the mesh, coloured by their distance."
     pictures = [("On the mesh", scan_picture(found, files.points, files.link), words)]
-    return judged_page(files.title, result.verdict(accept=False), rows, pictures)
+    return judged_page(files.title, result, rows, pictures)
 
 
 def _lines(result: ScanResult) -> Iterator[str]:

@@ -72,8 +72,6 @@ def _contradictions(fit: SelfTouchFit) -> Judged:
         )
     elif len(fit.medians) == 2:
         why = f"{one} contradict each other; of two it cannot be told which is wrong, so both stay"
-    elif fit.agreement.told:
-        why = f"{one} contradicts the other recordings, and was kept as asked for"
     else:
         why = f"{one}: one of them contradicts the others; it cannot be told which, so all stay"
     if own and len(fit.medians) == 2:
@@ -154,10 +152,7 @@ def notes_of(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> li
         why = "contradicts the others, which agree without it"
         if name in fit.agreement.senseless:
             why = "its poses and touches do not belong together; the others agree"
-        notes.append(
-            f"{name} was left out: median {MM * fit.medians[name]:.1f} mm, {why} "
-            "(--keep-all keeps it)"
-        )
+        notes.append(f"{name} was left out: median {MM * fit.medians[name]:.1f} mm, {why}")
     for name in fit.left_alone:
         if name not in asked:
             notes.append(f"{name} was not calibrated: all its recordings were left out")

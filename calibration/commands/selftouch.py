@@ -6,27 +6,19 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import click
 
-from calibration.commands.options import (
-    FILE,
-    TABLES,
-    accept_option,
-    format_option,
-    loss_option,
-)
+from calibration.commands.options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Probe, grade, judged
-from skinmap.commands.options import open_robot, out_folder, outside_option, prints, seed_option
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.options import open_robot, outside_option, prints
 from skinmap.commands.progress import progress
-from skinmap.report.present import present
+from skinmap.commands.retired import NO_PROFILE, retired
 
 if TYPE_CHECKING:
     from calibration.commands.pages import Picture
     from calibration.files.self_touch_files import SelfTouchData
-    from calibration.mount.rigid_mount import Loss
     from calibration.mount.skin_contacts import SelfTouchFit
 
 
@@ -87,8 +79,6 @@ class SelfTouchResult(Calibrated):
         What was left out, and what the touches cannot tell.
     next
         Channels to touch next, by chain.
-    seed
-        Of all randomness.
     seconds
         CPU time of the solution.
     files
@@ -112,31 +102,8 @@ class SelfTouchResult(Calibrated):
     joint_offsets_deg: dict[str, float]
     notes: list[str]
     next: dict[str, list[int]]
-    seed: int
     seconds: float
     files: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True)
-class SelfTouchOptions:
-    """What the command was asked for.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Chains whose mount is unknown; all with taxels where none is named.
-    joint_offsets : bool or None
-        Whether zeros of joints are unknown; with a robot they are where nobody says.
-    keep_all : bool
-    loss : {"linear", "cauchy"}
-    seed : int
-    """
-
-    names: tuple[str, ...] = ()
-    joint_offsets: bool | None = None
-    keep_all: bool = False
-    loss: Loss = "cauchy"
-    seed: int = 0
 
 
 @click.command("selftouch")
@@ -162,14 +129,14 @@ class SelfTouchOptions:
     "--joint-offsets/--no-joint-offsets", default=None,
     help="Find zero positions of the joints as well; done by default with --robot.",
 )  # fmt: skip
-@click.option("--keep-all", is_flag=True, help="Keep recordings that contradict the rest.")
-@click.option("--drop-inconsistent", is_flag=True, hidden=True)
-@loss_option
-@out_folder("mounts, taxels and the report")
-@format_option(TABLES)
-@accept_option()
-@seed_option
-@profile_option()
+@outputs("mounts, taxels and the report")
+@retired(
+    keep_all="recordings that contradict the others are always left out",
+    drop_inconsistent="recordings that contradict the others are always left out",
+    loss=NO_LOSS,
+    seed=NO_SEED,
+    profile=NO_PROFILE,
+)
 @prints(SelfTouchResult)
 def selftouch(
     recordings: tuple[Path, ...],
@@ -177,14 +144,7 @@ def selftouch(
     probe_file: Path | None,
     names: tuple[str, ...],
     joint_offsets: bool | None,
-    keep_all: bool,
-    drop_inconsistent: bool,
-    loss: str,
-    out: Path | None,
-    formats: tuple[str, ...],
-    accept: bool,
-    seed: int,
-    as_json: bool,
+    output: Outputs,
 ) -> None:
     """Mounts of skin patches from a robot that touches itself: RECORDING files, or a folder.
 
@@ -195,21 +155,15 @@ def selftouch(
     \b
     Example:  skinmap calibrate selftouch touches.mcap --robot icub -o out
     """
-    if keep_all and drop_inconsistent:
-        raise click.UsageError("--keep-all and --drop-inconsistent exclude each other")
-    options = SelfTouchOptions(names, joint_offsets, keep_all, cast("Loss", loss), seed)
     with progress(1, "calibrate") as advance:
         advance("self-touch")
         data = _load(recordings, robot, probe_file)
-        result, fit = work(data, options)
-    present(
+        result, fit = work(data, names, joint_offsets)
+    output.finish(
         result,
         _lines,
-        as_json=as_json,
-        out=out,
-        write=lambda folder: _write(data, fit, formats, folder),
-        page=lambda _: _page(data, fit, result),
-        verdict=result.verdict(accept=accept),
+        lambda folder: _write(data, fit, folder),
+        lambda: _page(data, fit, result),
     )
 
 
@@ -224,28 +178,31 @@ def _load(recordings: Sequence[Path], robot: str | None, probes: Path | None) ->
     return load_robot_touches(recordings, loaded, probes)
 
 
-def work(data: SelfTouchData, options: SelfTouchOptions) -> tuple[SelfTouchResult, SelfTouchFit]:
-    """Fit mounts to recordings of self-touch, and judge them."""
+def work(
+    data: SelfTouchData, names: Sequence[str] = (), joint_offsets: bool | None = None
+) -> tuple[SelfTouchResult, SelfTouchFit]:
+    """Fit mounts to recordings of self-touch, and judge them.
+
+    Unknown are the mounts of the chains of some `names`, by default of all with taxels, and zeros
+    of joints, by default where the robot is known.
+    """
     import numpy as np
 
     from calibration.commands.self_touch_words import judge
     from calibration.mount.skin_contacts import self_touch
 
     skins = tuple(name for name, one in data.chains.items() if not one.is_probe)
-    asked = tuple(_chain(data, name) for name in options.names)
-    joints = options.joint_offsets
+    asked = tuple(_chain(data, name) for name in names)
     start = time.process_time()
     fit = self_touch(
         data.recordings,
         data.chains,
         calibrate=asked or skins,
-        joint_offsets=bool(data.robot) if joints is None else joints,
-        loss=options.loss,
-        keep_all=options.keep_all,
-        rng=np.random.default_rng(options.seed),
+        joint_offsets=bool(data.robot) if joint_offsets is None else joint_offsets,
+        rng=np.random.default_rng(0),
     )
     seconds = time.process_time() - start
-    return _result(data, fit, judge(data, fit, asked), asked, options.seed, seconds), fit
+    return _result(data, fit, judge(data, fit, asked), asked, seconds), fit
 
 
 def _chain(data: SelfTouchData, name: str) -> str:
@@ -259,7 +216,6 @@ def _result(
     fit: SelfTouchFit,
     found: Sequence[tuple[str, str]],
     asked: Sequence[str],
-    seed: int,
     seconds: float,
 ) -> SelfTouchResult:
     import numpy as np
@@ -291,7 +247,6 @@ def _result(
         },
         notes=notes_of(data, fit, asked),
         next=next_taxels(data, fit),
-        seed=seed,
         seconds=seconds,
     )
 
@@ -304,23 +259,21 @@ def _offsets(data: SelfTouchData, fit: SelfTouchFit) -> dict[str, float]:
     }
 
 
-def _write(
-    data: SelfTouchData, fit: SelfTouchFit, formats: Sequence[str], folder: Path
-) -> list[str]:
+def _write(data: SelfTouchData, fit: SelfTouchFit, folder: Path) -> list[str]:
     from calibration.commands.self_touch_words import placed
-    from calibration.files.mount_files import write_mounts, write_tables
+    from calibration.files.mount_files import write_mounts
+    from calibration.files.tables import write_taxels
 
     found = {"mounts": fit.mounts, "tips": fit.tips, "joint_offsets": _offsets(data, fit)}
     files = [write_mounts(found, folder / "mounts.json")]
     for name in fit.mounts:
-        files += write_tables(
-            *placed(data.chains[name], fit), folder / f"taxels_{name}.csv", formats=formats
-        )
+        table = folder / f"taxels_{name}.csv"
+        files.append(write_taxels(*placed(data.chains[name], fit), table))
     return files
 
 
 def _page(data: SelfTouchData, fit: SelfTouchFit, result: SelfTouchResult) -> str:
-    from calibration.commands.pages import PLACED, distance_picture, judged_page, taxel_picture
+    from calibration.commands.pages import PLACED, judged_page, taxel_picture
     from calibration.commands.self_touch_words import placed, predicted
 
     rows = [
@@ -338,10 +291,8 @@ def _page(data: SelfTouchData, fit: SelfTouchFit, result: SelfTouchResult) -> st
         _, places, _ = placed(data.chains[name], fit)
         sd = predicted(data.chains[name], fit)
         pictures.append((f"{name} on its link", taxel_picture(places, sd), PLACED))
-    words = "Distance between the middles of the active taxels of both sides."
-    pictures.append(("Touches", distance_picture(fit.distances_before, fit.distances), words))
     title = f"Self-touch: {', '.join(fit.mounts)}"
-    return judged_page(title, result.verdict(accept=False), rows, pictures)
+    return judged_page(title, result, rows, pictures)
 
 
 def _chain_rows(

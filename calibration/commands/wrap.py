@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import click
 
-from calibration.commands.options import FILE, PatchFiles, PatchOptions, patch_options
+from calibration.commands.options import (
+    FILE,
+    NO_EFFORT,
+    NO_SEED,
+    Outputs,
+    PatchFiles,
+    board_options,
+    outputs,
+)
 from calibration.commands.results import PatchResult
 from skinmap.commands.options import prints
 from skinmap.commands.progress import progress
+from skinmap.commands.retired import retired
 
 
 @click.command("wrap")
@@ -15,9 +24,11 @@ from skinmap.commands.progress import progress
     "--anchors", "anchors_file", type=FILE, required=True,
     help="Known places: CSV `channel,x,y,z[,sigma]`, at least three taxels.",
 )  # fmt: skip
-@patch_options("taxels.csv and report.html", of="all three files")
+@board_options(of="all three files")
+@outputs("taxels.csv and report.html", required=True)
+@retired(**NO_EFFORT, seed=NO_SEED)
 @prints(PatchResult)
-def wrap(files: PatchFiles, options: PatchOptions, as_json: bool) -> None:
+def wrap(files: PatchFiles, output: Outputs) -> None:
     """Lay a flat board on its link so that lengths hold and the anchors are where they were found.
 
     Writes taxels.csv (metres, in the frame of the mesh, with covariances) and report.html. Where
@@ -26,7 +37,7 @@ def wrap(files: PatchFiles, options: PatchOptions, as_json: bool) -> None:
     \b
     Example:  skinmap calibrate wrap --layout board.csv --mesh link.stl --anchors anchors.csv -o out
     """
-    _calibrate(files, options, as_json)
+    _calibrate(files, output)
 
 
 @click.command("touch")
@@ -37,9 +48,11 @@ def wrap(files: PatchFiles, options: PatchOptions, as_json: bool) -> None:
 @click.option(
     "--anchors", "anchors_file", type=FILE, help="Known places: CSV `channel,x,y,z[,sigma]`."
 )
-@patch_options("taxels.csv and report.html", sigma="the probe or an anchor")
+@board_options()
+@outputs("taxels.csv and report.html", required=True)
+@retired(**NO_EFFORT, seed=NO_SEED)
 @prints(PatchResult)
-def touch(files: PatchFiles, options: PatchOptions, as_json: bool) -> None:
+def touch(files: PatchFiles, output: Outputs) -> None:
     """Lay a flat board on its link so that lengths hold and touches are where the probe was.
 
     Some wrong touches and dead taxels do little harm. Says which taxels to touch next: run it
@@ -49,14 +62,14 @@ def touch(files: PatchFiles, options: PatchOptions, as_json: bool) -> None:
     \b
     Example:  skinmap calibrate touch --layout board.csv --mesh link.stl --touches t.csv -o out
     """
-    _calibrate(files, options, as_json)
+    _calibrate(files, output)
 
 
-def _calibrate(files: PatchFiles, options: PatchOptions, as_json: bool) -> None:
-    from calibration.commands.patch_task import PatchTask
+def _calibrate(files: PatchFiles, output: Outputs) -> None:
+    from calibration.commands.patch_task import PatchTask, patch_lines
 
     with progress(1, "calibrate") as advance:
-        task = PatchTask.load(files, options.effort)
+        task = PatchTask.load(files)
         advance("by touches" if task.touches else "by anchors")
-        solved = task.solve(options.seed)
-    solved.present(options, as_json)
+        solved = task.solve()
+    output.finish(solved.result, patch_lines, solved.write, solved.page)

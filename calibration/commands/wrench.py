@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.options import (
-    FILE,
-    TABLES,
-    accept_option,
-    format_option,
-    loss_option,
-)
+from calibration.commands.options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, judged
-from skinmap.commands.options import Number, out_folder, prints, seed_option, units_option
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.options import Number, prints, units_option
 from skinmap.commands.progress import progress
-from skinmap.report.present import present
+from skinmap.commands.retired import NO_PROFILE, retired
 
 if TYPE_CHECKING:
     from calibration.files.mount_files import WrenchTouches
@@ -47,8 +40,6 @@ class WrenchResult(Calibrated):
         How the patch could still move most easily.
     mount
         T_link_patch [m].
-    seed
-        Of all randomness.
     seconds
         CPU time of the solution.
     files
@@ -61,7 +52,6 @@ class WrenchResult(Calibrated):
     predicted_sd_mm: Spread
     weakest: str
     mount: Matrix
-    seed: int
     seconds: float
     files: list[str] = field(default_factory=list)
 
@@ -86,26 +76,17 @@ class PlacedPatch:
     "--moment-mnm", type=Number(0.0, 1e6, min_open=True), default=5.0, show_default=True,
     help="Error of a moment [mN m].",
 )  # fmt: skip
-@loss_option
 @click.option("--taxels", type=FILE, help="Taxels of the patch: CSV `channel,x,y,z`.")
-@out_folder("the mount, taxels and the report")
-@format_option(TABLES)
-@accept_option()
-@seed_option
-@profile_option()
+@outputs("the mount, taxels and the report")
+@retired(loss=NO_LOSS, seed=NO_SEED, profile=NO_PROFILE)
 @prints(WrenchResult)
 def wrench(
     touches: Path,
     units: str,
     point_mm: float,
     moment_mnm: float,
-    loss: str,
     taxels: Path | None,
-    out: Path | None,
-    formats: tuple[str, ...],
-    accept: bool,
-    seed: int,
-    as_json: bool,
+    output: Outputs,
 ) -> None:
     """The mount of a rigid patch from the lines of the forces that a force/torque sensor felt.
 
@@ -120,25 +101,20 @@ def wrench(
     from calibration.files.mount_files import read_wrenches
     from skinmap.io.units import UNITS
 
-    how = {"loss": loss, "point_sigma": 1e-3 * point_mm, "moment_sigma": 1e-3 * moment_mnm}
+    how = {"point_sigma": 1e-3 * point_mm, "moment_sigma": 1e-3 * moment_mnm}
     with progress(1, "calibrate") as advance:
         advance("wrenches")
-        result, placed = work(read_wrenches(touches, UNITS[units], taxels), how, seed)
+        result, placed = work(read_wrenches(touches, UNITS[units], taxels), how)
     name = touches.stem
-    present(
+    output.finish(
         result,
         _lines,
-        as_json=as_json,
-        out=out,
-        write=lambda folder: _write(name, placed, formats, folder),
-        page=lambda _: _page(name, placed, result),
-        verdict=result.verdict(accept=accept),
+        lambda folder: _write(name, placed, folder),
+        lambda: _page(name, placed, result),
     )
 
 
-def work(
-    touches: WrenchTouches, how: dict[str, Any], seed: int
-) -> tuple[WrenchResult, PlacedPatch]:
+def work(touches: WrenchTouches, how: dict[str, Any]) -> tuple[WrenchResult, PlacedPatch]:
     """Fit a mount to lines of force, and judge it."""
     import numpy as np
 
@@ -151,7 +127,7 @@ def work(
     given = touches.points, touches.frames, touches.forces, touches.moments
     start = time.process_time()
     fit = fit_wrench(*given, **how)
-    held_out = held_out_error(*given, np.random.default_rng(seed), **how)
+    held_out = held_out_error(*given, np.random.default_rng(0), **how)
     seconds = time.process_time() - start
     skin = touches.points if touches.taxels is None else touches.taxels
     covariance = point_covariance(fit.mount, skin, fit.covariance)
@@ -176,30 +152,28 @@ def work(
         predicted_sd_mm=Spread.of(MM * sd),
         weakest=weak_direction(transform_points(fit.mount, skin), covariance),
         mount=fit.mount.tolist(),
-        seed=seed,
         seconds=seconds,
     )
     return result, PlacedPatch(touches, fit, covariance)
 
 
-def _write(name: str, placed: PlacedPatch, formats: Sequence[str], folder: Path) -> list[str]:
-    from calibration.files.mount_files import write_mounts, write_tables
+def _write(name: str, placed: PlacedPatch, folder: Path) -> list[str]:
+    from calibration.files.mount_files import write_mounts
+    from calibration.files.tables import write_taxels
     from skinmap.geometry.rigid import transform_points
 
     files = [write_mounts({"mounts": {name: placed.fit.mount}}, folder / "mounts.json")]
     if placed.touches.taxels is None:
         return files
     taxels = transform_points(placed.fit.mount, placed.touches.taxels)
-    table = folder / "taxels.csv"
-    return files + write_tables(
-        placed.touches.channels, taxels, placed.covariance, table, formats=formats
-    )
+    channels, table = placed.touches.channels, folder / "taxels.csv"
+    return [*files, write_taxels(channels, taxels, placed.covariance, table)]
 
 
 def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:
     import numpy as np
 
-    from calibration.commands.pages import PLACED, distance_picture, judged_page, taxel_picture
+    from calibration.commands.pages import PLACED, judged_page, taxel_picture
     from skinmap.geometry.rigid import transform_points
 
     sd, held_out = result.predicted_sd_mm, result.cross_validation_mm
@@ -216,12 +190,9 @@ def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:
     touches, fit = placed.touches, placed.fit
     skin = touches.points if touches.taxels is None else touches.taxels
     errors = np.sqrt(np.einsum("nii->n", placed.covariance))
-    words = "Distance of each pressed point from the line of its force."
-    pictures = [
-        ("On the link", taxel_picture(transform_points(fit.mount, skin), errors), PLACED),
-        ("Touches", distance_picture(None, fit.residuals), words),
-    ]
-    return judged_page(f"Wrenches: {name}", result.verdict(accept=False), rows, pictures)
+    placed_skin = transform_points(fit.mount, skin)
+    pictures = [("On the link", taxel_picture(placed_skin, errors), PLACED)]
+    return judged_page(f"Wrenches: {name}", result, rows, pictures)
 
 
 def _lines(result: WrenchResult) -> Iterator[str]:

@@ -90,11 +90,3 @@ def check_places(places: list[AskedPlace], positions: FloatArray, part: str, pat
                 f"touch {place.number} is {1e3 * float(away.max()):.0f} mm from the nearest taxel "
                 f"of {part!r}: another part's place, or another unit (--units)", path,
             )  # fmt: skip
-
-
-def write_places(paths: list[FloatArray], file: Path) -> None:
-    """Write the places of touches (p, 3) [m], counted from 1."""
-    lines = [",".join(COLUMNS)]
-    for number, path in enumerate(paths, start=1):
-        lines += [f"{number}," + ",".join(repr(float(v)) for v in point) for point in path]
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,15 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.files.tables import ENTRIES, read_numbers, read_placed, read_table
+from calibration.files.tables import read_numbers, read_placed, read_table
 from skinmap.archive import open_arrays, quiet_headers
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import FloatArray, IntArray, check_whole
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError
-from skinmap.io.taxels.export import write_icub
-from skinmap.io.taxels.icub import CHANNELS_PER_MODULE
-from skinmap.io.taxels.table import COLUMNS, COVARIANCE
 from skinmap.io.text import check_file
-from skinmap.skin.taxels import TaxelTable
 
 WRENCH = ("points", "frames", "forces", "moments")
 FRAME = tuple(f"t{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3, 4))
@@ -59,6 +55,27 @@ def read_arrays(path: Path, expected: str) -> dict[str, NDArray[Any]]:
         raise
     except DAMAGED_ARCHIVE as error:
         raise DataFormatError(f"not {expected}: {error}", path) from error
+
+
+def active_by_event(arrays: Mapping[str, NDArray[Any]], name: str, m: int) -> list[IntArray]:
+    """What was active in each of m events: `ids_NAME`, cut at `ptr_NAME (m + 1,)`.
+
+    Raises
+    ------
+    InvalidArrayError
+        No `ptr_NAME`, or one that does not rise from 0 to the number of ids in m steps.
+    """
+    if f"ptr_{name}" not in arrays:
+        raise InvalidArrayError(f"lacks ptr_{name}, which says where each event begins in ids")
+    ids = check_whole(arrays[f"ids_{name}"], f"ids_{name}")
+    bounds = check_whole(arrays[f"ptr_{name}"], f"ptr_{name}")
+    if bounds.shape != (m + 1,) or bounds[0] != 0 or bounds[-1] != len(ids):
+        raise InvalidArrayError(
+            f"ptr_{name} must rise from 0 to {len(ids)} in {m} steps, got shape {bounds.shape}"
+        )
+    if (np.diff(bounds) < 0).any():
+        raise InvalidArrayError(f"ptr_{name} falls at {int(np.argmax(np.diff(bounds) < 0))}")
+    return np.split(ids, bounds[1:-1])
 
 
 def read_wrenches(path: Path, unit: float = 1.0, taxels: Path | None = None) -> WrenchTouches:
@@ -139,43 +156,32 @@ def read_samples(path: Path, names: tuple[str, ...] = ("samples",)) -> dict[str,
     return arrays
 
 
+def rate_of(arrays: Mapping[str, NDArray[Any]], path: Path) -> float | None:
+    """Samples a second by the arrays `rate` or `times (t,)` [s]; None where there is neither.
+
+    Raises
+    ------
+    DataFormatError
+        Not one positive number, or times that do not rise.
+    """
+    if "rate" in arrays:
+        rate = np.asarray(arrays["rate"], np.float64).ravel()
+    elif "times" in arrays:
+        steps = np.diff(np.asarray(arrays["times"], np.float64).ravel())
+        rate = 1.0 / np.median(steps, keepdims=True) if (steps > 0).all() else np.zeros(1)
+    else:
+        return None
+    if len(rate) != 1 or not (np.isfinite(rate[0]) and rate[0] > 0):
+        raise DataFormatError("`rate` must be one number above 0, and `times` must rise [s]", path)
+    return float(rate[0])
+
+
 def _need(arrays: dict[str, NDArray[Any]], names: tuple[str, ...], path: Path) -> None:
     lacks = [name for name in names if name not in arrays]
     if lacks:
         raise DataFormatError(
             f"lacks {', '.join(lacks)}; the arrays are: {', '.join(arrays) or 'none'}", path
         )
-
-
-def write_taxels(
-    channels: IntArray, positions: FloatArray, covariance: FloatArray, path: Path
-) -> None:
-    """Write our taxel table with covariances [m2]; normals are zero, they are not calibrated."""
-    if not len(channels) == len(positions) == len(covariance):
-        raise InvalidArrayError("as many channels as positions and covariances are needed")
-    lines = [",".join((*COLUMNS, *COVARIANCE))]
-    for channel, place, own in zip(channels.tolist(), positions, covariance, strict=True):
-        numbers = (*place, 0.0, 0.0, 0.0, *(own[entry] for entry in ENTRIES))
-        lines.append(f"{channel},0,{','.join(repr(float(value)) for value in numbers)}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def write_tables(
-    channels: IntArray,
-    positions: FloatArray,
-    covariance: FloatArray,
-    path: Path,
-    *,
-    formats: Sequence[str] = (),
-) -> list[str]:
-    """Write our table, and beside it the iCub's `.txt` where `formats` has "icub"; the names."""
-    write_taxels(channels, positions, covariance, path)
-    if "icub" not in formats:
-        return [path.name]
-    modules = channels // CHANNELS_PER_MODULE
-    table = TaxelTable(channels, modules, positions, np.zeros_like(positions))
-    write_icub(table, path.with_suffix(".txt"), name=path.stem)
-    return [path.name, path.with_suffix(".txt").name]
 
 
 def write_mounts(mounts: dict[str, Any], path: Path) -> str:

@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from calibration.files.mount_files import read_arrays
 from calibration.files.probe_file import BESIDE, Probe
 from calibration.files.self_touch_files import (
     PART,
     SelfTouchData,
     find_probes,
-    read_members,
     read_touches,
     touch_files,
 )
@@ -95,7 +95,7 @@ def _part(folder: Path, name: str) -> Chain:
         raise MissingFileError(
             path, f"the part that carries the taxels of {name!r}; or name the --robot"
         )
-    arrays = read_members(path, f"the part that carries the taxels of {name!r}")
+    arrays = read_arrays(path, f"the part that carries the taxels of {name!r}")
     try:
         mount = np.eye(4)
         placed = check_finite(arrays["mount"], "mount", (6,))

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.files.mount_files import read_arrays
+from calibration.files.mount_files import active_by_event, read_arrays
 from calibration.plane.contacts import PlaneContacts
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole
 from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError
@@ -30,7 +30,7 @@ from skinmap.skin.skin import Skin
 EXPECTED = "presses on a flat surface (.npz, or a recording .mcap)"
 NUMBERINGS = ("channel", "index")
 SLACK = np.deg2rad(5.0)  # beyond a joint's limits: what calibrated zeros and flexible stops explain
-MARKS = ("joints", "angles", "surface", "numbering")
+THRESHOLD = 8.0  # counts above its rest from which a channel of a recording is active
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,7 +42,7 @@ class PlaneEvidence:
 
 
 def read_plane_evidence(
-    paths: Sequence[Path], robot: Robot, parts: Sequence[str] = (), *, threshold: float = 8.0
+    paths: Sequence[Path], robot: Robot, parts: Sequence[str] = ()
 ) -> PlaneEvidence:
     """Presses of all files, of some parts or of all that they speak of.
 
@@ -53,8 +53,6 @@ def read_plane_evidence(
         Its joints, and the channels of its parts.
     parts : sequence of str
         Parts to calibrate; every file must speak of them. All that the files share by default.
-    threshold : float
-        Of recordings: a channel is active where it reads so much above its rest [counts].
 
     Raises
     ------
@@ -64,7 +62,7 @@ def read_plane_evidence(
     UnknownNameError
         A joint or part that the robot lacks.
     """
-    read = [_read(path, robot, parts, threshold) for path in paths]
+    read = [_read(path, robot, parts) for path in paths]
     joints = read[0].joints
     whole: PlaneContacts | None = None
     for path, one in zip(paths, read, strict=True):
@@ -88,12 +86,12 @@ def read_plane_evidence(
     return PlaneEvidence(joints, whole)
 
 
-def _read(path: Path, robot: Robot, parts: Sequence[str], threshold: float) -> PlaneEvidence:
+def _read(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvidence:
     for part in parts:
         robot.part(part)
     try:
         if path.suffix.lower() == ".mcap":
-            found = _from_recording(path, robot, parts, threshold)
+            found = _from_recording(path, robot, parts)
         else:
             found = _from_arrays(path, robot, parts)
         _check_angles(found, robot)
@@ -169,34 +167,18 @@ def _active(
                 f"{keys.max()}: as many columns as its live vector{more}"
             )
         return np.asarray(given[:, keys] != 0)
-    if f"ptr_{part}" not in arrays:
-        raise InvalidArrayError(f"lacks ptr_{part}, which says where each press begins in ids")
-    ids = check_whole(arrays[f"ids_{part}"], f"ids_{part}")
-    bounds = check_whole(arrays[f"ptr_{part}"], f"ptr_{part}")
-    if bounds.shape != (m + 1,) or bounds[0] != 0 or bounds[-1] != len(ids):
-        raise InvalidArrayError(
-            f"ptr_{part} must rise from 0 to {len(ids)} in {m} steps, one for each pose, "
-            f"got shape {bounds.shape}"
-        )
-    if (np.diff(bounds) < 0).any():
-        raise InvalidArrayError(f"ptr_{part} falls at {int(np.argmax(np.diff(bounds) < 0))}")
-    return _by_ids(ids, bounds, keys, part, numbering)
-
-
-def _by_ids(
-    ids: IntArray, bounds: IntArray, keys: IntArray, part: str, numbering: str
-) -> BoolArray:
+    presses = active_by_event(arrays, part, m)
+    ids, press = np.concatenate(presses), np.repeat(np.arange(m), [*map(len, presses)])
     order = np.argsort(keys)
     place = np.minimum(np.searchsorted(keys[order], ids), len(keys) - 1)
     wrong = keys[order][place] != ids
-    press = np.repeat(np.arange(len(bounds) - 1), np.diff(bounds))
     if wrong.any():
         first = int(np.argmax(wrong))
         raise InvalidArrayError(
             f"ids_{part}, press {press[first]}: {numbering} {ids[first]} is no taxel of {part}, "
             f"which has {len(keys)} {numbering}s between {keys.min()} and {keys.max()}"
         )
-    active = np.zeros((len(bounds) - 1, len(keys)), np.bool_)
+    active = np.zeros((m, len(keys)), np.bool_)
     active[press, order[place]] = True
     return active
 
@@ -224,10 +206,8 @@ def _check_angles(found: PlaneEvidence, robot: Robot) -> None:
     )
 
 
-def _from_recording(
-    path: Path, robot: Robot, parts: Sequence[str], threshold: float
-) -> PlaneEvidence:
-    from skinmap.io.recordings.mcap_track import read_track
+def _from_recording(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvidence:
+    from skinmap.io.mcap.reading import read_track
     from skinmap.io.recordings.recorded_stream import warn_of_loss
 
     track = warn_of_loss(read_track(path), path)
@@ -247,10 +227,10 @@ def _from_recording(
     for part in wanted:
         own = values[:, track.columns(part)]
         rest = np.median(own, axis=0) if track.kind == "raw" else 0.0
-        active[part] = _of_taxels(own - rest > threshold, robot.skin(part), part, path)
+        active[part] = _of_taxels(own - rest > THRESHOLD, robot.skin(part), part, path)
     rows = _presses(track, np.sum([one.sum(axis=1) for one in active.values()], axis=0))
     if len(rows) == 0:
-        raise DataFormatError(f"no channel reads {threshold:g} counts above its rest", path)
+        raise DataFormatError(f"no channel reads {THRESHOLD:g} counts above its rest", path)
     angles = track.angles[rows]
     missing = ~np.isfinite(angles).all(axis=1)
     if missing.any():

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.files.mount_files import active_by_event, read_arrays
 from calibration.files.probe_file import BESIDE, Probe, read_probes
 from calibration.mount.chains import Chain, TouchRecording
-from skinmap.archive import open_arrays
-from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.io.text import is_file
@@ -119,14 +119,14 @@ def read_touches(path: Path, probes: Mapping[str, Probe]) -> tuple[list[TouchFil
         A file that does not exist, or does not follow a format (names what it lacks).
     """
     if path.suffix.lower() == ".mcap":
-        from skinmap.io.recordings.mcap_track import read_track
+        from skinmap.io.mcap.reading import read_track
         from skinmap.io.recordings.recorded_stream import warn_of_loss
 
         track = warn_of_loss(read_track(path), path)
     else:
         from skinmap.io.recordings.learning import track_of_arrays
 
-        arrays = read_members(path, "a recording of self-touch")
+        arrays = read_arrays(path, "a recording of self-touch")
         if "head" in arrays:
             raise DataFormatError(
                 "a recording without joint angles; `skinmap record` into .mcap keeps them", path
@@ -176,25 +176,6 @@ def write_touches(
     np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
 
 
-def read_members(path: Path, expected: str) -> dict[str, NDArray[Any]]:
-    """All arrays of an archive.
-
-    Raises
-    ------
-    MissingFileError, DataFormatError
-        No such file, or it is damaged.
-    """
-    if not is_file(path):
-        raise MissingFileError(path, expected)
-    try:
-        with open_arrays(path) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except DataFormatError:
-        raise
-    except DAMAGED_ARCHIVE as error:
-        raise DataFormatError(f"not {expected}: {error}", path) from error
-
-
 def _events_file(arrays: Mapping[str, NDArray[Any]], path: Path) -> TouchFile:
     try:
         chains = (str(arrays["chain1"]), str(arrays["chain2"]))
@@ -205,7 +186,7 @@ def _events_file(arrays: Mapping[str, NDArray[Any]], path: Path) -> TouchFile:
         if joints and len(joints) != angles.shape[1]:
             raise InvalidArrayError(f"{len(joints)} joint_names for {angles.shape[1]} angles")
         touched = tuple(
-            None if f"ids_{name}" not in arrays else _events(arrays, name, len(angles))
+            None if f"ids_{name}" not in arrays else active_by_event(arrays, name, len(angles))
             for name in chains
         )
         touches = TouchRecording(path.stem, chains, angles, (touched[0], touched[1]))
@@ -232,18 +213,6 @@ def check_angles(given: Any) -> FloatArray:
     if most > TURN:
         raise InvalidArrayError(f"angles of q reach {most:.4g}; radians are expected, not degrees")
     return angles
-
-
-def _events(arrays: Mapping[str, NDArray[Any]], name: str, m: int) -> list[IntArray]:
-    ids = check_whole(arrays[f"ids_{name}"], f"ids_{name}")
-    bounds = check_whole(arrays[f"ptr_{name}"], f"ptr_{name}")
-    if bounds.shape != (m + 1,) or bounds[0] != 0 or bounds[-1] != len(ids):
-        raise InvalidArrayError(
-            f"ptr_{name} must rise from 0 to {len(ids)} in {m + 1} steps, got {bounds.shape}"
-        )
-    if (np.diff(bounds) < 0).any():
-        raise InvalidArrayError(f"ptr_{name} falls at {int(np.argmax(np.diff(bounds) < 0))}")
-    return np.split(ids, bounds[1:-1])
 
 
 def track_events(

@@ -11,19 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.patch.patch_calibration import PatchCalibration
 from calibration.patch.touch import Touch
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError
 from skinmap.io.robots.mesh_file import MESH_SUFFIXES, read_mesh
-from skinmap.io.taxels.export import write_icub
-from skinmap.io.taxels.icub import CHANNELS_PER_MODULE
 from skinmap.io.taxels.table import COLUMNS, COVARIANCE
-from skinmap.io.text import MAX_CHANNEL, parse_floats, read_text
-from skinmap.skin.taxels import TaxelTable
+from skinmap.io.text import MAX_CHANNEL, CsvRows, parse_floats, read_text
 
 CHANNEL = ("channel", "taxel")  # how a first column may be called
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+MAX_ANCHORS = 100_000  # measured one by one: a table of more is another table
 IGNORED = ("z", "nx", "ny", "nz")  # of a board in our own taxel format: it is flat
 
 
@@ -52,6 +49,25 @@ class BoardTable:
                     line,
                 )
         return np.array([where[channel] for channel in channels.tolist()], np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """One taxel whose place is known, in the unit of its file.
+
+    Attributes
+    ----------
+    taxel : int
+        Row of the board.
+    point : (x, y, z)
+        In the frame of the mesh.
+    sigma : float or None
+        Standard deviation of each coordinate; None where the file does not say.
+    """
+
+    taxel: int
+    point: tuple[float, float, float]
+    sigma: float | None = None
 
 
 def read_board(path: Path, unit: float = 1.0) -> BoardTable:
@@ -89,6 +105,34 @@ def read_anchors(
     place = [names.index(name) for name in "xyz"]
     sigma = values[:, names.index("sigma")] * unit if "sigma" in names else None
     return rows, values[:, place] * unit, sigma
+
+
+def read_anchor_table(path: Path, board: BoardTable) -> list[Anchor]:
+    """Anchors of a file `channel,x,y,z[,sigma]`, in its own unit.
+
+    Raises
+    ------
+    DataFormatError
+        As `read_anchors`, and where there are more than `MAX_ANCHORS`.
+    """
+    taxels, points, sigma = read_anchors(path, board)
+    if len(taxels) > MAX_ANCHORS:
+        raise DataFormatError(f"{len(taxels)} anchors, expected at most {MAX_ANCHORS}", path)
+    spread = [None] * len(points) if sigma is None else sigma.tolist()
+    return [
+        Anchor(taxel, (place[0], place[1], place[2]), own)
+        for taxel, place, own in zip(taxels.tolist(), points.tolist(), spread, strict=True)
+    ]
+
+
+def write_anchor_table(anchors: Sequence[Anchor], board: BoardTable, path: Path) -> None:
+    """Write what `read_anchor_table` reads, with all digits."""
+    stated = all(anchor.sigma is not None for anchor in anchors)
+    lines = ["channel,x,y,z,sigma" if stated else "channel,x,y,z"]
+    for anchor in anchors:
+        numbers = (*anchor.point, anchor.sigma) if stated else anchor.point
+        lines.append(f"{board.channels[anchor.taxel]},{','.join(map(repr, numbers))}")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def read_placed(path: Path, unit: float = 1.0) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -177,7 +221,7 @@ def read_cells(
     DataFormatError
         A missing or unknown column; and where it is come to, a row of another length, no row.
     """
-    reader = csv.reader(io.StringIO(read_text(path), newline=""))
+    reader = CsvRows(read_text(path))
     try:
         names = [cell.strip().lower() for cell in next(reader, [])]
         others = names[1:] if first and names and names[0] in first else names
@@ -241,27 +285,28 @@ def _check_whole(values: FloatArray, lines: Sequence[int], path: Path) -> None:
         )
 
 
-def write_calibrated(board: BoardTable, found: PatchCalibration, path: Path) -> None:
-    """Write our taxel table with the covariance of each position in six more columns [m2]."""
+def write_taxels(
+    channels: IntArray,
+    positions: FloatArray,
+    covariance: FloatArray,
+    path: Path,
+    *,
+    modules: IntArray | None = None,
+    normals: FloatArray | None = None,
+) -> str:
+    """Write our taxel table with the covariance (n, 3, 3) of each position in six more columns.
+
+    Modules and normals are 0 where they are not known. Returns the file's name.
+    """
+    modules = np.zeros(len(channels), np.int64) if modules is None else modules
+    normals = np.zeros_like(positions) if normals is None else normals
+    spread = [covariance[:, row, column] for row, column in ENTRIES]
+    numbers = np.column_stack([positions, normals, *spread])
     lines = [",".join((*COLUMNS, *COVARIANCE))]
-    for row in np.argsort(board.channels, kind="stable"):
-        covariance = [found.covariance[row][entry] for entry in ENTRIES]
-        numbers = (*found.positions[row], *found.normals[row], *covariance)
-        text = ",".join(repr(float(value)) for value in numbers)
-        lines.append(f"{board.channels[row]},{board.modules[row]},{text}")
+    for channel, module, own in zip(channels, modules, numbers.tolist(), strict=True):
+        lines.append(f"{channel},{module},{','.join(map(repr, own))}")
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def taxel_table(board: BoardTable, found: PatchCalibration, link: str = "") -> TaxelTable:
-    """The calibrated taxels as a table that every writer of taxels takes."""
-    return TaxelTable(board.channels, board.modules, found.positions, found.normals, link=link)
-
-
-def write_icub_table(board: BoardTable, found: PatchCalibration, path: Path, link: str) -> None:
-    """Write the iCub's positions; modules there are channel div 12, whatever the board says."""
-    word = "_".join(link.split()) or "skin"
-    twelfth = BoardTable(board.channels, board.channels // CHANNELS_PER_MODULE, board.layout)
-    write_icub(taxel_table(twelfth, found), path, name=word)
+    return path.name
 
 
 def read_points(path: Path) -> FloatArray:

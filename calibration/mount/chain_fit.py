@@ -13,7 +13,7 @@ import numpy as np
 
 from calibration.mount.chains import Chain
 from calibration.mount.pairing import Contacts
-from calibration.mount.rigid_mount import CAUCHY, LENGTH, Loss, fit_mount
+from calibration.mount.rigid_mount import CAUCHY, LENGTH, fit_mount
 from calibration.mount.unknowns import ChainState, Columns, Unknowns
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
@@ -31,17 +31,16 @@ def fit_chains(
     chains: Mapping[str, Chain],
     unknowns: Unknowns,
     start: ChainState,
-    loss: Loss,
 ) -> ChainState:
-    """The state of least squares, or of the robust loss from there."""
+    """The state of the robust loss, from that of least squares."""
     state = start.copy()
     for _ in range(CLOSED):
         for name in (*unknowns.tips, *unknowns.mounts):
             _place(name, contacts, chains, unknowns, state)
     # Squares first: the robust loss alone loses its way from far starts.
-    for stage in ("linear",) if loss == "linear" else ("linear", "cauchy"):
+    for robust in (False, True):
         for _ in range(STEPS):
-            if _step(contacts, chains, unknowns, state, stage == "cauchy") < SETTLED:
+            if _step(contacts, chains, unknowns, state, robust) < SETTLED:
                 break
     return state
 
@@ -203,13 +202,12 @@ def information(
     chains: Mapping[str, Chain],
     unknowns: Unknowns,
     state: ChainState,
-    loss: Loss,
 ) -> Information:
     """What the touches tell in a state that was fitted to them."""
     moving = {int(j) for one in contacts for c in one.recording.chains for j in chains[c].joints}
     considered = tuple(sorted(moving - set(unknowns.joints)))
     every = replace(unknowns, considered=considered)
-    system = _system(contacts, chains, every, state, loss == "cauchy")
+    system = _system(contacts, chains, every, state, True)
     columns, count = every.columns(), unknowns.columns().count
     weight = system.weight
     free = max(1.0, 3.0 * len(weight) - count) / len(weight)

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, freeze
+from skinmap.arrays import FloatArray, check_finite, check_points, freeze
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.geometry.rigid import check_transform, rigid_fit, transform_points
+from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.summary import Summary, millimetres
 
 Loss = Literal["linear", "cauchy"]
 CAUCHY = 2.3849  # residuals' scale: 95 % efficient on normal errors (Holland and Welsch 1977)
 LENGTH = 1.5382  # median length of a normal vector in space, in standard deviations
-NORMAL = 1.4826  # standard deviation of a normal variable over its median absolute deviation
 ROUNDS = 200
 SETTLED = 1e-9  # relative to the size of the points
 RIGID = 1e-6
@@ -31,8 +30,6 @@ class MountFit(Summary):
     ----------
     mount : (4, 4) float
         T_link_patch.
-    module_offsets : dict of int to (3,) float
-        Shift of each module in the patch's frame [m]; empty where none were asked for.
     rms : float
         Root mean square distance of the pairs after the fit [m].
     covariance : (6, 6) float
@@ -42,13 +39,12 @@ class MountFit(Summary):
     """
 
     mount: FloatArray
-    module_offsets: dict[int, FloatArray]
     rms: float
     covariance: FloatArray
     residuals: FloatArray
 
     def __post_init__(self) -> None:
-        freeze(self, mount=self.mount, covariance=self.covariance, residuals=self.residuals)
+        freeze(self)
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""
@@ -64,10 +60,7 @@ def fit_mount(
     frames: ArrayLike,
     targets: ArrayLike,
     *,
-    initial: ArrayLike | None = None,
     loss: Loss = "linear",
-    modules: ArrayLike | None = None,
-    module_sigma: float = 3e-3,
 ) -> MountFit:
     """The mount T_link_patch that brings points to their targets: T_world_link @ mount @ point.
 
@@ -83,14 +76,8 @@ def fit_mount(
         T_world_link of each pair.
     targets : (m, 3) array-like of float
         In the world [m].
-    initial : (4, 4) array-like of float, optional
-        Where the search begins. Only checked: the closed form needs no start.
     loss : {"linear", "cauchy"}
         Squares, or a loss that outliers cannot pull.
-    modules : (m,) array-like of int, optional
-        Module of each point: each may then be shifted, by a prior of `module_sigma`.
-    module_sigma : float
-        Standard deviation of a module's shift against the noise of a pair [m].
 
     Returns
     -------
@@ -115,91 +102,37 @@ def fit_mount(
     p, back = _check(points, frames, targets)
     if loss not in get_args(Loss):
         raise UnknownNameError("loss", loss, get_args(Loss))
-    if initial is not None:
-        check_transform(initial, "initial")
-    member = _check_modules(modules, len(p), module_sigma)
     # Squares first: the robust loss alone loses its way from far starts.
-    solution = _solve(p, back, _Solution(rigid_fit(p, back, np.ones(len(p)))), member, module_sigma)
+    mount, weight = rigid_fit(p, back, np.ones(len(p))), np.ones(len(p))
     if loss == "cauchy":
-        solution = _solve(p, back, solution, member, module_sigma, robust=True)
-    placed = transform_points(solution.mount, _shifted(p, solution.offsets, member))
+        mount, weight = _robust(p, back, mount)
+    placed = transform_points(mount, p)
     missed = np.linalg.norm(placed - back, axis=1)
-    named = {int(k): solution.offsets[row] for row, k in enumerate(member[0])} if member else {}
-    covariance = _covariance(
-        placed - solution.mount[:3, 3], missed, solution.weight, member, module_sigma
-    )
-    rms = float(np.sqrt(np.mean(missed**2)))
-    return MountFit(solution.mount, named, rms, covariance, missed)
+    covariance = _covariance(placed - mount[:3, 3], missed, weight)
+    return MountFit(mount, float(np.sqrt(np.mean(missed**2))), covariance, missed)
 
 
-Members = tuple[IntArray, IntArray]
-
-
-@dataclass(eq=False, slots=True)
-class _Solution:
-    mount: FloatArray
-    offsets: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
-    weight: FloatArray = field(default_factory=lambda: np.ones(1))
-
-
-def _solve(
-    p: FloatArray,
-    q: FloatArray,
-    start: _Solution,
-    member: Members | None,
-    sigma: float,
-    *,
-    robust: bool = False,
-) -> _Solution:
-    """Mount, shifts of modules and weights by turns, each in closed form."""
-    weight, mount = np.ones(len(p)), start.mount
-    offsets = start.offsets
-    if member is not None and len(offsets) != len(member[0]):
-        offsets = np.zeros((len(member[0]), 3))
+def _robust(p: FloatArray, q: FloatArray, mount: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mount and weights (m,) of Cauchy's loss by turns, each in closed form."""
     size = max(1.0, float(np.ptp(p, axis=0).max()))
-    for _ in range(ROUNDS if robust or member else 1):
+    weight = np.ones(len(p))
+    for _ in range(ROUNDS):
         before = mount
-        missed = (q - mount[:3, 3]) @ mount[:3, :3] - p  # in the patch's frame
-        left = missed if member is None else missed - offsets[member[1]]
-        if robust:
-            length = np.sqrt(np.einsum("mk,mk->m", left, left))
-            # The spread of three coordinates: the median of their length is 1.54 deviations.
-            scale = max(float(np.median(length)) / LENGTH, FLOOR * size)
-            weight = 1.0 / (1.0 + (length / (CAUCHY * scale)) ** 2)
-        if member is not None:
-            noise = max(float(np.median(np.abs(left))) * NORMAL, FLOOR * size)
-            offsets = _drawn(missed, weight, member[1], len(offsets), (noise / sigma) ** 2)
-        mount = rigid_fit(_shifted(p, offsets, member), q, weight)
+        length = np.linalg.norm((q - mount[:3, 3]) @ mount[:3, :3] - p, axis=1)
+        # The spread of three coordinates: the median of their length is 1.54 deviations.
+        scale = max(float(np.median(length)) / LENGTH, FLOOR * size)
+        weight = 1.0 / (1.0 + (length / (CAUCHY * scale)) ** 2)
+        mount = rigid_fit(p, q, weight)
         if np.abs(mount - before).max() < SETTLED * size:
             break
-    return _Solution(mount, offsets, weight)
+    return mount, weight
 
 
-def _drawn(
-    missed: FloatArray, weight: FloatArray, group: IntArray, count: int, stiffness: float
-) -> FloatArray:
-    """Shift (count, 3) of each module: the mean of its misses, held back by the prior."""
-    total = np.bincount(group, weight, minlength=count)[:, None]
-    sums = [np.bincount(group, weight * axis, minlength=count) for axis in missed.T]
-    return np.asarray(np.stack(sums, axis=1) / (total + stiffness))
-
-
-def _shifted(p: FloatArray, offsets: FloatArray, member: Members | None) -> FloatArray:
-    return p if member is None else p + offsets[member[1]]
-
-
-def _covariance(
-    arms: FloatArray,
-    missed: FloatArray,
-    weight: FloatArray,
-    member: Members | None,
-    sigma: float,
-) -> FloatArray:
+def _covariance(arms: FloatArray, missed: FloatArray, weight: FloatArray) -> FloatArray:
     """(6, 6) covariance from the residuals' own spread; `arms` (m, 3) from the mount's origin.
 
     With weights w the residuals r count as (w r)^2 and the slope of w r is their information
     (Huber 1981, section 7.6): honest under outliers, and plain least squares where w is 1.
-    Shifts of modules take with them what the mount would have known of their common motion.
     """
     x, y, z = arms.T
     zero = np.zeros_like(x)
@@ -207,17 +140,7 @@ def _covariance(
     jacobian = np.concatenate([cross, np.broadcast_to(np.eye(3), (len(x), 3, 3))], axis=2)
     slope = float(np.mean(weight + 2.0 * weight**2)) / 3.0
     normal = np.einsum("mki,mkj->ij", jacobian, jacobian)
-    taken = 6.0
-    if member is not None:
-        count = len(member[0])
-        noise = float(np.mean((weight * missed) ** 2)) / 3.0 / slope**2
-        stiffness = noise / sigma**2  # of the prior, in pairs
-        size = np.bincount(member[1], minlength=count)
-        sums = np.zeros((count, 3, 6))
-        np.add.at(sums, member[1], jacobian)
-        normal = normal - np.einsum("gki,gkj,g->ij", sums, sums, 1.0 / (size + stiffness))
-        taken += 3.0 * float(np.sum(size / (size + stiffness)))
-    free = max(1.0, 3.0 * len(x) - taken) / len(x)
+    free = max(1.0, 3.0 * len(x) - 6.0) / len(x)
     variance = float(np.mean((weight * missed) ** 2)) / free / slope**2
     return np.asarray(variance * np.linalg.pinv(normal, hermitian=True))
 
@@ -262,17 +185,3 @@ def check_frames(frames: ArrayLike, m: int) -> FloatArray:
         shown = ", ".join(map(str, rows[:5].tolist())) + (" ..." if len(rows) > 5 else "")
         raise InvalidArrayError(f"{len(rows)} frames are not rigid: rows {shown}")
     return T
-
-
-def _check_modules(modules: ArrayLike | None, m: int, sigma: float) -> Members | None:
-    if modules is None:
-        return None
-    given = np.asarray(modules)
-    if given.shape != (m,) or not np.issubdtype(given.dtype, np.integer):
-        raise InvalidArrayError(
-            f"modules must be {m} whole numbers, got {given.dtype} {given.shape}"
-        )
-    if not (np.isfinite(sigma) and sigma > 0):
-        raise InvalidArrayError(f"module_sigma must be above 0 m, got {sigma}")
-    names, group = np.unique(given, return_inverse=True)
-    return names, group.ravel()

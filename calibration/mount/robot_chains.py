@@ -49,6 +49,11 @@ def robot_chain(
     taxels, normals : (n, 3) array-like of float, optional
         Positions in the patch [m], and outward directions there; none for a probe.
 
+    Returns
+    -------
+    Chain
+        Of the joints that it passes.
+
     Raises
     ------
     UnknownNameError
@@ -56,6 +61,15 @@ def robot_chain(
     InvalidArrayError
         A joint that the chain passes and neither `joint_names` nor `held` names, or one that is
         named twice.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from calibration import robot_chain
+    >>> joints = ["right_shoulder_pitch", "right_shoulder_roll", "right_elbow", "right_wrist"]
+    >>> chain = robot_chain(skinmap.load_robot("kaspar"), "right_hand", joints)
+    >>> chain.name, len(chain.joints)
+    ('right_hand', 4)
     """
     body, tree = robot.body, robot.body.tree
     links = body.links

@@ -8,7 +8,7 @@ them, and pairs are chosen again, as in iterated closest points.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from calibration.mount.chain_fit import Information, fit_chains, information, mi
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.judgement import Agreement, Jury, Unobserved, unobserved
 from calibration.mount.pairing import Contacts, contacts_of
-from calibration.mount.rigid_mount import Loss, point_covariance
-from calibration.mount.unknowns import ChainState, Unknowns
+from calibration.mount.rigid_mount import point_covariance
+from calibration.mount.unknowns import JOINT_SIGMA, ChainState, Unknowns
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.proximity import median_spacing
@@ -26,7 +26,6 @@ from skinmap.summary import Summary, listed, millimetres
 
 FOLDS = 5  # each event is held out once
 FEWEST = 12  # events
-JOINT_SIGMA = np.deg2rad(2.0)  # what zero positions of joints are off by
 MAX_OFF = 4.0 * JOINT_SIGMA  # of any: recordings that ask for more contradict the robot
 BLAMED = 0.5  # pitches that a recording must be missed by at least to be blamed
 ENOUGH = 150  # touches that tell poses in their order from others
@@ -67,8 +66,6 @@ class SelfTouchFit(Summary):
         not solved for are off by.
     unobserved : Unobserved
         What these touches cannot tell.
-    distances_before, distances : (m,) float
-        Of every event that was fitted to [m].
     """
 
     mounts: dict[str, FloatArray]
@@ -85,9 +82,6 @@ class SelfTouchFit(Summary):
     left_alone: tuple[str, ...]
     covariances: dict[str, FloatArray]
     unobserved: Unobserved
-    distances_before: FloatArray
-    distances: FloatArray
-    by_recording: dict[str, FloatArray] = field(default_factory=dict)
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
@@ -111,9 +105,6 @@ def self_touch(
     *,
     calibrate: Sequence[str],
     joint_offsets: bool = False,
-    joint_sigma: float = JOINT_SIGMA,
-    loss: Loss = "cauchy",
-    keep_all: bool = False,
     rng: np.random.Generator | int,
 ) -> SelfTouchFit:
     """Fit the mounts of the named chains to recordings of self-touch.
@@ -129,13 +120,6 @@ def self_touch(
         as well.
     joint_offsets : bool
         Whether the zero positions of all joints that take part are unknown too.
-    joint_sigma : float
-        Prior standard deviation of such an offset [rad].
-    loss : {"linear", "cauchy"}
-        Squares, or a loss that outliers cannot pull.
-    keep_all : bool
-        Keep recordings without which the others agree; they are left out otherwise. Where it
-        cannot be told which one is wrong, as of two, all stay.
     rng : numpy.random.Generator or int
         Draws the held-out events and the halves; a number is its seed.
 
@@ -178,15 +162,15 @@ def self_touch(
     given = [_check(recording, chains) for recording in recordings]
     _check_all(given, chains, calibrate)
     every = [contacts_of(one, *(chains[name] for name in one.chains)) for one in given]
-    problem = _Problem(chains, tuple(calibrate), joint_offsets, joint_sigma, loss)
+    problem = _Problem(chains, tuple(calibrate), joint_offsets)
     agreement = problem.jury(every).agreement(every)
-    dropped = agreement.inconsistent if agreement.told and not keep_all else ()
+    dropped = agreement.inconsistent if agreement.told else ()
     used = [one for one in every if one.recording.name not in dropped]
     state = problem.fit(used)
     told = problem.unknowns(used)
     halves = [rng.permutation(len(one)) < len(one) / 2 for one in used]
     one, other = (problem.fit(_masked(used, halves, keep=keep)) for keep in (True, False))
-    known = information(used, chains, told, state, loss)
+    known = information(used, chains, told, state)
     shift = problem.shift(told.mounts, one, other)
     distances = {each.recording.name: _distances(each, chains, state) for each in used}
     before = _every_distance(used, chains, problem.start(used))
@@ -208,9 +192,6 @@ def self_touch(
         tuple(name for name in calibrate if name not in told.mounts),
         covariances,
         unobserved(used, known, told),
-        before,
-        after,
-        distances,
     )
 
 
@@ -221,8 +202,6 @@ class _Problem:
     chains: Mapping[str, Chain]
     calibrate: tuple[str, ...]
     joint_offsets: bool
-    joint_sigma: float
-    loss: Loss
 
     def unknowns(self, contacts: Sequence[Contacts], *, mounts: bool = True) -> Unknowns:
         """What may move: chains that no recording touches may not."""
@@ -231,12 +210,11 @@ class _Problem:
         moving = sorted({int(j) for name in present for j in self.chains[name].joints})
         if not mounts:
             unknown = tuple(name for name in probes if not self.chains[name].mount[:3, 3].any())
-            return Unknowns((), unknown, (), self.joint_sigma)
+            return Unknowns((), unknown, ())
         return Unknowns(
             tuple(name for name in self.calibrate if name in present),
             probes,
             tuple(moving) if self.joint_offsets else (),
-            self.joint_sigma,
             {one.recording.name: self._expected(one) for one in contacts if one.stands_apart},
         )
 
@@ -248,12 +226,12 @@ class _Problem:
         width = contacts[0].recording.angles.shape[1]
         state = ChainState({name: c.mount for name, c in self.chains.items()}, np.zeros(width))
         unknowns = self.unknowns(contacts, mounts=False)
-        return fit_chains(contacts, self.chains, unknowns, state, self.loss)
+        return fit_chains(contacts, self.chains, unknowns, state)
 
     def fit(self, contacts: Sequence[Contacts]) -> ChainState:
         unknowns, start = self.unknowns(contacts), self.start(contacts)
         start.standoffs = dict(unknowns.standoffs)
-        return fit_chains(contacts, self.chains, unknowns, start, self.loss)
+        return fit_chains(contacts, self.chains, unknowns, start)
 
     def medians(self, contacts: Sequence[Contacts], state: ChainState) -> dict[str, float]:
         return {

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import FloatArray
 
+JOINT_SIGMA = np.deg2rad(2.0)  # what zero positions of joints are off by
 STANDOFF_SIGMA = 4e-3  # of that length: half a fingertip, twice a soft skin's give [m]
 
 
@@ -45,8 +46,6 @@ class Unknowns:
         Chains whose patch moves with six freedoms, probes whose tip moves with three.
     joints : tuple of int
         Columns of the angles that get an offset.
-    joint_sigma : float
-        Prior standard deviation of an offset [rad].
     standoffs : mapping of str to float
         Recordings whose sides stand apart by an unknown length, and what is expected of it [m].
     considered : tuple of int
@@ -56,7 +55,6 @@ class Unknowns:
     mounts: tuple[str, ...]
     tips: tuple[str, ...]
     joints: tuple[int, ...]
-    joint_sigma: float
     standoffs: Mapping[str, float] = field(default_factory=dict)
     considered: tuple[int, ...] = ()
 
@@ -78,7 +76,7 @@ class Unknowns:
         columns = self.columns()
         weight, off = np.zeros(columns.count), np.zeros(columns.count)
         for number, column in columns.joints.items():
-            weight[column], off[column] = self.joint_sigma**-2, state.offsets[number]
+            weight[column], off[column] = JOINT_SIGMA**-2, state.offsets[number]
         for name, column in columns.standoffs.items():
             weight[column] = STANDOFF_SIGMA**-2
             off[column] = state.standoffs.get(name, 0.0) - self.standoffs[name]

@@ -9,16 +9,14 @@ lines.
 from __future__ import annotations
 
 from itertools import product
-from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from calibration.mount.rigid_mount import CAUCHY, Loss, MountFit, check_frames
+from calibration.mount.rigid_mount import CAUCHY, MountFit, check_frames
 from skinmap.arrays import FloatArray, check_finite, check_points
-from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.geometry.rigid import check_transform
+from skinmap.errors import InvalidArrayError
 
 FEWEST = 6  # lines: each tells two numbers of six, and some are never independent
 LIGHTEST = 0.05  # [N]: lighter forces leave no line
@@ -38,8 +36,6 @@ def fit_wrench(
     forces: ArrayLike,
     moments: ArrayLike,
     *,
-    initial: ArrayLike | None = None,
-    loss: Loss = "cauchy",
     point_sigma: float = POINT_SIGMA,
     moment_sigma: float = MOMENT_SIGMA,
 ) -> MountFit:
@@ -53,10 +49,6 @@ def fit_wrench(
         T_sensor_link at each touch.
     forces, moments : (m, 3) array-like of float
         What the sensor felt more than untouched, in its frame [N, N m].
-    initial : (4, 4) array-like of float, optional
-        One more start beside those that are always tried.
-    loss : {"linear", "cauchy"}
-        Squares, or a loss that outliers cannot pull.
     point_sigma : float
         Standard deviation of a point [m].
     moment_sigma : float
@@ -82,24 +74,17 @@ def fit_wrench(
     >>> skinmap.fit_wrench(points, frames, forces, moments).mount[:3, 3].round(3)[0]
     np.float64(0.1)
     """
-    if loss not in get_args(Loss):
-        raise UnknownNameError("loss", loss, get_args(Loss))
     p = check_points(points, "points")
     T = check_frames(frames, len(p))
     along, foot, sigma = _lines(forces, moments, T, point_sigma, moment_sigma)
     starts = _starts(p, along, foot)
-    if initial is not None:
-        starts.append(check_transform(initial, "initial"))
     for steps, kept in ((FIRST, PROMISING), (STEPS, 1)):
         ends = [_descend(start, p, along, foot, sigma, steps, robust=False) for start in starts]
         starts = sorted(ends, key=lambda end: _cost(end, p, along, foot, sigma))[:kept]
-    mount = starts[0]
-    if loss == "cauchy":
-        mount = _descend(mount, p, along, foot, sigma, STEPS, robust=True)
+    mount = _descend(starts[0], p, along, foot, sigma, STEPS, robust=True)
     missed = np.linalg.norm(_misses(mount, p, along, foot), axis=1)
-    weight = _weights(missed / sigma) if loss == "cauchy" else np.ones(len(p))
-    covariance = _covariance(mount, p, along, foot, sigma, weight)
-    return MountFit(mount, {}, float(np.sqrt(np.mean(missed**2))), covariance, missed)
+    covariance = _covariance(mount, p, along, foot, sigma, _weights(missed / sigma))
+    return MountFit(mount, float(np.sqrt(np.mean(missed**2))), covariance, missed)
 
 
 def held_out_error(
@@ -109,7 +94,6 @@ def held_out_error(
     moments: FloatArray,
     rng: np.random.Generator,
     *,
-    loss: Loss = "cauchy",
     point_sigma: float = POINT_SIGMA,
     moment_sigma: float = MOMENT_SIGMA,
 ) -> float | None:
@@ -126,7 +110,7 @@ def held_out_error(
             (points[rows], frames[rows], forces[rows], moments[rows])
             for rows in (fold != k, fold == k)
         )
-        fit = fit_wrench(*seen, loss=loss, point_sigma=point_sigma, moment_sigma=moment_sigma)
+        fit = fit_wrench(*seen, point_sigma=point_sigma, moment_sigma=moment_sigma)
         squares.append(_line_distances(fit.mount, *unseen) ** 2)
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 

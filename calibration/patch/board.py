@@ -83,22 +83,7 @@ class Board:
     mirrored: IntArray
 
     def __post_init__(self) -> None:
-        freeze(
-            self,
-            layout=self.layout,
-            pairs=self.pairs,
-            lengths=self.lengths,
-            spread=self.spread,
-            expected=self.expected,
-            fields=self.fields,
-            firmness=self.firmness,
-            rise=self.rise,
-            triangles=self.triangles,
-            stiffness=self.stiffness,
-            lifted=self.lifted,
-            slots=self.slots,
-            mirrored=self.mirrored,
-        )
+        freeze(self)
 
 
 def make_board(layout: FloatArray, modules: IntArray | None = None) -> Board:

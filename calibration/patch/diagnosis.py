@@ -7,24 +7,32 @@ another scale, two anchors whose names were exchanged; then each anchor is left 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from calibration.patch.board import Board, make_board
 from calibration.patch.consistency import consistent
+from calibration.patch.evidence import (
+    Link,
+    check_channels,
+    check_layout,
+    check_link,
+    check_modules,
+)
 from calibration.patch.initial_guess import log_map_places, rigid_2d
-from calibration.patch.link_surface import Target
-from calibration.patch.minima import find_minima
+from calibration.patch.link_surface import Target, make_target
+from calibration.patch.minima import STARTS, find_minima
 from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
 from calibration.patch.sheet_model import Evidence
-from calibration.patch.solver_budget import Effort
 from calibration.patch.status import Names, judge
-from calibration.threads import one_thread
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 
-STARTS = 1  # of each trial: it only has to be better than what came
+ONE = 1  # start of each trial: it only has to be better than what came
 TRIED = 3  # anchors to leave out, and pairs to exchange, the most suspicious first
 BETTER = 0.6  # times the misfit in the plane that an exchange must come to, to be tried at all
 WIDE = 0.3  # of the scale where it is searched for, as a standard deviation
@@ -50,7 +58,6 @@ class Problem:
     names : Names
     mirror : bool
         Whether the caller said that the board is drawn from its other side.
-    effort : Effort
     seed : int
         Of the starts of each trial.
     """
@@ -61,7 +68,6 @@ class Problem:
     evidence: Evidence
     names: Names
     mirror: bool
-    effort: Effort
     seed: int
 
     def tried(
@@ -79,8 +85,8 @@ class Problem:
         first = _first(self.target, board, evidence)
         minima = find_minima(
             self.target, board, evidence, first,
-            effort=self.effort if patient else replace(self.effort, starts=STARTS),
-            patient=patient, rng=np.random.default_rng(self.seed),
+            starts=STARTS if patient else ONE, patient=patient,
+            rng=np.random.default_rng(self.seed),
         )  # fmt: skip
         return judge(self.target, evidence, minima, self.names)
 
@@ -91,14 +97,35 @@ def _first(target: Target, board: Board, evidence: Evidence) -> BoolArray:
     return anchors if anchors.any() else consistent(target, board, evidence)
 
 
+def lay(
+    layout: ArrayLike,
+    link: tuple[ArrayLike, ArrayLike],
+    gather: Callable[[FloatArray, Link, IntArray], Evidence],
+    *,
+    modules: ArrayLike | None,
+    channels: ArrayLike | None,
+    mirror: bool,
+    rng: np.random.Generator | int,
+) -> PatchCalibration:
+    """A board checked and laid on its link, by what is gathered of layout, link and channels."""
+    rng = np.random.default_rng(rng)
+    flat = check_layout(layout) * ([-1.0, 1.0] if mirror else [1.0, 1.0])
+    names = Names(check_channels(channels, len(flat)))
+    plates = check_modules(modules, len(flat))
+    mesh = check_link(*link)
+    evidence = gather(flat, mesh, names.channels)
+    seed = int(rng.integers(2**32))
+    return solve(Problem(make_target(*mesh), flat, plates, evidence, names, mirror, seed), rng)
+
+
 def solve(problem: Problem, rng: np.random.Generator) -> PatchCalibration:
     """The patch, judged, and explained where it is doubtful."""
-    with one_thread():
+    # One thread: matrices of one patch are too small for more, and sums in another order would end
+    # in other bits.
+    with threadpool_limits(limits=1, user_api="blas"):
         board = make_board(problem.layout, problem.modules)
         first = _first(problem.target, board, problem.evidence)
-        minima = find_minima(
-            problem.target, board, problem.evidence, first, effort=problem.effort, rng=rng
-        )
+        minima = find_minima(problem.target, board, problem.evidence, first, rng=rng)
         return explained(problem, judge(problem.target, problem.evidence, minima, problem.names))
 
 

@@ -38,7 +38,7 @@ class LeftOut:
     misfit: FloatArray
 
     def __post_init__(self) -> None:
-        freeze(self, distance=self.distance, expected=self.expected, misfit=self.misfit)
+        freeze(self)
 
     @classmethod
     def nothing(cls) -> LeftOut:

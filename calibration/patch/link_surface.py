@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from calibration.patch.solver_budget import DETAIL
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.cache import Arrays, Ingredient, cached
+from skinmap.disk_cache import Arrays, Ingredient, cached
 from skinmap.geometry.distances import edge_graph
 from skinmap.geometry.meshlab import import_meshlab
 from skinmap.geometry.proximity import closest_on_mesh
@@ -21,6 +20,7 @@ from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import face_normals, unit, vertex_normals
 
 ALPHA = 15e-3  # openings narrower than this are closed [m]
+DETAIL = 4e-3  # longest edge: a facet's sagitta stays below 0.1 mm on a wrist [m]
 OFFSET = 0.3e-3  # of the wrap from the mesh [m]
 # The wrap's triangles change altogether with the last bit of a vertex, so what is wrapped is
 # rounded first: a mesh read in metres and in millimetres gives one wrap. The wrap is then carried
@@ -103,33 +103,22 @@ class Target:
 _targets: OrderedDict[str, Target] = OrderedDict()
 
 
-def make_target(
-    vertices: FloatArray, faces: IntArray, *, alpha: float = ALPHA, detail: float = DETAIL
-) -> Target:
+def make_target(vertices: FloatArray, faces: IntArray) -> Target:
     """Wrap a link's mesh (n, 3) [m], (m, 3): closed, without inner sheets, faces outward.
 
     Visual meshes are no targets as they are: open, with inner sheets and faces that point
     inward, so that the closest point jumps from sheet to sheet. The wrap (Portaneri et al.,
     "Alpha Wrapping with an Offset", ACM Transactions on Graphics 41(4), 2022, through
     pymeshlab) has neither, and is kept for the next call with the same mesh. Openings narrower
-    than `alpha` are closed, and no edge of it is longer than `detail` [m].
+    than `ALPHA` are closed, and no edge of it is longer than `DETAIL`.
     """
     vertices = _as_stored(vertices)
-    settings = repr((alpha, detail)).encode()
-    key = hashlib.sha256(vertices.tobytes() + faces.tobytes() + settings).hexdigest()
+    key = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
     if key not in _targets:
         how: list[Ingredient] = [
-            vertices,
-            faces,
-            alpha,
-            OFFSET,
-            CHORD,
-            OPEN,
-            detail,
-            ROUNDING,
-            SHIFT,
-        ]
-        wrap = partial(_wrap_of, vertices, faces, alpha, detail)
+            vertices, faces, ALPHA, OFFSET, CHORD, OPEN, DETAIL, ROUNDING, SHIFT
+        ]  # fmt: skip
+        wrap = partial(_wrap_of, vertices, faces)
         made = cached("target", how, wrap, made_by=("pymeshlab", "libigl"))
         _targets[key] = _made(made["vertices"], made["faces"], (vertices, faces))
         while len(_targets) > KEPT:
@@ -138,9 +127,9 @@ def make_target(
     return _targets[key]
 
 
-def _wrap_of(vertices: FloatArray, faces: IntArray, alpha: float, detail: float) -> Arrays:
+def _wrap_of(vertices: FloatArray, faces: IntArray) -> Arrays:
     coarse = rounded(vertices)
-    wrap, triangles = _wrapped(coarse, faces, alpha, detail)
+    wrap, triangles = _wrapped(coarse, faces)
     return {"vertices": _carried(wrap, coarse, vertices, faces), "faces": triangles}
 
 
@@ -191,16 +180,14 @@ def _made(vertices: FloatArray, faces: IntArray, link: tuple[FloatArray, IntArra
     return Target(vertices, faces, vertex_normals(vertices, faces), tree, link)
 
 
-def _wrapped(
-    vertices: FloatArray, faces: IntArray, alpha: float, detail: float
-) -> tuple[FloatArray, IntArray]:
+def _wrapped(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     pymeshlab = import_meshlab()
 
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
     length = pymeshlab.PureValue
-    meshes.generate_alpha_wrap(alpha=length(alpha), offset=length(OFFSET))
-    meshes.meshing_surface_subdivision_midpoint(iterations=6, threshold=length(detail))
+    meshes.generate_alpha_wrap(alpha=length(ALPHA), offset=length(OFFSET))
+    meshes.meshing_surface_subdivision_midpoint(iterations=6, threshold=length(DETAIL))
     made = meshes.current_mesh()
     return made.vertex_matrix(), made.face_matrix().astype(np.int64)
 

@@ -21,9 +21,9 @@ from calibration.patch.sheet_model import (
     linearise,
     settle,
 )
-from calibration.patch.solver_budget import FULL, Effort
 from skinmap.arrays import BoolArray, FloatArray
 
+STARTS = 3  # from how many places a board is laid at first: most patches need three
 BEST, ROUNDS = 3, 2  # minima that are settled as flat maps of where they lie, and how often
 MORE = 3  # times the starts, where the first ones fit badly
 HOPELESS = 100.0  # times the cost of a minimum: folded, no steps would unfold it
@@ -59,7 +59,7 @@ def find_minima(
     evidence: Evidence,
     first: BoolArray,
     *,
-    effort: Effort = FULL,
+    starts: int = STARTS,
     patient: bool = True,
     rng: np.random.Generator,
 ) -> list[Minimum]:
@@ -70,7 +70,7 @@ def find_minima(
     places = evidence.blend[first] @ board.layout
     points = evidence.points[first]
     order = rng.permutation(len(points))
-    sources = [points.mean(axis=0), *points[order[: MORE * effort.starts - 1]]]
+    sources = [points.mean(axis=0), *points[order[: MORE * starts - 1]]]
     close, normals = target.project(points)
     above = float(np.median(np.einsum("kd,kd->k", points - close, normals)))
     nothing = np.zeros(len(board.firmness))
@@ -78,7 +78,7 @@ def find_minima(
     passed: list[list[State]] = [[] for _ in STAGES[:-1]]
     alone = True  # whether all starts that did not fold led to one minimum
     # Most patches need the first starts only; those that fit badly, and differ, get the others.
-    for some in (sources[: effort.starts], sources[effort.starts :]):
+    for some in (sources[:starts], sources[starts:]):
         fair = AGREED if alone else GOOD
         if found and (not patient or found[0].cost < fair * len(evidence)):
             break
@@ -87,7 +87,7 @@ def find_minima(
             start = State(
                 log_map_start(target, board.layout, places, points, source), nothing, above
             )
-            state = _softly(target, board, evidence, start, passed, effort.steps)
+            state = _softly(target, board, evidence, start, passed)
             if state is not None:
                 soft.append(state)
         costs = [linearise(target, board, evidence, state)[0] for state in soft]
@@ -97,26 +97,24 @@ def find_minima(
             known = [minimum.state for minimum in found]
             final = settle(
                 target, board, evidence, soft[row],
-                stages=STAGES[-1:], steps=effort.steps, known=known,
+                stages=STAGES[-1:], known=known,
             )  # fmt: skip
             if all(apart(final, other) > SAME for other in known):
                 cost, _, hessian = linearise(target, board, evidence, final)
                 found.append(Minimum(board, final, cost, hessian))
         found.sort(key=lambda minimum: minimum.cost)
         alone = alone and len(found) == 1
-    return _as_flat_maps(target, found, evidence, effort.steps)
+    return _as_flat_maps(target, found, evidence)
 
 
-def _as_flat_maps(
-    target: Target, found: list[Minimum], evidence: Evidence, steps: int
-) -> list[Minimum]:
+def _as_flat_maps(target: Target, found: list[Minimum], evidence: Evidence) -> list[Minimum]:
     """The best minima again, each with the board as a flat map of where it lies there."""
     settled: list[Minimum] = []
     for minimum in found[:BEST]:
         board, state = minimum.board, minimum.state
         for _ in range(ROUNDS):
             board = expecting(target, board, state)
-            state = settle(target, board, evidence, state, stages=STAGES[-1:], steps=steps)
+            state = settle(target, board, evidence, state, stages=STAGES[-1:])
         if all(apart(state, other.state) > SAME for other in settled):
             cost, _, hessian = linearise(target, board, evidence, state)
             settled.append(Minimum(board, state, cost, hessian))
@@ -129,7 +127,6 @@ def _softly(
     evidence: Evidence,
     state: State,
     passed: list[list[State]],
-    steps: int,
 ) -> State | None:
     """Carry a start through all stages but the last; None once it is where another one passed.
 
@@ -138,7 +135,7 @@ def _softly(
     for stiff, others in zip(STAGES[:-1], passed, strict=True):
         state = settle(
             target, board, evidence, state,
-            stages=(stiff,), steps=steps, settled=ROUGHLY, known=others,
+            stages=(stiff,), settled=ROUGHLY, known=others,
         )  # fmt: skip
         if any(apart(state, other) < SAME for other in others):
             return None

@@ -20,6 +20,7 @@ class Status(StrEnum):
     LOW_COVERAGE = "low_coverage"
     AMBIGUOUS = "ambiguous"
     UNOBSERVABLE = "unobservable"
+    NOT_SETTLED = "not_settled"
 
 
 class Doubt(StrEnum):
@@ -34,6 +35,7 @@ class Doubt(StrEnum):
     WIDE = "taxels are known too roughly"
     COVERAGE = "the evidence covers too little"
     FEW = "too few touches"
+    UNSETTLED = "the search ended before it settled"
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)

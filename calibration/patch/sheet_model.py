@@ -24,7 +24,6 @@ from scipy.linalg import cho_factor, cho_solve
 
 from calibration.patch.board import Board, chords, facing
 from calibration.patch.link_surface import Target
-from calibration.patch.solver_budget import STEPS
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.geometry.triangles import unit
 
@@ -33,6 +32,7 @@ STAGES = (8.0, 3.0, 1.0)  # stiffness, annealed: stiff first, so that folds cann
 SETTLED = 2e-6  # a step that moves no taxel further than this ends the last stage [m]
 ROUGHLY = 0.1e-3  # and this the stages before [m]
 SAME = 0.3e-3  # states whose taxels are this close on average are one [m]
+STEPS = 20  # of Gauss and Newton in a stage at most; most stages settle before
 STRIDE = 5e-3  # no taxel moves further in one step [m]
 CAUCHY = 3.0  # residuals over their spread, in space, from which on evidence is doubted
 DAMPING = 1e-4  # of the diagonal (Levenberg and Marquardt)
@@ -61,13 +61,7 @@ class Evidence:
     doubted: BoolArray
 
     def __post_init__(self) -> None:
-        freeze(
-            self,
-            blend=self.blend,
-            points=self.points,
-            sigma=self.sigma,
-            doubted=self.doubted,
-        )
+        freeze(self)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -112,11 +106,14 @@ class State:
         Share of each field of strain; the first is the logarithm of the scale.
     height : float
         [m].
+    moved : float
+        How far the last step wanted to move a taxel: what a search still had to go [m].
     """
 
     positions: FloatArray
     strain: FloatArray
     height: float
+    moved: float = np.inf
 
     @property
     def scale(self) -> float:
@@ -131,17 +128,16 @@ def settle(
     state: State,
     *,
     stages: tuple[float, ...],
-    steps: int = STEPS,
     settled: float = SETTLED,
     known: Sequence[State] = (),
 ) -> State:
     """The minimum of the cost that a state leads to, through annealed stiffness.
 
-    A stage has at most so many `steps`. One that moves no taxel further than `settled` [m] ends
+    A stage has at most `STEPS`. One that moves no taxel further than `settled` [m] ends
     it. One that comes to a `known` minimum ends there too, as it would lead to that one.
     """
     for stiff in stages:
-        for _ in range(steps):
+        for _ in range(STEPS):
             _, gradient, hessian = linearise(target, board, evidence, state, stiff=stiff)
             hessian[np.diag_indices_from(hessian)] *= 1.0 + DAMPING
             # Symmetric, so that its transpose is the same matrix in the order that LAPACK wants.
@@ -155,6 +151,7 @@ def settle(
                 state.positions + brake * move,
                 state.strain + brake * step[coordinates:-1],
                 state.height + brake * float(step[-1]),
+                furthest,
             )
             if furthest < settled or any(apart(state, other) < SAME for other in known):
                 break

@@ -13,12 +13,14 @@ from calibration.patch.leave_one_out import LeftOut, leave_one_out
 from calibration.patch.link_surface import Target
 from calibration.patch.minima import Minimum
 from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
-from calibration.patch.sheet_model import Evidence
+from calibration.patch.sheet_model import ROUGHLY, Evidence
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.proximity import median_spacing
 
 COVERAGE = 0.25  # share of the patch inside the hull of its evidence
-RIVAL = 1.05  # a second minimum of at most this many times the cost is as good
+# A second minimum that costs less than this much more is as good: costs are twice a log likelihood,
+# so the best is at most 20 times as likely. With four anchors as with many touches.
+RIVAL = 6.0
 # Mean square of a coordinate along the skin of an anchor that the others predict, over what is
 # expected of it: honest noise of two coordinates exceeds it once in 1,100 anchors (chi squared of
 # 14), which refuses 0.4 to 0.8 % of honest runs with 4 to 8 of them. An anchor that is 9 mm off has
@@ -109,6 +111,7 @@ def judge(
         *_ambiguous(minima, spacing, names),
         *_doubted(evidence, agrees),
         *_uncovered(share, needed),
+        *_unsettled(best.state.moved),
     ]
     kinds = {"anchors": ~evidence.doubted, "touches": evidence.doubted}
     residuals = {name: relative[rows] for name, rows in kinds.items() if rows.any()}
@@ -193,6 +196,19 @@ def _uncovered(share: float, needed: float) -> list[Finding]:
     ]
 
 
+def _unsettled(moved: float) -> list[Finding]:
+    """A search that ended for want of steps: the covariance is that of no minimum."""
+    if moved <= ROUGHLY:
+        return []
+    return [
+        (
+            Status.NOT_SETTLED,
+            Doubt.UNSETTLED,
+            f"the solution has not settled: its last step moved a taxel by {1e3 * moved:.2f} mm",
+        )
+    ]
+
+
 def _doubted(evidence: Evidence, agrees: BoolArray) -> list[Finding]:
     """Touches that are too few, or that contradict each other."""
     count, good = int(evidence.doubted.sum()), int((evidence.doubted & agrees).sum())
@@ -223,7 +239,7 @@ def _ambiguous(minima: list[Minimum], spacing: float, names: Names) -> list[Find
     best = minima[0]
     for other in minima[1:]:
         apart = np.linalg.norm(other.state.positions - best.state.positions, axis=1)
-        if other.cost <= RIVAL * best.cost and np.median(apart) > spacing / 2:
+        if other.cost - best.cost < RIVAL and np.median(apart) > spacing / 2:
             return [
                 (
                     Status.AMBIGUOUS,

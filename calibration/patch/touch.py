@@ -10,21 +10,10 @@ from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist
 
 from calibration.patch.consistency import FEWEST
-from calibration.patch.diagnosis import Problem, solve
-from calibration.patch.evidence import (
-    Link,
-    check_anchors,
-    check_channels,
-    check_layout,
-    check_link,
-    check_modules,
-    check_spread,
-)
-from calibration.patch.link_surface import make_target
+from calibration.patch.diagnosis import lay
+from calibration.patch.evidence import Link, check_anchors, check_spread
 from calibration.patch.patch_calibration import PatchCalibration
 from calibration.patch.sheet_model import Evidence
-from calibration.patch.solver_budget import FULL, Effort
-from calibration.patch.status import Names
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import closest_on_mesh, median_spacing
@@ -74,7 +63,6 @@ def locate_by_touch(
     modules: ArrayLike | None = None,
     channels: ArrayLike | None = None,
     mirror: bool = False,
-    effort: Effort = FULL,
     rng: np.random.Generator | int,
 ) -> PatchCalibration:
     """Lay a flat board on a link by touches, with anchors or without.
@@ -100,8 +88,6 @@ def locate_by_touch(
         What the taxels are called in messages; their rows by default.
     mirror : bool
         Whether the layout shows the board from its other side.
-    effort : Effort
-        Starts, steps and detail of the wrap.
     rng : numpy.random.Generator or int
         Where the starts are taken; a number is its seed.
 
@@ -130,20 +116,17 @@ def locate_by_touch(
     >>> skinmap.locate_by_touch(board, link.vertices, link.faces, touches, rng=0).status.value
     'ok'
     """
-    rng = np.random.default_rng(rng)
-    board_layout = check_layout(layout) * ([-1.0, 1.0] if mirror else [1.0, 1.0])
-    names = Names(check_channels(channels, len(board_layout)))
-    plates = check_modules(modules, len(board_layout))
-    link = check_link(vertices, faces)
-    felt = check_touches(board_layout, link, touches)
-    evidence = felt
-    if anchors is not None:
-        known = check_anchors(board_layout, link, *anchors, anchor_sigma, names.channels)
-        evidence = _joined(felt, known)
-    target = make_target(*link, detail=effort.detail)
-    seed = int(rng.integers(2**32))
-    problem = Problem(target, board_layout, plates, evidence, names, mirror, effort, seed)
-    return solve(problem, rng)
+
+    def gather(flat: FloatArray, link: Link, names: IntArray) -> Evidence:
+        felt = check_touches(flat, link, touches)
+        if anchors is None:
+            return felt
+        return _joined(felt, check_anchors(flat, link, *anchors, anchor_sigma, names))
+
+    return lay(
+        layout, (vertices, faces), gather,
+        modules=modules, channels=channels, mirror=mirror, rng=rng,
+    )  # fmt: skip
 
 
 def check_touches(layout: FloatArray, link: Link, touches: Sequence[Touch]) -> Evidence:

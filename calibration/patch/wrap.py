@@ -5,18 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.patch.diagnosis import Problem, solve
-from calibration.patch.evidence import (
-    check_anchors,
-    check_channels,
-    check_layout,
-    check_link,
-    check_modules,
-)
-from calibration.patch.link_surface import make_target
+from calibration.patch.diagnosis import lay
+from calibration.patch.evidence import check_anchors
 from calibration.patch.patch_calibration import PatchCalibration
-from calibration.patch.solver_budget import FULL, Effort
-from calibration.patch.status import Names
 
 
 def wrap_layout(
@@ -30,7 +21,6 @@ def wrap_layout(
     modules: ArrayLike | None = None,
     channels: ArrayLike | None = None,
     mirror: bool = False,
-    effort: Effort = FULL,
     rng: np.random.Generator | int,
 ) -> PatchCalibration:
     """Lay a flat board on a link so that lengths hold and the anchors are where they should be.
@@ -53,8 +43,6 @@ def wrap_layout(
         What the taxels are called in messages; their rows by default.
     mirror : bool
         Whether the layout shows the board from its other side.
-    effort : Effort
-        Starts, steps and detail of the wrap.
     rng : numpy.random.Generator or int
         Where the starts are taken; a number is its seed.
 
@@ -84,15 +72,10 @@ def wrap_layout(
     >>> found.status.value, bool(abs(found.positions - skin.positions).max() < 2e-3)
     ('ok', True)
     """
-    rng = np.random.default_rng(rng)
-    board_layout = check_layout(layout) * ([-1.0, 1.0] if mirror else [1.0, 1.0])
-    names = Names(check_channels(channels, len(board_layout)))
-    plates = check_modules(modules, len(board_layout))
-    link = check_link(vertices, faces)
-    anchors = check_anchors(
-        board_layout, link, anchor_indices, anchor_points, anchor_sigma, names.channels
-    )
-    target = make_target(*link, detail=effort.detail)
-    seed = int(rng.integers(2**32))
-    problem = Problem(target, board_layout, plates, anchors, names, mirror, effort, seed)
-    return solve(problem, rng)
+    return lay(
+        layout, (vertices, faces),
+        lambda flat, link, names: check_anchors(
+            flat, link, anchor_indices, anchor_points, anchor_sigma, names
+        ),
+        modules=modules, channels=channels, mirror=mirror, rng=rng,
+    )  # fmt: skip

@@ -22,6 +22,7 @@ from calibration.plane.solve import (
     first_states,
     judge,
     refine,
+    rivals,
     second_place,
     solve,
     some,
@@ -57,13 +58,8 @@ class PlaneFit(Summary):
         Where the skin begins to feel the surfaces, in the frame of the chains' base.
     joint_offsets, joint_sds : dict of int to float
         To be added to each column of the angles, and how well that is known [rad, m].
-    depths : (m,) float
-        Press depth of each contact against the common one [m].
-    depth_spread, shift_spread, height_spread, tau : float
-        Spread of the press depths, of the modules' shifts along each axis and of the heights at
-        which taxels answer; width of the logistic curve [m].
-    losses : (m,) float
-        -log likelihood of the readings of each contact.
+    depth_spread, shift_spread : float
+        Spread of the press depths, and of the modules' shifts along each axis [m].
     inconsistent, dropped : tuple of int
         Contacts that contradict the others, and those of them that were left out.
     dead, stuck : dict of str to tuple of int
@@ -88,12 +84,8 @@ class PlaneFit(Summary):
     planes: tuple[Plane, ...]
     joint_offsets: dict[int, float]
     joint_sds: dict[int, float]
-    depths: FloatArray
     depth_spread: float
     shift_spread: float
-    height_spread: float
-    tau: float
-    losses: FloatArray
     inconsistent: tuple[int, ...]
     dropped: tuple[int, ...]
     dead: dict[str, tuple[int, ...]]
@@ -122,7 +114,7 @@ class PlaneFit(Summary):
         return {
             "status": self.status.value,
             "mounts": listed(self.mounts),
-            "contacts": len(self.losses),
+            "contacts": len(self._problem.contacts),
             "dropped": len(self.dropped),
             "reasons": listed(self.reasons),
         }
@@ -159,7 +151,7 @@ def fit_plane(
     drop_inconsistent : bool
         Leave out contacts that contradict the others.
     previous : PlaneFit, optional
-        Of the first of these contacts: the search starts there, which is quicker.
+        Of the first of these contacts: the search starts there and nowhere else, which is quicker.
 
     Returns
     -------
@@ -209,6 +201,8 @@ def fit_plane(
         problem = replace(problem, contacts=contacts.subset(kept))
         state, start = (_fewer(one, kept) for one in (best.state, starts[0]))
         best = refine(problem, state, start)
+    if rival is None:
+        rival = second_place(problem, [best, *rivals(problem, best, _fewer(starts[0], kept))])
     names = [str(k) for k in range(contacts.angles.shape[1])]
     return _result(
         problem, best, kept, odd, dropped, (dead, stuck), rival,
@@ -376,12 +370,8 @@ def _result(
         planes=tuple(state.plane(k) for k in range(len(state.normals))),
         joint_offsets={k: float(state.offsets[k]) for k in layout.joint},
         joint_sds=sds,
-        depths=state.depths,
         depth_spread=best.spreads.depth,
         shift_spread=best.spreads.shift,
-        height_spread=best.spreads.height,
-        tau=state.tau,
-        losses=problem.contact_losses(state),
         inconsistent=odd,
         dropped=dropped,
         dead=faulty[0],

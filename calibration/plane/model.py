@@ -19,6 +19,7 @@ from scipy.special import expit
 from calibration.mount.chains import Chain
 from calibration.plane.contacts import Plane, PlaneContacts
 from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.geometry.tangents import tangent_frames
 
 SENSELESS = 0.01  # share of readings that say nothing: each weighs no more than four in doubt
 MOUNT_TURN, MOUNT_SHIFT = 1.0, 0.2  # priors of mount and plane that bound, and decide nothing
@@ -220,7 +221,7 @@ class PlaneProblem:
             slopes[rows, :, column] = -1.0
             if layout.tilting:
                 off = x[rows] - state.points[number]
-                for k, tangent in enumerate(tangents(normal), start=1):
+                for k, tangent in enumerate(tangent_frames(normal), start=1):
                     slopes[rows, :, column + k] = off @ tangent
 
     def _add(
@@ -362,7 +363,7 @@ class PlaneProblem:
             normal = state.normals[number]
             new.points[number] = new.points[number] + move[column] * normal
             if layout.tilting:
-                u, v = tangents(normal)
+                u, v = tangent_frames(normal)
                 turned = normal + move[column + 1] * u + move[column + 2] * v
                 new.normals[number] = turned / np.linalg.norm(turned)
         for number, column in layout.joint.items():
@@ -381,14 +382,6 @@ def weigh(z: FloatArray, felt: BoolArray) -> tuple[FloatArray, FloatArray, Float
     score = rise * (felt - chance) / (chance * (1.0 - chance))
     loss = -np.log(np.where(felt, chance, 1.0 - chance))
     return np.asarray(information), np.asarray(score), np.asarray(loss)
-
-
-def tangents(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors across a unit vector."""
-    other = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    u = np.cross(normal, other)
-    u /= np.linalg.norm(u)
-    return u, np.cross(normal, u)
 
 
 def patch_of(chain: Chain, modules: Sequence[int] | IntArray | None = None) -> Patch:

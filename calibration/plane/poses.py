@@ -9,10 +9,11 @@ import numpy as np
 
 from calibration.mount.chains import Chain
 from calibration.plane.contacts import Plane, PlaneContacts
-from calibration.plane.model import Layout, PlaneProblem, PlaneState, tangents, weigh
+from calibration.plane.model import Layout, PlaneProblem, PlaneState, weigh
 from calibration.plane.solve import Solution
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.rigid import transform_points
+from skinmap.geometry.tangents import tangent_frames
 
 TILT = np.deg2rad(25.0)  # at most between the pressed taxel's normal and the surface's
 LEVER = 0.05  # a turn of a radian counts like so many metres when a pose is sought
@@ -127,7 +128,7 @@ def _brought(
         seen = np.einsum("mij,mj->mi", T[:, :3, :3], facing)
         turns = np.where(chain.sliding[:, None, None], 0.0, np.cross(axes, seen))
         away = seen @ plane.normal > 0  # behind: any way round will do
-        for tangent in tangents(plane.normal):
+        for tangent in tangent_frames(plane.normal):
             off = seen @ tangent
             missed.append(-LEVER * np.where(away, np.sign(off), off))
             rows.append(LEVER * (turns @ tangent).T)

@@ -267,6 +267,36 @@ def some(rows: Sequence[int] | IntArray, most: int = 8) -> str:
     return ", ".join(str(int(row)) for row in rows[:most]) + (" ..." if len(rows) > most else "")
 
 
+def rivals(problem: PlaneProblem, best: Solution, start: PlaneState) -> list[Solution]:
+    """Minima that half turns of a patch lead to, about each of its own axes.
+
+    Presses whose normals lie in one plane fit a flat patch and its mirror image alike, and a half
+    turn makes the one of the other. The middle of the mount's prior is turned too: that prior
+    bounds the search and decides nothing.
+    """
+    return [
+        refine(problem, _half_turned(best.state, name, turn), _half_turned(start, name, turn))
+        for name, one in problem.patches.items()
+        for turn in _half_turns(one.chain.taxels)
+    ]
+
+
+def _half_turns(places: FloatArray) -> list[FloatArray]:
+    """(4, 4) half turns about the principal axes of places (n, 3), through their middle."""
+    middle = places.mean(axis=0)
+    turns = []
+    for axis in np.linalg.svd(places - middle, full_matrices=False)[2]:
+        turn = np.eye(4)
+        turn[:3, :3] = 2.0 * np.outer(axis, axis) - np.eye(3)
+        turn[:3, 3] = middle - turn[:3, :3] @ middle
+        turns.append(turn)
+    return turns
+
+
+def _half_turned(state: PlaneState, name: str, turn: FloatArray) -> PlaneState:
+    return replace(state.copy(), mounts=state.mounts | {name: state.mounts[name] @ turn})
+
+
 def second_place(problem: PlaneProblem, found: Sequence[Solution]) -> float | None:
     """How far taxels lie in a second minimum that is as good [m]; None where there is none."""
     first = found[0].state

@@ -15,7 +15,15 @@ FEWEST = 6  # samples of a branch that a curve is fitted to
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReferenceLoads:
-    """Samples (t, n) [counts] under known loads (t, n), zero where a taxel was not loaded."""
+    """Samples under known loads.
+
+    Attributes
+    ----------
+    samples : (t, n) float
+        [counts].
+    loads : (t, n) float
+        In any unit, of which pressures are then; 0 where a taxel was not loaded.
+    """
 
     samples: FloatArray
     loads: FloatArray
@@ -118,7 +126,31 @@ class BranchFollower:
 
 
 def fit_gain(reference: ReferenceLoads, baseline: FloatArray, sign: int) -> Gain:
-    """Monotone curves through the reference loads of each taxel (pool adjacent violators)."""
+    """Monotone curves through the reference loads of each taxel (pool adjacent violators).
+
+    Parameters
+    ----------
+    reference : ReferenceLoads
+        Samples (t, n) [counts] and the loads (t, n) that they were taken under.
+    baseline : (n,) float
+        Readings at rest [counts].
+    sign : int
+        1 where harder presses read higher, -1 where they read lower.
+
+    Returns
+    -------
+    Gain
+        Curves of n taxels, for pushing and for letting go.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from calibration.response import ReferenceLoads, fit_gain
+    >>> loads = np.linspace(0.0, 10.0, 50)[:, None] * np.ones(3)
+    >>> gain = fit_gain(ReferenceLoads(20.0 + 9.0 * loads, loads), np.full(3, 20.0), 1)
+    >>> gain.counts.shape
+    (3, 2, 8)
+    """
     answer = sign * (reference.samples - baseline)
     knots = np.linspace(0.0, float(reference.loads.max(initial=0.0)), KNOTS)
     falling = _falling(reference.loads)

@@ -65,7 +65,7 @@ class ResponseCalibration(Summary):
     rate : float
         Samples a second that drift is tracked at.
     fingerprint : str
-        Of the skin, where it is known (`skinmap.classify.trained_skin.remember`).
+        Of the skin, where it is known (`skinmap.classifiers.trained_skin.remember`).
     modules : (n,) int or None
         Module of each channel: its free channels tell the drift of those pressed.
     thermal : (n,) bool or None
@@ -190,13 +190,16 @@ class ResponseCalibration(Summary):
             None if thermal is None else np.asarray(thermal, np.bool_),
         )
 
-    def track(self) -> ResponseTracker:
-        """A tracker that follows a live stream, block after block."""
+    def track(self, rate: float | None = None) -> ResponseTracker:
+        """A tracker that follows a live stream of `rate` samples a second, block after block.
+
+        Without a rate it follows samples at that of the calibration.
+        """
         drift = DriftTracker(
             self.baseline,
             self.threshold,
             self.sign,
-            self.rate,
+            rate or self.rate,
             modules=self.modules,
             thermal=self.thermal,
             trusted=self._fit_to_use(),

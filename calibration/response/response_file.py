@@ -21,6 +21,21 @@ FORMAT = "skinmap-response-1"
 def save_response(response: ResponseCalibration, path: Path) -> None:
     """Write a response calibration; a failure leaves what was there.
 
+    Parameters
+    ----------
+    response : ResponseCalibration
+    path : Path
+        A file ending in .npz.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile
+    >>> from pathlib import Path
+    >>> from calibration.response import ResponseCalibration, save_response
+    >>> rest = np.random.default_rng(0).normal(40.0, 1.0, (100, 12))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_response(ResponseCalibration.fit(rest), Path(folder) / "response.npz")
+
     Raises
     ------
     OutputError
@@ -53,6 +68,28 @@ def save_response(response: ResponseCalibration, path: Path) -> None:
 
 def load_response(path: Path, *, fingerprint: str = "") -> ResponseCalibration:
     """Read what `save_response` wrote, for the skin of a fingerprint where it is given.
+
+    Parameters
+    ----------
+    path : Path
+    fingerprint : str
+        Of the skin that it is to be used for; empty where that is not known.
+
+    Returns
+    -------
+    ResponseCalibration
+        As it was saved.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile
+    >>> from pathlib import Path
+    >>> from calibration.response import ResponseCalibration, load_response, save_response
+    >>> rest = np.random.default_rng(0).normal(40.0, 1.0, (100, 12))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_response(ResponseCalibration.fit(rest, rate=100.0), Path(folder) / "r.npz")
+    ...     load_response(Path(folder) / "r.npz").rate
+    100.0
 
     Raises
     ------

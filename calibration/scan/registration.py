@@ -15,7 +15,7 @@ from calibration.patch.patch_calibration import Status
 from calibration.scan.icp import WIDTH, Scene, linearised, make_scene, polish, register
 from skinmap.arrays import FloatArray, check_points, freeze
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.rigid import check_transform, transform_points
+from skinmap.geometry.rigid import transform_points
 from skinmap.summary import Summary, listed, millimetres
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class ScanRegistration(Summary):
     runner_up_cost: float
 
     def __post_init__(self) -> None:
-        freeze(self, T_mesh_scan=self.T_mesh_scan, covariance=self.covariance)
+        freeze(self)
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""
@@ -92,14 +92,13 @@ def register_scan(
     vertices: ArrayLike,
     faces: ArrayLike,
     *,
-    initial: ArrayLike | None = None,
     anchors: tuple[ArrayLike, ArrayLike] | None = None,
     rng: np.random.Generator | int,
 ) -> ScanRegistration:
     """Register the points of a scan to a link's mesh, from a rough pose.
 
     No method finds the pose from anywhere dependably, so a start within 30 degrees and 30 mm is
-    needed: `initial`, or three or more `anchors`; without either, the frames are taken as equal.
+    needed: three or more `anchors`; without them, the frames are taken as equal.
 
     Parameters
     ----------
@@ -107,8 +106,6 @@ def register_scan(
         The scan [m].
     vertices, faces : (v, 3) array-like of float, (f, 3) array-like of int
         The link's mesh [m].
-    initial : (4, 4) array-like of float, optional
-        T_mesh_scan, roughly.
     anchors : tuple of two (k, 3) array-like of float, optional
         Points of the scan and the same on the mesh [m].
     rng : numpy.random.Generator or int
@@ -142,7 +139,7 @@ def register_scan(
     scan = check_points(points, "points")
     link = check_link(vertices, faces)
     _check_scan(scan, link[0])
-    start = _start(initial, anchors)
+    start = _start(anchors)
     if len(scan) > MAX_POINTS:
         scan = scan[np.sort(rng.choice(len(scan), MAX_POINTS, replace=False))]
     scene = make_scene(make_target(*link), scan, rng)
@@ -172,9 +169,7 @@ def _check_scan(scan: FloatArray, vertices: FloatArray) -> None:
     )
 
 
-def _start(initial: ArrayLike | None, anchors: tuple[ArrayLike, ArrayLike] | None) -> FloatArray:
-    if initial is not None:
-        return check_transform(initial, "initial")
+def _start(anchors: tuple[ArrayLike, ArrayLike] | None) -> FloatArray:
     if anchors is None:
         return np.eye(4)
     here, there = (

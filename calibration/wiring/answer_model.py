@@ -10,10 +10,10 @@ from scipy.special import ndtr
 
 from calibration.wiring.boards import Boards
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.triangles import unit
+from skinmap.geometry.tangents import tangent_frames
 
 PLACE = 4e-3  # error of a person's place, standard deviation an axis [m]
-THRESHOLD = 12.0  # counts above rest that are an answer, as `skinmap.touch.contacts.ACTIVE`
+THRESHOLD = 12.0  # counts above rest that are an answer, as `ACTIVE` of `skinmap.touch`
 SPIKE, DEAD = 0.004, 0.03  # chances that an untouched channel answers and a touched one does not
 SPREAD = 0.6  # of the logarithm of an answer: gains of 15 to 40 %, and the model's own error
 TIMING = 0.12  # error of when a stroke comes by, in its duration
@@ -22,11 +22,6 @@ NEAR = 32e-3  # sites further from a touch do not answer [m]
 LEVELS = 9  # of an answer: none, and eight from the threshold to 255 counts
 STEPS = 48  # of an expected answer, logarithmic
 LOWEST = 1.0  # expected answers below are none [counts]
-# A hand, by the distance of a module's middle from the palm's [m]: chances of few and many taxels.
-HAND_RINGS = np.array([20e-3, 40e-3, 60e-3, 80e-3, 110e-3])
-HAND_FEW = np.array([0.22, 0.28, 0.30, 0.25, 0.12, 0.02])
-HAND_MANY = np.array([0.66, 0.52, 0.30, 0.15, 0.05, 0.003])
-HAND_MANY_FROM = 3  # taxels of a module
 
 
 def _table() -> FloatArray:
@@ -72,6 +67,4 @@ def offsets(scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
 def tangents(boards: Boards, place: FloatArray) -> FloatArray:
     """(2, 3) directions along the skin at a place (3,)."""
     nearest = int(np.argmin(np.linalg.norm(boards.table.positions - place, axis=1)))
-    out = boards.normals[nearest]
-    first = unit(np.cross(out, np.eye(3)[np.argmin(np.abs(out))])[None])[0]
-    return np.stack([first, np.cross(out, first)])
+    return tangent_frames(boards.normals[nearest])

@@ -12,6 +12,7 @@ from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_points
+from skinmap.geometry.tangents import plane_turns
 from skinmap.geometry.triangles import unit
 from skinmap.skin.layouts import ModuleLayout
 from skinmap.skin.modules import fit_modules
@@ -25,12 +26,8 @@ ELEMENTS = ("as it is", "turned 120", "turned 240", "mirrored 0", "mirrored 120"
 
 def _group() -> FloatArray:
     """(6, 2, 2) what a triangle may suffer: turns by 0, 120, 240 degrees, and a mirror after."""
-    turns = []
-    for angle in np.radians([0.0, 120.0, 240.0]):
-        c, s = np.cos(angle), np.sin(angle)
-        turns.append(np.array([[c, -s], [s, c]]))
-    flip = np.diag([-1.0, 1.0])
-    return np.array([*turns, *(turn @ flip for turn in turns)])
+    turns = plane_turns(np.radians([0.0, 120.0, 240.0]))
+    return np.concatenate([turns, turns @ np.diag([-1.0, 1.0])])
 
 
 GROUP = _group()
@@ -94,16 +91,7 @@ class Boards:
     pitch: float
 
     def __post_init__(self) -> None:
-        freeze(
-            self,
-            normals=self.normals,
-            numbers=self.numbers,
-            columns=self.columns,
-            chains=self.chains,
-            spots=self.spots,
-            places=self.places,
-            outward=self.outward,
-        )
+        freeze(self)
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -120,20 +108,33 @@ class Boards:
         return tuple(combinations(used, 2))
 
 
-def boards_of(robot: Robot, part: str, *, chain: int = CHAIN) -> Boards:
+def boards_of(robot: Robot, part: str) -> Boards:
     """The boards of a robot's part.
 
     Parameters
     ----------
     robot : Robot
     part : str
-    chain : int
-        Modules on one connector, by their addresses in the live vector.
+
+    Returns
+    -------
+    Boards
+        Where the channels of each module lie, as mapped, turned and mirrored.
+
+    Raises
+    ------
+    UnknownNameError
+        A part that the robot lacks.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from calibration.wiring import boards_of
+    >>> len(boards_of(skinmap.load_robot("icub"), "left_forearm"))
+    24
     """
     skin = robot.skin(part)
-    return make_boards(
-        robot.repair(part).table, skin.normals, robot.part(part).layout, part=part, chain=chain
-    )
+    return make_boards(robot.repair(part).table, skin.normals, robot.part(part).layout, part=part)
 
 
 def make_boards(
@@ -141,12 +142,9 @@ def make_boards(
     normals: FloatArray,
     layout: ModuleLayout | None,
     *,
-    part: str = "skin",
-    chain: int = CHAIN,
+    part: str,
 ) -> Boards:
     """Boards from a table (n taxels) with outward normals (n, 3)."""
-    if chain < 1:
-        raise InvalidArrayError(f"a chain has at least one module, got {chain}")
     numbers = np.unique(table.modules)
     columns = _columns(table, numbers, layout)
     places = np.full((len(numbers), 6, columns.shape[1], 3), np.nan)
@@ -166,8 +164,8 @@ def make_boards(
         np.asarray(normals, np.float64),
         numbers,
         columns,
-        address // chain,
-        address % chain,
+        address // CHAIN,
+        address % CHAIN,
         places,
         outward,
         turns,
@@ -258,7 +256,7 @@ class Wiring:
     mute: np.ndarray
 
     def __post_init__(self) -> None:
-        freeze(self, site=self.site, element=self.element, order=self.order, mute=self.mute)
+        freeze(self)
 
     @classmethod
     def as_mapped(cls, boards: Boards) -> Wiring:

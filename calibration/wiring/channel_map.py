@@ -6,20 +6,28 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from calibration.wiring.boards import Boards, Wiring
 from calibration.wiring.faults import Fault
 from skinmap.arrays import IntArray
-from skinmap.errors import InvalidArrayError, OutputError
+from skinmap.errors import InvalidArrayError
 from skinmap.io.output import staged_file
 from skinmap.io.taxels.table import write_csv
 from skinmap.skin.taxels import TaxelTable
 
 
-def corrected(
-    boards: Boards, wiring: Wiring, faults: list[Fault]
-) -> tuple[TaxelTable, IntArray, int]:
+def corrected(boards: Boards, wiring: Wiring, faults: list[Fault]) -> tuple[TaxelTable, IntArray]:
     """The table as the wiring really is.
+
+    Parameters
+    ----------
+    boards : Boards
+        As mapped.
+    wiring : Wiring
+        As found.
+    faults : list of Fault
+        Those that were named.
 
     Returns
     -------
@@ -27,37 +35,26 @@ def corrected(
         Mute channels keep their place; those that read nothing are left out.
     (c,) int
         Channels whose place changed.
-    int
-        Channels that are new: those on which a longer chain now sends.
     """
     places = wiring.places(boards)
     there = np.isfinite(places[:, 0])
     table = boards.table
     moved = there & (np.abs(places - table.positions).max(axis=1) > 1e-9)
-    nearest = _nearest(places, table, there)
+    _, nearest = cKDTree(table.positions).query(places[there])
     channels = [table.channels[there]]
     modules = [table.modules[there]]
     positions = [places[there]]
-    normals = [boards.normals[nearest[there]]]
-    new = 0
+    normals = [boards.normals[nearest]]
     for channel, module, row in _found_again(boards, wiring, faults):
         channels.append(np.array([channel]))
         modules.append(np.array([module]))
         positions.append(table.positions[[row]])
         normals.append(boards.normals[[row]])
-        new += 1
     joined = TaxelTable(
         np.concatenate(channels), np.concatenate(modules), np.concatenate(positions),
         np.concatenate(normals), link=table.link,
     )  # fmt: skip
-    return joined, table.channels[moved | ~there], new
-
-
-def _nearest(places: np.ndarray, table: TaxelTable, there: np.ndarray) -> IntArray:
-    nearest = np.zeros(len(places), np.int64)
-    for row in np.flatnonzero(there):
-        nearest[row] = int(np.argmin(((table.positions - places[row]) ** 2).sum(axis=1)))
-    return nearest
+    return joined, table.channels[moved | ~there]
 
 
 def _found_again(boards: Boards, wiring: Wiring, faults: list[Fault]) -> list[tuple[int, int, int]]:
@@ -106,38 +103,13 @@ def map_files(parts: Sequence[str], out: Path) -> dict[str, Path]:
     return {parts[0]: out}
 
 
-def check_out(parts: Sequence[str], out: Path) -> None:
-    """Refuse before any work what could not be written after it."""
-    if out.suffix.lower() == ".csv":
-        check_free(out)
-    else:
-        for file in map_files(parts, out).values():
-            check_free(file)
-
-
-def check_free(path: Path) -> None:
-    """Refuse to write over a map.
-
-    Raises
-    ------
-    OutputError
-        A file of that name exists.
-    """
-    if path.exists():
-        raise OutputError(
-            f"{str(path)!r} exists: a corrected map is never written over another one; "
-            "give another name"
-        )
-
-
 def write_map(table: TaxelTable, path: Path) -> None:
-    """Write a corrected map to a file that does not exist yet.
+    """Write a corrected map.
 
     Raises
     ------
     OutputError
-        It exists by now, or its folder does not.
+        Its folder does not exist, or cannot be written to.
     """
-    check_free(path)
     with staged_file(path) as stage:
         write_csv(table, stage)

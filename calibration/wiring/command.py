@@ -13,16 +13,15 @@ import click
 
 from calibration.wiring.findings import WiringResult, findings, lines
 from skinmap.commands.options import (
-    MAX_SECONDS,
-    Number,
     open_robot,
+    out_file,
     part_option,
     prints,
     robot_option,
-    seed_option,
     units_option,
 )
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.overwriting import protect
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 from skinmap.report.verdict import OK, Verdict
 
@@ -31,82 +30,72 @@ if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
 
 MARKERS = "skinmap.wiring_markers"  # entry points of what shows the next place on the body
-USUAL_TOUCHES = 30
 
 
 @click.command("wiring", short_help="Touch where it says: swapped, turned and mute modules.")
-@click.argument("source", default="sim")
+@click.argument("source")
 @robot_option
 @part_option
 @click.option(
-    "--touch", "how", type=click.Choice(["poke", "stroke", "hand"]), default="poke",
+    "--touch", "how", type=click.Choice(["poke", "stroke"]), default="poke",
     show_default=True, help="How the skin is touched.",
 )  # fmt: skip
-@click.option("--max-touches", type=click.IntRange(1, 10_000), default=USUAL_TOUCHES,
-              show_default=True, help="Ask for so many at most.")  # fmt: skip
 @click.option("--places", type=click.Path(path_type=Path, dir_okay=False),
               help="Where a recording's touches were asked for: CSV `touch,x,y,z`.")  # fmt: skip
 @units_option("--places")
-@click.option("--plant", "planted", multiple=True, metavar="FAULT",
-              help="Of `sim`: swap:3,7 turn:5,120 mirror:5 mute:4 chains:0,1 reverse:0 "
-              "mute-chain:1 channels:24,25; may be repeated.")  # fmt: skip
-@click.option("--chain", type=click.IntRange(1, 10_000), default=16, show_default=True,
-              help="Modules on one connector.")  # fmt: skip
-@click.option("--patience", type=Number(1.0, MAX_SECONDS), default=30.0, show_default=True,
-              help="Seconds that a live touch is waited for.")  # fmt: skip
-@click.option("-o", "--out", type=click.Path(path_type=Path), metavar="FILE|FOLDER",
-              help="Corrected map: a new .csv, or a folder for several parts.")  # fmt: skip
+@out_file("Corrected map: a new .csv, or a folder for several parts.", folder=True, guarded=False)
 @click.option("--web", is_flag=True, help="Show the next place on the body, in a browser.")
-@seed_option
-@profile_option()
+@retired(
+    plant="faults are planted by benchmarks/calibration/wiring.py alone",
+    chain="a chain has 16 modules",
+    patience="a live touch is waited for 30 s",
+    seed="nothing is random",
+    max_touches="it asks for 30 at most; Ctrl-C ends it and judges by those until then",
+    profile=NO_PROFILE,
+)
 @prints(WiringResult)
 def wiring(
     source: str,
     robot: str | None,
     parts: tuple[str, ...],
     how: str,
-    max_touches: int,
     places: Path | None,
     units: str,
-    planted: tuple[str, ...],
-    chain: int,
-    patience: float,
-    out: Path | None,
+    output: Path | None,
     web: bool,
-    seed: int,
     as_json: bool,
 ) -> None:
     """Find swapped cables and modules, turned, mirrored and mute ones, by touching the skin.
 
-    SOURCE is sim (a simulated skin and person, with faults by --plant), a recording's file,
-    lsl:NAME, zmq:HOST:PORT or a plug-in's name. Says where to touch next, and writes a corrected
-    map with -o, never over another file. Exit code 3: the answers do not fit the places.
+    SOURCE is a recording's file, lsl:NAME, zmq:HOST:PORT or a plug-in's name. Names the next
+    place to touch, and writes a corrected map with -o. Exit code 3: the answers do not fit the
+    places.
 
     \b
-    Example:  skinmap wiring sim --part right_forearm --plant swap:3,7 -o corrected.csv
+    Example:  skinmap wiring lsl:skin --part right_forearm -o corrected.csv
     """
-    from calibration.wiring.channel_map import check_out
+    from calibration.wiring.channel_map import map_files
     from calibration.wiring.examination import Plan
     from skinmap.io.units import UNITS
 
     loaded, names = open_robot(robot, parts)
-    _check(source, planted, places)
-    if out is not None:
-        check_out(names, out)
+    recorded = _is_file(source)
+    if places is not None and not recorded:
+        raise click.UsageError("--places belongs to a recording: SOURCE is not a file")
+    if output is not None:
+        # Of the parts that one table is for the source decides.
+        table = output.suffix.lower() == ".csv"
+        for file in [output] if table else map_files(names, output).values():
+            protect(file, data=True)
 
     def told(line: str) -> None:
         click.echo(line, err=as_json)
 
     started = time.process_time()
     marker = _marker(loaded, names, told) if web else None
-    plan = Plan(how=how, most=max_touches, patience=patience, chain=chain, seed=seed, told=told,
-                marker=marker)  # fmt: skip
+    plan = Plan(how=how, told=told, marker=marker)
     try:
-        if source == "sim":
-            from calibration.wiring.person import examine_simulated
-
-            examined = examine_simulated(loaded, names, planted, plan)
-        elif _is_file(source):
+        if recorded:
             from calibration.wiring.examination import examine_recording
 
             examined = examine_recording(
@@ -117,36 +106,29 @@ def wiring(
     finally:
         if marker is not None:
             marker.close()
-    result = findings(examined, seed, out)
+    result = findings(examined, output)
     result = replace(result, seconds=time.process_time() - started)
     bad = result.status == "inconsistent"
     present(result, lines, as_json=as_json, verdict=Verdict(result.status if bad else OK))
 
 
 def _live(source: str, robot: Robot, parts: tuple[str, ...], plan: Plan) -> Examination:
-    from calibration.wiring.person import examine_live
+    from calibration.wiring.examination import examine_live
     from skinmap.live.sources.open_source import open_source
 
-    opened = open_source(source, robot=robot, parts=parts or None, seed=plan.seed)
+    opened = open_source(source, robot=robot, parts=parts or None)
     try:
         return examine_live(opened, robot, parts, plan)
     finally:
         opened.close()
 
 
-def _check(source: str, planted: tuple[str, ...], places: Path | None) -> None:
-    simulated = source == "sim"
-    recording = not simulated and _is_file(source)
-    if planted and not simulated:
-        raise click.UsageError("--plant puts faults into the simulated skin: SOURCE must be sim")
-    if places is not None and not recording:
-        raise click.UsageError("--places says where a recording was touched: SOURCE is no file")
-
-
 def _is_file(source: str) -> bool:
     from skinmap.errors import MissingFileError
     from skinmap.live.sources.open_source import FILES, sources
 
+    if source.partition(":")[0] == "sim":
+        raise click.UsageError("a simulated skin does not answer where it is asked to be touched")
     if source.partition(":")[0] in sources.names():
         return False
     path = Path(source)

@@ -65,6 +65,7 @@ class Doctor:
     boards: Boards
     hypotheses: Hypotheses
     places: dict[str, Candidates] = field(default_factory=dict)
+    healthy_choosers: dict[str, Chooser] = field(default_factory=dict)
     touches: list[Touch] = field(default_factory=list)
     found: list[Found] = field(default_factory=list)
 
@@ -75,7 +76,6 @@ class Doctor:
         kinds = {"swapped_modules", "swapped_chains", "reversed_chain"}
         self._exchanges = np.array([fault.kind in kinds for fault in self.hypotheses.faults])
         self._quiet: BoolArray = np.zeros(len(self.boards), bool)
-        self._choosers: dict[str, Chooser] = {}
         self._begin()
 
     @classmethod
@@ -85,7 +85,7 @@ class Doctor:
 
     def again(self) -> Doctor:
         """A doctor for another skin of the same layout, with the same preparations."""
-        return Doctor(self.boards, self.hypotheses, self.places)
+        return Doctor(self.boards, self.hypotheses, self.places, self.healthy_choosers)
 
     @property
     def posterior(self) -> FloatArray:
@@ -129,11 +129,15 @@ class Doctor:
         """Name what is sure, one fault after the other."""
         new: list[Found] = []
         while len(self.found) < MAX_FAULTS and (one := self._sure()) is not None:
-            self.found.append(one)
-            new.append(one)
-            self.wiring = one.fault.apply(self.wiring, self.boards)
-            self._replay()
+            new.append(self._named(one))
         return new
+
+    def _named(self, one: Found) -> Found:
+        """Take a fault as known, and judge all touches again with it."""
+        self.found.append(one)
+        self.wiring = one.fault.apply(self.wiring, self.boards)
+        self._replay()
+        return one
 
     def conclude(self) -> list[Found]:
         """Name what is certainly wrong, though not for certain which fault it is; the last word."""
@@ -146,38 +150,26 @@ class Doctor:
             if row == 0 or posterior[row] < np.log(LIKELY) or not self._shown(row):
                 break
             others = tuple(one for one in self.suspects(5)[1:] if one[1] > 0.01)
-            one = Found(self.hypotheses.faults[row], float(np.exp(posterior[row])), others)
-            self.found.append(one)
-            new.append(one)
-            self.wiring = one.fault.apply(self.wiring, self.boards)
-            self._replay()
+            chance = float(np.exp(posterior[row]))
+            new.append(self._named(Found(self.hypotheses.faults[row], chance, others)))
         return new
 
     def suspects(self, count: int = 5) -> list[tuple[Fault, float]]:
         """The most probable faults beyond those found, and how probable."""
         posterior = self.posterior
-        order = np.argsort(-posterior[1:])[:count] + 1
+        order = np.argsort(-posterior[1:], kind="stable")[:count] + 1
         return [(self.hypotheses.faults[row], float(np.exp(posterior[row]))) for row in order]
 
     def next_place(self, how: str) -> tuple[FloatArray, float]:
         """The path (p, 3) to touch next [m], and what it would tell [nats]."""
         if how not in self.places:
             self.places[how] = candidates(self.boards, how)
-        if how not in self._choosers:
-            # One for all doctors of this layout while nothing was found.
-            key = f"chooser {how}"
-            plain = not self.found
-            kept = self.places.get(key) if plain else None
-            chooser = (
-                kept
-                if isinstance(kept, Chooser)
-                else Chooser(self.boards, self.hypotheses, self.wiring, self.places[how])
-            )
-            if plain:
-                self.places[key] = chooser  # type: ignore[assignment]
-            self._choosers[how] = chooser
+        # One for all doctors of this layout while nothing was found.
+        choosers = self._choosers if self.found else self.healthy_choosers
+        if how not in choosers:
+            choosers[how] = Chooser(self.boards, self.hypotheses, self.wiring, self.places[how])
         asked = [touch.middle for touch in self.touches if touch.how == how]
-        row, gain = self._choosers[how].best(
+        row, gain = choosers[how].best(
             self.posterior, [middle for middle in asked if middle is not None]
         )
         return self.places[how].paths[row], gain
@@ -202,7 +194,7 @@ class Doctor:
         self._log = self.hypotheses.log_prior.copy()
         if self._rested:
             self._log += self._at_rest()
-        self._choosers = {}
+        self._choosers: dict[str, Chooser] = {}
         self._heard: list[FloatArray] = []
         self._fits: list[bool] = []
         self._said: list[FloatArray] = []

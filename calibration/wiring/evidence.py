@@ -14,10 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.wiring.answer_model import (
-    HAND_FEW,
-    HAND_MANY,
-    HAND_MANY_FROM,
-    HAND_RINGS,
     NEAR,
     PLACE,
     SHAPES,
@@ -116,7 +112,7 @@ class Witness:
 
     def hear(self, touch: Touch) -> tuple[FloatArray, bool]:
         """(h,) log chance of a touch's answers, and whether they came from where it was asked."""
-        terms = self._hand(touch) if touch.how == "hand" else self._fingers(touch)
+        terms = self._terms(touch)
         if terms is None:
             return np.zeros(len(self.hypotheses)), True
         found = self._judge(terms)
@@ -138,7 +134,7 @@ class Witness:
 
     # What was unknown of the touch.
 
-    def _fingers(self, touch: Touch) -> Terms | None:
+    def _terms(self, touch: Touch) -> Terms | None:
         level = self._levels(touch)
         cases = self._cases(touch, level)
         if cases is None:
@@ -160,7 +156,7 @@ class Witness:
         arrival = None
         if touch.how == "stroke":
             arrival = self._as_laid(np.concatenate([np.tile(along, (s, 1, 1)), along[:1]]), near)
-        return self._terms(self._as_laid(step, near), (weights, asked), near, level, touch, arrival)
+        return self._told(self._as_laid(step, near), (weights, asked), near, level, touch, arrival)
 
     def _as_laid(self, values: NDArray[Any], near: IntArray) -> NDArray[Any]:
         """(q, b, 6, k) of values (q, b, places): for each way that a board may be laid."""
@@ -234,7 +230,7 @@ class Witness:
 
     # What that makes of modules and sites.
 
-    def _terms(
+    def _told(
         self,
         step: IntArray,
         cases: tuple[FloatArray, BoolArray],
@@ -293,38 +289,6 @@ class Witness:
         direct = chance(slice(None), slice(None))
         kept = direct.sum(axis=-1, keepdims=True) - direct[..., one] - direct[..., other]
         return np.asarray(kept + chance(one, other) + chance(other, one))
-
-    def _hand(self, touch: Touch) -> Terms | None:
-        """A hand: how many taxels of a module answer, by its distance from the palm."""
-        if touch.path is None:
-            return None
-        level = self._levels(touch)
-        count = (level > 0).sum(axis=1)
-        kind = np.where(count == 0, 0, np.where(count < HAND_MANY_FROM, 1, 2))
-        shift, weight = offsets(3.0)
-        place = touch.path[0]
-        axes = tangents(self.boards, place)
-        points = place + shift @ axes
-        away = np.linalg.norm(self.centres[None] - points[:, None], axis=2)
-        near = np.flatnonzero((away.min(axis=0) < HAND_RINGS[-1]) & (self.owner >= 0))
-        ring = np.searchsorted(HAND_RINGS, away[:, near])
-        facing = self.boards.outward[near] @ np.cross(*axes) > -0.3
-        ring = np.where(facing, ring, len(HAND_RINGS))
-        none = 1.0 - HAND_FEW - HAND_MANY
-        chances = np.log(np.stack([none, HAND_FEW, HAND_MANY]))
-        reads = 0.5 * chances[kind[None, :, None], ring[:, None]]  # neighbours are not independent
-        silent = 0.5 * chances[kind, -1]
-        silent = np.where(self.there.any(axis=1), silent, 0.0)
-        own = reads[:, self.owner[near], np.arange(len(near))]
-        laid = np.repeat(own[..., None], 5, axis=2)
-        # The last case: a hand somewhere else, of which these sites say nothing.
-        far = np.broadcast_to(silent[None, :, None], (1, *reads.shape[1:]))
-        reads = np.concatenate([reads, far])
-        laid = np.concatenate([laid, laid[:1] * 0.0 + silent[self.owner[near]][None, :, None]])
-        weight = np.append(weight, np.log(MISS))
-        asked = np.append(np.ones(len(weight) - 1, bool), False)
-        no = np.zeros(0, np.int64)
-        return Terms(weight, asked, near, reads, silent, laid, no, np.zeros((len(weight), 0, 0)))
 
     # What that makes of faults.
 

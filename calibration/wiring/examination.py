@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -11,21 +12,31 @@ import numpy as np
 
 from calibration.files.asked_places import check_places, read_places
 from calibration.wiring.answer_model import THRESHOLD
-from calibration.wiring.boards import CHAIN, Boards, boards_of
+from calibration.wiring.boards import Boards, boards_of
 from calibration.wiring.doctor import Doctor
-from calibration.wiring.faults import Fault
 from calibration.wiring.rest import FEWEST, RestFindings, judge_rest
-from calibration.wiring.touches import Baseline, find_touches, make_touch, untouched
+from calibration.wiring.touches import (
+    BEGINS,
+    ENDS,
+    Baseline,
+    find_touches,
+    make_touch,
+    untouched,
+    without_holes,
+)
 from skinmap.arrays import FloatArray
-from skinmap.errors import DataFormatError, UnknownNameError
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.geometry.proximity import nearest_first
 from skinmap.skin.robot import Robot
 
 if TYPE_CHECKING:
     from skinmap.io.recordings.recorded_stream import RecordedStream
+    from skinmap.live.sources.source import Source
 
 MM = 1e3
 ENOUGH = 0.02  # a place that would tell less is not worth a touch [nats]
 REST_SECONDS = 8.0
+PATIENCE = 30.0  # that a touch is waited for [s]
 MAX_REST = 3000  # samples of a recording's rest that are judged
 HANDS = {"whole_hand", "forearm", "three_finger", "full_finger", "edge", "cylinder", "hand"}
 Answers = Mapping[str, FloatArray]  # (t, n) by part [counts]
@@ -54,12 +65,6 @@ class Plan:
         Kind of touch.
     most : int
         Touches that are asked for.
-    patience : float
-        How long a live touch is waited for [s].
-    chain : int
-        Modules on one connector.
-    seed : int
-        Of a simulated person.
     told : callable
         Gets a line for people now and then.
     marker : Marker or None
@@ -67,9 +72,6 @@ class Plan:
 
     how: str = "poke"
     most: int = 30
-    patience: float = 30.0
-    chain: int = CHAIN
-    seed: int = 0
     told: Callable[[str], None] = lambda _: None
     marker: Marker | None = None
 
@@ -103,8 +105,6 @@ class Examination:
     ----------
     source, robot, how : str
     cases : tuple of Case
-    planted : mapping of str to tuple of Fault
-        Of the simulated skin, by part.
     notes : tuple of str
         What could not be told.
     """
@@ -113,13 +113,12 @@ class Examination:
     robot: str
     how: str
     cases: tuple[Case, ...]
-    planted: Mapping[str, tuple[Fault, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
-def open_cases(robot: Robot, parts: Sequence[str], plan: Plan) -> dict[str, Case]:
+def open_cases(robot: Robot, parts: Sequence[str]) -> dict[str, Case]:
     """A doctor for each part."""
-    return {part: Case(part, Doctor.of(boards_of(robot, part, chain=plan.chain))) for part in parts}
+    return {part: Case(part, Doctor.of(boards_of(robot, part))) for part in parts}
 
 
 def next_touch(cases: Mapping[str, Case], how: str) -> tuple[str, FloatArray, float] | None:
@@ -170,14 +169,13 @@ def concluded(
     robot: Robot,
     plan: Plan,
     cases: Mapping[str, Case],
-    planted: Mapping[str, tuple[Fault, ...]],
     notes: Sequence[str] = (),
 ) -> Examination:
     """Result, with what is certainly wrong though not sure which fault it is."""
     for case in cases.values():
         for found in case.doctor.conclude():
             plan.told(f"   {found.fault.words(case.boards)} ({100 * found.confidence:.1f} %)")
-    return Examination(source, robot.name, plan.how, tuple(cases.values()), planted, tuple(notes))
+    return Examination(source, robot.name, plan.how, tuple(cases.values()), tuple(notes))
 
 
 def examine_recording(
@@ -191,12 +189,30 @@ def examine_recording(
 ) -> Examination:
     """Examine a recording of touches by a person.
 
+    Parameters
+    ----------
+    path : Path
+    robot : Robot
+        That was recorded.
+    parts : sequence of str
+        Parts to examine; all that were recorded by default.
+    plan : Plan
+    places : Path or None
+        A table of where the touches were asked for.
+    unit : float
+        Of that table [m].
+
+    Returns
+    -------
+    Examination
+        A case for each part.
+
     Raises
     ------
     SkinMismatchError
         Samples of another length than the skin.
     DataFormatError
-        No touches in it, NaN, or places that do not belong to it.
+        Places that do not belong to it.
     """
     from skinmap.live.sources.open_recording import open_track
     from skinmap.live.sources.skins import check_skin
@@ -210,21 +226,19 @@ def examine_recording(
     for part in there:
         robot.part(part)
     check_skin(info, robot)
-    cases = open_cases(robot, there, plan)
+    cases = open_cases(robot, there)
     notes: list[str] = []
     for part, case in cases.items():
         values = np.zeros((len(track.times), info.widths[info.parts.index(part)]))
         for rows, block in track.blocks():
             values[rows] = block[:, info.part_slice(part)]
-        if not np.isfinite(values).all():
-            raise DataFormatError(f"samples of {part!r} hold NaN or infinity", path)
         if values.shape[1] != len(case.boards.table):
             values = values[:, case.boards.table.channels]
         case.places_known = places is not None
         notes += _examine_part(case, values, track, path, places, unit, plan)
     if not any(case.doctor.touches for case in cases.values()):
         notes.append("the recording holds no touch: only the rest was judged")
-    return concluded(path.name, robot, plan, cases, {}, notes)
+    return concluded(path.name, robot, plan, cases, notes)
 
 
 def _examine_part(
@@ -237,15 +251,15 @@ def _examine_part(
     plan: Plan,
 ) -> list[str]:
     """Rest and touches of one part; what could not be told."""
-    first = Baseline.of(values[: max(10, min(len(values), 100))], track.kind)
     marked = [t for t in track.touches if t.part == case.part and t.last >= t.first]
-    if marked:
-        spans = np.array([[touch.first, touch.last] for touch in marked])
-    else:
-        spans = find_touches(Baseline.of(values, track.kind).answers(values))
-    quiet = values[untouched(len(values), spans)][:MAX_REST]
-    case.take_rest(quiet)
-    base = Baseline.of(quiet, track.kind) if len(quiet) >= 10 else first
+    spans = np.array([[touch.first, touch.last] for touch in marked]).reshape(-1, 2)
+    quiet = untouched(len(values), spans)
+    base = Baseline.along(without_holes(values), quiet, track.kind, track.info.rate)
+    answers = base.answers(values)
+    if not marked:
+        spans = find_touches(answers)
+        quiet = untouched(len(values), spans)
+    case.take_rest(values[quiet][:MAX_REST])
     labels = [touch.label for touch in marked] or [""] * len(spans)
     asked: list[FloatArray | None] = [None] * len(spans)
     if places is not None:
@@ -265,13 +279,12 @@ def _examine_part(
         asked = [row.path for row in rows]
     used = 0
     for (begin, end), label, place in zip(spans.tolist(), labels, asked, strict=True):
-        kind = "hand" if label in HANDS else plan.how
-        if place is not None and len(place) > 1:
-            kind = "stroke"
-        if place is None and kind != "poke":
-            continue  # without its place only a poke is small enough to tell something
+        stroked = place is not None and len(place) > 1
+        kind = "stroke" if stroked else plan.how
+        if (label in HANDS and not stroked) or (place is None and kind != "poke"):
+            continue  # a hand is too large; and without its place a stroke, too
         used += 1
-        _hear(case, base.answers(values[begin : end + 1]), kind, place, plan)
+        _hear(case, answers[begin : end + 1], kind, place, plan)
     return _untold(case, len(spans) - used)
 
 
@@ -279,8 +292,7 @@ def _untold(case: Case, left_out: int) -> list[str]:
     """What the touches of a recording cannot tell."""
     notes = []
     if left_out:
-        notes.append(f"{case.part}: {left_out} touches left out: too large to tell anything "
-                     "without their places")  # fmt: skip
+        notes.append(f"{case.part}: {left_out} touches left out: too large to tell anything")
     if case.doctor.touches and not case.places_known:
         notes.append(
             f"{case.part}: no places are known: a fault shows only where a touch lies across "
@@ -294,7 +306,7 @@ def place_words(boards: Boards, path: FloatArray, how: str) -> str:
     spots = []
     for point in (path[0], path[-1]) if len(path) > 1 else (path[0],):
         away = np.linalg.norm(boards.table.positions - point, axis=1)
-        order = np.argsort(away)
+        order = nearest_first(away)
         nearest = int(order[0])
         other = next((int(row) for row in order[1:12]
                       if boards.table.modules[row] != boards.table.modules[nearest]
@@ -308,5 +320,132 @@ def place_words(boards: Boards, path: FloatArray, how: str) -> str:
         spots.append(f"{words} ({x:.0f}, {y:.0f}, {z:.0f} mm)")
     if how == "stroke":
         return f"stroke {boards.part} from {spots[0]} to {spots[-1]}"
-    verb = "poke" if how == "poke" else "lay a hand on"
-    return f"{verb} {boards.part}: {spots[0]}"
+    return f"poke {boards.part}: {spots[0]}"
+
+
+def examine_live(source: Source, robot: Robot, parts: Sequence[str], plan: Plan) -> Examination:
+    """Ask a person at the robot to touch, one place after the other.
+
+    Parameters
+    ----------
+    source : Source
+        Samples of the robot.
+    robot : Robot
+    parts : sequence of str
+        Parts to examine; all that the source has by default.
+    plan : Plan
+
+    Returns
+    -------
+    Examination
+        A case for each part; on Ctrl-C by what was touched until then.
+
+    Raises
+    ------
+    SkinMismatchError
+        A stream of another skin.
+    InvalidArrayError
+        A stream that ends, or sends no numbers at all.
+    """
+    from skinmap.live.sources.skins import check_skin
+
+    info = source.info
+    there = tuple(parts) or tuple(part for part in info.parts if part in robot.parts)
+    for part in there:
+        info.part_slice(part)
+    check_skin(info, robot)
+    cases = open_cases(robot, there)
+    next_touch(cases, plan.how)  # what takes seconds once, before anybody waits for it
+    stream = _Stream(source, cases)
+    notes: list[str] = []
+    try:
+        level = stream.rest(cases, plan)
+        for words in ask(cases, plan, lambda *_: stream.touch(level, plan)):
+            notes.append(f"nothing answered within {PATIENCE:.0f} s at: {words}")
+    except KeyboardInterrupt:
+        plan.told("interrupted")
+        notes.append("interrupted: judged by what was touched until then")
+    return concluded(info.name, robot, plan, cases, notes)
+
+
+class _Stream:
+    """Samples of the parts under examination, touch by touch."""
+
+    def __init__(self, source: Source, cases: Mapping[str, Case]) -> None:
+        self.source, self.rate = source, source.info.rate or 50.0
+        self.columns = {}
+        for part, case in cases.items():
+            rows = np.arange(source.info.channels)[source.info.part_slice(part)]
+            channels = case.boards.table.channels
+            self.columns[part] = rows if len(rows) == len(channels) else rows[channels]
+
+    def read(self) -> dict[str, FloatArray] | None:
+        """Samples by part, or None."""
+        from skinmap.live.sources.source import SourceEnded
+
+        try:
+            block = self.source.read(0.2)
+        except SourceEnded:
+            raise InvalidArrayError("the source ended before the examination did") from None
+        if block is None or len(block) == 0:
+            return None
+        values = np.asarray(block.values, np.float64)
+        if values.shape[1] != self.source.info.channels:
+            raise SkinMismatchError(
+                f"{values.shape[1]} values in a sample, {self.source.info.channels} expected"
+            )
+        return {part: values[:, columns] for part, columns in self.columns.items()}
+
+    def some(self, count: int, *, patience: float) -> dict[str, FloatArray]:
+        """So many samples.
+
+        Raises
+        ------
+        InvalidArrayError
+            Too few came.
+        """
+        blocks: list[dict[str, FloatArray]] = []
+        end = time.monotonic() + patience
+        while sum(len(next(iter(b.values()))) for b in blocks) < count:
+            if time.monotonic() > end:
+                raise InvalidArrayError("the source sends too few samples for a rest")
+            if (block := self.read()) is not None:
+                blocks.append(block)
+        return {part: np.concatenate([b[part] for b in blocks]) for part in self.columns}
+
+    def rest(self, cases: Mapping[str, Case], plan: Plan) -> dict[str, Baseline]:
+        """Judge the rest at the beginning; what each part sends untouched."""
+        plan.told(f"do not touch the skin for {REST_SECONDS:.0f} s")
+        samples = self.some(round(REST_SECONDS * self.rate), patience=5.0 * REST_SECONDS)
+        for part, case in cases.items():
+            case.take_rest(samples[part])
+        return {part: Baseline.of(samples[part], self.source.info.kind) for part in cases}
+
+    def touch(self, level: dict[str, Baseline], plan: Plan) -> dict[str, FloatArray] | None:
+        """Answers (t, n) by part from a touch's beginning to its end; None where none came."""
+        kept: dict[str, list[FloatArray]] = {part: [] for part in self.columns}
+        quiet, felt = 0, 0
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            block = self.read()
+            if block is None:
+                continue
+            active = np.zeros(len(next(iter(block.values()))), bool)
+            for part, values in block.items():
+                above = level[part].above(values)
+                active |= (above > THRESHOLD).any(axis=1)
+                if plan.marker is not None:
+                    plan.marker.feed(part, np.maximum(above[-1], 0.0))
+            if not active.any() and not felt:
+                for part, values in block.items():
+                    level[part] = level[part].followed(values, self.rate)
+            else:
+                for part, values in block.items():
+                    kept[part].append(values)
+                felt += int(active.sum())
+                quiet = 0 if active[-1] else quiet + len(active)
+            if felt and quiet > ENDS:
+                if felt >= BEGINS:
+                    return {p: level[p].answers(np.concatenate(v)) for p, v in kept.items()}
+                kept, felt, quiet = {part: [] for part in self.columns}, 0, 0  # a spike
+        return None

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 import msgspec
+
+from skinmap.summary import first_few
 
 if TYPE_CHECKING:
     from calibration.wiring.examination import Case, Examination
@@ -132,6 +134,8 @@ class RestRow:
         Pairs of channels that say the same.
     too_calm
         Channels that changed too seldom to be compared.
+    no_numbers
+        Channels that sent no number in most samples.
     """
 
     samples: int
@@ -140,6 +144,7 @@ class RestRow:
     mute_modules: list[int]
     given_twice: list[list[int]]
     too_calm: list[int]
+    no_numbers: list[int]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -168,12 +173,8 @@ class WiringResult:
         Where to touch next; null where nothing is left to ask.
     rest
         By part; null where none was recorded.
-    planted
-        Of the simulated skin.
     notes
         What cannot be told.
-    seed
-        Of all randomness.
     seconds
         CPU time.
     files
@@ -182,7 +183,7 @@ class WiringResult:
 
     robot: str
     source: str
-    touch: Literal["poke", "stroke", "hand"]
+    touch: Literal["poke", "stroke"]
     status: State
     parts: list[PartRow]
     faults: list[FaultRow]
@@ -190,14 +191,12 @@ class WiringResult:
     touches: int
     next: NextTouch | None
     rest: dict[str, RestRow | None]
-    planted: list[FaultRow]
     notes: list[str]
-    seed: int
     seconds: float
     files: list[str]
 
 
-def findings(examined: Examination, seed: int, out: Path | None) -> WiringResult:
+def findings(examined: Examination, out: Path | None) -> WiringResult:
     """All of it, with corrected maps where they were asked for; `seconds` are not known here."""
     from calibration.wiring.examination import next_touch
 
@@ -216,11 +215,6 @@ def findings(examined: Examination, seed: int, out: Path | None) -> WiringResult
         for fault, chance in case.doctor.suspects(SUSPECTS)
         if chance > LEAST and not case.doctor.wiring.mute[list(fault.modules)].all()
     ]
-    planted = [
-        _fault_row(case, fault, 1.0)
-        for case in cases
-        for fault in examined.planted.get(case.part, ())
-    ]
     return WiringResult(
         robot=examined.robot,
         source=examined.source,
@@ -232,9 +226,7 @@ def findings(examined: Examination, seed: int, out: Path | None) -> WiringResult
         touches=sum(row.touches for row in parts),
         next=None if following is None else _next(cases, *following, examined.how),
         rest={case.part: _rest_row(case) for case in cases},
-        planted=planted,
         notes=list(examined.notes),
-        seed=seed,
         seconds=0.0,
         files=[] if out is None else _write(cases, out),
     )
@@ -298,6 +290,7 @@ def _rest_row(case: Case) -> RestRow | None:
         mute_modules=[int(boards.numbers[module]) for module in rest.mute],
         given_twice=channels[rest.pairs].tolist(),
         too_calm=channels[rest.unsure].tolist(),
+        no_numbers=channels[rest.silent].tolist(),
     )
 
 
@@ -319,7 +312,7 @@ def _write(cases: Sequence[Case], out: Path) -> list[str]:
         if case.doctor.status == "inconsistent":
             continue
         faults = [found.fault for found in case.doctor.found]
-        table, moved, _ = corrected(case.boards, case.doctor.wiring, faults)
+        table, moved = corrected(case.boards, case.doctor.wiring, faults)
         if len(moved):
             files[case.part].parent.mkdir(parents=True, exist_ok=True)
             write_map(table, files[case.part])
@@ -342,7 +335,7 @@ def lines(result: WiringResult) -> Iterator[str]:
         chance = f"nothing (else) wrong: {100 * row.healthy:.1f} %"
         yield f"  {row.part}: {row.touches} touches, {chance}"
         if row.mute_taxels:
-            yield f"    channels that never answered: {_some(row.mute_taxels)}"
+            yield f"    channels that never answered: {first_few(row.mute_taxels, MAX_NAMED)}"
     yield from (f"  note: {note}" for note in result.notes)
     if result.next is not None and result.status in ("undecided", "faulty"):
         yield f"  next: {result.next.words}"
@@ -354,16 +347,15 @@ def _likely(fault: FaultRow) -> str:
 
 def _rest_lines(rest: RestRow | None) -> Iterator[str]:
     if rest is None:
-        yield "no rest was recorded, so it says nothing"
-    elif not rest.tells:
+        yield "no rest was recorded"
+        return
+    if rest.no_numbers:
+        one = len(rest.no_numbers) == 1
+        who = f"channel {rest.no_numbers[0]} sends" if one else "these channels send"
+        yield f"{who} no numbers" + ("" if one else f": {first_few(rest.no_numbers, MAX_NAMED)}")
+    if not rest.tells:
         yield "at rest too few channels change to tell anything"
-    else:
-        if rest.stuck:
-            yield f"stuck channels: {_some(rest.stuck)}"
-        if rest.given_twice:
-            yield f"given twice: {_some([f'{a} = {b}' for a, b in rest.given_twice])}"
-
-
-def _some(values: Sequence[Any]) -> str:
-    words = ", ".join(map(str, values[:MAX_NAMED]))
-    return words + (f" and {len(values) - MAX_NAMED} more" if len(values) > MAX_NAMED else "")
+    if rest.stuck:
+        yield f"stuck channels: {first_few(rest.stuck, MAX_NAMED)}"
+    if rest.given_twice:
+        yield f"given twice: {first_few([f'{a} = {b}' for a, b in rest.given_twice], MAX_NAMED)}"

@@ -19,9 +19,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from calibration.wiring.answer_model import (
-    HAND_FEW,
-    HAND_MANY,
-    HAND_RINGS,
     NEAR,
     SHAPES,
     SPIKE,
@@ -36,7 +33,8 @@ from calibration.wiring.faults import Fault, Hypotheses
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.distances import bridged_graph
 from skinmap.geometry.log_map import log_map
-from skinmap.geometry.triangles import unit
+from skinmap.geometry.proximity import nearest_first
+from skinmap.geometry.triangles import pair_lengths, unit
 
 ACROSS = 14e-3  # taxels of two modules so near have a place between them [m]
 APART = 3.5e-3  # candidates for pokes lie so far apart [m]
@@ -87,19 +85,12 @@ class Candidates:
 
 def candidates(boards: Boards, how: str) -> Candidates:
     """Places of a part for one kind of touch."""
-    if how == "stroke":
-        paths = _stroke_paths(boards)
-    else:
-        points = boards.centres if how == "hand" else _between(boards)
-        paths = [point[None] for point in points]
+    poked = how == "poke"
+    paths = [point[None] for point in _between(boards)] if poked else _stroke_paths(boards)
     middles = np.array([path[len(path) // 2] for path in paths])
-    if how == "hand":
-        answers, arrivals = _hand_answers(boards, middles), np.zeros((0, 0, 0))
-        silent = 1.0 - answers.max(axis=2)
-    else:
-        answers, silent, arrivals = _finger_answers(boards, paths)
+    answers, silent, arrivals = _answers(boards, paths)
     laid = np.zeros((0, 5, len(boards)))
-    if how == "poke" and boards.turnable:
+    if poked and boards.turnable:
         laid = _telling(boards, middles)
     return Candidates(how, tuple(paths), middles, answers, silent, arrivals, laid)
 
@@ -113,7 +104,7 @@ def _between(boards: Boards) -> FloatArray:
     pairs = pairs[facing]
     middles = 0.5 * (positions[pairs[:, 0]] + positions[pairs[:, 1]])
     # A taxel, a place beside and the nearest of two other modules: where three meet.
-    order = np.argsort(np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1))
+    order = nearest_first(pair_lengths(positions, pairs))
     points = np.concatenate([middles[order], positions])
     kept: list[int] = []
     taken = np.zeros(len(points), bool)
@@ -152,9 +143,7 @@ def _stroke_paths(boards: Boards) -> list[FloatArray]:
     return paths
 
 
-def _finger_answers(
-    boards: Boards, paths: list[FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _answers(boards: Boards, paths: list[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Chances that slots (c, m, k) answer and that modules (c, m) do not, and when (c, m, k)."""
     m, k = boards.columns.shape
     answers = np.full((len(paths), m, k), SPIKE)
@@ -194,16 +183,6 @@ def _finger_answers(
         none = (1.0 - felt).prod(axis=-1)  # errors of the place are shared by a module's slots
         silent[row, near] = np.einsum("o,sob->b", chance, none) / len(shapes)
     return np.where(boards.columns >= 0, answers, 0.0), MISSED + (1 - MISSED) * silent, arrivals
-
-
-def _hand_answers(boards: Boards, middles: FloatArray) -> FloatArray:
-    """Chance that a module answers a hand, for its first slot; the others go with it."""
-    away = np.linalg.norm(boards.centres[None] - middles[:, None], axis=2)
-    ring = np.searchsorted(HAND_RINGS, away)
-    answers = np.zeros((len(middles), *boards.columns.shape))
-    first = (boards.columns >= 0).argmax(axis=1)
-    answers[:, np.arange(len(boards)), first] = (HAND_FEW + HAND_MANY)[ring]
-    return answers
 
 
 def _layout() -> FloatArray:
@@ -278,8 +257,6 @@ class Chooser:
         read = (wiring.site >= 0) & ~wiring.mute
 
         def seen(values: FloatArray) -> FloatArray:
-            if len(values) == 0:
-                return values
             laid = np.empty_like(values)
             for place in range(len(site)):
                 slots = order[place]
@@ -307,7 +284,7 @@ class Chooser:
         """(c,) what each place would tell [nats]."""
         chance = np.exp(log_posterior)
         top = np.flatnonzero(chance[1:] > PROBABLE) + 1
-        top = top[np.argsort(-chance[top])][:MANY]
+        top = top[np.argsort(-chance[top], kind="stable")][:MANY]
         merely = np.where(chance > NEVER, chance, 0.0).astype(np.float32)
         merely[top] = 0.0
         swaps = self.hypotheses.swaps

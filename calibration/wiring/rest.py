@@ -1,4 +1,4 @@
-"""What a skin tells untouched: mute modules, stuck taxels, channels that are given twice.
+"""What a skin tells untouched: mute modules, stuck and silent channels, those given twice.
 
 Values are whole counts, so the tests count: how often a channel changes, and how often two say the
 same. A channel that says the same as another one in every sample, where two channels of their own
@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibration.wiring.boards import Boards
-from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
+from calibration.wiring.touches import without_holes
+from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 
 FEWEST = 100  # samples; fewer tell nothing
+SILENT = 0.5  # share of samples without a number that makes a channel silent
 FLICKER = 4  # changes of a stuck channel at most: two spikes
 ALIVE = 20  # changes that a lively channel shows at least, else the rest is too calm to judge
 CHANCE = 1e-6  # that any pair of healthy channels passes for one given twice
@@ -46,6 +48,8 @@ class RestFindings:
         Whether there was noise enough to judge at all.
     unsure : (u,) int
         Rows that changed too seldom to be compared with others.
+    silent : (q,) int
+        Rows that sent no number in most samples.
     """
 
     samples: int
@@ -55,32 +59,60 @@ class RestFindings:
     pairs: IntArray
     tells: bool
     unsure: IntArray
+    silent: IntArray
 
     def __post_init__(self) -> None:
-        freeze(self, stuck=self.stuck, alive=self.alive, pairs=self.pairs, unsure=self.unsure)
+        freeze(self)
 
 
 def judge_rest(samples: ArrayLike, boards: Boards) -> RestFindings:
-    """Judge samples (t, n) of an untouched skin.
+    """Judge samples of an untouched skin.
+
+    Parameters
+    ----------
+    samples : (t, n) array-like
+        At least 100 of them [counts]; NaN where a number did not come.
+    boards : Boards
+        Of a part with n taxels.
+
+    Returns
+    -------
+    RestFindings
+        Mute modules, and channels that are stuck, silent or given twice.
 
     Raises
     ------
     InvalidArrayError
-        Samples of another length than the table, NaN, or too few.
+        Samples of another length than the table, too few, or without any number.
+
+    Examples
+    --------
+    >>> import numpy as np, skinmap
+    >>> from calibration.wiring import boards_of, judge_rest
+    >>> boards = boards_of(skinmap.load_robot("icub"), "left_forearm")
+    >>> rest = np.rint(np.random.default_rng(0).normal(240.0, 1.2, (300, len(boards.table))))
+    >>> rest[:, 5], rest[:, 33] = 255.0, np.nan
+    >>> found = judge_rest(rest, boards)
+    >>> found.stuck.tolist(), found.silent.tolist()
+    ([5], [33])
     """
-    values = check_finite(samples, "rest", (None, None))
+    values = without_holes(samples)
+    missing = ~np.isfinite(np.asarray(samples, np.float64))
     n = len(boards.table)
     if values.shape[1] != n:
         raise InvalidArrayError(f"{values.shape[1]} values at rest for {n} taxels")
     if len(values) < FEWEST:
         raise InvalidArrayError(f"{len(values)} samples at rest, at least {FEWEST} are needed")
+    if missing.all():
+        raise InvalidArrayError(f"no channel of {boards.part!r} sends numbers")
+    silent = missing.mean(axis=0) > SILENT
     changes = (np.diff(values, axis=0) != 0).sum(axis=0)
-    moving = changes > FLICKER
+    moving = (changes > FLICKER) & ~silent
     none = np.zeros(0, np.int64)
     m = len(boards)
-    if moving.mean() < 0.5 or np.percentile(changes[moving], 2.0) < ALIVE:
+    if moving[~silent].mean() < 0.5 or np.percentile(changes[moving], 2.0) < ALIVE:
         return RestFindings(len(values), none, (), np.zeros(m, bool), none.reshape(0, 2), False,
-                            none)  # fmt: skip
+                            none, np.flatnonzero(silent))  # fmt: skip
     there = boards.columns >= 0
     lively = np.where(there, moving[np.where(there, boards.columns, 0)], False)
     mute = np.flatnonzero((lively.sum(axis=1) == 0) & (there.sum(axis=1) >= 3))
@@ -88,12 +120,13 @@ def judge_rest(samples: ArrayLike, boards: Boards) -> RestFindings:
     within[boards.columns[mute][there[mute]]] = True
     return RestFindings(
         len(values),
-        np.flatnonzero(~moving & ~within),
+        np.flatnonzero(~moving & ~within & ~silent),
         tuple(mute.tolist()),
         np.asarray(2 * lively.sum(axis=1) > there.sum(axis=1)),
         _twice(values, np.flatnonzero(moving)),
         True,
         np.flatnonzero(moving & (changes < ALIVE)),
+        np.flatnonzero(silent),
     )
 
 

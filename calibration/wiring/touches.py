@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calibration.response.response import FREE
 from calibration.wiring.answer_model import THRESHOLD
-from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError, UnknownNameError
 
-How = Literal["poke", "stroke", "hand"]
+How = Literal["poke", "stroke"]
 HOWS: tuple[str, ...] = get_args(How)
 BEGINS, ENDS = 3, 12  # samples that a touch is felt for, and quiet ones that end it
 MIDDLE = 128.0  # raw values that rest above it fall under load, as those of the iCub do
 MARGIN = 10  # samples beside a touch that are no rest
+STRETCH, FEWEST = 30.0, 10  # of a recording that has one median [s], and samples of it
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -25,7 +27,7 @@ class Touch:
 
     Attributes
     ----------
-    how : {"poke", "stroke", "hand"}
+    how : {"poke", "stroke"}
     path : (p, 3) float or None
         Where it was asked for, in the link's frame [m]: one point, or the points of a stroke in
         order; None where nobody knows.
@@ -64,9 +66,9 @@ class Baseline:
 
     Attributes
     ----------
-    level : (n,) float
-        Median [counts].
-    sign : (n,) float
+    level : (n,) or (t, n) float
+        Median, or one for each sample [counts].
+    sign : (n,) or (t, n) float
         -1 where load makes values fall.
     """
 
@@ -76,17 +78,45 @@ class Baseline:
     @classmethod
     def of(cls, rest: ArrayLike, kind: str) -> Baseline:
         """From samples (t, n) at rest, of raw values or pressures."""
-        values = check_finite(rest, "rest", (None, None))
+        values = without_holes(rest)
         if len(values) == 0:
             raise InvalidArrayError("no samples at rest")
-        level = np.median(values, axis=0)
+        return cls._at(np.median(values, axis=0), kind)
+
+    @classmethod
+    def along(cls, values: FloatArray, quiet: BoolArray, kind: str, rate: float) -> Baseline:
+        """One that drifts with samples (t, n): medians of stretches of the `quiet` ones (t,)."""
+        stretch = max(1, round(STRETCH * rate))
+        rows = np.flatnonzero(quiet) if quiet.any() else np.arange(len(values))
+        parts = np.split(
+            rows, np.unique(np.searchsorted(rows, np.arange(0, rows[-1], stretch)))[1:]
+        )
+        parts = [part for part in parts if len(part) >= min(FEWEST, len(rows))]
+        middles = [float(part.mean()) for part in parts]
+        medians = np.array([np.median(values[part], axis=0) for part in parts])
+        every = np.arange(len(values))
+        level = np.stack([np.interp(every, middles, own) for own in medians.T], axis=1)
+        return cls._at(level, kind)
+
+    @classmethod
+    def _at(cls, level: FloatArray, kind: str) -> Baseline:
         falls = (level > MIDDLE) & (kind == "raw")
         return cls(level, np.where(falls, -1.0, 1.0))
 
+    def followed(self, quiet: FloatArray, rate: float) -> Baseline:
+        """A baseline that has moved towards samples (t, n) in which nothing was touched."""
+        share = 1.0 - np.exp(-len(quiet) / (rate * FREE))
+        now = np.where(np.isfinite(quiet), quiet, self.level).mean(axis=0)
+        return replace(self, level=self.level + share * (now - self.level))
+
+    def above(self, samples: FloatArray) -> FloatArray:
+        """(t, n) counts above rest; 0 for what is no number."""
+        above = (samples - self.level) * self.sign
+        return np.asarray(np.where(np.isfinite(above), above, 0.0))
+
     def answers(self, samples: ArrayLike) -> FloatArray:
         """(t, n) answers above rest [counts]; a spike of one sample is none."""
-        values = check_finite(samples, "samples", (None, len(self.level)))
-        values = (values - self.level) * self.sign
+        values = self.above(_of_channels(samples, self.level.shape[-1]))
         if len(values) < 3:
             return values
         before, after = values[:-2], values[2:]
@@ -98,8 +128,54 @@ class Baseline:
                                np.minimum(values[-1:], values[-2:-1])])  # fmt: skip
 
 
+def _of_channels(samples: ArrayLike, count: int | None = None) -> FloatArray:
+    values = np.asarray(samples, np.float64)
+    if values.ndim != 2 or (count is not None and values.shape[1] != count):
+        raise InvalidArrayError(f"samples must have shape (t, {count or 'n'}), got {values.shape}")
+    return values
+
+
+def without_holes(samples: ArrayLike) -> FloatArray:
+    """Samples (t, n) with the channel's median where a number is missing; 0 where it has none."""
+    values = _of_channels(samples)
+    there = np.isfinite(values)
+    if there.all():
+        return values
+    level = [np.median(own[known]) if known.any() else 0.0
+             for own, known in zip(values.T, there.T, strict=True)]  # fmt: skip
+    return np.where(there, values, level)
+
+
 def make_touch(answers: FloatArray, how: str, path: FloatArray | None) -> Touch:
-    """A touch from its answers (t, n) above rest."""
+    """A touch from what channels answered while it lasted.
+
+    Parameters
+    ----------
+    answers : (t, n) float
+        Above rest, as `Baseline.answers` gives them [counts].
+    how : {"poke", "stroke"}
+    path : (p, 3) float or None
+        Where it was asked for [m]; None where nobody knows.
+
+    Returns
+    -------
+    Touch
+        Largest answer of each channel, and when it came.
+
+    Raises
+    ------
+    InvalidArrayError
+        No sample, or a path that does not suit the kind of touch.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from calibration.wiring import Baseline, make_touch
+    >>> level = Baseline.of(np.full((100, 3), 240.0), "raw")
+    >>> sample = np.array([240.0, 150.0, 240.0])
+    >>> float(make_touch(level.answers(np.tile(sample, (5, 1))), "poke", None).response.max())
+    90.0
+    """
     if len(answers) == 0:
         raise InvalidArrayError("a touch without a sample")
     felt = np.where(answers > 0.5 * THRESHOLD, answers, 0.0)

@@ -38,21 +38,21 @@ def modules_text(package: str, *only: str) -> str:
 
 def public_text() -> str:
     """What `import skinmap` offers: the names themselves, then what they return and raise."""
-    blocks = []
-    for name in (*sorted(skinmap._NAMES, key=str.lower), *skinmap._RETURNED):
+    errors, blocks = [], []
+    public = set(skinmap.__all__) - {"__version__", "errors"}
+    names = [*sorted(public, key=str.lower), *sorted(set(dir(skinmap)) - public, key=str.lower)]
+    for name in names:
         thing = getattr(skinmap, name)
-        kind = "class" if inspect.isclass(thing) else "function"
-        place = f"{thing.__module__}.{thing.__qualname__}" if kind == "class" else _place(name)
-        blocks += [f"## {name}", "", "```{eval-rst}", f".. auto{kind}:: {place}"]
-        blocks += ["   :members:"] if kind == "class" else []
-        blocks += ["   :no-index:", "```", ""]
-    errors = ", ".join(f"`{name}`" for name in skinmap._ERRORS)
-    return "\n".join([*blocks, "## Errors", "", f"All derive from `SkinError`: {errors}."])
-
-
-def _place(name: str) -> str:
-    module, _, attribute = skinmap._PLACES[name].partition(":")
-    return f"{module}.{attribute or name}"
+        if isinstance(thing, type) and issubclass(thing, (Exception, Warning)):
+            errors.append(f"`{name}`")
+        elif callable(thing):
+            kind = "class" if inspect.isclass(thing) else "function"
+            place = f"{thing.__module__}.{thing.__qualname__}"
+            blocks += [f"## {name}", "", "```{eval-rst}", f".. auto{kind}:: {place}"]
+            blocks += ["   :members:"] if kind == "class" else []
+            blocks += ["   :no-index:", "```", ""]
+    listed = ", ".join(errors)
+    return "\n".join([*blocks, "## Errors", "", f"All derive from `SkinError`: {listed}."])
 
 
 def escape_docstring(

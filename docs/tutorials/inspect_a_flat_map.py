@@ -36,7 +36,7 @@ print(f"{len(skin)} taxels, {len(flat.charts)} charts, {flat.flips} triangles tu
 # the map that is 1 % longer or shorter than on the body has a strain of 1 %.
 strain = 100 * chart.distortion.face_edge_strain(chart.faces)
 summary = chart.distortion.summary()
-print(f"edge error {summary['edge_rms_percent']:.2f} % rms, method {chart.method}")
+print(f"edge error {summary.edge_rms_percent:.2f} % rms, method {chart.method}")
 worst = int(np.argmax(strain))
 print("worst triangle: channels", skin.channels[chart.taxels[chart.faces[worst]]].tolist())
 

@@ -10,8 +10,8 @@ import click
 
 from skinmap.commands.groups import NamedGroup
 from skinmap.commands.options import prints
-from skinmap.commands.profiles import profile_option
-from skinmap.errors import OutputError, UnknownNameError
+from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.errors import OutputError
 from skinmap.report.present import present
 from skinmap.report.table import Cell, Table
 
@@ -87,7 +87,7 @@ def command() -> None:
 
 
 @command.command()
-@profile_option()
+@retired(profile=NO_PROFILE)
 @prints(CacheInfo)
 def info(as_json: bool) -> None:
     """Where it is, how full, and what of.
@@ -98,22 +98,19 @@ def info(as_json: bool) -> None:
 
 
 @command.command()
-@click.option(
-    "--kind", metavar="KIND", help="Only what is of this kind; `skinmap cache info` lists them."
-)
-@profile_option()
+@retired(profile=NO_PROFILE, kind="leave it out: all is dropped, and made anew where it is needed")
 @prints(CacheCleared)
-def clear(kind: str | None, as_json: bool) -> None:
+def clear(as_json: bool) -> None:
     """Drop what is kept; other files in the folder stay.
 
-    Example:  skinmap cache clear --kind target
+    Example:  skinmap cache clear
     """
-    present(clear_cache(kind), _clear_lines, as_json=as_json)
+    present(clear_cache(), _clear_lines, as_json=as_json)
 
 
 def cache_info() -> CacheInfo:
     """Look into the cache."""
-    from skinmap.cache import open_cache
+    from skinmap.disk_cache import open_cache
 
     cache = open_cache()
     if cache is None:
@@ -142,26 +139,20 @@ def cache_info() -> CacheInfo:
     )
 
 
-def clear_cache(kind: str | None) -> CacheCleared:
-    """Drop what is of a kind, or everything.
+def clear_cache() -> CacheCleared:
+    """Drop everything.
 
     Raises
     ------
-    UnknownNameError
-        Nothing of that kind is kept.
     OutputError
         Something cannot be dropped.
     """
-    from skinmap.cache import open_cache
+    from skinmap.disk_cache import open_cache
 
     cache = open_cache()
-    before = [] if cache is None else cache.entries()
-    kinds = sorted({entry.kind for entry in before})
-    if kind is not None and kind not in kinds:
-        raise UnknownNameError("kind of entry in the cache", kind, kinds)
-    asked = [entry for entry in before if kind in (None, entry.kind)]
+    asked = [] if cache is None else cache.entries()
     if cache is not None:
-        cache.clear(kind)
+        cache.clear()
     stuck = [entry for entry in asked if entry.path.exists()]
     if stuck:
         raise OutputError(

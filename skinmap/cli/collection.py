@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,10 +16,11 @@ from skinmap.commands.options import named_robot
 from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.readers import is_readable, read_recordings, readable
 from skinmap.io.text import is_file
+from skinmap.touch.contacts.grouping import without_stuck
 from skinmap.touch.recording import Recording
 
 if TYPE_CHECKING:
-    from skinmap.classify.descriptors import Touch
+    from skinmap.classifiers.descriptors import Touch
     from skinmap.skin.robot import Robot
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -68,12 +69,15 @@ class Collection:
     files : tuple of Path
     rates : tuple of float
         Samples a second of each recorded part.
+    stuck : int
+        Marks that were left out, as nothing but stuck taxels was pressed.
     """
 
     touches: tuple[Collected, ...]
     skins: dict[tuple[str, str], PreparedSkin]
     files: tuple[Path, ...]
     rates: tuple[float, ...]
+    stuck: int = 0
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -100,6 +104,8 @@ class Collection:
         people = {name for name in self.count("person") if name}
         if len(people) < 2:
             yield "fewer than two people are named (`record --person`): others may touch otherwise"
+        if self.stuck:
+            yield f"{self.stuck} marked touches were left out: only stuck taxels were pressed"
         slow, quick = min(self.rates, default=1.0), max(self.rates, default=1.0)
         if quick > SAME_RATE * slow:
             yield f"recorded at {slow:.4g} to {quick:.4g} samples a second: touches look different"
@@ -137,7 +143,7 @@ def collect(
     robots: dict[str, Robot] = {}
     skins: dict[tuple[str, str], PreparedSkin] = {}
     touches: list[Collected] = []
-    rates, there = [], []
+    rates, there, stuck = [], [], 0
     for file in files:
         for recording in read_recordings(file):
             said = robot or recording.robot or FALLBACK
@@ -149,12 +155,14 @@ def collect(
                 loaded.part(recording.part)
                 continue
             skin = _skin_of(loaded, recording, file, skins)
+            recording, gone = without_stuck(recording, skin.geometry)
+            stuck += len(gone)
             touches += _touches(recording, skin, loaded.name, sessions[file], file)
             rates.append(recording.rate)
     for part in parts:
         if part not in there:
             raise UnknownNameError("recorded part", part, there)
-    return Collection(tuple(touches), skins, tuple(files), tuple(rates))
+    return Collection(tuple(touches), skins, tuple(files), tuple(rates), stuck)
 
 
 def _robot(name: str, file: Path, *, asked: bool) -> Robot:
@@ -212,7 +220,7 @@ def _skin_of(
 def _touches(
     recording: Recording, skin: PreparedSkin, robot: str, session: str, file: Path
 ) -> Iterator[Collected]:
-    from skinmap.classify.descriptors import recorded_touches
+    from skinmap.classifiers.descriptors import recorded_touches
 
     several = len(np.unique(recording.subjects)) > 1
     touches = recorded_touches(skin, recording)
@@ -229,7 +237,7 @@ def _touches(
         number = int(recording.subjects[event])
         person = recording.people[event] or (f"{own}: {number}" if several else "")
         yield Collected(
-            touch,
+            replace(touch, person=person),
             robot,
             recording.part,
             own,

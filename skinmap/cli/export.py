@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from skinmap.commands.options import open_robot, out_file, part_option, prints, robot_argument
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from skinmap.io.taxels.cyskin import CySkin
     from skinmap.skin.taxels import TaxelTable
 
-FORMATS = ("csv", "icub", "urdf", "cyskin", "ply", "vtp", "mjcf")
-FOLDERS = ("lerobot", "rosbag2", "zarr")  # of a recording
+FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their files
+    "csv": (".csv",), "icub": (".txt",), "urdf": (".urdf", ".xml"), "cyskin": (".json",),
+    "ply": (".ply",), "mjcf": (".xml",),
+}  # fmt: skip
+FOLDERS = ("lerobot", "rosbag2")  # of a recording
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 MCAP = ".mcap"
@@ -174,10 +177,7 @@ class ExportedRecording:
 )  # fmt: skip
 @out_file("What to write: a file, or the folder of a format.", required=True, folder=True)
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
-@click.option(
-    "--read-as", metavar="FORMAT", help="Format of a bare table, if its suffix does not tell."
-)
-@profile_option()
+@retired(profile=NO_PROFILE, read_as="write FORMAT:FILE instead of FILE")
 @prints(ExportedTaxels, ExportedModel, ExportedRecording)
 def command(
     robot: str,
@@ -185,22 +185,21 @@ def command(
     format: str | None,
     output: Path,
     unrepaired: bool,
-    read_as: str | None,
     as_json: bool,
 ) -> None:
-    """Write the taxels of a part: csv, icub (positions .txt), urdf (tactile extension), ply, vtp.
+    """Write the taxels of a part: csv, icub (positions .txt), urdf (tactile extension), ply.
 
     cyskin is a .json of CySkin with the surface mesh and the flat map of the part.
     mjcf is the whole robot with its skins as tactile sensors, a model for MuJoCo.
 
     ROBOT is a built-in name (default: icub), the path of a manifest, or a bare taxel table. The
     taxels of a robot are repaired and in the frame of their link, those of a bare table as they
-    are.
+    are; FORMAT:FILE reads one whose suffix does not tell its format.
 
     A recording (.mcap, .npz, .xdf, data.log) in place of the robot is written as arrays for
     machine learning: HDF5 or NPZ, by the suffix of the output. A cut or damaged .mcap is written
     whole again, for all MCAP readers, with -o *.mcap. Folders are written with --format lerobot
-    (a LeRobot data set), zarr, or rosbag2 (with a cloud of the taxels for every sample).
+    (a LeRobot data set) or rosbag2 (with a cloud of the taxels for every sample).
 
     \b
     Example:  skinmap export icub --part torso --format icub -o torso.txt
@@ -211,7 +210,7 @@ def command(
     Example:  skinmap export touch.mcap --format lerobot -o dataset
     """
     if _is_recording(Path(robot)):
-        if format in FORMATS or parts or unrepaired or read_as:
+        if format in FORMATS or parts or unrepaired:
             raise click.UsageError(
                 f"a recording is written whole, in the format that -o ends in, or with --format "
                 f"{', '.join(FOLDERS)}"
@@ -222,13 +221,24 @@ def command(
     if format in FOLDERS:
         raise click.UsageError(f"{format} is for recordings; {robot} is none")
     if format == "mjcf":
-        if unrepaired or read_as:
-            raise click.UsageError("mjcf is of a whole robot; leave out --unrepaired and --read-as")
+        if unrepaired:
+            raise click.UsageError("mjcf is of a whole robot; leave out --unrepaired")
+        _check_ending(output, format)
         present(export_model(robot, parts, output), _model_lines, as_json=as_json)
         return
-    name, part, table = _table(robot, parts, unrepaired, read_as)
+    name, part, table = _table(robot, parts, unrepaired)
+    _check_ending(output, format or "csv")
     taxels = export_taxels(table, output, format or "csv", name, part)
     present(taxels, _taxel_lines, as_json=as_json)
+
+
+def _check_ending(output: Path, format: str) -> None:
+    """Refuse a name that would pass a file off as something else, such as a recording."""
+    endings = FORMATS[format]
+    if output.suffix.lower() not in endings:
+        raise click.UsageError(
+            f"{format} is written to files ending in {' or '.join(endings)}, got {output.name!r}"
+        )
 
 
 def _is_recording(path: Path) -> bool:
@@ -286,6 +296,9 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
 
     suffix = output.suffix.lower()
     if format is not None:
+        if suffix in (*RECORDINGS, *WRITERS):
+            name = output.name
+            raise click.UsageError(f"{format} is a folder, {name!r} is the name of a file")
         track = open_track(path)
         _write_folder(track, output, format)
     elif suffix == MCAP and path.suffix.lower() == MCAP:
@@ -304,8 +317,8 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
 
 
 def _repaired(path: Path, output: Path) -> RecordedStream:
+    from skinmap.io.mcap.reading import write_repaired
     from skinmap.io.output import staged_file
-    from skinmap.io.recordings.mcap_track import write_repaired
 
     with staged_file(output) as stage:
         return write_repaired(path, stage)
@@ -335,8 +348,6 @@ def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
         raise OutputError(f"{str(output)!r} is there already; name a folder that is not")
     if format == "lerobot":
         from skinmap.io.recordings.lerobot import write_lerobot as write
-    elif format == "zarr":
-        from skinmap.io.recordings.zarr_store import write_zarr as write
     else:
         from skinmap.io.recordings.rosbag2 import write_rosbag2 as write
     with staged_folder(output) as stage:
@@ -365,17 +376,18 @@ def _recording_lines(result: ExportedRecording) -> Iterator[str]:
     yield f"{result.samples} samples of {result.kind} values, {channels} channels"
 
 
-def _table(
-    robot: str, parts: tuple[str, ...], unrepaired: bool, read_as: str | None
-) -> tuple[str, str, TaxelTable]:
+def _table(robot: str, parts: tuple[str, ...], unrepaired: bool) -> tuple[str, str, TaxelTable]:
     """Names of the robot and the part, and the taxels."""
-    from skinmap.io.taxels.readers import SUFFIXES, read_taxels
+    from skinmap.io.taxels.readers import SUFFIXES, read_taxels, readers
 
-    path = Path(robot)
-    if read_as is not None or path.suffix.lower() in SUFFIXES:
+    read_as, colon, file = robot.partition(":")
+    if not colon or read_as not in readers.names():
+        read_as, file = "", robot
+    path = Path(file)
+    if read_as or path.suffix.lower() in SUFFIXES:
         if parts:
             raise click.UsageError(f"--part is for a robot; {robot} is a bare table")
-        return path.stem, path.stem, read_taxels(path, read_as)
+        return path.stem, path.stem, read_taxels(path, read_as or None)
     loaded, names = open_robot(robot, parts)
     if len(names) > 1:
         raise click.UsageError(f"a file holds one part, --part chooses it: {', '.join(names)}")
@@ -423,6 +435,7 @@ def _with_map(table: TaxelTable, part: str) -> CySkin:
 
 def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) -> None:
     from skinmap.io.taxels import export
+    from skinmap.io.taxels.icub import CHANNELS_PER_MODULE
     from skinmap.io.taxels.table import write_csv
 
     if format == "urdf":
@@ -432,6 +445,8 @@ def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) ->
 
         write_cyskin(_with_map(table, part), path)
     elif format == "icub":
+        if not table.modules.any():  # a file that names none
+            table = dataclasses.replace(table, modules=table.channels // CHANNELS_PER_MODULE)
         export.write_icub(table, path, name=table.link or "_".join(part.split()))
     else:
-        {"csv": write_csv, "ply": export.write_ply, "vtp": export.write_vtp}[format](table, path)
+        {"csv": write_csv, "ply": export.write_ply}[format](table, path)

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from skinmap.commands.options import open_robot, prints
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
 
@@ -77,7 +77,7 @@ class RecordingInfo:
     metavar="ROBOT",
     help="Robot whose skin it must be; it also names a dumper's folders.",
 )
-@profile_option()
+@retired(profile=NO_PROFILE)
 @prints(RecordingInfo)
 def command(recording: Path, robot: str | None, as_json: bool) -> None:
     """Say what a recording holds: samples, rate, gaps, skin, and what was lost if it was cut off.

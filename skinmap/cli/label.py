@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import force_option, open_robot, out_file, prints, robot_option
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.options import open_robot, out_file, prints, robot_option
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ class LabelResult:
         That were found because it had none marked, or because --find asked for it.
     touches
         That are marked now, by label.
+    stuck
+        Marks that were left out: only stuck taxels were pressed.
     unnamed
         Found ones that nobody named: they are not marked.
     files
@@ -43,13 +45,14 @@ class LabelResult:
     before: int
     found: int
     touches: dict[str, int]
+    stuck: int
     unnamed: int
     files: list[str]
 
 
 @click.command("label")
 @click.argument("recording", type=click.Path(path_type=Path))
-@out_file("New recording (.mcap or .npz); never the old one.")
+@out_file("New recording (.mcap or .npz); never the old one.", guarded=False)
 @click.option("--csv", "table", type=click.Path(path_type=Path), help="Take the touches from here.")
 @click.option(
     "--write-csv", type=click.Path(path_type=Path, dir_okay=False),
@@ -58,9 +61,8 @@ class LabelResult:
 @click.option("--web", is_flag=True, help="Step through the touches in the browser.")
 @click.option("--find", is_flag=True, help="Find the touches anew, whatever is marked.")
 @click.option("--name", metavar="LABEL", help="Name of all touches that have none in the end.")
-@force_option
 @robot_option
-@profile_option()
+@retired(profile=NO_PROFILE)
 @prints(LabelResult)
 def command(
     recording: Path,
@@ -70,7 +72,6 @@ def command(
     web: bool,
     find: bool,
     name: str | None,
-    force: bool,
     robot: str | None,
     as_json: bool,
 ) -> None:
@@ -80,7 +81,7 @@ def command(
     were not marked are found first, grouped as `classify` groups them. The recording stays as it
     is: what comes out is a new file.
 
-    \\b
+    \b
     Example:  skinmap label touch.mcap -o named.mcap
               skinmap label touch.mcap --write-csv touches.csv
               skinmap label touch.mcap --csv touches.csv -o named.mcap
@@ -90,11 +91,11 @@ def command(
     from skinmap.live.sources.open_recording import open_track
     from skinmap.touch.labels import RESERVED, UNNAMED, check_label
 
-    _check(recording, output, write_csv, force=force, changes=web or table is not None)
+    _check(recording, output, write_csv, changes=web or table is not None)
     label = None if name is None else check_label(name)
     loaded = open_robot(robot, ())[0]
     track = open_track(recording, robot=loaded)
-    before = Marks(track.touches)
+    before = _felt(Marks(track.touches), recording, loaded)
     finding = find or not len(before)
     marks = _found(recording, loaded) if finding else before
     found = len(marks) if finding else 0
@@ -122,16 +123,16 @@ def command(
         before=len(before),
         found=found,
         touches=dict(sorted(Counter(one.label for one in named.touches).items())),
+        stuck=len(track.touches) - len(before),
         unnamed=len(marks) - len(named),
         files=files,
     )
     present(result, _lines, as_json=as_json)
 
 
-def _check(
-    recording: Path, output: Path | None, write_csv: Path | None, *, force: bool, changes: bool
-) -> None:
+def _check(recording: Path, output: Path | None, write_csv: Path | None, *, changes: bool) -> None:
     """Refuse to write over the recording, over a file that is there, or nowhere at all."""
+    from skinmap.commands.overwriting import protect
     from skinmap.errors import MissingFileError, OutputError
     from skinmap.io.recordings.touch_files import check_suffix
 
@@ -144,19 +145,35 @@ def _check(
     if output is not None:
         check_suffix(output)
     for path in (output, write_csv):
-        if path is None or not path.exists():
+        if path is None:
             continue
-        if path.samefile(recording):
+        if path.exists() and path.samefile(recording):
             raise OutputError(f"cannot write {str(path)!r}: it is the recording; name a new file")
-        if not force:
-            raise OutputError(f"{str(path)!r} is there already; --force replaces it")
+        protect(path, data=True)
+
+
+def _felt(marks: Marks, path: Path, robot: Robot) -> Marks:
+    """The marks under which more than stuck taxels was pressed."""
+    from skinmap.io.recordings.marks import Marks
+    from skinmap.io.recordings.readers import read_recordings
+    from skinmap.touch.contacts.grouping import without_stuck
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    if not len(marks):
+        return marks
+    stuck = set()
+    for one in read_recordings(path):
+        numbers = sorted({mark.event for mark in marks.touches if mark.part == one.part})
+        _, gone = without_stuck(one, PreparedSkin(robot.skin(one.part)).geometry)
+        stuck |= {(one.part, numbers[row]) for row in gone.tolist()}
+    return Marks(tuple(one for one in marks.touches if (one.part, one.event) not in stuck))
 
 
 def _found(recording: Path, robot: Robot) -> Marks:
     """The touches of a recording, as `classify` tells them apart."""
     import numpy as np
 
-    from skinmap.classify.given_name import GivenName
+    from skinmap.classifiers.given_name import GivenName
     from skinmap.io.recordings.marks import Marks
     from skinmap.io.recordings.recorded_stream import MarkedTouch
     from skinmap.live.loop import TouchLoop
@@ -234,9 +251,9 @@ def _page() -> Edit:
 
 def write_marked_recording(recording: Path, output: Path, marks: Marks, robot: Robot) -> None:
     """Write a recording with other marks; raw values and joints are kept from MCAP to MCAP."""
+    from skinmap.io.mcap.reading import write_marked
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import remarked
-    from skinmap.io.recordings.mcap_track import write_marked
     from skinmap.io.recordings.readers import read_recordings
     from skinmap.io.recordings.touch_files import save_recordings
 
@@ -253,5 +270,7 @@ def _lines(result: LabelResult) -> Iterator[str]:
     if result.found:
         yield f"{result.found} touches found"
     yield f"{sum(result.touches.values())} touches marked: {named}"
+    if result.stuck:
+        yield f"{result.stuck} marks left out: only stuck taxels were pressed"
     if result.unnamed:
         yield f"{result.unnamed} without a name were left out"

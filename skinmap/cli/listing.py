@@ -38,7 +38,7 @@ def _robots(_: str) -> tuple[str, ...]:
 
 
 def _classifiers(_: str) -> tuple[str, ...]:
-    from skinmap.classify.catalogue import classifiers
+    from skinmap.classifiers.catalogue import classifiers
 
     return classifiers.names()
 

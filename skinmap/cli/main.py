@@ -1,10 +1,4 @@
-"""`skinmap`: the group of commands, each loaded only when it is called or listed.
-
-Ctrl-C and a polite kill always end a command, and its workers with it. Some packages try an import
-and catch whatever is raised in it, `KeyboardInterrupt` too, to go on without the package (trimesh
-does): an interruption in that moment would be lost, or come back much later as some other error.
-So nothing is raised inside an import: a moment later is soon enough.
-"""
+"""`skinmap`: the group of commands, each loaded only when it is called or listed."""
 
 from __future__ import annotations
 
@@ -16,7 +10,6 @@ import sys
 import traceback
 import warnings
 from importlib.metadata import entry_points
-from types import FrameType
 
 import click
 
@@ -24,7 +17,7 @@ from skinmap import __version__
 from skinmap.commands.groups import NamedGroup
 from skinmap.commands.progress import QUIET
 from skinmap.errors import SkinError
-from skinmap.imports import run_late
+from skinmap.interrupts import TerminatedError, interruptible
 from skinmap.report.table import visible
 
 # name: (module, one line for the list); the module holds a click command called `command`.
@@ -34,7 +27,7 @@ COMMANDS = {
         "What a robot's skin is made of, and whether it fits.",
     ),
     "export": ("skinmap.cli.export", "Taxels or recordings in the formats of others."),
-    "flatten": ("skinmap.cli.flatten.command", "Flat maps of the skin and what they distort."),
+    "flatten": ("skinmap.cli.flatten", "Flat maps of the skin and what they distort."),
     "structures": (
         "skinmap.cli.structures",
         "Periodic neighbourhood structures of the layout.",
@@ -46,7 +39,7 @@ COMMANDS = {
         "How well classifiers do, by the papers' protocols.",
     ),
     "trade": (
-        "skinmap.cli.trade.command",
+        "skinmap.cli.trade",
         "Speed against accuracy on your own skin, and a profile.",
     ),
     "record": ("skinmap.cli.record", "Record a live source; a killed process loses 0.2 s."),
@@ -62,8 +55,6 @@ COMMANDS = {
     "cache": ("skinmap.cli.cache", "What is kept between runs, and dropping it."),
 }
 GROUP = "skinmap.commands"
-AGAIN = 0.1  # seconds until the next look
-IMPORTING = "<frozen importlib._bootstrap>"
 # What is said of each, and the exit code.
 SAID: dict[int, tuple[str, int]] = {
     signal.SIGINT: ("interrupted", 130),
@@ -131,31 +122,28 @@ def main() -> None:
     """Run a command: exit 0 done, 2 bad input with one line, 1 internal error."""
     debug = "--debug" in sys.argv[1:]
     warnings.showwarning = _warn
-    end_on_interrupt()
-    run_late()
-    try:
-        cli.main(standalone_mode=False)
-    except click.exceptions.Exit as stop:
-        sys.exit(stop.exit_code)
-    except click.exceptions.NoArgsIsHelpError as error:
-        error.show()
-        sys.exit(2)
-    except click.ClickException as error:
-        _fail(_one_line(error), 2, debug)
-    except SkinError as error:
-        _fail(str(error), 2, debug)
-    except (KeyboardInterrupt, click.Abort) as error:  # click makes an Abort of the former
-        polite = isinstance(error.__cause__ or error, TerminatedError)
-        _fail(*SAID[signal.SIGTERM if polite else signal.SIGINT], debug=False)
-    except BrokenPipeError:  # the reader of our output went away: nothing is wrong
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
-    except Exception as error:  # noqa: BLE001 - the last resort: an internal error, said plainly
-        if _raised:  # compiled code made an error of its own of it (matplotlib: "bounding box")
-            _fail(*SAID[_raised[-1]], debug)
-        _fail(f"internal error: {type(error).__name__}: {error} (see --debug)", 1, debug)
-    finally:
-        forget_interrupts()  # before threads are joined, and all that others do at the end
+    with interruptible() as raised:  # it ends before threads are joined
+        try:
+            cli.main(standalone_mode=False)
+        except click.exceptions.Exit as stop:
+            sys.exit(stop.exit_code)
+        except click.exceptions.NoArgsIsHelpError as error:
+            error.show()
+            sys.exit(2)
+        except click.ClickException as error:
+            _fail(_one_line(error), 2, debug)
+        except SkinError as error:
+            _fail(str(error), 2, debug)
+        except (KeyboardInterrupt, click.Abort) as error:  # click makes an Abort of the former
+            polite = isinstance(error.__cause__ or error, TerminatedError)
+            _fail(*SAID[signal.SIGTERM if polite else signal.SIGINT], debug=False)
+        except BrokenPipeError:  # the reader of our output went away: nothing is wrong
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            sys.exit(0)
+        except Exception as error:  # noqa: BLE001 - the last resort: an internal error
+            if raised:  # compiled code made an error of its own of it (matplotlib: "bounding box")
+                _fail(*SAID[raised[-1]], debug)
+            _fail(f"internal error: {type(error).__name__}: {error} (see --debug)", 1, debug)
 
 
 def _one_line(error: click.ClickException) -> str:
@@ -175,51 +163,3 @@ def _fail(message: str, code: int, debug: bool) -> None:
         traceback.print_exc()
     click.echo(visible(f"Error: {' '.join(message.split())}"), err=True)
     sys.exit(code)
-
-
-class TerminatedError(KeyboardInterrupt):
-    """A polite kill (SIGTERM): undone like Ctrl-C, with another exit code."""
-
-
-def end_on_interrupt() -> None:
-    """Raise `KeyboardInterrupt` on Ctrl-C and a polite kill, once no import is going on.
-
-    A shell's background job is started with Ctrl-C ignored, and goes on ignoring it.
-    """
-    _raised.clear()
-    for kind in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(kind) is not signal.SIG_IGN:
-            signal.signal(kind, _interrupted)
-    signal.signal(signal.SIGALRM, _again)
-
-
-def forget_interrupts() -> None:
-    """End at once from here on: the work is done, and nothing is left to be undone."""
-    for kind in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(kind) is _interrupted:
-            signal.signal(kind, signal.SIG_DFL)
-    # What came inside the last import comes too late; Python is about to forget its handlers, and
-    # an alarm without one kills.
-    signal.setitimer(signal.ITIMER_REAL, 0.0)
-    _due.clear()
-
-
-_due: list[int] = []  # what came inside an import, to be raised behind it
-_raised: list[int] = []  # what was raised
-
-
-def _interrupted(kind: int, frame: FrameType | None) -> None:
-    while frame is not None:
-        if frame.f_code.co_filename == IMPORTING:
-            _due[:] = [kind]
-            signal.setitimer(signal.ITIMER_REAL, AGAIN)
-            return
-        frame = frame.f_back
-    _due.clear()
-    _raised.append(kind)
-    raise TerminatedError if kind == signal.SIGTERM else KeyboardInterrupt
-
-
-def _again(_: int, frame: FrameType | None) -> None:
-    if _due:
-        _interrupted(_due[0], frame)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import force_option, out_file, prints
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.options import out_file, prints
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -38,6 +38,8 @@ class MergeResult:
         By label.
     sessions
         Touches of each: a recording that does not say otherwise is a session.
+    stuck
+        Marks that were left out: only stuck taxels were pressed.
     files
         The new recording.
     """
@@ -46,6 +48,7 @@ class MergeResult:
     parts: dict[str, int]
     touches: dict[str, int]
     sessions: dict[str, int]
+    stuck: int
     files: list[str]
 
 
@@ -53,11 +56,14 @@ class MergeResult:
 @click.argument(
     "recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path(path_type=Path)
 )
-@out_file("Recording to write, .mcap or .npz; never one of those that are read.", required=True)
-@force_option
-@profile_option()
+@out_file(
+    "Recording to write, .mcap or .npz; never one of those that are read.",
+    required=True,
+    guarded=False,
+)
+@retired(profile=NO_PROFILE)
 @prints(MergeResult)
-def command(recordings: tuple[Path, ...], output: Path, force: bool, as_json: bool) -> None:
+def command(recordings: tuple[Path, ...], output: Path, as_json: bool) -> None:
     """Join recordings of one robot, one after the other, with their touches and sessions.
 
     Pressures are joined; raw values and joint angles stay in the recordings they came from. Of
@@ -66,10 +72,10 @@ def command(recordings: tuple[Path, ...], output: Path, force: bool, as_json: bo
     \b
     Example:  skinmap merge poke.mcap rub.mcap -o both.mcap
     """
-    present(work(recordings, output, force=force), _lines, as_json=as_json)
+    present(work(recordings, output), _lines, as_json=as_json)
 
 
-def work(paths: Sequence[Path], output: Path, *, force: bool) -> MergeResult:
+def work(paths: Sequence[Path], output: Path) -> MergeResult:
     """Read, join and write.
 
     Raises
@@ -81,42 +87,53 @@ def work(paths: Sequence[Path], output: Path, *, force: bool) -> MergeResult:
     """
     from skinmap.cli.collection import files_of, session_names
     from skinmap.commands.options import named_robot
+    from skinmap.commands.overwriting import protect
     from skinmap.errors import OutputError, SkinMismatchError
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.readers import read_recordings
     from skinmap.io.recordings.touch_files import check_suffix, save_recordings
+    from skinmap.touch.contacts.grouping import without_stuck
+    from skinmap.touch.prepared_skin import PreparedSkin
 
     check_suffix(output)
     files = [file for path in paths for file in files_of(path)]
     for file in files:
         if output.exists() and file.exists() and output.samefile(file):
             raise OutputError(f"cannot write {str(output)!r}: it is one of those that are read")
-    if output.exists() and not force:
-        raise OutputError(f"{str(output)!r} is there already; --force replaces it")
+    protect(output, data=True)
+    twice = [str(file) for file, count in Counter(files).items() if count > 1]
+    if twice:
+        raise click.UsageError(f"given twice: {', '.join(twice)}")
     sessions = session_names(files)
-    read = {file: read_recordings(file) for file in dict.fromkeys(files)}
+    read = {file: read_recordings(file) for file in files}
     robots = {one.robot: file for file, found in read.items() for one in found if one.robot}
     if len(robots) > 1:
         named = ", ".join(f"{robot} ({file})" for robot, file in robots.items())
         raise SkinMismatchError(
             f"recordings of several robots: {named}; `train` takes them as they are"
         )
+    robot = next(iter(robots), "")
+    model = named_robot(robot) if robot else None
     parts: dict[str, list[tuple[Path, Recording]]] = {}
+    stuck = 0
     for file, found in read.items():
         for one in found:
-            parts.setdefault(one.part, []).append((file, one))
+            felt = one
+            skin = model.skin(one.part) if model and one.part in model.parts else None
+            if skin is not None and len(skin) == one.pressures.shape[1]:
+                felt, _ = without_stuck(one, PreparedSkin(skin).geometry)
+            stuck += len(one.labels) - len(felt.labels)
+            parts.setdefault(one.part, []).append((file, felt))
     joined = [join([(sessions[file], one) for file, one in own]) for own in parts.values()]
-    robot = next(iter(robots), "")
     with staged_file(output) as stage:
-        save_recordings(
-            joined, stage, suffix=output.suffix, robot=named_robot(robot) if robot else None
-        )
+        save_recordings(joined, stage, suffix=output.suffix, robot=model)
     labels = Counter(label for one in joined for label in one.labels)
     return MergeResult(
         recordings=[str(file) for file in files],
         parts={one.part: len(one.times) for one in joined},
         touches=dict(sorted(labels.items())),
         sessions=dict(Counter(name for one in joined for name in one.sessions)),
+        stuck=stuck,
         files=[str(output)],
     )
 
@@ -188,4 +205,6 @@ def _lines(result: MergeResult) -> Iterator[str]:
     for part, samples in result.parts.items():
         yield f"{part}: {samples} samples"
     yield f"{sum(result.touches.values())} touches: {named}"
+    if result.stuck:
+        yield f"{result.stuck} marks left out: only stuck taxels were pressed"
     yield f"sessions: {', '.join(f'{count} {name}' for name, count in result.sessions.items())}"

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import glob
-import signal
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -17,10 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from skinmap.commands.options import (
-    MAX_SECONDS,
-    Number,
-    force_option,
-    open_robot,
+    open_stream,
     out_file,
     part_option,
     prints,
@@ -29,8 +24,8 @@ from skinmap.commands.options import (
     seed_option,
     speed_option,
 )
-from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import is_quiet
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -53,6 +48,8 @@ class RecordResult:
         Written, and lost because the disk was too slow.
     touches
         That were marked, by label; empty without --label and --model.
+    withdrawn
+        How many more were taken back, as their taxels turned out to be stuck.
     bytes
         Of all files.
     files
@@ -62,14 +59,14 @@ class RecordResult:
     samples: int
     dropped: int
     touches: dict[str, int]
+    withdrawn: int
     bytes: int
     files: list[str]
 
 
 @click.command("record")
 @click.argument("source")
-@out_file("MCAP file to write.", required=True)
-@force_option
+@out_file("MCAP file to write.", required=True, guarded=False)
 @robot_option
 @part_option
 @seconds_option("Stop after so long.")
@@ -77,7 +74,6 @@ class RecordResult:
 @click.option(
     "--model", type=click.Path(path_type=Path), help="Mark every touch with what a model says."
 )
-@click.option("--motion", is_flag=True, help="Record which way touches move, too: /skin/motion.")
 @click.option(
     "--session", metavar="WORDS", default="", help="When, in words: to leave out in `evaluate`."
 )
@@ -87,38 +83,27 @@ class RecordResult:
     default="",
     help="Who touches, in words: to leave out in `evaluate`.",
 )
-@click.option(
-    "--rotate-mb", type=Number(0.01, 1e6), default=1024.0, show_default=True,
-    help="Begin another file at this size.",
-)  # fmt: skip
-@click.option(
-    "--rotate-minutes", type=Number(0.01, MAX_SECONDS / 60.0), default=60.0, show_default=True,
-    help="Begin another file after this time.",
-)  # fmt: skip
 @speed_option("than recorded or simulated")
-@click.option(
-    "--points-hz", type=Number(0.0, 10_000.0, endless=True), default=1.0, show_default=True,
-    help="Clouds of all taxels a second for ROS 2's tools; inf one a sample, 0 none.",
-)  # fmt: skip
 @seed_option
-@profile_option()
+@retired(
+    profile=NO_PROFILE,
+    motion="touches that are named (--label, --model) carry how they move",
+    rotate_mb="a new file begins at 1 GB; Recorder(rotate_bytes=...) in Python",
+    rotate_minutes="a new file begins after an hour; Recorder(rotate_seconds=...) in Python",
+    points_hz="clouds of all taxels are written once a second; Recorder(points_hz=...) in Python",
+)
 @prints(RecordResult)
 def command(
     source: str,
     output: Path,
-    force: bool,
     robot: str | None,
     parts: tuple[str, ...],
     seconds: float | None,
     label: str | None,
     model: Path | None,
-    motion: bool,
     session: str,
     person: str,
-    rotate_mb: float,
-    rotate_minutes: float,
     speed: float,
-    points_hz: float,
     seed: int,
     as_json: bool,
 ) -> None:
@@ -133,13 +118,13 @@ def command(
     Example:  skinmap record lsl:demo -o touch.mcap --seconds 60
               skinmap record sim --label poke --part torso --person ada -o poke.mcap
     """
-    from skinmap.classify.given_name import GivenName
-    from skinmap.classify.model_file import load_classifier
+    from skinmap.classifiers.given_name import GivenName
+    from skinmap.classifiers.model_file import load_classifier
     from skinmap.errors import UnknownNameError
+    from skinmap.interrupts import interrupted_once
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.recording.recorder import Recorder
+    from skinmap.live.recording.recorder import Recorder, continued
     from skinmap.live.recording.recording_tap import RecordingTap
-    from skinmap.live.sources.open_source import open_source
     from skinmap.live.sources.source import Seekable, blocks
     from skinmap.touch.labels import check_label
 
@@ -147,16 +132,17 @@ def command(
         raise click.UsageError("--label and --model both name the touches; give one")
     if output.suffix.lower() != ".mcap":
         raise UnknownNameError("format to record in for files ending in", output.suffix, [".mcap"])
-    _check_output(output, source, force=force)
-    loaded, _ = open_robot(robot, parts)
+    _check_output(output, source)
     classifier = None if model is None else load_classifier(model)
     if label is not None:
         classifier = GivenName(check_label(label))
     session, person = (check_label(word) if word else "" for word in (session, person))
-    origin = open_source(source, robot=loaded, parts=parts or None, seed=seed, speed=speed)
-    named = classifier is not None or motion
-    shown = _Shown(output, sys.stderr)
+    loaded, origin = open_stream(source, robot, parts, seed=seed, speed=speed)
+    named = classifier is not None
+    shown = _Shown(output, sys.stderr, named=named)
     try:
+        for path in continued(output):
+            path.unlink()  # of the recording that --force replaces
         recorder = Recorder(
             output,
             origin.info,
@@ -164,20 +150,17 @@ def command(
             widths=_pressures(origin, loaded) if named else None,
             session=session,
             person=person,
-            rotate_bytes=rotate_mb * 2**20,
-            rotate_seconds=rotate_minutes * 60.0,
-            points_hz=points_hz,
         )
         patience = FILE_PATIENCE if isinstance(origin, Seekable) else LIVE_PATIENCE
-        recorded = RecordingTap(
-            origin, recorder, patience=patience, seconds=seconds, one_by_one=named
-        )
+        recorded = RecordingTap(origin, recorder, patience=patience, seconds=seconds)
         try:
-            with _stopped_politely(), closing(recorder), suppress(KeyboardInterrupt):
+            with interrupted_once(), closing(recorder), suppress(KeyboardInterrupt):
                 if named:
                     # Whatever the machine has to do: the same marks for the same samples.
-                    loop = TouchLoop(loaded, recorded, classifier=classifier, live=False)
-                    _follow(loop, recorder, shown, motion=motion)
+                    loop = TouchLoop(
+                        loaded, recorded, classifier=classifier, live=False, singly=True
+                    )
+                    _follow(loop, recorder, shown)
                 else:
                     for block in blocks(recorded):
                         shown.add(len(block))
@@ -193,24 +176,23 @@ def command(
         samples=recorder.counts.written,
         dropped=recorder.counts.dropped,
         touches=dict(sorted(shown.touches.items())),
+        withdrawn=shown.withdrawn,
         bytes=sum(file.stat().st_size for file in recorder.files),
         files=[str(file) for file in recorder.files],
     )
     present(result, _lines, as_json=as_json)
 
 
-def _check_output(output: Path, source: str, *, force: bool) -> None:
+def _check_output(output: Path, source: str) -> None:
     """Refuse to replace a recording, or to write into the one that is played."""
+    from skinmap.commands.overwriting import protect
     from skinmap.errors import OutputError
+    from skinmap.live.recording.recorder import continued
 
     if output.exists() and Path(source).exists() and output.samefile(source):
         raise OutputError(f"cannot write {str(output)!r}: it is what is played")
-    if force:
-        return
-    turned = f"{glob.escape(output.stem)}_[0-9][0-9][0-9][0-9]{glob.escape(output.suffix)}"
-    for path in (output, *sorted(output.parent.glob(turned))):
-        if path.exists():
-            raise OutputError(f"{str(path)!r} is there already; --force replaces it")
+    for path in (output, *continued(output)):
+        protect(path, data=True)
 
 
 def _lines(result: RecordResult) -> Iterator[str]:
@@ -218,6 +200,8 @@ def _lines(result: RecordResult) -> Iterator[str]:
     yield f"{result.samples} samples, {result.dropped} dropped, {size:.1f} MB"
     if result.touches:
         yield _counted(result.touches)
+    if result.withdrawn:
+        yield f"{result.withdrawn} taken back and not marked: the taxels are stuck"
 
 
 def _counted(touches: dict[str, int]) -> str:
@@ -228,9 +212,10 @@ def _counted(touches: dict[str, int]) -> str:
 class _Shown:
     """Samples, touches and labels so far: one line that is written over, or lines in a log."""
 
-    def __init__(self, output: Path, stream: Any) -> None:
+    def __init__(self, output: Path, stream: Any, *, named: bool) -> None:
         self.touches: Counter[str] = Counter()
-        self._name, self._stream = output.name, stream
+        self.withdrawn = 0
+        self._name, self._stream, self._named = output.name, stream, named
         self._quiet, self._over = is_quiet(), stream.isatty()
         self._samples, self._told, self._width = 0, time.monotonic(), 0
 
@@ -242,7 +227,9 @@ class _Shown:
         now = time.monotonic()
         if not self._quiet and now - self._told >= (SHOWN if self._over else LOGGED):
             self._told = now
-            line = f"{self._name}: {self._samples} samples, {_counted(self.touches)}"
+            line = f"{self._name}: {self._samples} samples"
+            if self._named:
+                line += f", {_counted(self.touches)}"
             self._stream.write(f"\r{line:{self._width}}" if self._over else f"{line}\n")
             self._stream.flush()
             self._width = len(line) if self._over else 0
@@ -254,25 +241,7 @@ class _Shown:
             self._stream.flush()
 
 
-@contextmanager
-def _stopped_politely() -> Iterator[None]:
-    """Ctrl-C and a polite kill end the recording once; more of them do not disturb its end."""
-    kinds = (signal.SIGINT, signal.SIGTERM)
-
-    def stop(*_: object) -> None:
-        for kind in kinds:
-            signal.signal(kind, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    before = [signal.signal(kind, stop) for kind in kinds]
-    try:
-        yield
-    finally:
-        for kind, handler in zip(kinds, before, strict=True):
-            signal.signal(kind, handler)
-
-
-def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown, *, motion: bool) -> None:
+def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Record samples, pressures and, once each is over, touches with their names."""
     from skinmap.live.sources.source import SourceEnded
 
@@ -284,8 +253,8 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown, *, motion: bool)
             if loop.info.kind == "raw":
                 recorder.put(_pressure_block(moment, loop.info.parts), "pressure")
             recorder.show_touches(moment.time, _markers(loop, moment))
-            if motion and moment.touches:
-                recorder.put_motion(moment.time, _motions(moment))
+            if moment.touches:
+                recorder.put_motion(moment.time, _motions(loop, moment))
             shown.add(1)
             _mark_ended(loop, recorder, shown)
     except (SourceEnded, KeyboardInterrupt):
@@ -293,12 +262,13 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown, *, motion: bool)
         _mark_ended(loop, recorder, shown)
 
 
-def _motions(moment: Moment) -> list[dict[str, Any]]:
+def _motions(loop: TouchLoop, moment: Moment) -> list[dict[str, Any]]:
     """The touches of a moment and how they move."""
     return [
         {
             "part": one.part,
             "touch": one.identity,
+            "channels": loop.skins[one.part].skin.channels[one.taxels].tolist(),
             "label": one.label,
             "centre_m": one.centre.round(6).tolist(),
             "velocity_m_s": one.motion.velocity.round(6).tolist(),
@@ -326,10 +296,16 @@ def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Mark the touches that are over; one without a name is nothing to train on."""
     from skinmap.touch.labels import RESERVED
 
+    shown.withdrawn += len(loop.withdrawn())
     for event in loop.finished():
         if event.label not in RESERVED:
             recorder.mark(
-                event.part, event.identity, event.label, began=event.began, ended=event.ended
+                event.part,
+                event.identity,
+                event.label,
+                began=event.began,
+                ended=event.ended,
+                channels=event.channels,
             )
             shown.add(label=event.label)
 

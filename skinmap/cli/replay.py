@@ -17,7 +17,7 @@ from skinmap.commands.options import (
     seconds_option,
     speed_option,
 )
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
 
@@ -50,7 +50,7 @@ class ReplayResult:
 @speed_option("than recorded")
 @click.option("--loop", is_flag=True, help="Start again at the end, until Ctrl-C.")
 @seconds_option("Stop after so long.")
-@profile_option()
+@retired(profile=NO_PROFILE)
 @prints(ReplayResult)
 def command(
     recording: Path,

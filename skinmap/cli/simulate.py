@@ -20,40 +20,30 @@ from skinmap.commands.options import (
     out_file,
     part_option,
     per_gesture_option,
-    places_option,
     prints,
     publish_option,
     robot_argument,
     seconds_option,
     seed_option,
 )
+from skinmap.commands.overwriting import protect
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
+from skinmap.commands.retired import retired
 from skinmap.errors import SkinWarning
 from skinmap.report.present import present
 
+PHYSICS = ("ours", "mujoco")
+PAIRS = "pairs"
 SHARE, COUNTS = Number(0.0, 1.0), Number(0.0, 255.0)
-# What can be said of the sensors instead of having it drawn: limits and help.
-SENSING: dict[str, tuple[click.ParamType[Any], str]] = {
-    "noise": (COUNTS, "Of a sample [counts]; 1.2 where nothing varies."),
-    "drift": (COUNTS, "Of baselines [counts]; 0.5 where nothing varies."),
-    "dead": (SHARE, "Share of taxels that always send 0."),
-    "unplaced": (SHARE, "Share of modules whose channels have no place."),
-    "stuck": (SHARE, "Share of taxels, side by side, that always send one value."),
-    "spikes": (SHARE, "Chance that a taxel jumps in a sample."),
-    "gaps": (Number(0.0, 0.5), "Share of samples that are lost, one to four at once."),
-    "hysteresis": (SHARE, "Share of a fallen load by which readings stay higher."),
-    "creep": (Number(0.0, 10.0), "Share by which readings still grow under a standing load."),
-    "cross_talk": (SHARE, "Share of its module's mean that a taxel reads with its own."),
-    "gain_spread": (Number(0.0, 10.0), "Spread of taxels' gains; 0.15 where nothing varies."),
-    "foam_mm": (
-        Number(0.0, 1000.0, min_open=True),
-        "Spread by the foam; 2.5 where nothing varies.",
-    ),
-    "saturation": (COUNTS, "No taxel sends more counts; 255 by default."),
-    "bits": (click.IntRange(1, 8), "Resolution; 8 by default."),
-    "rate": (Number(0.0, 10_000.0, min_open=True), "Samples a second; 50 by default."),
-}
+# What can be said of the sensors instead of having it drawn (docs/simulator.md).
+SENSING: dict[str, click.ParamType[Any]] = {
+    "noise": COUNTS, "drift": COUNTS, "dead": SHARE, "unplaced": SHARE, "stuck": SHARE,
+    "spikes": SHARE, "gaps": Number(0.0, 0.5), "hysteresis": SHARE, "creep": Number(0.0, 10.0),
+    "cross-talk": SHARE, "gain-spread": Number(0.0, 10.0),
+    "foam-mm": Number(0.0, 1000.0, min_open=True), "saturation": COUNTS,
+    "bits": click.IntRange(1, 8), "rate": Number(0.0, 10_000.0, min_open=True),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -141,11 +131,30 @@ class StreamResult:
     interrupted: bool
 
 
-def sensing_options(command: Any) -> Any:
-    """One option for each entry of `SENSING`."""
-    for name, (kind, text) in reversed(SENSING.items()):
-        command = click.option("--" + name.replace("_", "-"), type=kind, help=text)(command)
-    return command
+def _faults(ctx: click.Context, param: click.Parameter, given: tuple[str, ...]) -> dict[str, Any]:
+    """Values of `--fault NAME=VALUE` by name."""
+    from skinmap.errors import UnknownNameError
+
+    found = {}
+    for one in given:
+        name, _, value = one.partition("=")
+        if name not in SENSING:
+            raise UnknownNameError("fault", name, SENSING)
+        found[name] = SENSING[name].convert(value, param, ctx)
+    return found
+
+
+def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[str, str]:
+    """Who presses, and the variant of MuJoCo's physics."""
+    from skinmap.errors import UnknownNameError
+    from skinmap.physics.variants import DEFAULT, VARIANTS
+
+    physics, _, variant = given.partition(":")
+    if physics not in PHYSICS or (variant and physics != "mujoco"):
+        raise UnknownNameError("physics", given, [*PHYSICS, "mujoco:VARIANT"])
+    if variant and variant not in VARIANTS:
+        raise UnknownNameError("physics variant", variant, VARIANTS)
+    return physics, variant or DEFAULT
 
 
 @click.command("simulate")
@@ -158,12 +167,7 @@ def sensing_options(command: Any) -> Any:
     metavar="GESTURE",
     multiple=True,
     help="Only this gesture; may be repeated. Or four (the default), eight, all, or time: "
-    "strokes, pats, taps, rubs and more, with their true motion.",
-)
-@click.option(
-    "--pairs",
-    type=click.IntRange(1, MAX_TOUCHES),
-    help="Instead, so many pairs of touches at once on each part, drawn from the gestures.",
+    "strokes, pats, taps, rubs and more, with their true motion. With pairs, two of them at once.",
 )
 @click.option(
     "--subjects",
@@ -172,18 +176,14 @@ def sensing_options(command: Any) -> Any:
     show_default=True,
     help="People who touch, each with a hand size and habits.",
 )
-@places_option()
 @click.option(
     "--physics",
-    type=click.Choice(["ours", "mujoco"]),
+    metavar="ours|mujoco[:VARIANT]",
     default="ours",
     show_default=True,
-    help="Who presses: our simulator, or MuJoCo on a bed of springs (extra 'mujoco').",
-)
-@click.option(
-    "--variant",
-    metavar="VARIANT",
-    help="Of --physics mujoco: foam (the default), flesh, finger, ...",
+    callback=_physics,
+    help="Who presses: our simulator, or MuJoCo on a bed of springs (extra 'mujoco'), which is "
+    "foam, flesh, finger, ...",
 )
 @click.option(
     "--variety",
@@ -193,8 +193,21 @@ def sensing_options(command: Any) -> Any:
     help="How far touches and sensors are drawn at random: none (pads of fixed sizes on clean "
     "sensors), some, wide, or a number from 0 to 1.",
 )
-@sensing_options
-@out_file("Recording to write: .npz or .mcap.", default="touches.npz")
+@click.option(
+    "--fault",
+    "faults",
+    metavar="NAME=VALUE",
+    multiple=True,
+    callback=_faults,
+    help=f"Of the sensors, instead of drawing it; may be repeated. {', '.join(SENSING)}.",
+)
+@retired(
+    variant="write --physics mujoco:VARIANT",
+    pairs="write --gesture pairs, and their number as --per-gesture",
+    places="from Python: skinmap.simulate(skin, places='habitual')",
+    **{name.replace("-", "_"): f"write --fault {name}=VALUE" for name in SENSING},
+)
+@out_file("Recording to write: .npz or .mcap.", default="touches.npz", guarded=False)
 @publish_option("touches without end instead of recording them")
 @seconds_option("Stop after so long; with --publish only.")
 @click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
@@ -206,9 +219,7 @@ def command(
     parts: tuple[str, ...],
     per_gesture: int,
     gestures: tuple[str, ...],
-    pairs: int | None,
-    physics: str,
-    variant: str | None,
+    physics: tuple[str, str],
     output: Path,
     publish: str | None,
     seconds: float | None,
@@ -216,33 +227,34 @@ def command(
     seed: int,
     as_json: bool,
     subjects: int,
-    places: Any,
     variety: str,
-    **how: Any,
+    faults: dict[str, Any],
 ) -> None:
     """Simulate touches and write them with event numbers, labels and subjects, or stream them.
 
     With --variety none touches are pads of fixed sizes on clean sensors; else bodies with a force
-    on an elastic skin, and sensors whose faults are drawn unless an option says them.
+    on an elastic skin, and sensors whose faults are drawn unless --fault gives them.
 
     \b
     Example:  skinmap simulate icub --part torso --per-gesture 30 -o torso.npz
-              skinmap simulate icub --gesture eight --subjects 20 --dead 0.02 -o touches.npz
+              skinmap simulate icub --gesture eight --subjects 20 --fault dead=0.02 -o touches.npz
               skinmap simulate icub --variety none -o clean.npz
-              skinmap simulate icub --part torso --pairs 50 -o pairs.npz
-              skinmap simulate icub --physics mujoco --variant flesh -o flesh.npz
-              skinmap simulate icub --rate 50 --publish lsl:demo
+              skinmap simulate icub --part torso --gesture pairs --per-gesture 50 -o pairs.npz
+              skinmap simulate icub --physics mujoco:flesh -o flesh.npz
+              skinmap simulate icub --publish lsl:demo
     """
-    if variant is not None and physics != "mujoco":
-        raise click.UsageError("--variant is for --physics mujoco")
-    from skinmap.touch.variety import variety_of
+    from skinmap.touch.simulation.variety import variety_of
 
-    number = variety_of(variety)
-    given = {name: value for name, value in how.items() if value is not None}
+    number, mujoco = variety_of(variety), physics[0] == "mujoco"
+    paired = PAIRS in gestures
+    gestures = tuple(one for one in gestures if one != PAIRS)
+    if paired and (mujoco or publish is not None):
+        raise click.UsageError("pairs are of our own simulator, and recorded: leave out pairs")
+    given = {name.replace("-", "_"): value for name, value in faults.items()}
     if "foam_mm" in given:
         given["foam"] = given.pop("foam_mm") / 1e3
     if publish is not None:
-        _refuse_given("per_gesture", "pairs", "output", "subjects", "places", "physics")
+        _refuse_given("per_gesture", "output", "subjects", "physics")
         streamed = publish_touches(
             robot, parts, publish, gestures=gestures, seconds=seconds, raw=raw, seed=seed,
             variety=number, sensing=given,
@@ -251,18 +263,17 @@ def command(
         return
     if seconds is not None or raw:
         raise click.UsageError("--seconds and --raw are for streams: add --publish")
-    if physics == "mujoco":
-        _refuse_given(
-            "pairs", "places", "foam_mm", "variety", why="--physics mujoco has its own; leave out"
-        )
-    if pairs is not None and places != "anywhere":
-        raise click.UsageError("--pairs are made anywhere on the skin; leave out --places")
+    if mujoco:
+        why = "--physics mujoco has its own; leave out"
+        _refuse_given("variety", why=why)
+        if "foam" in given:
+            raise click.UsageError(f"{why} --fault foam-mm")
+    protect(output)
     result = work(
-        robot, parts, output, per_gesture=per_gesture, gestures=gestures, pairs=pairs, seed=seed,
-        subjects=subjects, places=places, variety=number, sensing=given, physics=physics,
-        variant=variant,
+        robot, parts, output, per_gesture=per_gesture, gestures=gestures, paired=paired, seed=seed,
+        subjects=subjects, variety=number, sensing=given, variant=physics[1] if mujoco else None,
     )  # fmt: skip
-    asked = per_gesture if pairs is None else 0
+    asked = 0 if paired else per_gesture
     present(result, lambda one: _lines(one, asked), as_json=as_json)
 
 
@@ -273,53 +284,49 @@ def work(
     *,
     per_gesture: int,
     gestures: tuple[str, ...],
-    pairs: int | None,
+    paired: bool,
     subjects: int,
-    places: Any,
     variety: float,
     sensing: Mapping[str, Any],
-    physics: str = "ours",
     variant: str | None = None,
     seed: int,
 ) -> SimulateResult:
-    """Simulate touches on all parts and write them."""
+    """Simulate touches on all parts and write them; a `variant` is of MuJoCo's physics."""
     import numpy as np
 
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import check_suffix, save_recordings
     from skinmap.physics.simulation import simulate as press
-    from skinmap.physics.variants import DEFAULT
-    from skinmap.touch.gestures import gesture_set
-    from skinmap.touch.pairs import simulate_pairs
-    from skinmap.touch.simulator import check_gestures, simulate
-    from skinmap.touch.variety import draw_sensing
+    from skinmap.touch.simulation.gestures import gesture_set
+    from skinmap.touch.simulation.pairs import simulate_pairs
+    from skinmap.touch.simulation.simulator import check_gestures, simulate
+    from skinmap.touch.simulation.variety import draw_sensing
 
     check_suffix(output)
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
     check_gestures(wanted)
     shared: dict[str, Any] = {"gestures": wanted, "subjects": subjects}
-    steps = len(names) * (pairs or len(wanted) * per_gesture)
+    steps = len(names) * per_gesture * (1 if paired else len(wanted))
     recordings = []
     with staged_file(output) as stage, progress(steps, "simulating") as advance:
         shared["progress"] = advance
         for name, rng in zip(names, np.random.default_rng(seed).spawn(len(names)), strict=True):
             skin = loaded.skin(name)
-            answers = draw_sensing(0.0 if physics == "mujoco" else variety, rng=rng)
+            answers = draw_sensing(0.0 if variant else variety, rng=rng)
             shared["sensing"] = replace(answers, **sensing)
-            if pairs is not None:
+            if paired:
                 recordings.append(
-                    simulate_pairs(skin, count=pairs, rng=rng, variety=variety, **shared)
+                    simulate_pairs(skin, count=per_gesture, rng=rng, variety=variety, **shared)
                 )
                 continue
-            if physics == "mujoco":
-                chosen: dict[str, Any] = {"variant": variant or DEFAULT, "per_gesture": per_gesture}
-                recordings.append(press(skin, rng=rng, **chosen, **shared))
-                continue
-            more = {"per_gesture": per_gesture, "places": places}
-            recordings.append(simulate(skin, rng=rng, variety=variety, **more, **shared))
+            shared["per_gesture"] = per_gesture
+            if variant is not None:
+                recordings.append(press(skin, rng=rng, variant=variant, **shared))
+            else:
+                recordings.append(simulate(skin, rng=rng, variety=variety, **shared))
         save_recordings(recordings, stage, robot=loaded)
-    if physics == "mujoco" and output.suffix.lower() != ".npz":
+    if variant is not None and output.suffix.lower() != ".npz":
         warnings.warn(
             f"only .npz keeps the true force and place of each sample, {output.name} does not",
             SkinWarning,
@@ -329,7 +336,7 @@ def work(
         SimulatedPart(
             part=recording.part,
             samples=len(recording.times),
-            touches=_counts(recording.labels, wanted if pairs is None else ()),
+            touches=_counts(recording.labels, () if paired else wanted),
             subjects=len(set(recording.subjects.tolist())),
         )
         for recording in recordings
@@ -387,8 +394,8 @@ def publish_touches(
 
     from skinmap.live.publishing.publish import open_publisher, stream
     from skinmap.live.sources.simulator import SimulatedSource
-    from skinmap.touch.gestures import gesture_set
-    from skinmap.touch.variety import draw_sensing
+    from skinmap.touch.simulation.gestures import gesture_set
+    from skinmap.touch.simulation.variety import draw_sensing
 
     loaded, names = open_robot(robot, parts)
     answers = replace(draw_sensing(variety, rng=np.random.default_rng(seed)), **sensing)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from skinmap.commands.options import (
-    Number,
     open_robot,
     out_option,
     part_option,
@@ -19,6 +18,7 @@ from skinmap.commands.options import (
     robot_argument,
 )
 from skinmap.commands.profiles import profile_option
+from skinmap.commands.retired import retired
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from skinmap.touch.prepared_skin import PreparedSkin
 
 Distance = Literal["euclidean", "geodesic"]
+TOLERANCE_MM = 1.5  # how far neighbours may stray
+IN_PROFILE = "write {} in the table [classify] of a profile (docs/profiles.md)"
 RARE = 5  # structures with fewer members say little about the lattice
 
 
@@ -107,16 +109,9 @@ class StructuresResult:
 @click.option(
     "--radius-mm",
     metavar="MM|auto",
-    default="8",
+    default="auto",
     show_default=True,
     help="Radius of a neighbourhood, or auto: between two rings of the lattice, near 8 mm.",
-)
-@click.option(
-    "--tolerance-mm",
-    type=Number(0.0, 1000.0, min_open=True),
-    default=1.5,
-    show_default=True,
-    help="How far neighbours may stray.",
 )
 @click.option(
     "--rotations",
@@ -125,23 +120,20 @@ class StructuresResult:
     show_default=True,
     help="Whether structures may turn: by pi/3 (6), or by quarters (4, square grids).",
 )
-@click.option(
-    "--distance",
-    type=click.Choice(["euclidean", "geodesic"]),
-    default="euclidean",
-    show_default=True,
-    help="Straight, or along the skin.",
-)
 @out_option
-@profile_option("classify")
+@profile_option("classify", beside=("tolerance_mm", "distance"))
+@retired(
+    tolerance_mm=IN_PROFILE.format("tolerance_mm = 1.5"),
+    distance=IN_PROFILE.format('distance = "geodesic"'),
+)
 @prints(StructuresResult)
 def command(
     robot: str,
     parts: tuple[str, ...],
     radius_mm: str,
-    tolerance_mm: float,
+    tolerance_mm: float | None,
     rotations: str,
-    distance: Distance,
+    distance: Distance | None,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -152,25 +144,33 @@ def command(
     """
     wanted = read_radius(radius_mm)
     loaded, names = open_robot(robot, parts)
-    sought = Sought(names, wanted, tolerance_mm * 1e-3, int(rotations), distance)
-    result, skins, found = work(loaded, sought)
+    tolerance = 1e-3 * (tolerance_mm or TOLERANCE_MM)
+    result, skins, found = work(
+        loaded, names, wanted, tolerance, int(rotations), distance or "euclidean"
+    )
 
     def write(stage: Path) -> Iterator[str]:
-        from skinmap.report.structure_figures import body_figure, structures_figure
+        from skinmap.report.structure_figures import structures_figure
 
         structures_figure(skins, found, stage / "structures.png")
-        body_figure(loaded, skins, found, stage / "structures_body.png")
-        yield from ("structures.png", "structures_body.png")
+        yield "structures.png"
 
     present(result, _lines, as_json=as_json, out=out, write=write)
 
 
-@dataclass(frozen=True, slots=True)
-class Sought:
-    """What is looked for.
+def work(
+    robot: Robot,
+    parts: tuple[str, ...],
+    radius: float | None,
+    tolerance: float,
+    rotations: int,
+    distance: Distance,
+) -> tuple[StructuresResult, dict[str, PreparedSkin], Structures]:
+    """The numbers, the skins by part, and the structures on them.
 
-    Attributes
+    Parameters
     ----------
+    robot : Robot
     parts : tuple of str
     radius : float or None
         Of a neighbourhood [m]; None chooses it between two rings of the lattice.
@@ -179,46 +179,32 @@ class Sought:
     rotations : int
     distance : {"euclidean", "geodesic"}
     """
-
-    parts: tuple[str, ...]
-    radius: float | None
-    tolerance: float
-    rotations: int
-    distance: Distance
-
-
-def work(
-    robot: Robot, sought: Sought
-) -> tuple[StructuresResult, dict[str, PreparedSkin], Structures]:
-    """The numbers, the skins by part, and the structures on them."""
     from skinmap.neighbours.offsets import LATTICE, concatenate
     from skinmap.neighbours.radius import auto_radius
     from skinmap.neighbours.structures import RADIUS, find_structures
     from skinmap.touch.prepared_skin import PreparedSkin
 
-    skins = {name: PreparedSkin(robot.skin(name)) for name in sought.parts}
-    radius = sought.radius
+    skins = {name: PreparedSkin(robot.skin(name)) for name in parts}
+    asked = radius
     if radius is None:
         radius = auto_radius([skin.skin.positions for skin in skins.values()], near=RADIUS)
-    symmetry = sought.rotations if sought.rotations > 1 else LATTICE
+    symmetry = rotations if rotations > 1 else LATTICE
     hoods = [
-        skin.neighbourhoods(radius=radius, distance=sought.distance, symmetry=symmetry)
+        skin.neighbourhoods(radius=radius, distance=distance, symmetry=symmetry)
         for skin in skins.values()
     ]
-    found = find_structures(
-        concatenate(hoods), tolerance=sought.tolerance, rotations=sought.rotations
-    )
+    found = find_structures(concatenate(hoods), tolerance=tolerance, rotations=rotations)
     counts, filled = found.counts, found.prototypes.filled.sum(axis=1)
     without = int((found.labels < 0).sum())
     rare = int(counts[counts < RARE].sum()) + without
     result = StructuresResult(
         robot=robot.name,
-        parts=list(sought.parts),
+        parts=list(parts),
         radius_mm=radius * 1e3,
-        radius_is="auto" if sought.radius is None else "requested",
-        tolerance_mm=sought.tolerance * 1e3,
-        rotations=sought.rotations,
-        distance=sought.distance,
+        radius_is="auto" if asked is None else "requested",
+        tolerance_mm=tolerance * 1e3,
+        rotations=rotations,
+        distance=distance,
         structures=len(found.prototypes),
         taxels=len(found.labels),
         rare_taxels=rare,

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
-from click.core import ParameterSource
 
 from skinmap.commands.options import (
     out_file,
@@ -21,17 +20,21 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
+from skinmap.commands.retired import retired
 from skinmap.report.present import present
+from skinmap.summary import first_few
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from skinmap.classify.classifier import TouchClassifier
-    from skinmap.classify.descriptors import Touch
+    from skinmap.classifiers.classifier import TouchClassifier
+    from skinmap.classifiers.descriptors import Touch
     from skinmap.cli.collection import Collection
 
     Touches = list[Touch]
 
+# Settings of classifiers that only a profile has.
+IN_PROFILE = ("radius_mm", "words", "rotations", "distance", "image_size")
 SHOWN = 12  # sessions or people that a line names
 
 
@@ -159,32 +162,13 @@ class TrainResult:
     metavar="N",
     help="Add N simulated touches of each recorded label that the simulator knows, on each skin.",
 )
-@click.option(
-    "--radius-mm",
-    metavar="MM|auto",
-    help="Histograms: of a neighbourhood, or auto, as structures has it.  [default: 8]",
-)
-@click.option(
-    "--words", type=click.IntRange(2, 250), help="Codewords of a structure, or of images."
-)
-@click.option(
-    "--rotations", type=click.Choice(["1", "4", "6"]), help="Histograms: turns of a structure."
-)
-@click.option(
-    "--distance", type=click.Choice(["euclidean", "geodesic"]),
-    help="Histograms: straight, or along the skin.",
-)  # fmt: skip
-@click.option(
-    "--search", type=click.Choice(["plain", "compiled"]),
-    help="Histograms: how codewords are looked for.",
-)  # fmt: skip
-@click.option(
-    "--precision", type=click.Choice(["float64", "float32"]),
-    help="Histograms: of distances from codewords.",
-)  # fmt: skip
-@click.option("--image-size", metavar="ROWSxCOLUMNS", help="Contact images.  [default: 66x100]")
 @seed_option
-@profile_option("classify")
+@profile_option("classify", beside=IN_PROFILE)
+@retired(
+    search="compiled code is used where it pays",
+    precision="distances are in double precision",
+    **{name: f"set {name} in the table [classify] of a profile" for name in IN_PROFILE},
+)
 @prints(TrainResult)
 def command(
     recordings: tuple[Path, ...],
@@ -203,16 +187,14 @@ def command(
     held out; recorded parts that are not trained on are a second test. Where a label has few
     touches, five for one, the model learns from all and each is tested by a model without it.
 
-    The model keeps its settings: `classify` needs to be told none of them. Settings that do not
-    concern the classifier are refused.
+    A profile sets radius_mm, words, rotations, distance, search, precision and image_size, too. The
+    model keeps all settings; those that do not concern the classifier are refused.
 
     \b
     Example:  skinmap train touches.npz --part torso --part left_arm -o touch.skinmodel
               skinmap train poke.mcap rub.mcap monday/ --with-simulated 20
     """
-    if knobs["rotations"] is not None:
-        knobs["rotations"] = int(knobs["rotations"])
-    chosen = Training(classifier, parts, seed, with_simulated or 0, _own_knobs(knobs))
+    chosen = Training(classifier, parts, seed, with_simulated or 0, _own_knobs(classifier, knobs))
     present(work(recordings, robot, output, chosen), _lines, as_json=as_json)
 
 
@@ -228,7 +210,7 @@ class Training:
 
     def untrained(self) -> TouchClassifier:
         """The classifier before training; knobs that do not concern it are refused."""
-        from skinmap.classify.classifier_options import tuned_classifier
+        from skinmap.classifiers.classifier_options import tuned_classifier
 
         return tuned_classifier(self.classifier, self.knobs)
 
@@ -239,10 +221,10 @@ def work(
     """Train, write the model, and test it on what it has not seen."""
     import numpy as np
 
-    from skinmap.classify.classifier import WITH_SETS
-    from skinmap.classify.evaluate import score
-    from skinmap.classify.few_shot import is_few, score_in_turn
-    from skinmap.classify.model_file import save_classifier
+    from skinmap.classifiers.classifier import WITH_SETS
+    from skinmap.classifiers.evaluate import score
+    from skinmap.classifiers.few_shot import is_few, score_in_turn
+    from skinmap.classifiers.model_file import save_classifier
     from skinmap.cli.collection import collect
     from skinmap.io.output import staged_file
     from skinmap.neighbours.radius import auto_radius
@@ -251,7 +233,7 @@ def work(
     knobs = chosen.knobs
     auto = knobs.get("radius_mm") == "auto"
     if knobs.get("radius_mm") is not None:
-        knobs["radius_mm"] = round(1e3 * (read_radius(knobs["radius_mm"]) or RADIUS), 9)
+        knobs["radius_mm"] = round(1e3 * (read_radius(str(knobs["radius_mm"])) or RADIUS), 9)
     chosen.untrained()  # refuses knobs before anything is read
     found = collect(recordings, robot)
     if auto:
@@ -299,8 +281,8 @@ def _split(found: Collection, parts: Sequence[str], rng: Generator) -> tuple[Tou
     InvalidArrayError
         Fewer than two labels.
     """
-    from skinmap.classify.evaluate import HELD_OUT
-    from skinmap.classify.protocols.recordings import check_spelling
+    from skinmap.classifiers.evaluate import HELD_OUT
+    from skinmap.classifiers.protocols.recordings import check_spelling
     from skinmap.errors import InvalidArrayError, UnknownNameError
 
     for part in parts:
@@ -336,9 +318,9 @@ def _simulated(found: Collection, train: Touches, count: int, rng: Generator) ->
     UsageError
         No label that the simulator knows.
     """
-    from skinmap.classify.descriptors import recorded_touches
-    from skinmap.touch.gestures import GESTURES, TIME
-    from skinmap.touch.simulator import simulate
+    from skinmap.classifiers.descriptors import recorded_touches
+    from skinmap.touch.simulation.gestures import GESTURES, TIME
+    from skinmap.touch.simulation.simulator import simulate
 
     if not count:
         return []
@@ -391,17 +373,11 @@ def _lines(result: TrainResult) -> Iterator[str]:
 
 
 def _counted(counts: Mapping[str, int]) -> str:
-    most = [f"{count} {name}" for name, count in list(counts.items())[:SHOWN]]
-    return ", ".join(most) + (f" and {len(counts) - SHOWN} more" if len(counts) > SHOWN else "")
+    return first_few([f"{count} {name}" for name, count in counts.items()], SHOWN)
 
 
-def _own_knobs(knobs: dict[str, Any]) -> dict[str, Any]:
-    """The knobs that were given; a profile's only together with its classifier."""
-    ctx = click.get_current_context()
-    if ctx.get_parameter_source("classifier") is ParameterSource.DEFAULT_MAP:
+def _own_knobs(classifier: str, knobs: dict[str, Any]) -> dict[str, Any]:
+    """The knobs that were given; a profile's only for the classifier that it names, if it does."""
+    if (click.get_current_context().default_map or {}).get("classifier", classifier) == classifier:
         return knobs
-    return {
-        name: value
-        for name, value in knobs.items()
-        if ctx.get_parameter_source(name) is not ParameterSource.DEFAULT_MAP
-    }
+    return {}

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from skinmap.commands.overwriting import force_option, guard
 from skinmap.commands.profiles import profile_option as profile_option
+from skinmap.commands.retired import retired
 from skinmap.io.units import UNITS
 
 if TYPE_CHECKING:
+    from skinmap.live.sources.source import Source
     from skinmap.skin.robot import Robot
 
 
@@ -83,22 +87,13 @@ MAX_SECONDS = 1e7  # four months: no command is left to run longer
 MAX_SPEED = 1e6
 PUBLISH_WAYS = "lsl:NAME, zmq:PORT, zmq:HOST:PORT, zenoh[:PORT] or foxglove[:PORT]"
 MAX_TOUCHES = 100_000  # that are simulated of a kind on a part: days of work
+STREAMS = ("lsl", "zenoh", "zmq")  # sources that may say their robot
 RECORDED = (".npz", ".mcap", ".csv", ".tsv", ".txt")  # recordings that may say their robot
-OUTSIDE = "skinmap.allow_outside"
+OUTSIDE = "SKINMAP_ALLOW_OUTSIDE"  # environment variable
 RESULTS = "__results__"
 
 
-def _note_outside(ctx: click.Context, _: click.Parameter, value: bool) -> None:
-    ctx.meta[OUTSIDE] = value
-
-
-outside_option = click.option(
-    "--allow-outside",
-    is_flag=True,
-    expose_value=False,
-    callback=_note_outside,
-    help="Let a manifest read files outside its own folder.",
-)
+outside_option = retired(allow_outside=f"set {OUTSIDE}=1 in the environment")
 _robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
 _shown_argument = click.argument("robot", required=False, metavar="[ROBOT]")
 _robot_option = click.option(
@@ -109,7 +104,7 @@ _robot_option = click.option(
 
 
 def robot_argument(command: F) -> F:
-    """The robot as an argument, with the option that lets its manifest look around."""
+    """The robot as an argument."""
     return _robot_argument(outside_option(command))
 
 
@@ -141,6 +136,23 @@ def units_option(of: str) -> Callable[[F], F]:
         show_default=True,
         help=f"Unit of lengths in {of}.",
     )
+
+
+def word(name: str, metavar: str, text: str, **more: Any) -> Callable[[F], F]:
+    """An option that takes a word."""
+    return click.option(name, metavar=metavar, help=text, **more)
+
+
+def choice(name: str, words: Sequence[str], text: str) -> Callable[[F], F]:
+    """An option that takes one of some words, the first by default."""
+    return click.option(
+        name, type=click.Choice(words), default=words[0], show_default=True, help=text
+    )
+
+
+def number(name: str, low: float, high: float, text: str, **more: Any) -> Callable[[F], F]:
+    """An option that takes a number above one limit, up to another."""
+    return click.option(name, type=Number(low, high, min_open=True), help=text, **more)
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
@@ -183,17 +195,6 @@ seed_option = click.option(
 )
 
 
-def places_option(only: str = "") -> Callable[[F], F]:
-    """`--places` of simulated touches; `only` names what else it does not concern."""
-    return click.option(
-        "--places",
-        type=click.Choice(["anywhere", "habitual"]),
-        default="anywhere",
-        show_default=True,
-        help=f"{only}: where people touch." if only else "Where people touch.",
-    )
-
-
 def per_gesture_option(help: str) -> Callable[[F], F]:
     """`--per-gesture`: how many touches of each kind are simulated."""
     return click.option(
@@ -232,7 +233,6 @@ def publish_option(what: str, *, multiple: bool = False) -> Callable[[F], F]:
     )
 
 
-force_option = click.option("--force", is_flag=True, help="Replace files that are there.")
 response_option = click.option(
     "--response",
     "responses",
@@ -259,20 +259,40 @@ def read_radius(text: str) -> float | None:
     return radius * 1e-3
 
 
-def try_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path | None:
-    """Refuse a folder that cannot be written to before any work is done."""
+def try_folder(ctx: click.Context, param: click.Parameter, out: Path | None) -> Path | None:
+    """Refuse a folder that cannot be written to, or holds a user's files, before any work."""
     if out is not None:
         from skinmap.io.output import check_folder
 
+        guard(ctx, param, out)
         check_folder(out)
     return out
 
 
 def out_file(
-    what: str, *, default: str | None = None, required: bool = False, folder: bool = False
+    what: str,
+    *,
+    default: str | None = None,
+    required: bool = False,
+    folder: bool = False,
+    guarded: bool = True,
 ) -> Callable[[F], F]:
-    """`--out`, with the file that is written; `folder` where it may be one in some format."""
-    return click.option(
+    """`--out`, with the file that is written, and `--force`.
+
+    Parameters
+    ----------
+    what : str
+        What is written.
+    default : str, optional
+        Its name where none is given.
+    required : bool
+        Whether a name must be given.
+    folder : bool
+        Whether it may be a folder in some format.
+    guarded : bool
+        False where the command itself protects what is there.
+    """
+    option = click.option(
         "-o",
         "--out",
         "output",
@@ -281,21 +301,32 @@ def out_file(
         default=default,
         show_default=True,
         required=required,
+        callback=guard if guarded else None,
         help=what,
     )
+    return lambda command: option(force_option(command))
 
 
-def out_folder(of: str, *, required: bool = False) -> Callable[[F], F]:
-    """`--out`, with what the folder is for; tried before any work is done."""
-    return click.option(
+def file_option(name: str, kind: Written, help: str) -> Callable[[F], F]:
+    """An option with a file that is written, by its name (`--screenshot`), and `--force`."""
+    option = click.option(name, type=kind, callback=guard, help=help)
+    return lambda command: option(force_option(command))
+
+
+def out_folder(of: str, *, required: bool = False, default: str | None = None) -> Callable[[F], F]:
+    """`--out`, with what the folder is for, and `--force`; tried before any work is done."""
+    option = click.option(
         "-o",
         "--out",
         type=click.Path(path_type=Path, file_okay=False),
         metavar="FOLDER",
+        default=default,
+        show_default=True,
         required=required,
         callback=try_folder,
         help=f"Folder for {of}.",
     )
+    return lambda command: option(force_option(command))
 
 
 out_option = out_folder("pictures")
@@ -321,8 +352,35 @@ def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[
     return loaded, tuple(dict.fromkeys(parts)) or loaded.parts
 
 
+def open_stream(
+    spec: str, robot: str | None, parts: tuple[str, ...], **how: Any
+) -> tuple[Robot, Source]:
+    """A robot and a source of its samples; without a name the robot of which a stream says it is.
+
+    Raises
+    ------
+    SkinMismatchError
+        A stream of a robot that is not built in (says which).
+    UnknownNameError, MissingFileError, UnreachableError
+        As for `open_robot` and `skinmap.open_source`.
+    """
+    from skinmap.errors import SkinMismatchError
+    from skinmap.io.robots.manifest import builtin_named
+    from skinmap.live.sources.open_source import open_source
+
+    if robot is None and spec.partition(":")[0] in STREAMS:
+        source = open_source(spec, **how)
+        said = source.info.robot
+        source.close()
+        robot = builtin_named(said)
+        if said and robot is None:
+            raise SkinMismatchError(f"{spec} is of {said!r}: give its manifest as --robot")
+    loaded, _ = open_robot(robot, parts)
+    return loaded, open_source(spec, robot=loaded, parts=parts or None, **how)
+
+
 def named_robot(name: str) -> Robot:
-    """A robot by its name, which may look outside its folder where the user said so.
+    """A robot by its name; `SKINMAP_ALLOW_OUTSIDE=1` lets a manifest look outside its folder.
 
     Raises
     ------
@@ -331,8 +389,7 @@ def named_robot(name: str) -> Robot:
     """
     from skinmap.io.robots.manifest import load_robot
 
-    ctx = click.get_current_context(silent=True)
-    return load_robot(name, allow_outside=bool(ctx is not None and ctx.meta.get(OUTSIDE)))
+    return load_robot(name, allow_outside=os.environ.get(OUTSIDE, "0") not in ("", "0"))
 
 
 def _recorded_robot(ctx: click.Context | None) -> str:

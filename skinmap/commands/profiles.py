@@ -1,9 +1,9 @@
-"""`--profile`: the option that every command but `trade` takes, and what was taken from it."""
+"""`--profile`: the option that sets defaults of others, and what was taken from it."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -12,27 +12,32 @@ import click
 from click.core import ParameterSource
 from msgspec import UNSET, UnsetType
 
+from skinmap.commands.retired import RetiredOption
+
 if TYPE_CHECKING:
     from skinmap.profile import Profile
 
 F = TypeVar("F", bound=Callable[..., Any])
-PROFILE = "skinmap.profile"
+PROFILE, BESIDE = "skinmap.profile", "skinmap.profile.beside"  # what was taken from it
 
 
-def profile_option(*tables: str) -> Callable[[F], F]:
+def profile_option(*tables: str, beside: Sequence[str] = ()) -> Callable[[F], F]:
     """`--profile`: a profile's knobs become the defaults of the command's options of that name.
 
     Parameters
     ----------
     tables : str
         Tables of the profile that the command takes; none where no knob concerns it.
+    beside : sequence of str
+        Knobs that only a profile sets: the command gets each as a keyword, None without one.
     """
 
     def add(command: F) -> F:
         @functools.wraps(command)
         def say_and_run(*args: Any, **options: Any) -> Any:
-            _say_profile(click.get_current_context())
-            return command(*args, **options)
+            ctx = click.get_current_context()
+            _say_profile(ctx)
+            return command(*args, **dict.fromkeys(beside) | ctx.meta.get(BESIDE, {}) | options)
 
         option = click.option(
             "--profile",
@@ -40,7 +45,7 @@ def profile_option(*tables: str) -> Callable[[F], F]:
             metavar="FILE",
             is_eager=True,  # before the options whose defaults it sets
             expose_value=False,
-            callback=functools.partial(_take_profile, tables),
+            callback=functools.partial(_take_profile, tables, beside),
             help="Settings from `skinmap trade`; options given here win.",
         )
         return cast("F", option(say_and_run))
@@ -49,22 +54,30 @@ def profile_option(*tables: str) -> Callable[[F], F]:
 
 
 def _take_profile(
-    tables: tuple[str, ...], ctx: click.Context, _: click.Parameter, path: Path | None
+    tables: tuple[str, ...],
+    beside: Sequence[str],
+    ctx: click.Context,
+    _: click.Parameter,
+    path: Path | None,
 ) -> None:
     if path is None or ctx.resilient_parsing:
         return
     from skinmap.profile import read_profile
 
     profile = read_profile(path)
-    options = {name: option for option in ctx.command.params for name in option.opts}
+    own = (one for one in ctx.command.params if not isinstance(one, RetiredOption))
+    options = {name: option for option in own for name in option.opts}
     knobs: dict[str, str] = {}  # by the parameter that each sets
     defaults = dict(ctx.default_map or {})
+    ctx.meta[BESIDE] = {}
     for table in tables:
         for knob, value in profile.settings.get(table, {}).items():
             option = options.get(f"--{knob.replace('_', '-')}")
             if option is not None and option.name is not None:
                 knobs[option.name] = knob
                 defaults[option.name] = (value,) if option.multiple else value
+            elif knob in beside:
+                ctx.meta[BESIDE][knob] = value
     ctx.default_map = defaults
     ctx.meta[PROFILE] = (profile, knobs)
 
@@ -119,7 +132,8 @@ def _taken() -> tuple[Profile, dict[str, Any]] | None:
     took = {
         knob: (ctx.default_map or {})[name] for name, knob in knobs.items() if from_profile(name)
     }
-    return profile, {k: v[0] if isinstance(v, tuple) else v for k, v in took.items()}
+    took = {knob: v[0] if isinstance(v, tuple) else v for knob, v in took.items()}
+    return profile, took | ctx.meta[BESIDE]
 
 
 def _say_profile(ctx: click.Context) -> None:

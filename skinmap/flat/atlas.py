@@ -12,7 +12,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.topology import boundary_loops, edges, loop_length
+from skinmap.geometry.tangents import plane_turns
+from skinmap.geometry.topology import edges, loops_by_length
 from skinmap.geometry.triangles import cross_2d, cross_products
 
 MAX_ARRANGED = 48  # charts: more are no skin of one limb, they go in shelves
@@ -250,8 +251,7 @@ def _nearest_free(
     away = away / length if length > 0 else np.array([1.0, 0.0])
     best, least = wanted, np.inf
     for turn in TURNS:
-        c, s = np.cos(turn), np.sin(turn)
-        direction = away @ np.array([[c, s], [-s, c]])
+        direction = plane_turns(turn) @ away
         line = centre.middle + at + length * direction - shape.middle
         stops = [clearance(shape, line, direction, other, spot, gap) for other, spot, gap in others]
         stop = max(stops)
@@ -285,7 +285,7 @@ class Outline:
 
 def outline(faces: IntArray, uv: FloatArray) -> Outline:
     """The longest border of a chart with faces (m, 3) over coordinates (n, 2) [m]."""
-    loop = max(boundary_loops(faces), key=lambda loop: loop_length(uv, loop))
+    loop = loops_by_length(uv, faces)[0]
     border = uv[loop]
     keep = np.unique(np.linspace(0, len(loop), MAX_CORNERS, endpoint=False).astype(np.int64))
     if len(keep) == len(loop):

@@ -37,7 +37,7 @@ def _extend(disc: Disc, laplacian: csc_array) -> FloatArray:
     if len(inner):
         rows = laplacian[:, inner]
         border = rows[disc.loop].T @ uv[disc.loop]
-        uv[inner] = factorise(rows[inner], solver=disc.solver)(-border)
+        uv[inner] = factorise(rows[inner])(-border)
     return uv
 
 

@@ -24,19 +24,10 @@ class Disc:
     faces : (m, 3) array of int
     loop : (b,) array of int
         The boundary, in the direction of the faces.
-    solver : str, optional
-        Of `skinmap.flat.factorisation`; the fastest by default.
     """
 
-    def __init__(
-        self,
-        vertices: FloatArray,
-        faces: IntArray,
-        loop: IntArray,
-        *,
-        solver: str | None = None,
-    ) -> None:
-        self.vertices, self.faces, self.loop, self.solver = vertices, faces, loop, solver
+    def __init__(self, vertices: FloatArray, faces: IntArray, loop: IntArray) -> None:
+        self.vertices, self.faces, self.loop = vertices, faces, loop
 
     @cached_property
     def inner(self) -> IntArray:
@@ -116,7 +107,7 @@ class Disc:
     @cached_property
     def solve_free(self) -> Solve:
         """Solver of the Laplacian with a free border and vertex 0 kept in place."""
-        solve = factorise(self.laplacian[1:, 1:], solver=self.solver)
+        solve = factorise(self.laplacian[1:, 1:])
 
         def solve_from_zero(right: FloatArray) -> FloatArray:
             return np.concatenate([np.zeros_like(right[:1]), solve(right[1:])])
@@ -128,7 +119,7 @@ class Disc:
         """Solver of the Laplacian with the border held; None where nothing is inside."""
         if not len(self.inner):
             return None
-        return factorise(self.laplacian[:, self.inner][self.inner], solver=self.solver)
+        return factorise(self.laplacian[:, self.inner][self.inner])
 
     @cached_property
     def scale(self) -> FloatArray:

@@ -12,9 +12,8 @@ from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
 from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning
 from skinmap.flat.budget import Choice, within_budget
 from skinmap.flat.disc import Disc
-from skinmap.flat.factorisation import SINGLE
 from skinmap.flat.methods import apply_flattener, check_effort
-from skinmap.geometry.topology import boundary_loops, check_surface, loop_length
+from skinmap.geometry.topology import check_surface, loop_length, loops_by_length
 from skinmap.geometry.triangles import vertex_normals
 from skinmap.surface.holes import close_loop
 
@@ -69,7 +68,6 @@ def map_disc(
     max_seconds: float | None = None,
     max_edge_rms: float | None = None,
     iterations: int | None = None,
-    precision: str = "float64",
     may_overlap: bool = False,
 ) -> DiscMap:
     """Flatten one connected surface with a border; small holes are filled for the solve.
@@ -89,26 +87,20 @@ def map_disc(
         For `auto`: edge error to reach, 0.01 for 1 %.
     iterations : int, optional
         Of a method that has them, instead of its own number.
-    precision : {"float64", "float32"}
-        Of the sparse solves; the rest is always in double precision.
     may_overlap : bool
         Leave a map that lies over itself as it is: for trials, mending takes long.
 
     Raises
     ------
-    UnknownNameError
-        No such precision.
     InvalidArrayError, InvalidMeshError
-        Iterations or a precision that the method cannot have; values that are not finite,
+        Iterations that the method cannot have; values that are not finite,
         vertices that no face uses, faces that are no surface.
     FlatteningError
         No border, a hole too wide to fill (a tube), a triangle without area, or one that no
         method keeps from flipping.
     """
-    check_effort(method, iterations, precision)
+    check_effort(method, iterations)
     disc, size, holes = _prepare(vertices, faces, where)
-    if precision == "float32":
-        disc.solver = SINGLE
     if method == "auto":
         choice = _choose(disc, max_seconds, max_edge_rms)
         if choice is not None:
@@ -155,7 +147,7 @@ def _attempt(name: str, disc: Disc, iterations: int | None) -> FloatArray | None
 def _prepare(vertices: FloatArray, faces: IntArray, where: str) -> tuple[Disc, float, int]:
     """The surface at unit size round its centre, holes filled; its size [m] and holes."""
     _check_input(vertices, faces, where)
-    loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
+    loops = loops_by_length(vertices, faces)
     if not loops:
         raise FlatteningError(f"{where} is closed: cut it open first")
     filled = [faces]

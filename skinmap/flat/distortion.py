@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_faces, check_finite, check_points, freeze
+from skinmap.flat.rows import Distorted, Spread
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import (
     face_areas,
     jacobians,
+    pair_lengths,
     signed_areas,
     singular_values,
 )
@@ -85,22 +87,22 @@ class Distortion:
             return float("inf")
         return float(np.sqrt(np.average(np.log(self.area) ** 2, weights=self.face_areas)))
 
-    def summary(self) -> dict[str, object]:
-        """The numbers of one map, ready for JSON."""
-        return {
-            "flips": self.flips,
-            "quasi_conformal": spread(self.quasi_conformal, self.face_areas),
-            "area": spread(self.area, self.face_areas),
-            "area_sd": self.area_sd,
-            "symmetric_dirichlet": spread(self.symmetric_dirichlet, self.face_areas),
-            "stretch": spread(self.stretch, self.face_areas),
-            "stretch_l2": float(np.sqrt(np.average(self.stretch**2, weights=self.face_areas))),
-            "stretch_linf": float(self.stretch_max.max()),
-            "arap": spread(self.arap, self.face_areas),
-            "arap_energy": float(np.average(self.arap, weights=self.face_areas)),
-            "edge_strain_percent": spread(100.0 * np.abs(self.edge_strain), self.edge_lengths),
-            "edge_rms_percent": 100.0 * self.edge_rms,
-        }
+    def summary(self) -> Distorted:
+        """What the map costs in a few figures."""
+        return Distorted(
+            flips=self.flips,
+            quasi_conformal=spread(self.quasi_conformal, self.face_areas),
+            area=spread(self.area, self.face_areas),
+            area_sd=self.area_sd,
+            symmetric_dirichlet=spread(self.symmetric_dirichlet, self.face_areas),
+            stretch=spread(self.stretch, self.face_areas),
+            stretch_l2=float(np.sqrt(np.average(self.stretch**2, weights=self.face_areas))),
+            stretch_linf=float(self.stretch_max.max()),
+            arap=spread(self.arap, self.face_areas),
+            arap_energy=float(np.average(self.arap, weights=self.face_areas)),
+            edge_strain_percent=spread(100.0 * np.abs(self.edge_strain), self.edge_lengths),
+            edge_rms_percent=100.0 * self.edge_rms,
+        )
 
     def face_edge_strain(self, faces: IntArray) -> FloatArray:
         """(m,) root mean square of the strain of the three edges of each face."""
@@ -111,13 +113,13 @@ class Distortion:
         return np.asarray(np.sqrt((self.edge_strain[place] ** 2).mean(axis=1)))
 
 
-def spread(values: FloatArray, weights: FloatArray) -> dict[str, float]:
+def spread(values: FloatArray, weights: FloatArray) -> Spread:
     """Weighted mean, weighted 95th percentile and maximum."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     p95 = values[order][np.searchsorted(total, 0.95 * total[-1])]
     mean = np.average(values, weights=weights)
-    return {"mean": float(mean), "p95": float(p95), "max": float(values.max())}
+    return Spread(mean=float(mean), p95=float(p95), max=float(values.max()))
 
 
 def measure_distortion(vertices: ArrayLike, faces: ArrayLike, uv: ArrayLike) -> Distortion:
@@ -132,10 +134,23 @@ def measure_distortion(vertices: ArrayLike, faces: ArrayLike, uv: ArrayLike) -> 
     uv : (n, 2) array-like of float
         Flat coordinates, in any unit.
 
+    Returns
+    -------
+    Distortion
+    Of each triangle and of the whole map.
+
     Raises
     ------
     InvalidArrayError, InvalidMeshError
         Wrong shapes, values that are not finite, indices outside.
+
+    Examples
+    --------
+    >>> from skinmap.flat import measure_distortion
+    >>> square = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
+    >>> found = measure_distortion(square, [[0, 1, 2], [1, 3, 2]], [[0, 0], [1, 0], [0, 1], [1, 1]])
+    >>> found.flips, round(found.edge_rms, 9)
+    (0, 0.0)
     """
     points = check_points(vertices, "vertices")
     triangles = check_faces(faces, len(points))
@@ -178,6 +193,6 @@ def _edge_strain(
     vertices: FloatArray, uv: FloatArray, pairs: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """(e,) flat length over length minus 1, and the length [m]."""
-    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
-    flat = np.linalg.norm(uv[pairs[:, 0]] - uv[pairs[:, 1]], axis=1)
+    length = pair_lengths(vertices, pairs)
+    flat = pair_lengths(uv, pairs)
     return flat / length - 1.0, length

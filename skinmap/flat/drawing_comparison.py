@@ -8,7 +8,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.flat.distortion import Distortion, measure_distortion
-from skinmap.flat.flat_map import Chart
+from skinmap.flat.flat_map import Chart, FlatMap
 from skinmap.geometry.triangles import cross_products, signed_areas
 
 
@@ -85,6 +85,15 @@ def compare_drawing(
     distance = float(np.sqrt(((laid - chart.uv[used]) ** 2).sum(axis=1).mean()))
     distortion = measure_distortion(vertices[used], faces, laid)
     return DrawnChart(used, faces, laid, distortion, mirrored, scale, distance, missing)
+
+
+def drawn_charts(flat: FlatMap, drawn: IntArray, xy: FloatArray) -> list[DrawnChart]:
+    """A drawing, channels (n,) at places (n, 2) [m], laid over each chart of a part."""
+    skin, vertices = flat.mesh.skin, flat.mesh.vertices
+    return [
+        compare_drawing(chart, vertices[chart.taxels], skin.channels[chart.taxels], drawn, xy)
+        for chart in flat.charts
+    ]
 
 
 def align_similar(points: FloatArray, onto: FloatArray) -> tuple[FloatArray, float]:

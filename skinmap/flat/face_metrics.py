@@ -73,10 +73,24 @@ METRICS: Mapping[str, FaceMetric] = {
 def face_metric(name: str) -> FaceMetric:
     """A metric by name.
 
+    Parameters
+    ----------
+    name : str
+        A key of `METRICS`.
+
+    Returns
+    -------
+    FaceMetric
+
     Raises
     ------
     UnknownNameError
         No such metric (says which there are).
+
+    Examples
+    --------
+    >>> face_metric("area").signed
+    True
     """
     if name not in METRICS:
         raise UnknownNameError("metric", name, METRICS)

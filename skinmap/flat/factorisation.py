@@ -18,7 +18,6 @@ from scipy.sparse.linalg import splu
 from skinmap.arrays import FloatArray
 
 Solve = Callable[[FloatArray], FloatArray]
-SINGLE = "scipy-float32"  # half the memory of a factor; never taken unasked
 
 
 def factorise(matrix: csc_array, *, solver: str | None = None) -> Solve:
@@ -28,7 +27,7 @@ def factorise(matrix: csc_array, *, solver: str | None = None) -> Solve:
     ----------
     matrix : (n, n) sparse array
     solver : str, optional
-        One of `solvers()`, or `SINGLE`, to have that one; otherwise the fastest.
+        One of `solvers()`, to have that one; otherwise the fastest.
 
     Returns
     -------
@@ -111,18 +110,8 @@ def _scikit_sparse(matrix: csc_array) -> Solve:
     return lambda right: np.asarray(factor(right))
 
 
-def _single(matrix: csc_array) -> Solve:
-    solve = _scipy(matrix.astype(np.float32))
-
-    def solve_in_single(right: FloatArray) -> FloatArray:
-        return solve(np.asarray(right, np.float32)).astype(np.float64)
-
-    return solve_in_single
-
-
 _FACTORISERS: dict[str, Callable[[csc_array], Solve]] = {
     "scipy": _scipy,
-    SINGLE: _single,
     "cholespy": _cholespy,
     "scikit-sparse": _scikit_sparse,
 }

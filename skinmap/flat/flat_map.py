@@ -168,7 +168,6 @@ def flatten(
     periodic: bool = False,
     max_distortion: float | None = None,
     iterations: int | None = None,
-    precision: str = "float64",
 ) -> FlatMap:
     """Lay every patch of a surface mesh flat and pack the charts.
 
@@ -197,8 +196,6 @@ def flatten(
         Slit each chart until its mean symmetric Dirichlet energy is at most this, above 4.
     iterations : int, optional
         Of `arap`, `balanced`, `slim` or `dirichlet`, instead of the method's own number.
-    precision : {"float64", "float32"}
-        Of the sparse solves of the methods that use ours; the rest is in double precision.
 
     Returns
     -------
@@ -208,10 +205,10 @@ def flatten(
     Raises
     ------
     UnknownNameError
-        No such method or precision.
+        No such method.
     InvalidArrayError
-        A budget that is not positive, or with another method than `auto`; iterations or a
-        precision that the method cannot have.
+        A budget that is not positive, or with another method than `auto`; iterations
+        that the method cannot have.
     FlatteningError
         A patch with a triangle without area, or one that no method lays flat without a flip;
         `periodic` and a patch that is neither a disc nor a tube.
@@ -226,7 +223,7 @@ def flatten(
     """
     flatteners.get(method)
     check_budget(method, {"max_seconds": max_seconds, "max_edge_rms": max_edge_rms})
-    check_effort(method, iterations, precision)
+    check_effort(method, iterations)
     if max_distortion is not None and not max_distortion > ISOMETRY:
         raise InvalidArrayError(f"max_distortion must be above {ISOMETRY:g}, got {max_distortion}")
     cutting = _Cutting(
@@ -239,7 +236,7 @@ def flatten(
         periodic,
         max_distortion,
     )
-    how: dict[str, Any] = {"method": method, "iterations": iterations, "precision": precision}
+    how: dict[str, Any] = {"method": method, "iterations": iterations}
     how["max_edge_rms"] = max_edge_rms
     charts, weights = [], [len(mesh.patch_faces(patch)) for patch in range(mesh.n_patches)]
     for patch, weight in enumerate(weights):

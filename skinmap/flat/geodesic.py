@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.topology import boundary_loops
-from skinmap.geometry.triangles import face_areas, signed_areas
+from skinmap.geometry.triangles import face_areas, pair_lengths, signed_areas
 
 EXACT_BELOW = 600  # vertices: on coarse noisy skins, locally shortest ways are up to 0.0015 off
 SOURCES = 6  # exact distances from so many vertices; a patch of the iCub takes 3 to 70 ms
@@ -182,7 +182,7 @@ def _single_ways(
             break
     solver: Any = potpourri3d.EdgeFlipGeodesicSolver(vertices, faces)
     around = np.array([_length(solver.find_geodesic_path(int(a), int(b))) for a, b in pairs])
-    straight = np.linalg.norm(lines.uv[pairs[:, 0]] - lines.uv[pairs[:, 1]], axis=1)
+    straight = pair_lengths(lines.uv, pairs)
     return _Ways(straight, around, np.arange(len(pairs)))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from itertools import combinations
 from typing import Any
@@ -10,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
-from skinmap.errors import InvalidMeshError
+from skinmap.errors import InvalidMeshError, SkinWarning
 from skinmap.flat.flat_map import FlatMap, flatten
 from skinmap.flat.seams import split_along
-from skinmap.geometry.topology import check_surface, face_components, half_edges
+from skinmap.geometry.topology import face_components, half_edges
 from skinmap.geometry.triangles import smallest_altitudes, vertex_normals
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh
@@ -38,39 +39,51 @@ def flatten_mesh(
     **options
         As for `flatten`: the method and its budgets.
 
+    Returns
+    -------
+    FlatMap
+    With a chart for each component.
+
     Raises
     ------
     UnknownNameError, InvalidMeshError, FlatteningError
         No such method, a mesh that is no surface, or one that no method lays flat.
+
+    Examples
+    --------
+    >>> from skinmap.flat import flatten_mesh
+    >>> flat = flatten_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [1, 3, 2]])
+    >>> len(flat.charts), flat.flips
+    (1, 0)
     """
     return flatten(mesh_surface(vertices, faces, name=name), **options)
 
 
-def mesh_surface(
-    vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh", split_sheets: bool = False
-) -> SurfaceMesh:
+def mesh_surface(vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh") -> SurfaceMesh:
     """A bare triangle mesh as a surface mesh whose channels are the rows of `vertices`.
 
     Corners at one place become one vertex, as in files that repeat them for each face. Triangles
     without area are left out, neighbours that turn opposite ways are turned alike, and parts that
-    meet in a single vertex come apart there. With `split_sheets` so do faces that meet three or
-    more at an edge, but for two that go on straight into each other.
+    meet in a single vertex come apart there. So do faces that meet three or more at an edge, but
+    for two that go on straight into each other.
 
     Raises
     ------
     InvalidMeshError
-        No triangle with an area, an edge in three faces (`split_sheets` is for those), a surface
-        with one side only, or more
-        components than `MAX_COMPONENTS`.
+        No triangle with an area, a surface with one side only, or more components than
+        `MAX_COMPONENTS`.
+
+    Warns
+    -----
+    SkinWarning
+        Edges in three faces or more.
     """
     points = check_points(vertices, "vertices")
     triangles = check_faces(faces, len(points))
     _, first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
     try:
         triangles = _with_area(points, first[number.ravel()][triangles])
-        origin = np.arange(len(points))
-        if split_sheets:
-            triangles, origin = _sheets(points, triangles)
+        triangles, origin = _sheets(points, triangles, name)
         triangles = _oriented(triangles)
     except InvalidMeshError as error:
         raise InvalidMeshError(f"{name}: {error}") from error
@@ -104,7 +117,7 @@ def _with_area(vertices: FloatArray, faces: IntArray) -> IntArray:
     return np.asarray(faces[kept])
 
 
-def _sheets(vertices: FloatArray, faces: IntArray) -> tuple[IntArray, IntArray]:
+def _sheets(vertices: FloatArray, faces: IntArray, name: str) -> tuple[IntArray, IntArray]:
     """Faces with no edge in more than two of them, and the old vertex (k,) of each new one."""
     directed = half_edges(faces)
     lines, number, count = np.unique(
@@ -112,6 +125,12 @@ def _sheets(vertices: FloatArray, faces: IntArray) -> tuple[IntArray, IntArray]:
     )
     number = number.ravel()
     crowded = np.flatnonzero(count > 2)
+    if len(crowded):
+        warnings.warn(
+            f"{name}: {len(crowded)} edges in three faces or more: taken apart into sheets there",
+            SkinWarning,
+            stacklevel=2,
+        )
     straight = [
         pair
         for line in crowded.tolist()
@@ -143,12 +162,6 @@ def _oriented(faces: IntArray) -> IntArray:
     import igl
 
     directed = half_edges(faces)
-    _, count = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
-    if count.max() > 2:
-        try:
-            check_surface(faces)
-        except InvalidMeshError as error:
-            raise InvalidMeshError(f"{error}; --split-sheets takes it apart there") from error
     n = int(faces.max()) + 1
     if len(np.unique(directed @ [n, 1])) == len(directed):
         return faces

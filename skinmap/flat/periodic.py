@@ -32,6 +32,7 @@ from skinmap.geometry.topology import (
     euler_number,
     half_edges,
     loop_length,
+    loops_by_length,
 )
 from skinmap.geometry.triangles import vertex_normals
 from skinmap.surface.holes import close_loop
@@ -69,7 +70,7 @@ def tube_rims(vertices: FloatArray, faces: IntArray, hole_share: float) -> list[
 
     Loops up to a share of the longest one's length are holes, which count as filled.
     """
-    loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
+    loops = loops_by_length(vertices, faces)
     if len(loops) < 2 or euler_number(faces) != 2 - len(loops):
         return None
     limit = hole_share * loop_length(vertices, loops[0])
@@ -180,7 +181,7 @@ class _Roll(Disc):
         """Solver of the Laplacian among the maps that repeat themselves, vertex 0 held."""
         spread = self.spread
         joined = (spread.T @ self.laplacian @ spread).tocsc()
-        solve = factorise(joined[1:, 1:], solver=self.solver)
+        solve = factorise(joined[1:, 1:])
 
         def solve_repeating(right: FloatArray) -> FloatArray:
             own = spread.T @ right
@@ -249,7 +250,7 @@ class _Roll(Disc):
         fixed = np.flatnonzero(~np.isnan(known[:, 0]))
         if len(free):
             rows = csr_array(weights)[free]
-            solve = factorise(rows[:, free].tocsc(), solver=self.solver)
+            solve = factorise(rows[:, free].tocsc())
             known[free] = solve(-(rows[:, fixed] @ known[fixed]))
         return np.asarray(self.spread @ known)
 

@@ -42,7 +42,8 @@ from skinmap.flat.seams import (
     split_along,
     touch_counts,
 )
-from skinmap.geometry.topology import boundary_loops, edges, loop_length
+from skinmap.geometry.topology import boundary_loops, edges, loops_by_length
+from skinmap.geometry.triangles import pair_lengths
 
 FLOORS = (UNTOUCHED, 0.3, 1.0)  # prices of a way through nothing: wide detours, moderate, small
 FAR_ENDS = 6  # of a closed skin, between which slits are proposed
@@ -260,7 +261,7 @@ def _tips(vertices: FloatArray, now: _Laid, count: int) -> list[list[int]]:
     """Chart vertices that slits may lead to: tips of curvature, and the worst place of the map."""
     own, faces = vertices[now.cut.origin], now.cut.faces
     size = float(np.ptp(own, axis=0).max())
-    loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(own, loop))
+    loops = loops_by_length(own, faces)
     inside = np.ones(len(own), bool)
     inside[np.concatenate(loops)] = False
     if not inside.any():
@@ -314,5 +315,5 @@ def _slit(
     if len(ways) == 0:
         return None
     opened, origin = split_along(cut.faces, ways)
-    length = float(np.linalg.norm(own[ways[:, 0]] - own[ways[:, 1]], axis=1).sum())
+    length = float(pair_lengths(own, ways).sum())
     return CutMesh(opened, cut.origin[origin], cut.seam_length + length)

@@ -13,13 +13,14 @@ from scipy.sparse.csgraph import dijkstra
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidMeshError
 from skinmap.geometry.topology import (
-    boundary_loops,
     edges,
     euler_number,
     face_components,
     half_edges,
     loop_length,
+    loops_by_length,
 )
+from skinmap.geometry.triangles import pair_lengths
 
 AWAY = 20.0  # times the length of edges that seams are to keep away from
 UNTOUCHED = 0.05  # of the price of the mean of touches: a seam through nothing is still kept short
@@ -93,7 +94,7 @@ def open_surface(
         return _open_further(vertices, faces, along, hole_share, again)
     price = _Price(vertices, avoid, touched, untouched)
     cuts = np.zeros((0, 2), np.int64)
-    loops = sorted(boundary_loops(faces), key=lambda loop: -loop_length(vertices, loop))
+    loops = loops_by_length(vertices, faces)
     limit = hole_share * loop_length(vertices, loops[0]) if loops else 0.0
     wide = [loop for loop in loops if loop_length(vertices, loop) > limit]
     for loop in wide[1:]:
@@ -135,7 +136,7 @@ def _open_further(
 
 def edge_length(vertices: FloatArray, pairs: IntArray) -> float:
     """Length of edges (c, 2) together [m]."""
-    return float(np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1).sum())
+    return float(pair_lengths(vertices, pairs).sum())
 
 
 def far_ends(vertices: FloatArray, faces: IntArray, *which: int) -> tuple[int, ...]:
@@ -144,7 +145,7 @@ def far_ends(vertices: FloatArray, faces: IntArray, *which: int) -> tuple[int, .
     The first is the furthest from vertex 0; `which` of them are given.
     """
     pairs = edges(faces)
-    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    length = pair_lengths(vertices, pairs)
     plain = _graph(len(vertices), pairs, length)
     found = [int(np.argmax(dijkstra(plain, directed=False, indices=0)))]
     near = dijkstra(plain, directed=False, indices=found[0])
@@ -163,7 +164,7 @@ def path_along(vertices: FloatArray, faces: IntArray, stops: IntArray) -> IntArr
         No way leads there.
     """
     pairs = edges(faces)
-    length = np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1)
+    length = pair_lengths(vertices, pairs)
     plain = _graph(len(vertices), pairs, length)
     found = [np.zeros((0, 2), np.int64)]
     for start, end in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True):

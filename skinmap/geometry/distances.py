@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.proximity import neighbour_graph
+from skinmap.geometry.proximity import nearest_first, neighbour_graph
+from skinmap.geometry.triangles import pair_lengths
 
 
 def edge_graph(vertices: FloatArray, edges: IntArray) -> csr_array:
     """Symmetric (n, n) graph of mesh edges, weighted by their length [m]."""
-    length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    length = pair_lengths(vertices, edges)
     graph = coo_array((length, (edges[:, 0], edges[:, 1])), shape=(len(vertices),) * 2).tocsr()
     return graph.maximum(graph.T)
 
@@ -23,6 +25,28 @@ def bridged_graph(points: FloatArray, k: int, limit: float) -> csr_array:
     A limb carries several patches; a hand spans the gaps between them, so distances between
     patches matter. Bridges follow Boruvka's algorithm: each round joins every piece to its
     nearest other piece.
+
+    Parameters
+    ----------
+    points : (n, 3) array of float
+    Positions [m].
+    k : int
+    Neighbours of each point.
+    limit : float
+    Neighbours further away are left out [m].
+
+    Returns
+    -------
+    csr_array
+    (n, n) lengths [m]; symmetric, in one piece.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skinmap.geometry import bridged_graph
+    >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [5, 0, 0], [6, 0, 0]])
+    >>> bridged_graph(points, 2, 1.5).nnz
+    6
     """
     graph = neighbour_graph(points, k, limit)
     while True:
@@ -32,11 +56,11 @@ def bridged_graph(points: FloatArray, k: int, limit: float) -> csr_array:
         row, column, length = [], [], []
         for piece in range(count):
             inside, outside = np.flatnonzero(label == piece), np.flatnonzero(label != piece)
-            gap = np.linalg.norm(points[inside, None] - points[None, outside], axis=2)
-            i, j = np.unravel_index(np.argmin(gap), gap.shape)
-            row.append(inside[i])
-            column.append(outside[j])
-            length.append(gap[i, j])
+            gap, other = cKDTree(points[outside]).query(points[inside])
+            here = nearest_first(gap)[0]
+            row.append(inside[here])
+            column.append(outside[other[here]])
+            length.append(gap[here])
         bridges = coo_array((length, (row, column)), shape=graph.shape).tocsr()
         graph = graph.maximum(bridges).maximum(bridges.T)
 
@@ -45,5 +69,25 @@ def path_distances(graph: csr_array, sources: IntArray | None = None) -> FloatAr
     """(s, n) shortest-path lengths [m] from the sources (all vertices by default); inf if none.
 
     Of a symmetric graph: read as directed it says all that it says, once.
+
+    Parameters
+    ----------
+    graph : (n, n) csr_array
+    Lengths of edges [m].
+    sources : (s,) array of int, optional
+    All vertices by default.
+
+    Returns
+    -------
+    (s, n) array of float
+    [m].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skinmap.geometry import bridged_graph, path_distances
+    >>> points = np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]])
+    >>> path_distances(bridged_graph(points, 2, 2.5), np.array([0])).tolist()
+    [[0.0, 1.0, 3.0]]
     """
     return np.asarray(dijkstra(graph, directed=True, indices=sources))

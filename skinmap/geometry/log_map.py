@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.tangents import tangent_frames
 from skinmap.geometry.triangles import unit
 
 KEPT_POINTS = 2000  # of a surface whose maps are all kept: 64 MB at most
@@ -33,7 +34,7 @@ def log_map(
     coordinates are exact. Points further than `reach` [m] get NaN and inf. `frame` (2, 3) are the
     axes at the source, any by default.
     """
-    frames = _any_frames(normals[[source]]) if frame is None else np.asarray(frame)[None]
+    frames = tangent_frames(normals[[source]]) if frame is None else np.asarray(frame)[None]
     uv, length = _log_maps(points, normals, graph, np.array([source]), reach, frames)
     return uv[0], length[0]
 
@@ -67,7 +68,7 @@ class LogMaps:
         block, row = divmod(source, BLOCK)
         if block not in self._kept:
             sources = np.arange(block * BLOCK, min((block + 1) * BLOCK, len(self.points)))
-            frames = _any_frames(self.normals[sources])
+            frames = tangent_frames(self.normals[sources])
             self._kept[block], _ = _log_maps(
                 self.points, self.normals, self.graph, sources, self.reach, frames
             )
@@ -112,13 +113,6 @@ def _log_maps(
         axes[there[now]] = carried
         done[there[now]] = True
     return uv.reshape(len(sources), count, 2), length
-
-
-def _any_frames(normals: FloatArray) -> FloatArray:
-    """(s, 2, 3) axes across each normal (s, 3)."""
-    helper = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = unit(np.cross(normals, helper))
-    return np.stack([first, np.cross(normals, first)], axis=1)
 
 
 def _turn(start: FloatArray, end: FloatArray) -> FloatArray:

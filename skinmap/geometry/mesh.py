@@ -9,7 +9,15 @@ from skinmap.arrays import FloatArray, IntArray, check_faces, check_points, free
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TriangleMesh:
-    """Vertices (n, 3) float [m] and faces (m, 3) int, counter-clockwise seen from outside."""
+    """Vertices (n, 3) float [m] and faces (m, 3) int, counter-clockwise seen from outside.
+
+    Attributes
+    ----------
+    vertices : (n, 3) float
+    Positions [m].
+    faces : (m, 3) int
+    Counter-clockwise seen from outside.
+    """
 
     vertices: FloatArray
     faces: IntArray

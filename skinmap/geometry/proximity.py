@@ -7,19 +7,59 @@ from scipy.sparse import coo_array, csr_array
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.cache import cached
+from skinmap.disk_cache import cached
 from skinmap.errors import InvalidArrayError
 
 MAX_COINCIDENT = 1000  # points at one place: a search among them takes their number squared
+TIE = 9  # digits of a length [m] that are compared: on a lattice many differ by rounding alone
+
+
+def nearest_first(distances: FloatArray) -> IntArray:
+    """(n,) rows by distance (n,) [m]; those within a nanometre stay in the order they came in.
+
+    Parameters
+    ----------
+    distances : (n,) array of float
+    [m].
+
+    Returns
+    -------
+    (n,) array of int
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skinmap.geometry import nearest_first
+    >>> nearest_first(np.array([0.3, 0.1, 0.1 - 1e-15])).tolist()
+    [1, 2, 0]
+    """
+    return np.argsort(distances.round(TIE), kind="stable")
 
 
 def median_spacing(points: FloatArray) -> float:
     """Median distance to the nearest other point [m]; 0 for fewer than two points.
 
+    Parameters
+    ----------
+    points : (n, d) array of float
+    [m].
+
+    Returns
+    -------
+    float
+    [m].
+
     Raises
     ------
     InvalidArrayError
         More than `MAX_COINCIDENT` points at one place.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skinmap.geometry import median_spacing
+    >>> median_spacing(np.array([[0.0, 0, 0], [2, 0, 0], [4, 0, 0]]))
+    2.0
     """
     if len(points) < 2:
         return 0.0
@@ -81,7 +121,32 @@ def neighbour_graph(points: FloatArray, k: int, limit: float) -> csr_array:
 def closest_on_mesh(
     points: FloatArray, vertices: FloatArray, faces: IntArray
 ) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Distance (n,) [m], face (n,) and closest point (n, 3) [m] on a mesh, through libigl."""
+    """Distance (n,) [m], face (n,) and closest point (n, 3) [m] on a mesh, through libigl.
+
+    Parameters
+    ----------
+    points : (n, 3) array of float
+    [m].
+    vertices, faces : (v, 3) array of float, (m, 3) array of int
+    The mesh [m].
+
+    Returns
+    -------
+    distance : (n,) array of float
+    [m].
+    face : (n,) array of int
+    closest : (n, 3) array of float
+    [m].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skinmap.geometry import closest_on_mesh
+    >>> triangle = np.eye(3), np.array([[0, 1, 2]])
+    >>> distance, face, _ = closest_on_mesh(np.array([[2.0, 0, 0]]), *triangle)
+    >>> float(distance[0]), int(face[0])
+    (1.0, 0)
+    """
     import igl
 
     squared, face, closest = igl.point_mesh_squared_distance(points, vertices, faces)

@@ -35,21 +35,6 @@ def locate_pixels(
     weights : (k, 3) array of float
         Barycentric, not negative, summing to 1.
     """
-    pixels, face, weights = locate_all(points, faces, shape)
-    order = np.lexsort((-weights.min(axis=1), pixels))
-    first = order[np.flatnonzero(np.diff(pixels[order], prepend=-1))]
-    weights = np.maximum(weights[first], 0.0)
-    return pixels[first], face[first], weights / weights.sum(axis=1, keepdims=True)
-
-
-def locate_all(
-    points: FloatArray, faces: IntArray, shape: tuple[int, int]
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Every pixel's centre with every triangle that it lies in, however many overlap there.
-
-    Parameters and returned arrays are those of `locate_pixels`, in no order; weights are as they
-    come, down to rounding below 0.
-    """
     corners = points[faces]
     low = np.ceil(corners.min(axis=1) - 0.5).astype(np.int64)
     high = np.floor(corners.max(axis=1) - 0.5).astype(np.int64)
@@ -59,8 +44,12 @@ def locate_all(
     found = [
         _candidates(corners, low, size, count, block, shape[1]) for block in _blocks(count, CHUNK)
     ]
+    # Every centre with every triangle that it lies in, down to rounding below 0.
     pixels, face, weights = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-    return pixels, face, weights
+    order = np.lexsort((-weights.min(axis=1), pixels))
+    first = order[np.flatnonzero(np.diff(pixels[order], prepend=-1))]
+    weights = np.maximum(weights[first], 0.0)
+    return pixels[first], face[first], weights / weights.sum(axis=1, keepdims=True)
 
 
 def _blocks(count: IntArray, limit: int) -> list[IntArray]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -27,6 +29,18 @@ def check_transform(transform: ArrayLike, name: str = "transform") -> FloatArray
     ):
         raise InvalidArrayError(f"{name} is not rigid: {matrix.tolist()}")
     return matrix
+
+
+def rpy_matrix(rpy: Sequence[float]) -> FloatArray:
+    """(3, 3) of roll, pitch, yaw [rad] about fixed x, y, z: Rz(yaw) Ry(pitch) Rx(roll)."""
+    (a, b, c), (sa, sb, sc) = np.cos(rpy), np.sin(rpy)
+    return np.array(
+        [
+            [b * c, c * sa * sb - a * sc, sa * sc + a * c * sb],
+            [b * sc, a * c + sa * sb * sc, a * sb * sc - c * sa],
+            [-sb, b * sa, a * b],
+        ]
+    )
 
 
 def transform_points(transform: FloatArray, points: FloatArray) -> FloatArray:

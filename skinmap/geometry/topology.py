@@ -113,6 +113,31 @@ def loop_length(points: FloatArray, loop: IntArray) -> float:
     return float(np.linalg.norm(points[loop] - points[np.roll(loop, -1)], axis=1).sum())
 
 
+def loops_by_length(points: FloatArray, faces: IntArray) -> list[IntArray]:
+    """The boundary loops of faces (m, 3) over points (n, d), the longest first.
+
+    Parameters
+    ----------
+    points : (n, d) array of float
+    [m].
+    faces : (m, 3) array of int
+
+    Returns
+    -------
+    list of (k,) array of int
+    Vertices of each loop, in its order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skinmap.geometry import loops_by_length
+    >>> (loop,) = loops_by_length(np.eye(3), np.array([[0, 1, 2]]))
+    >>> sorted(loop.tolist())
+    [0, 1, 2]
+    """
+    return sorted(boundary_loops(faces), key=lambda loop: -loop_length(points, loop))
+
+
 def check_surface(faces: IntArray) -> None:
     """Refuse what no flattening or walk over the mesh can trust.
 

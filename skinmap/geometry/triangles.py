@@ -50,6 +50,11 @@ def edge_lengths(vertices: FloatArray, faces: IntArray) -> FloatArray:
     return np.linalg.norm(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]], axis=2)
 
 
+def pair_lengths(points: FloatArray, pairs: IntArray) -> FloatArray:
+    """(e,) distances of pairs (e, 2) of points (n, d) [m]."""
+    return np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+
+
 def signed_areas(uv: FloatArray, faces: IntArray) -> FloatArray:
     """(m,) signed areas in the plane [m2]; negative is a flip."""
     a, b, c = uv[faces[:, 0]], uv[faces[:, 1]], uv[faces[:, 2]]

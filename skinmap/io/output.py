@@ -5,18 +5,16 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-import signal
 import tempfile
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from skinmap.errors import OutputError, SkinError
+from skinmap.interrupts import undisturbed
 
 # What a disk or its file system says to a writer, and no reader ever hears.
 REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
@@ -104,23 +102,6 @@ def _temporary(path: Path) -> Path:
         raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None
     os.close(handle)
     return Path(name)
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Ctrl-C and a polite kill wait until this is over, which should be soon."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-    before = {kind: signal.signal(kind, lambda kind, _: came.append(kind)) for kind in SIGNALS}
-    try:
-        yield
-    finally:
-        for kind, handler in before.items():
-            signal.signal(kind, signal.SIG_DFL if handler is None else handler)
-        for first in came[:1]:
-            signal.raise_signal(first)
 
 
 @contextmanager

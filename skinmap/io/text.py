@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
+import re
 import stat
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from skinmap.errors import DataFormatError, MissingFileError
@@ -13,6 +16,7 @@ MAX_BYTES = 64 * 2**20  # the largest real table has 0.1 MB; more is another kin
 MAX_WHOLE = 2**53  # beyond it a float has no room for every whole number
 # Channels and modules are counted, so a number beyond this is damage; it also keeps sums in range.
 MAX_CHANNEL = 2**31 - 1
+DECIMAL_COMMA = re.compile(r"^(\s*[-+]?\d*),(\d+(?:[eE][-+]?\d+)?\s*)$")
 
 
 def is_file(path: Path) -> bool:
@@ -41,7 +45,7 @@ def check_file(path: Path, expected: str, most_bytes: int = MAX_BYTES) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The text of a UTF-8 file.
+    """The text of a UTF-8 file, without the byte order mark that spreadsheets put in front.
 
     Raises
     ------
@@ -50,11 +54,41 @@ def read_text(path: Path) -> str:
     """
     check_file(path, "a text file")
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise DataFormatError(f"not a text file ({error.reason})", path) from None
     except OSError as error:
         raise DataFormatError(f"cannot be read: {error.strerror}", path) from None
+
+
+class CsvRows:
+    """Rows of a CSV table, also as spreadsheets save it where numbers have a decimal comma.
+
+    Parameters
+    ----------
+    text : str
+        Its first line tells whether `;` is between the columns; then `0,5` in a cell is 0.5.
+    """
+
+    def __init__(self, text: str) -> None:
+        head = text[: text.find("\n")] if "\n" in text else text
+        self._semicolons = ";" in head and "," not in head
+        delimiter = ";" if self._semicolons else ","
+        self._rows = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+
+    @property
+    def line_num(self) -> int:
+        """Line of the last row, counted from 1."""
+        return self._rows.line_num
+
+    def __iter__(self) -> Iterator[list[str]]:
+        return self
+
+    def __next__(self) -> list[str]:
+        row = next(self._rows)
+        if not self._semicolons:
+            return row
+        return [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row]
 
 
 def parse_floats(words: Sequence[str], path: Path, line: int | None) -> list[float]:

@@ -45,7 +45,12 @@ class BoundedQueue(Generic[Item]):
         """
         with self._changed:
             room = self._changed.wait_for(
-                lambda: self._size + size <= self._most or not self._items or self._end is not None,
+                lambda: (
+                    not size  # what weighs nothing always has room
+                    or self._size + size <= self._most
+                    or not self._items
+                    or self._end is not None
+                ),
                 patience,
             )
             if self._end is not None:

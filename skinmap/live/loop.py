@@ -10,16 +10,14 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.classify.classifier import Prediction, TouchClassifier
+from skinmap.classifiers.classifier import Prediction, TouchClassifier
 from skinmap.errors import SkinMismatchError, UnknownNameError
-from skinmap.live.contacts.contact_motion import WINDOW, Method
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.events import ContactEvent, TouchEvent, taken
 from skinmap.live.contacts.touch_history import Entry, TouchBook
@@ -32,15 +30,23 @@ from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.feed import STALE, Feed
 from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import Seekable, Source, SourceEnded, StreamInfo, is_live
+from skinmap.live.sources.source import (
+    Seekable,
+    Source,
+    SourceEnded,
+    StreamInfo,
+    blocks,
+    is_live,
+)
 from skinmap.skin.robot import Robot
 from skinmap.summary import Summary, listed
-from skinmap.touch.grouping import RULE, GroupingRule
+from skinmap.touch.contacts.grouping import RULE, GroupingRule
 from skinmap.touch.prepared_skin import PreparedSkin
 
 PACE = 100.0  # labels a second for each part at most
 MAX_SAMPLES = 64  # samples that one step works on
 NAMED = 10  # live ones at most from one naming to the next: who comes late still gets labels
+ILL = ("stuck", "noisy", "dead", "unheard")  # states of taxels that feel little or nothing
 logger = logging.getLogger(__name__)
 
 
@@ -71,10 +77,6 @@ class TouchLoop(Summary):
     live : bool, optional
         Whether this machine's clock may decide which samples are named from; of a live source by
         default.
-    window : float
-        Of the velocity of a touch, at least [s].
-    motion : {"places", "flow"}
-        How that is measured, see `skinmap.live.contacts.contact_motion.MotionBook`.
 
     Attributes
     ----------
@@ -120,8 +122,6 @@ class TouchLoop(Summary):
         reopen: Callable[[], Source] | None = None,
         singly: bool = False,
         live: bool | None = None,
-        window: float = WINDOW,
-        motion: Method = "places",
     ) -> None:
         self._singly, self._live = singly, live
         self.robot, self.counts = robot, Counts()
@@ -141,19 +141,19 @@ class TouchLoop(Summary):
         self._responses = Responses(self._skin, info, responses)
         self._gate = RestGate(self._skin, info.rate)
         self._tracker = ContactTracker(self._skin)
-        self._book = TouchBook(self._skin, window=window, method=motion)
+        self._book = TouchBook(self._skin)
         self._book.revise = self._revised
         self._namer: Namer | None = None
-        self._new_namer = partial(
-            Namer, self._skin, rule=rule, rate=info.rate, pace=pace, live=self.live
-        )
         if classifier is not None:
-            self._namer = self._new_namer(classifier)
-        self._next_namer: Namer | None = None
+            self._namer = Namer(
+                self._skin, classifier, rule=rule, rate=info.rate, pace=pace, live=self.live
+            )
         self._listeners: list[Callable[[Moment], object]] = []
         self._runs: deque[tuple[bool, FloatArray, NDArray[Any]]] = deque()
         zeros = np.zeros(len(self._skin))
         self._last: tuple[float, FloatArray, NDArray[Any]] = (float("nan"), zeros, zeros)
+        self._states: tuple[tuple[int, int], dict[str, NDArray[Any]]] = ((-1, -1), {})
+        self._stuck = self._gate.rest.stuck
         self.moment: Moment | None = None
 
     def __iter__(self) -> Iterator[Moment]:
@@ -208,8 +208,6 @@ class TouchLoop(Summary):
         UnreachableError
             A source that died, and nobody said how to open it again.
         """
-        if self._next_namer is not None:
-            self._namer, self._next_namer = self._next_namer, None
         if not self._runs:
             try:
                 block = self.feed.read(timeout)
@@ -224,6 +222,24 @@ class TouchLoop(Summary):
         self._work(*self._next_run())
         return self._tell(self._show())
 
+    def learn_rest(self, source: Source, seconds: float = float("inf")) -> None:
+        """Learn what taxels read at rest, and which hang, from the same samples read before.
+
+        Parameters
+        ----------
+        source : Source
+            Of the same skin, as fast as it is asked; stays open.
+        seconds : float
+            Of its clock, at most.
+        """
+        checks, end = SampleChecks(self.info, Counts(), seekable=True), float("nan")
+        for block in blocks(source):
+            end = float(block.times[0]) + seconds if end != end else end
+            for _, _, values in checks.look(block):
+                self._gate.apply(self._responses.apply(values[:, self._gather])[0])
+            if block.times[-1] >= end:
+                return
+
     def seek(self, seconds: float) -> None:
         """Lead a recording to a time from its beginning [s]."""
         if isinstance(self.source, Seekable):
@@ -235,9 +251,33 @@ class TouchLoop(Summary):
         """What became of the samples, on the way here and here, by the names of `Counts`."""
         return self.counts.joined(self.source.counts).as_dict()
 
+    def withdrawn(self) -> list[TouchEvent]:
+        """Touches taken back since this was asked last: their taxels turned out to be stuck."""
+        return taken(self._book.withdrawn)
+
+    def states(self) -> Mapping[str, NDArray[np.str_]]:
+        """State (n,) of the taxels of each part, see `Moment.states`; not to be changed."""
+        changes = self._gate.changes, self._responses.changes
+        if changes != self._states[0]:
+            words = np.full(len(self._skin), "ok", "<U7")
+            for found in (self._gate.states(), self._responses.states()):
+                for state, rows in found.items():
+                    words[rows] = state
+            self._states = changes, self._skin.split(words)
+        return self._states[1]
+
     def health(self) -> dict[str, dict[str, list[int]]]:
-        """Channels that are `stuck` or `noisy`, by part; parts without any are left out."""
-        return self._gate.health()
+        """Channels that are `stuck`, `noisy`, `dead` or `unheard`, by part.
+
+        Parts without any are left out. A channel is unheard until it was first seen at rest: what
+        it sends before is not a touch.
+        """
+        found = {}
+        for part, words in self.states().items():
+            channels = self.skins[part].skin.channels
+            if (words != "ok").any():
+                found[part] = {state: channels[words == state].tolist() for state in ILL}
+        return found
 
     def dense_info(self) -> StreamInfo:
         """How a publisher of the moments describes their pressures: dense rows of each part."""
@@ -246,18 +286,7 @@ class TouchLoop(Summary):
     def finish(self) -> None:
         """End the touches that last: nothing more will be asked."""
         self._tracker.forget()
-        self._book.update([])
-
-    def name_with(self, classifier: TouchClassifier) -> None:
-        """Name touches with another classifier from the next step on; any thread may ask.
-
-        Raises
-        ------
-        SkinMismatchError
-            A classifier of another skin.
-        """
-        check_classifier(classifier, self.skins.values())
-        self._next_namer = self._new_namer(classifier)
+        self._book.forget()
 
     def close(self) -> None:
         """Close the source; may be called twice."""
@@ -292,8 +321,7 @@ class TouchLoop(Summary):
         for row, now in enumerate(times.tolist()):
             self._tracker.update(now, touched[row], None if forces is None else forces[row])
             tracks = self._tracker.tracks
-            self._keep_book(now)
-            self._book.follow(now, tracks, touched[row])
+            self._keep_book(now, touched[row])
             if self._namer is not None:
                 self._namer.push(now, touched[row], tracks, self._book.lasting)
             # Which samples come together is the clock's doing: only live ones are named by that.
@@ -301,6 +329,9 @@ class TouchLoop(Summary):
             if self._namer is not None and tracks and due:
                 self._namer.name(now, tracks, live=live, speed=self.source.speed)
                 self._keep_book(now)
+        if self._gate.rest.stuck is not self._stuck:
+            self._stuck = self._gate.rest.stuck
+            self._book.withdraw(self._stuck)
         self.counts.used += len(times)
         self._last = (float(times[-1]), pressures[-1], dense[-1])
 
@@ -309,10 +340,10 @@ class TouchLoop(Summary):
             return None
         return self._namer.revise(entry.identity, entry.part, entry.began, entry.seen)
 
-    def _keep_book(self, now: float) -> None:
+    def _keep_book(self, now: float, pressures: FloatArray | None = None) -> None:
         labels = None if self._namer is None else self._namer.labels
         tracks, swallowed = self._tracker.tracks, self._tracker.swallowed
-        over = self._book.update(tracks, labels, swallowed, time=now)
+        over = self._book.update(tracks, labels, swallowed, time=now, pressures=pressures)
         if self._namer is not None:
             for touch, new in self._book.parted.items():
                 self._namer.rename(touch, new)
@@ -322,9 +353,7 @@ class TouchLoop(Summary):
     def _begin_anew(self) -> None:
         """The clock jumped: what was touched before is over."""
         self._tracker.forget()
-        self._book.update([])
-        self._book.motions.forget()
-        self._book.pieces.forget()
+        self._book.forget()
         if self._namer is not None:
             self._namer.forget()
 
@@ -343,6 +372,7 @@ class TouchLoop(Summary):
             latency=latency,
             dropped=self.feed.dropped,
             contacts=contacts,
+            states=self.states(),
         )
 
     def _tell(self, moment: Moment) -> Moment:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.live.contacts.named_touch import NamedTouch
@@ -39,6 +40,14 @@ class Moment(Summary):
     contacts : tuple of NamedTouch
         The connected pieces of the touches one by one, each with a number of its own and the
         label of its touch.
+    states : mapping of str to (n,) array of str
+        Of each part's taxels: "ok", "stuck", "noisy", "dead", or "unheard": not seen at rest yet.
+
+    Examples
+    --------
+    >>> import numpy as np, skinmap
+    >>> skinmap.live.Moment(0.02, {"torso": np.zeros(480)})
+    Moment(time=0.020 s, parts=torso, touches=none, stale=False)
     """
 
     time: float
@@ -51,6 +60,7 @@ class Moment(Summary):
     latency: float = float("nan")
     dropped: int = 0
     contacts: tuple[NamedTouch, ...] = ()
+    states: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

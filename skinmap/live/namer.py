@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import threading
 import time as clock
 import warnings
-import weakref
-from collections.abc import Callable, Mapping, Sequence
-from queue import Empty, SimpleQueue
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.classify.classifier import Prediction, TouchClassifier
-from skinmap.classify.naming import Named, name_touches
+from skinmap.classifiers.classifier import Prediction, TouchClassifier
+from skinmap.classifiers.naming import Named, name_touches
 from skinmap.errors import BrokenPluginError, SkinError, SkinWarning
 from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.touch.grouping import RULE, GroupingRule
+from skinmap.touch.contacts.grouping import RULE, GroupingRule
 from skinmap.touch.prepared_skin import PreparedSkin
 
 Bytes = NDArray[np.uint8]
@@ -30,11 +26,6 @@ MEMORY = 200  # of these (4 s at 50 Hz); what lasts longer forgets its beginning
 LONGER, LATEST = 0.1, 0.25
 QUIET = 0.1  # a place without an active taxel for so long starts anew [s]
 SHARE = 0.4  # of the time that naming may take: samples must not wait for names
-PATIENCE = (
-    2.0  # with a plug-in that does not answer while samples come [s]: its names are stale then
-)
-KNOWN = ("builtins", "numpy", "skinmap", "sklearn")  # packages whose classifiers answer
-Answer = TypeVar("Answer")
 
 
 class Namer:
@@ -87,7 +78,6 @@ class Namer:
         self._count = 0  # samples kept so far; the newest stands at (count - 1) % MEMORY
         self._slot = -np.inf
         self._rests = -np.inf  # until when naming has had its share, by `perf_counter`
-        self._patience = Patience(PATIENCE) if _foreign(classifier) else None
 
     def _warm_up(self, skin: PreparedSkin) -> None:
         """Name one touch: distances along a skin are found once, ahead of time."""
@@ -102,18 +92,18 @@ class Namer:
                 f"the classifier {self.classifier.name!r} fails on a touch: {error!r}"
             ) from error
 
-    def _found(self, skin: PreparedSkin, samples: Bytes, *, ended: bool = True) -> list[Named]:
+    def _found(
+        self, skin: PreparedSkin, samples: Bytes, *, ended: bool, known: IntArray | None
+    ) -> Sequence[Named]:
         """Touches with their names; none, with one warning, where the classifier fails on them.
 
         A robot that is followed for weeks is not left alone for one sample that a plug-in cannot
         name.
         """
-
-        def named() -> list[Named]:
-            return list(name_touches(self.classifier, skin, samples, rule=self.rule, ended=ended))
-
         try:
-            return named() if self._patience is None else self._patience.ask(named)
+            return name_touches(
+                self.classifier, skin, samples, rule=self.rule, ended=ended, known=known
+            )
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
             if not self.failed:
                 warnings.warn(
@@ -123,7 +113,7 @@ class Namer:
                     stacklevel=2,
                 )
             self.failed += 1
-            return []
+            return ()
 
     @property
     def in_time(self) -> bool:
@@ -168,6 +158,9 @@ class Namer:
         self._felt.fill(-np.inf)
         self._first.fill(-1)
         self._done.fill(-np.inf)
+        self._stamps.fill(-np.inf)
+        self._touch_of.fill(-1)
+        self._count = 0
         self._slot = -np.inf
         self.labels.clear()
 
@@ -188,8 +181,6 @@ class Namer:
             How many times quicker than recorded samples come: of quick ones fewer are named, the
             same ones in each run.
         """
-        if not live:  # what was recorded is named the same on a busy machine
-            self._patience = None
         quicker = speed if 1.0 < speed < np.inf else 1.0
         pause = quicker * self._pause
         present = [track for track in tracks if len(track.taxels)]
@@ -234,7 +225,9 @@ class Namer:
         if len(rows) < 2 or not own.any():
             return None
         samples = np.where(own, self._history[rows, columns], 0).astype(np.uint8)
-        found = self._found(self.skin.skins[name], samples)
+        cut = self._stamps[rows[0]] > began + 1.5 * self._period
+        known = np.where(own, touch, -1) if cut else None
+        found = self._found(self.skin.skins[name], samples, ended=True, known=known)
         if not found:
             return None
         self.named += 1
@@ -244,13 +237,15 @@ class Namer:
         name = self.skin.parts[part]
         columns = self.skin.slices[name]
         first = max(int(self._first[part]), self._count - MEMORY)
+        cut = first > self._first[part]
         rows = np.arange(first, self._count) % MEMORY
         samples = self._history[rows, columns]
         over = time - self._felt[columns] >= QUIET
         if self._lasting:
             over &= ~np.isin(self._touch_of[columns], list(self._lasting))
         samples[:, over] = 0
-        found = self._found(self.skin.skins[name], samples, ended=False)
+        known = self._touch_of[columns] if cut else None
+        found = self._found(self.skin.skins[name], samples, ended=False, known=known)
         self._hand_out(found, tracks, columns.start)
 
     def _hand_out(self, found: Sequence[Named], tracks: list[Track], start: int) -> None:
@@ -263,76 +258,15 @@ class Namer:
             if max(shared) > 0:
                 groups.setdefault(int(np.argmax(shared)), []).append(track)
         taken: set[int] = set()
+        identities = {track.identity for track in tracks}
         for number, members in sorted(
             groups.items(), key=lambda item: min(one.touch for one in item[1])
         ):
-            known = {one.touch for one in members} | {one.identity for one in members}
-            touch = min(known - taken)
+            own = {one.identity for one in members}
+            # A number of their own is always left: those of other contacts are not given away.
+            touch = min((own | {one.touch for one in members}) - taken - (identities - own))
             taken.add(touch)
             for one in members:
                 one.touch = touch
             self.labels[touch] = found[number].prediction
             self.named += 1
-
-
-class Patience:
-    """Questions to what may never answer, asked in a thread of their own.
-
-    Parameters
-    ----------
-    seconds : float
-        How long an answer is waited for.
-    """
-
-    def __init__(self, seconds: float) -> None:
-        self.seconds = seconds
-        self._asked: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
-        self._answers: SimpleQueue[object] = SimpleQueue()
-        self._owed = 0  # answers that nobody waits for any more
-        # A daemon: a plug-in that never returns must not keep a program from its end.
-        threading.Thread(
-            target=_answer, args=(self._asked, self._answers), name="skinmap-plug-in", daemon=True
-        ).start()
-        weakref.finalize(self, self._asked.put, None)
-
-    def ask(self, question: Callable[[], Answer]) -> Answer:
-        """What the question returns, or raises.
-
-        Raises
-        ------
-        TimeoutError
-            It takes longer, or one before it has still not been answered.
-        """
-        try:
-            while self._owed:
-                self._answers.get_nowait()
-                self._owed -= 1
-            self._asked.put(question)
-            self._owed += 1
-            answer = self._answers.get(timeout=self.seconds)
-        except Empty:
-            raise TimeoutError(f"no answer within {self.seconds:g} s") from None
-        self._owed -= 1
-        if isinstance(answer, _Raised):
-            raise answer.error
-        return answer  # type: ignore[return-value]  # of the question that was asked
-
-
-def _answer(asked: SimpleQueue[Callable[[], object] | None], answers: SimpleQueue[object]) -> None:
-    while (question := asked.get()) is not None:
-        try:
-            answer: object = question()
-        except Exception as error:  # noqa: BLE001 - it is raised where it was asked
-            answer = _Raised(error)
-        answers.put(answer)
-
-
-class _Raised:
-    def __init__(self, error: Exception) -> None:
-        self.error = error
-
-
-def _foreign(classifier: TouchClassifier) -> bool:
-    """Whether a classifier, or what it is made of, comes from a package that we do not know."""
-    things = [classifier, *vars(classifier).values()]
-    return any(type(one).__module__.partition(".")[0] not in KNOWN for one in things)

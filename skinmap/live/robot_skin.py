@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.topology import number_by_appearance
-from skinmap.touch.contacts import padded_neighbours
+from skinmap.touch.contacts.skin_geometry import padded_neighbours
 from skinmap.touch.prepared_skin import PreparedSkin
 
 

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.compiled import compiled as compiled_loop
-from skinmap.compiled import pays
 from skinmap.neighbours.offsets import Neighbourhoods, ramp
 from skinmap.neighbours.prototypes import Prototypes
+from skinmap.numba_loops import compiled as compiled_loop
+from skinmap.numba_loops import pays
 
 PAYS = 20_000_000  # combinations; below, the import of numba costs more than it saves
 CELLS = 13  # cells of the coarse raster along one axis: all of them fit into three words

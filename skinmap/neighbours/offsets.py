@@ -16,6 +16,7 @@ from skinmap.geometry.triangles import cross_products, unit
 
 BAND = 0.8e-3  # half-width of the soft radius [m]: taxels this close to it are optional
 LATTICE = 6  # hexagonal: directions repeat every pi / 3
+LEAN = np.radians(2.0)  # a lattice that lies across by less turns to one side whatever its error
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -83,6 +84,19 @@ def neighbourhoods(
         A direction in each tangent plane that offsets are measured from (the second axis).
     radius, band : float
         Neighbours up to radius + band count; beyond radius - band they are optional [m].
+
+    Returns
+    -------
+    Neighbourhoods
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skinmap.neighbours import neighbourhoods
+    >>> points = np.array([[0.0, 0, 0], [5e-3, 0, 0], [0, 5e-3, 0]])
+    >>> up, along = np.tile([0.0, 0, 1], (3, 1)), np.tile([0.0, 1, 0], (3, 1))
+    >>> len(neighbourhoods(points, up, along, radius=8e-3))
+    3
     """
     pairs = cKDTree(points).query_pairs(radius + band, output_type="ndarray")
     source, target = np.concatenate([pairs, pairs[:, ::-1]]).T
@@ -131,6 +145,27 @@ def flat_map_directions(flat: FlatMap, *, symmetry: int = LATTICE) -> FloatArray
     Each chart is first turned by at most pi / symmetry so that its lattice lies along the axes:
     then structures of one patch mean the same on another. `symmetry` is 6 for triangular
     modules and hexagonal lattices, 4 for square grids.
+
+    Parameters
+    ----------
+    flat : FlatMap
+    Of n taxels.
+    symmetry : int
+    Turns of the lattice onto itself.
+
+    Returns
+    -------
+    (n, 3) array of float
+    Unit.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from skinmap.neighbours import flat_map_directions
+    >>> hand = skinmap.load_robot("kaspar").skin("right_hand")
+    >>> flat = skinmap.flatten(skinmap.build_surface(hand))
+    >>> flat_map_directions(flat).shape[1]
+    3
     """
     directions = np.zeros((len(flat.mesh.skin), 3))
     for chart in flat.charts:
@@ -145,14 +180,20 @@ def flat_map_directions(flat: FlatMap, *, symmetry: int = LATTICE) -> FloatArray
 
 
 def lattice_phase(uv: FloatArray, *, symmetry: int = LATTICE) -> float:
-    """Angle [rad], at most pi / symmetry in size, of the nearest steps of a lattice."""
+    """Angle [rad], at most pi / symmetry in size, of the nearest steps of a lattice.
+
+    Many patches lie just across, pi / symmetry from upright: they count as leaning to the left
+    (counter-clockwise), up to `LEAN` beyond, or errors of the map would turn their frames by a
+    whole step of the lattice.
+    """
     limit = 1.25 * median_spacing(uv)
     pairs = cKDTree(uv).query_pairs(limit, output_type="ndarray")
     if len(pairs) == 0:
         return 0.0
     step = uv[pairs[:, 1]] - uv[pairs[:, 0]]
     angle = np.arctan2(step[:, 1], step[:, 0])
-    return float(np.angle(np.exp(1j * symmetry * angle).sum()) / symmetry)
+    phase = float(np.angle(np.exp(1j * symmetry * angle).sum()) / symmetry)
+    return phase + 2.0 * np.pi / symmetry if phase < LEAN - np.pi / symmetry else phase
 
 
 def _gradients(vertices: FloatArray, faces: IntArray, values: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
+from skinmap.geometry.triangles import pair_lengths
 from skinmap.neighbours.offsets import BAND
 
 RANGE = (0.75, 1.4)  # of the requested radius: further off it is another ring's
@@ -30,10 +31,23 @@ def auto_radius(skins: Sequence[FloatArray], *, near: float, band: float = BAND)
     near, band : float
         The requested radius, and half the width of the soft band [m].
 
+    Returns
+    -------
+    float
+    [m].
+
     Raises
     ------
     InvalidArrayError
         A radius that is not positive.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from skinmap.neighbours import auto_radius
+    >>> skin = skinmap.load_robot("icub").skin("left_forearm")
+    >>> 6e-3 < auto_radius([skin.positions], near=8e-3) < 11e-3
+    True
     """
     if not near > 0:
         raise InvalidArrayError(f"a radius is above 0, got {near} m")
@@ -41,7 +55,7 @@ def auto_radius(skins: Sequence[FloatArray], *, near: float, band: float = BAND)
     lengths = [np.zeros(0)]
     for points in skins:
         pairs = cKDTree(points).query_pairs(radii[-1] + band, output_type="ndarray")
-        lengths.append(np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1))
+        lengths.append(pair_lengths(points, pairs))
     length = np.sort(np.concatenate(lengths))
     count = np.searchsorted(length, radii + band) - np.searchsorted(length, radii - band)
     if not count.any():

@@ -14,6 +14,7 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import FlatMap
+from skinmap.geometry.tangents import plane_turns
 from skinmap.neighbours.matching import MARGIN, View, match_costs, matcher, pairing, view
 from skinmap.neighbours.offsets import (
     Neighbourhoods,
@@ -162,6 +163,30 @@ def assign(
 
     First come matches of which every point lies within the tolerance, then those of which a point
     or two strays by up to 1.5 tolerances, if the root mean square is below 1 / 1.5 of it.
+
+    Parameters
+    ----------
+    hoods : Neighbourhoods
+    Of n taxels.
+    prototypes : Prototypes
+    Structures found before, perhaps on another skin.
+    compiled : bool, optional
+    Whether to use numba; where it is installed by default.
+
+    Returns
+    -------
+    Structures
+    Of the n taxels.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from skinmap.neighbours import assign
+    >>> from skinmap.touch.prepared_skin import PreparedSkin
+    >>> skin = PreparedSkin(skinmap.load_robot("kaspar").skin("right_hand"))
+    >>> found = skinmap.find_structures(skin.hoods)
+    >>> bool((assign(skin.hoods, found.prototypes).labels == found.labels).mean() > 0.9)
+    True
     """
     return _assigned(view(hoods), prototypes, compiled)
 
@@ -284,9 +309,7 @@ def _refined(
     turns, partner = found
     if len(members) == 0:
         return shape
-    angle = 2.0 * np.pi * turns / shape.rotations
-    c, s = np.cos(angle), np.sin(angle)
-    back = np.stack([np.stack([c, -s], 1), np.stack([s, c], 1)], 1)
+    back = plane_turns(2.0 * np.pi * turns / shape.rotations)
     local = np.einsum("nki,nij->nkj", hoods.offsets[members], back)
     there = partner >= 0
     at = np.maximum(partner, 0)

@@ -7,7 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 from skinmap.errors import UnreachableError, VersionMismatchError
 from skinmap.imports import import_optional
@@ -30,33 +30,6 @@ _numbers = itertools.count()
 
 class WorkersLostError(UnreachableError):
     """A worker died with tasks under way; they may be given to others."""
-
-
-class Pool(Protocol):
-    """Workers that take tasks and give futures.
-
-    Attributes
-    ----------
-    size : int
-        Tasks that run at a time.
-    where : str
-        For messages.
-    """
-
-    size: int
-    where: str
-
-    def submit(self, call: Callable[[Any], Any], task: Any) -> Any:
-        """A future of one task."""
-
-    def wait(self, futures: Collection[Any]) -> list[Any]:
-        """Those that are done, at least one."""
-
-    def result(self, future: Any) -> Any:
-        """What a task gave, or raises what it raised; WorkersLostError where its worker died."""
-
-    def drop(self, futures: Collection[Any]) -> None:
-        """Give up tasks, those under way too."""
 
 
 class LocalPool:
@@ -234,6 +207,9 @@ class ClusterPool:
             return False
 
 
+Pool: TypeAlias = LocalPool | ClusterPool  # each has a size, and where it is for messages
+
+
 def connect(address: str) -> Any:
     """A client of the Dask scheduler at an address.
 
@@ -241,7 +217,7 @@ def connect(address: str) -> Any:
     ------
     UnreachableError, MissingLibraryError
     """
-    need = "the backend dask needs dask and distributed: install skinmap[dask]"
+    need = "a Dask scheduler needs dask and distributed: install skinmap[dask]"
     distributed = import_optional("distributed", need)
     import warnings
 

@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from skinmap.cache import content_key
+from skinmap.disk_cache import content_key
 from skinmap.errors import SkinWarning, UnreachableError
 from skinmap.parallel.pool import Pool, WorkersLostError
 from skinmap.parallel.workers import ONE, Workers, opened_pool
@@ -29,7 +29,25 @@ Progress = Callable[[str], None]
 
 
 def task_rng(seed: int | Sequence[int], *key: int) -> np.random.Generator:
-    """A generator for one task of a run: the same on every worker, independent between tasks."""
+    """A generator for one task of a run: the same on every worker, independent between tasks.
+
+    Parameters
+    ----------
+    seed : int or sequence of int
+        Of the run.
+    key : int
+        Which task it is.
+
+    Returns
+    -------
+    numpy.random.Generator
+
+    Examples
+    --------
+    >>> from skinmap.parallel import task_rng
+    >>> bool(task_rng(0, 3).integers(100) == task_rng(0, 3).integers(100))
+    True
+    """
     return np.random.default_rng([*np.atleast_1d(seed), *key])
 
 
@@ -60,6 +78,17 @@ def run_tasks(
         Dask is asked for and not installed.
     VersionMismatchError
         Workers of other versions.
+
+    Returns
+    -------
+    list
+
+    Examples
+    --------
+    >>> import math
+    >>> from skinmap.parallel import run_tasks
+    >>> run_tasks(math.factorial, range(5))
+    [1, 1, 2, 6, 24]
     """
     with closing(each_result(work, tasks, workers=workers, progress=progress)) as results:
         found = dict(results)
@@ -76,7 +105,25 @@ def each_result(
     """Place of a task and its result, as they are finished: nothing piles up.
 
     Tasks are taken from their iterable as workers become free, so neither need there be memory
-    for all of them. Parameters and errors are those of `run_tasks`.
+    for all of them.
+
+    Parameters
+    ----------
+    work, tasks, workers, progress
+        As `run_tasks` takes them.
+
+    Yields
+    ------
+    place : int
+        Of the task among all.
+    result
+
+    Examples
+    --------
+    >>> import math
+    >>> from skinmap.parallel import each_result
+    >>> dict(each_result(math.factorial, range(3)))
+    {0: 1, 1: 1, 2: 2}
     """
     with opened_pool(workers) as pool:
         sweep = _Sweep(work, enumerate(tasks), workers)

@@ -5,20 +5,19 @@ from __future__ import annotations
 import fcntl
 import io
 import json
-import os
-import warnings
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.cache import Arrays, Cache
-from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinWarning
+from skinmap.disk_cache import Arrays, Cache
+from skinmap.errors import DataFormatError, InvalidArrayError, OutputError
 from skinmap.parallel.pool import ClusterPool, LocalPool, Pool
 
 FORMAT = 2
@@ -29,6 +28,7 @@ LIBRARIES = ("skinmap", "numpy", "scipy", "scikit-learn", "libigl")
 NO_LIMIT = 1 << 62  # results that were waited for are never dropped
 KINDS = "biufcSUMm"  # of arrays: no objects, which would be pickled
 TREE = "tree"
+OURS = ("skinmap", "calibration", "viewer")  # packages whose dataclasses are read back
 
 
 class ResumeStore:
@@ -48,15 +48,14 @@ class ResumeStore:
     Raises
     ------
     DataFormatError
-        Something else than such a folder, or the results of another sweep.
+        Something else than such a folder, or the results of another sweep or version.
     OutputError
         A folder that cannot be written, or that another run has open.
 
     Notes
     -----
-    Results of another version of Skinmap or of the libraries below it are put aside
-    (`NAME.old`) with a warning: their bits may differ. Damaged entries are computed again, with a
-    warning too.
+    Results of another version of Skinmap or of the libraries below it are refused: their bits may
+    differ. Damaged entries are computed again, with a warning.
     """
 
     def __init__(self, path: Path, sweep: str) -> None:
@@ -123,14 +122,11 @@ class ResumeStore:
         file = _locked(self.path / HEAD)
         text = file.read()
         try:
-            older = self._check_head(text) if text else None
+            if text:
+                self._check_head(text)
         except BaseException:
             file.close()
             raise
-        if older is not None:
-            file.close()
-            self._put_aside(older)
-            return self._open()
         if not text:
             head = json.dumps({MARK: FORMAT, "sweep": self.sweep, "versions": _versions()})
             try:
@@ -142,22 +138,8 @@ class ResumeStore:
                 raise
         return file
 
-    def _put_aside(self, older: str) -> None:
-        aside = self.path.with_name(self.path.name + ".old")
-        number = 1
-        while aside.exists():
-            number += 1
-            aside = self.path.with_name(f"{self.path.name}.old{number}")
-        warnings.warn(
-            f"{str(self.path)!r} holds results of {older}, which may differ: all is computed "
-            f"anew, and that folder is now {aside.name!r}",
-            SkinWarning,
-            stacklevel=2,
-        )
-        os.replace(self.path, aside)
-
-    def _check_head(self, text: str) -> str | None:
-        """Which other version the store is of, or None; refuses other folders."""
+    def _check_head(self, text: str) -> None:
+        """Refuse other folders, and results of other versions, whose bits may differ."""
         try:
             head = json.loads(text)
             form, sweep, versions = head[MARK], str(head["sweep"]), dict(head["versions"])
@@ -169,12 +151,14 @@ class ResumeStore:
                 "folder",
                 self.path,
             )
-        if form != FORMAT:
-            return f"another format ({form!r}, this is {FORMAT})"
-        for name, ours in _versions().items():
-            if versions.get(name) != ours:
-                return f"{name} {versions.get(name)} (this is {ours})"
-        return None
+        for name, ours in {"format": FORMAT, **_versions()}.items():
+            theirs = form if name == "format" else versions.get(name)
+            if theirs != ours:
+                raise DataFormatError(
+                    f"holds results of {name} {theirs!r} (this is {ours!r}), which may differ; "
+                    "name another folder",
+                    self.path,
+                )
 
     def _no_store(self) -> DataFormatError:
         return DataFormatError(
@@ -194,7 +178,7 @@ def pack(value: Any) -> Arrays:
     Raises
     ------
     InvalidArrayError
-        Something other than numbers, texts, bytes, arrays, lists, tuples and dicts of them.
+        Something other than numbers, texts, bytes, arrays, lists, tuples, dicts, our dataclasses.
     """
     arrays: Arrays = {}
     tree = json.dumps(_plain(value, arrays), separators=(",", ":")).encode()
@@ -229,6 +213,9 @@ def _plain(value: Any, arrays: Arrays) -> Any:
     if type(value) is dict:
         pairs = [[_plain(key, arrays), _plain(item, arrays)] for key, item in value.items()]
         return {"dict": pairs}
+    if is_dataclass(value) and type(value).__module__.split(".")[0] in OURS:
+        kind = f"{type(value).__module__}:{type(value).__name__}"
+        return {"row": [kind, *(_plain(getattr(value, one.name), arrays) for one in fields(value))]}
     raise InvalidArrayError(f"a result holds a {type(value).__qualname__}, which cannot be kept")
 
 
@@ -250,6 +237,13 @@ def _whole(value: Any, arrays: Arrays) -> Any:
         return tuple(_whole(item, arrays) for item in held)
     if tag == "dict":
         return {_whole(key, arrays): _whole(item, arrays) for key, item in held}
+    if tag == "row":
+        module, _, name = held[0].partition(":")
+        kind = getattr(sys.modules.get(module), name, None)  # of what the task itself imported
+        if module.split(".")[0] not in OURS or not (isinstance(kind, type) and is_dataclass(kind)):
+            raise ValueError(f"{held[0]} is not a dataclass of ours")
+        values = [_whole(item, arrays) for item in held[1:]]
+        return kind(**dict(zip((one.name for one in fields(kind)), values, strict=True)))
     array = arrays[held]
     return {"array": array, "number": array[()], "bytes": array.tobytes()}[tag]
 
@@ -279,31 +273,22 @@ class Workers:
 
     Attributes
     ----------
-    backend : {"local", "dask"}
-        Processes of this machine, or a Dask cluster.
-    jobs : int
-        Processes; 1 runs everything in this one.
-    address : str or None
-        Of the Dask scheduler ("tcp://host:8786").
+    jobs : int or str
+        Processes of this machine, of which 1 runs everything in this one; or the address of a Dask
+        scheduler ("tcp://host:8786").
     kept : ResumeStore or None
         Where finished results are kept and found again.
     pool : Pool or None
         The workers themselves where they were reached already (`open_workers`).
     """
 
-    backend: Literal["local", "dask"] = "local"
-    jobs: int = 1
-    address: str | None = None
+    jobs: int | str = 1
     kept: ResumeStore | None = None
     pool: Pool | None = None
 
     def __post_init__(self) -> None:
-        if self.jobs < 1:
+        if isinstance(self.jobs, int) and self.jobs < 1:
             raise InvalidArrayError(f"at least 1 job, got {self.jobs}")
-        if self.backend == "dask" and not self.address:
-            raise InvalidArrayError("a Dask cluster needs its address (tcp://host:port)")
-        if self.backend == "local" and self.address:
-            raise InvalidArrayError(f"the address {self.address!r} needs the backend dask")
 
 
 ONE = Workers()
@@ -329,6 +314,18 @@ def open_workers(
         See `run_tasks`.
     DataFormatError, OutputError
         See `ResumeStore`.
+
+    Yields
+    ------
+    Workers
+
+    Examples
+    --------
+    >>> import math
+    >>> from skinmap.parallel import Workers, open_workers, run_tasks
+    >>> with open_workers(Workers(jobs=1)) as workers:
+    ...     run_tasks(math.factorial, [3, 4], workers=workers)
+    [6, 24]
     """
     with opened_pool(workers) as pool:
         if resume is None:
@@ -343,8 +340,8 @@ def opened_pool(workers: Workers) -> Iterator[Pool | None]:
     """The pool of some workers, None for this process; one that is open already stays so."""
     if workers.pool is not None:
         yield workers.pool
-    elif workers.backend == "dask":
-        pool = ClusterPool(str(workers.address))
+    elif isinstance(workers.jobs, str):
+        pool = ClusterPool(workers.jobs)
         try:
             yield pool
         finally:

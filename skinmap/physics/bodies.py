@@ -190,15 +190,8 @@ def cylinder(rng: np.random.Generator, hand: float, variant: Variant) -> Presser
 
 Pressing = Callable[[np.random.Generator, float, Variant], Presser]
 PRESSERS: dict[str, Pressing] = {
-    "poke": poke,
-    "full_finger": full_finger,
-    "three_finger": three_finger,
-    "whole_hand": whole_hand,
-    "elbow": elbow,
-    "forearm": forearm,
-    "ball": ball,
-    "edge": edge,
-    "cylinder": cylinder,
+    made.__name__: made
+    for made in (poke, full_finger, three_finger, whole_hand, elbow, forearm, ball, edge, cylinder)
 }
 
 

@@ -1,4 +1,4 @@
-"""Touches on a skin as MuJoCo presses them: the same recordings as `skinmap.touch.simulator`."""
+"""Touches on a skin as MuJoCo presses them: the same recordings as of our own simulator."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.geometry.log_map import log_map
+from skinmap.geometry.tangents import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.physics.bodies import PRESSERS, Presser
 from skinmap.physics.engine import import_mujoco
@@ -21,10 +22,11 @@ from skinmap.physics.spring_bed import SpringBed, spring_bed
 from skinmap.physics.touches_in_time import person as as_subject
 from skinmap.physics.touches_in_time import press_in_time
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
+from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.skin import Skin
-from skinmap.touch.gestures import TIME
 from skinmap.touch.recording import Recording
-from skinmap.touch.sensing import FULL_SCALE, Sensing, Sensors
+from skinmap.touch.simulation.gestures import TIME
+from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
 from skinmap.touch.true_motion import TrueMotion
 
 FOUR = tuple(PRESSERS)[:4]
@@ -196,10 +198,7 @@ def place_at(
     """A presser over a taxel, its x at an angle [rad], and the share of its footprint on skin."""
     skin = bed.skin
     reach = float(np.linalg.norm(presser.footprint, axis=1).max()) + 3.0 * bed.spacing
-    start = mount_frame(skin.positions[taxel], skin.normals[taxel], _any_tangent(skin, taxel))
-    axes = start[:3, :2].T
-    c, s = np.cos(angle), np.sin(angle)
-    axes = np.array([[c, s], [-s, c]]) @ axes
+    axes = presser_axes(skin, taxel, angle)
     uv, _ = log_map(skin.positions, skin.normals, bed.graph, taxel, reach, frame=axes)
     reached = np.flatnonzero(np.isfinite(uv[:, 0]))
     if len(reached) < AROUND:
@@ -258,8 +257,13 @@ def _course(
     return np.where(each > 0, each * tremor[:, None], each)
 
 
-def _any_tangent(skin: Skin, taxel: int) -> FloatArray:
-    return np.eye(3)[int(np.argmin(np.abs(skin.normals[taxel])))]
+def presser_axes(skin: Skin, taxel: int, angle: float) -> FloatArray:
+    """(2, 3) x and y of a presser at a taxel.
+
+    At angle 0 [rad], x is the coordinate axis that the normal has least of, laid into the skin.
+    """
+    c, s = np.cos(angle), np.sin(angle)
+    return np.asarray(np.array([[s, -c], [c, s]]) @ tangent_frames(skin.normals[taxel]))
 
 
 def _log_uniform(rng: np.random.Generator, between: Range) -> float:
@@ -338,4 +342,5 @@ class _Player:
             forces=np.concatenate([np.zeros(0), *self._forces]),
             places=np.concatenate([np.zeros((0, 3)), *self._places]),
             motions=tuple(self._motions) if any(self._motions) else (),
+            fingerprint=fingerprint(skin),
         )

@@ -18,11 +18,11 @@ from skinmap.physics.bodies import PRESSERS, Presser
 from skinmap.physics.pressing import STEP, mount_frame, press
 from skinmap.physics.spring_bed import SpringBed
 from skinmap.physics.variants import Variant
-from skinmap.touch import moving_touches
-from skinmap.touch.hands import Draw
-from skinmap.touch.moving_touches import Laid, lay
-from skinmap.touch.subjects import HABITS, Subject
-from skinmap.touch.time_gestures import TIME_GESTURES, Timing
+from skinmap.touch.simulation import moving_touches
+from skinmap.touch.simulation.hands import Draw
+from skinmap.touch.simulation.moving_touches import Laid, lay
+from skinmap.touch.simulation.subjects import HABITS, Subject
+from skinmap.touch.simulation.time_gestures import TIME_GESTURES, Timing
 
 # What each gesture is made with, one drawn; the second of a squeeze is its other side.
 HANDS: dict[str, tuple[str, ...]] = {

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Iterable
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -75,7 +74,6 @@ def present(
 
         with staged_folder(out) as stage:
             files = write_files(stage, refused, write, page)
-            keep_report(out, stage)
         result = dataclasses.replace(result, files=files)
     if as_json:
         emit(result, number)
@@ -85,18 +83,6 @@ def present(
             click.echo(str((out or inside or Path()) / file))
     if refused:
         raise SystemExit(REFUSED_CODE)
-
-
-def keep_report(out: Path, stage: Path) -> None:
-    """Give a report of an earlier run that the new one would replace another name, and say so."""
-    for name in (PAGE, REFUSED_PAGE):
-        old, new = out / name, stage / name
-        if not (old.is_file() and new.is_file()) or old.read_bytes() == new.read_bytes():
-            continue
-        stem = old.stem
-        number = next(k for k in count(1) if not (out / f"{stem}_{k}.html").exists())
-        kept = old.rename(out / f"{stem}_{number}.html")
-        click.echo(f"note: the {name} of an earlier run is kept as {kept}", err=True)
 
 
 def write_files(stage: Path, refused: bool, write: Write | None, page: Page | None) -> list[str]:

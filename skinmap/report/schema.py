@@ -77,17 +77,18 @@ def _closed(name: str, made: dict[str, Any], classes: dict[str, type]) -> dict[s
     properties: dict[str, Any] = {}
     rest: Any = False
     for field in dataclasses.fields(kind):
-        if not texts.get(field.name):
-            raise TypeError(f"{kind.__name__}.{field.name} is not described in its docstring")
         found = schema["properties"][field.name]
+        text = field.metadata.get("text") or texts.get(field.name)
+        if not text:
+            raise TypeError(f"{kind.__name__}.{field.name} is not described in its docstring")
         found.pop("default", None)
         if field.metadata == MERGED and "$ref" in found:
             inner = _closed(found["$ref"].rpartition("/")[2], made, classes)
             properties = inner["properties"] | properties
         elif field.metadata == MERGED:
-            rest = {**found["additionalProperties"], "description": texts[field.name]}
+            rest = {**found["additionalProperties"], "description": text}
         else:
-            properties[key_of(field)] = {**found, "description": texts[field.name]}
+            properties[key_of(field)] = {**found, "description": text}
     return {
         "type": "object",
         "description": re.split(r"\n\s*\n", cleandoc(kind.__doc__ or ""))[0].replace("\n", " "),

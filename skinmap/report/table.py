@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import Any
+
+from skinmap.rows import heading, value
 
 Cell = str | int | float | None
 WIDE = 200  # columns of a table where there is no terminal
@@ -26,6 +29,13 @@ class Table:
     columns: Sequence[str]
     rows: Sequence[Sequence[Cell]]
     title: str = ""
+
+    @classmethod
+    def of(cls, kind: type, rows: Sequence[Any], fields: str, title: str = "") -> Table:
+        """Some fields of rows of a kind: "part cut_mm area.max", or "area.mean=spread" renamed."""
+        named = [field.partition("=")[::2] for field in fields.split()]
+        columns = [other or heading(kind, path) for path, other in named]
+        return cls(columns, [[value(row, path) for path, _ in named] for row in rows], title)
 
     @property
     def texts(self) -> list[bool]:

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
-from skinmap.cache import cached
-from skinmap.geometry.proximity import nearest
+from skinmap.disk_cache import cached
+from skinmap.geometry.proximity import median_spacing, nearest
 from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.skin.layouts import ModuleLayout
 from skinmap.skin.modules import ModulePose, fit_modules
@@ -19,6 +19,7 @@ from skinmap.skin.taxels import TaxelTable
 
 TURNED = np.radians(45.0)  # from the usual angle of a part: boards turn by thirds of a circle
 MIRROR_STEPS = 15  # of the nearest-neighbour fit: steps below 0.01 mm by then
+TWIN = 0.25  # of the taxels' spacing: median distance of parts of one shape
 NEAR = 0.5  # of a module's side: a frame this near to a module is that module's
 
 
@@ -86,6 +87,39 @@ def mirror_distance(points: FloatArray, others: FloatArray) -> float:
         return {"distance": np.array(_mirror_distance(points, others))}
 
     return float(cached("mirror_distance", [points, others, MIRROR_STEPS], lay)["distance"])
+
+
+def twin_parts(skins: Mapping[str, Skin]) -> dict[str, str]:
+    """The first part of each one's shape: itself, or the part that it is the mirror image of.
+
+    Parts of one shape, reflected or not, are touched alike: what learnt on one has seen the other.
+    More than half of the taxels of each must lie on the other, so that a missing module parts no
+    pair. How many taxels there are decides nothing.
+
+    Parameters
+    ----------
+    skins : mapping of str to Skin
+        By part.
+
+    Returns
+    -------
+    dict of str to str
+        For each part the first of `skins` that has its shape.
+    """
+    firsts: dict[str, str] = {}
+    for part, skin in skins.items():
+        known = (one for one in dict.fromkeys(firsts.values()) if _twins(skin, skins[one]))
+        firsts[part] = next(known, part)
+    return firsts
+
+
+def _twins(one: Skin, other: Skin) -> bool:
+    near = TWIN * median_spacing(one.positions)
+    few, many = sorted((len(one), len(other)))
+    return 2 * few > many and any(
+        max(mirror_distance(one.positions, image), mirror_distance(image, one.positions)) < near
+        for image in (other.positions, other.positions * [-1.0, 1.0, 1.0])
+    )
 
 
 def _mirror_distance(points: FloatArray, others: FloatArray) -> float:

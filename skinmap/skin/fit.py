@@ -44,7 +44,29 @@ class SkinFit:
 
 
 def measure_fit(skin: Skin, body: TriangleMesh) -> SkinFit:
-    """Compare a skin with the mesh of its link, both in the link's frame."""
+    """Compare a skin with the mesh of its link, both in the link's frame.
+
+    Parameters
+    ----------
+    skin : Skin
+    Of n taxels.
+    body : TriangleMesh
+    Of its link.
+
+    Returns
+    -------
+    SkinFit
+    Distance, angle and side of each taxel.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from skinmap.skin import measure_fit
+    >>> robot = skinmap.load_robot("icub")
+    >>> fit = measure_fit(robot.skin("left_hand"), robot.mesh_under("left_hand"))
+    >>> fit.distance.shape
+    (48,)
+    """
     distance, face, _ = closest_on_mesh(skin.positions, body.vertices, body.faces)
     cosine = np.einsum("ij,ij->i", face_normals(body.vertices, body.faces)[face], skin.normals)
     gap, _ = nearest(skin.positions, 1)

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from skinmap.arrays import FloatArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.rigid import check_transform
@@ -49,6 +51,19 @@ class Joint:
             raise InvalidArrayError(f"the axis of joint {self.name!r} has no length")
         origin = check_transform(self.T_parent_joint, f"origin of joint {self.name!r}")
         freeze(self, axis=axis, T_parent_joint=origin)
+
+
+def joint_transform(joint: Joint, angle: float) -> FloatArray:
+    """T_parent_link (4, 4) at a joint's own angle [rad or m]."""
+    move = np.eye(4)
+    if joint.kind == "slides":
+        move[:3, 3] = angle * joint.axis
+    elif joint.kind == "turns":
+        x, y, z = joint.axis / np.linalg.norm(joint.axis)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        # Rodrigues' formula.
+        move[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    return np.asarray(joint.T_parent_joint @ move)
 
 
 Tree = Mapping[str, Joint]  # the joint above each link but the root

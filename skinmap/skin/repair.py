@@ -25,8 +25,18 @@ from skinmap.skin.taxels import THERMAL, UNKNOWN, TaxelTable
 
 NORMALS = "normals"  # taken when the skin is made
 ALL_STEPS = ("units", "thermal", "collapsed", NORMALS)
-UNIT_METRES = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "mil": 2.54e-5, "um": 1e-6, "km": 1e3}
+UNIT_METRES = {
+    "m": 1.0,
+    "mm": 1e-3,
+    "cm": 1e-2,
+    "inch": 0.0254,
+    "mil": 2.54e-5,
+    "um": 1e-6,
+    "km": 1e3,
+}
 PITCHES = (1e-3, 4e-2)  # of robot skins, where no layout says better [m]
+STATED = ("m", "mm", "cm", "inch")  # units that a manifest knows
+STATED_PITCHES = (1e-4, 6e-2)  # a stated unit is believed this far: denser and sparser skins exist
 MISFIT = 0.4  # in pitches: bent boards of the iCub stay below 0.25, other layouts above 0.5
 UNIT_MATCH = 1.25  # how far a pitch may be off and still tell its unit: mm and inch are 25 apart
 
@@ -42,7 +52,7 @@ class RepairReport:
     table : TaxelTable
         As it is now.
     unit : str
-        Unit that the positions were found to be in.
+        Unit that the positions were found to be in; "m" where it is the one that was stated.
     thermal : (a,) int
         Channels of thermal pads, left out.
     rebuilt : (b,) int
@@ -68,6 +78,7 @@ def repair_table(
     *,
     steps: Collection[str] = ALL_STEPS,
     known: Mapping[int, FloatArray] | None = None,
+    unit: str | None = None,
 ) -> RepairReport:
     """Mend what files are known to have wrong.
 
@@ -80,24 +91,35 @@ def repair_table(
         Which of `ALL_STEPS` to take.
     known : mapping of int to (4, 4) array, optional
         T_link_module of modules, where the URDF has frames for them.
+    unit : str, optional
+        Unit that the file turned out to be in, where the table is in metres by now: whoever carries
+        it to another frame finds its unit first.
+
+    Returns
+    -------
+    RepairReport
+    The mended table, and what was done.
 
     Raises
     ------
     UnknownNameError
         A step that does not exist.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from skinmap.skin import repair_table
+    >>> report = skinmap.load_robot("icub").repair("left_hand")
+    >>> len(repair_table(report.table, None).table)
+    48
     """
     check_steps(steps)
-    original, unit = table, "m"
-    if "units" in steps:
-        unit = detect_unit(table.positions, layout)
+    original = table
+    if unit is None:
+        unit = detect_unit(table.positions, layout) if "units" in steps else "m"
         if unit != "m":
-            factor = UNIT_METRES[unit]
-            warnings.warn(
-                f"positions are in {unit}: multiplied by {factor:g} to be metres",
-                SkinWarning,
-                stacklevel=2,
-            )
-            table = replace(table, positions=table.positions * factor)
+            warn_of_unit(unit)
+            table = replace(table, positions=table.positions * UNIT_METRES[unit])
     thermal = np.zeros(0, np.int64)
     if "thermal" in steps:
         pads = thermal_pads(table, layout)
@@ -124,23 +146,46 @@ def check_steps(steps: Collection[str]) -> None:
             raise UnknownNameError("repair step", step, ALL_STEPS)
 
 
-def detect_unit(positions: FloatArray, layout: ModuleLayout | None) -> str:
+def warn_of_unit(unit: str, of: str = "", stated: str | None = None) -> None:
+    """Warn that positions are in another unit than they should be, and name the remedy."""
+    instead = "" if stated is None else f", not in {stated} as the manifest states"
+    known = of and unit in STATED  # of a manifest, which may say it
+    remedy = f'; units = "{unit}" in the manifest ends this warning' if known else ""
+    warnings.warn(
+        f"{of}positions are in {unit}{instead}: multiplied by {UNIT_METRES[unit]:g} "
+        f"to be metres{remedy}",
+        SkinWarning,
+        stacklevel=3,
+    )
+
+
+def detect_unit(
+    positions: FloatArray, layout: ModuleLayout | None, stated: str | None = None
+) -> str:
     """Unit in which the spacing of positions (n, 3) fits the layout, or any robot skin.
 
-    "m" where that is so already or no unit fits.
+    Parameters
+    ----------
+    positions : (n, 3) float
+        The numbers of the file.
+    layout : ModuleLayout or None
+    stated : str, optional
+        Unit that the file is said to be in; metres without.
+
+    Returns
+    -------
+    str
+        The stated unit (metres without) where it fits, or where no other does.
     """
     spacing = median_spacing(np.unique(positions, axis=0))
-    if spacing == 0.0:
-        return "m"
-    if layout is None:
-        if PITCHES[0] <= spacing <= PITCHES[1]:
-            return "m"
-        fits = [u for u, f in UNIT_METRES.items() if PITCHES[0] <= spacing * f <= PITCHES[1]]
-        return fits[0] if fits else "m"
-    for unit, factor in {"m": 1.0, **UNIT_METRES}.items():
-        if 1.0 / UNIT_MATCH <= spacing * factor / layout.pitch <= UNIT_MATCH:
+    first = stated or "m"
+    for unit in (first, *UNIT_METRES) if spacing else ():
+        low, high = STATED_PITCHES if unit == stated else PITCHES
+        if layout is not None:
+            low, high = layout.pitch / UNIT_MATCH, layout.pitch * UNIT_MATCH
+        if low <= spacing * UNIT_METRES[unit] <= high:
             return unit
-    return "m"
+    return first
 
 
 def thermal_pads(table: TaxelTable, layout: ModuleLayout | None) -> np.ndarray:

@@ -16,7 +16,16 @@ from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
 from skinmap.skin.joints import Joint
 from skinmap.skin.layouts import ModuleLayout
-from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, repair_table, replace
+from skinmap.skin.repair import (
+    ALL_STEPS,
+    NORMALS,
+    UNIT_METRES,
+    RepairReport,
+    detect_unit,
+    repair_table,
+    replace,
+    warn_of_unit,
+)
 from skinmap.skin.skin import Skin, skin_from_table
 from skinmap.skin.taxels import TaxelTable
 from skinmap.summary import Summary, listed
@@ -64,7 +73,8 @@ class Part:
     ----------
     name, link : str
     read : callable
-        Reads the table.
+        Reads the table, in metres and in its frame. May be given the metres of a unit, where its
+        numbers are in another one than `unit`.
     layout : ModuleLayout or None
     frame : str
         Frame that the positions are in: a link of the body, or "auto": the part's link, or
@@ -77,13 +87,15 @@ class Part:
         Whether its patches close to a ring: a contact goes on across their joints.
     cover : float
         Distance of the skin from its link, where a cover that no mesh has lies between [m].
+    unit : str or None
+        Unit that the positions are said to be in, of `skinmap.skin.repair.UNIT_METRES`.
     cover_mesh : callable or None
         Reads the mesh that the skin lies on instead of its link's, in the frame of the link.
     """
 
     name: str
     link: str
-    read: Callable[[], TaxelTable]
+    read: Callable[..., TaxelTable]
     layout: ModuleLayout | None = None
     frame: str = AUTO
     drawing: Path | None = None
@@ -91,6 +103,7 @@ class Part:
     ring: bool = False
     cover: float = 0.0
     cover_mesh: Callable[[], TriangleMesh] | None = None
+    unit: str | None = None
 
 
 @dataclass(eq=False, repr=False)
@@ -173,10 +186,10 @@ class Robot(Summary):
         """The table of a part, mended, with what was done to it (see `skinmap.skin.repair`)."""
         spec = self.part(part)
         if part not in self._repairs:
-            table, frame = self._in_link_frame(spec)
-            self._frames[part] = frame
+            table, unit = self._in_metres(spec)
+            table, self._frames[part] = self._in_link_frame(table, spec)
             self._repairs[part] = repair_table(
-                table, spec.layout, steps=self.steps, known=self.module_frames(part)
+                table, spec.layout, steps=self.steps, known=self.module_frames(part), unit=unit
             )
         return self._repairs[part]
 
@@ -185,8 +198,19 @@ class Robot(Summary):
         self.repair(part)
         return self._frames[part]
 
-    def _in_link_frame(self, spec: Part) -> tuple[TaxelTable, str]:
-        table = spec.read()
+    def _in_metres(self, spec: Part) -> tuple[TaxelTable, str]:
+        """The table of a part and its unit, found in the file's numbers: poses are in metres."""
+        table, stated = spec.read(), spec.unit or "m"
+        if "units" not in self.steps:
+            return table, "m"
+        shape = table.positions[table.pieces == 0] if len(table.pieces) else table.positions
+        unit = detect_unit(shape / UNIT_METRES[stated], spec.layout, spec.unit)
+        if unit == stated:
+            return table, "m"
+        warn_of_unit(unit, f"part {spec.name!r}: ", spec.unit)
+        return spec.read(UNIT_METRES[unit]), unit
+
+    def _in_link_frame(self, table: TaxelTable, spec: Part) -> tuple[TaxelTable, str]:
         if spec.frame == spec.link:
             return table, spec.link
         frame = spec.link + DH_SUFFIX if spec.frame == AUTO else spec.frame

@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.cones import EllipticCone
 from skinmap.geometry.rigid import transform_points
+from skinmap.geometry.tangents import plane_turns
 from skinmap.skin.layouts import ModuleLayout
 from skinmap.skin.taxels import TaxelTable
 
@@ -44,8 +45,7 @@ def triangle_sheet(
             centres.append([0.5 * side * place, rise * (row + (0.0 if up else 1.0 / 3.0))])
             angles.append(0.0 if up else np.pi)
     places = np.array(centres) - np.mean(centres, axis=0)
-    c, s = np.cos(turn), np.sin(turn)
-    return places @ np.array([[c, s], [-s, c]]), np.array(angles) + turn
+    return places @ plane_turns(turn).T, np.array(angles) + turn
 
 
 def lay_on_cone(
@@ -99,8 +99,7 @@ def hinge(
 
     def folded(angle: float) -> FloatArray:
         bend = np.eye(4)
-        c, s = np.cos(angle), np.sin(angle)
-        bend[1:3, 1:3] = [[c, -s], [s, c]]
+        bend[1:3, 1:3] = plane_turns(angle)
         return np.asarray(T_link_module @ T_module_edge @ bend @ T_edge_next)
 
     best = brentq(lambda angle: height(folded(angle)[:3, 3]), 0.0, np.pi / 2.0, xtol=1e-14)

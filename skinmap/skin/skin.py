@@ -107,7 +107,29 @@ class Skin(Summary):
 def skin_from_points(
     positions: ArrayLike, normals: ArrayLike | None = None, *, part: str = "skin"
 ) -> Skin:
-    """A skin from bare positions (n, 3) [m]; normals (n, 3) are estimated where none are given."""
+    """A skin from bare positions (n, 3) [m]; normals (n, 3) are estimated where none are given.
+
+    Parameters
+    ----------
+    positions : (n, 3) array-like of float
+    [m].
+    normals : (n, 3) array-like of float, optional
+    Outward.
+    part : str
+    Its name.
+
+    Returns
+    -------
+    Skin
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skinmap.skin import skin_from_points
+    >>> grid = np.stack(np.meshgrid(np.arange(4), np.arange(4), [0]), axis=-1).reshape(-1, 3)
+    >>> len(skin_from_points(0.01 * grid, np.tile([0, 0, 1], (16, 1))))
+    16
+    """
     points = check_points(positions, "positions")
     if normals is None:
         normals = repair_normals(points, None)
@@ -130,6 +152,36 @@ def skin_from_table(
 
     `hint` (n, 3) are rough outward directions for where there is no body; `keep_normals` trusts
     the file.
+
+    Parameters
+    ----------
+    table : TaxelTable
+    Of n taxels [m].
+    body : TriangleMesh or None
+    Mesh of the link.
+    part, link : str
+    Their names.
+    hint : (n, 3) array of float, optional
+    Rough outward directions.
+    keep_normals : bool
+    Whether the table's normals are right.
+    up : (3,) array of float, optional
+    Upward direction of the robot in the link.
+    ring : bool
+    Whether the skin goes round its link.
+
+    Returns
+    -------
+    Skin
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from skinmap.skin import skin_from_table
+    >>> robot = skinmap.load_robot("icub")
+    >>> table = robot.repair("left_hand").table
+    >>> len(skin_from_table(table, robot.mesh_under("left_hand"), "left_hand", "l_hand"))
+    48
     """
     normals = table.normals if keep_normals else repair_normals(table.positions, body, hint)
     return Skin(

@@ -1,1 +1,5 @@
 """The Delaunay surface mesh over the taxels."""
+
+from skinmap.lazy import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -25,6 +25,7 @@ from skinmap.geometry.triangles import (
     cross_products,
     edge_lengths,
     face_areas,
+    pair_lengths,
     smallest_altitudes,
     unit,
 )
@@ -143,7 +144,7 @@ def _touching(surface: TriangleMesh, way: FloatArray, owner: IntArray, k: int) -
     first, second = owner[pairs].T
     across = (first != second) & (first >= 0) & (second >= 0)
     pairs, first, second = pairs[across], first[across], second[across]
-    length = np.linalg.norm(surface.vertices[pairs[:, 0]] - surface.vertices[pairs[:, 1]], axis=1)
+    length = pair_lengths(surface.vertices, pairs)
     length = length + way[pairs].sum(axis=1)
     return _shortest(
         np.concatenate([first, second]), np.concatenate([second, first]), np.tile(length, 2), k

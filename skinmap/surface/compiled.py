@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.compiled import Loop, pays
-from skinmap.compiled import compiled as compiled_loop
+from skinmap.numba_loops import Loop, pays
+from skinmap.numba_loops import compiled as compiled_loop
 
 PAYS = 100_000  # taxels: below, the import of numba (over 1 s) costs more than it saves
 

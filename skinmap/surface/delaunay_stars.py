@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.proximity import nearest_of
+from skinmap.geometry.tangents import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.surface.compiled import star_kernel
 from skinmap.surface.taxel_cloud import faces_away
@@ -21,22 +22,12 @@ CHUNK = 256  # taxels at a time: the k^2 numbers of a star stay in the processor
 COMPILED_CHUNK = 65_536  # bounds the memory of the neighbour table
 
 
-def tangent_frames(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit axes (n, 3) each that span the plane across each unit normal (n, 3)."""
-    helper = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = unit(np.cross(normals, helper))
-    return first, np.cross(normals, first)
-
-
 def tangent_offsets(offsets: FloatArray, normals: FloatArray) -> FloatArray:
     """(n, k, 2) offsets (n, k, 3) laid into each tangent plane at their full 3D length [m].
 
     Keeping the length, not the shadow, makes strongly bent neighbourhoods near-isometric.
     """
-    first, second = tangent_frames(normals)
-    flat = np.stack(
-        [np.einsum("nki,ni->nk", offsets, first), np.einsum("nki,ni->nk", offsets, second)], axis=2
-    )
+    flat = np.einsum("nki,nai->nka", offsets, tangent_frames(normals))
     return unit(flat) * np.linalg.norm(offsets, axis=2, keepdims=True)
 
 
@@ -93,7 +84,7 @@ def delaunay_stars(
             fits = contains(allowed[rows], own, index.ravel()).reshape(index.shape)
             distance = np.where(fits, distance, np.inf)
         if kernel is not None:
-            first, second = tangent_frames(normals[rows])
+            first, second = tangent_frames(normals[rows]).swapaxes(0, 1)
             votes.append(kernel(shaken, first, second, rows, index, distance, limit))
         else:
             votes.append(_stars(shaken, normals, index, distance, limit, rows))

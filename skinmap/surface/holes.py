@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.geometry.tangents import tangent_frames
 from skinmap.geometry.topology import boundary_loops, face_components, half_edges, loop_length
 from skinmap.geometry.triangles import cross_2d, unit
-from skinmap.surface.delaunay_stars import tangent_frames
 from skinmap.surface.merge import is_solid
 
 SMALL_HOLE = 8  # vertices: inner loops up to here are disagreements between stars
@@ -70,8 +70,7 @@ def close_loop(
     """
     hole = loop[::-1]  # a boundary loop runs with its faces, so the hole's own turn is reversed
     normal = unit(normals[hole].sum(axis=0))
-    first, second = tangent_frames(normal[None])
-    flat = points[hole] @ np.column_stack([first[0], second[0]])
+    flat = points[hole] @ tangent_frames(normal).T
     n = len(hole)
     taken = np.zeros((n, n), np.bool_) if used is None else used[::-1, ::-1]
     worst = np.full((n, n), np.inf)  # quality of the worst triangle beyond the chord i, j

@@ -47,14 +47,7 @@ class Cloud:
     spacing: float
 
     def __post_init__(self) -> None:
-        freeze(
-            self,
-            points=self.points,
-            normals=self.normals,
-            vertices=self.vertices,
-            representative=self.representative,
-            centre=self.centre,
-        )
+        freeze(self)
 
     def to_units(self, positions: FloatArray) -> FloatArray:
         """Other positions (m, 3) [m] beside the points."""

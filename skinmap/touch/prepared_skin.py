@@ -18,11 +18,12 @@ from skinmap.neighbours.offsets import (
     neighbourhoods,
 )
 from skinmap.neighbours.structures import RADIUS
+from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
-from skinmap.touch.contact_image import ContactImageGeometry, image_geometry
-from skinmap.touch.contacts import SkinGeometry, measure_skin
+from skinmap.touch.contacts.skin_geometry import SkinGeometry, measure_skin
+from skinmap.touch.images.contact_image import ContactImageGeometry, image_geometry
 from skinmap.touch.recording import Recording
 
 
@@ -59,6 +60,11 @@ class PreparedSkin:
     def content(self) -> tuple[object, ...]:
         """What decides about everything here, whatever of it was computed already."""
         return self.skin, self.method, self.radius, self._given
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """How the skin is recognised again."""
+        return fingerprint(self.skin)
 
     @cached_property
     def mesh(self) -> SurfaceMesh:

@@ -17,7 +17,7 @@ from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 from skinmap.summary import Summary, listed
-from skinmap.touch.rest import Rest, find_rest
+from skinmap.touch.contacts.rest import Rest, find_rest
 from skinmap.touch.true_motion import TrueMotion
 
 FORMAT = "skinmap-recording-1"
@@ -62,7 +62,7 @@ class Recording(Summary):
     --------
     >>> import skinmap
     >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
-    >>> skinmap.simulate(skin, per_gesture=1, gestures=["poke"], rng=0).rate
+    >>> round(skinmap.simulate(skin, per_gesture=1, gestures=["poke"], rng=0).rate, 6)
     50.0
     """
 
@@ -178,6 +178,7 @@ def save_recordings(recordings: list[Recording], path: Path) -> None:
                 "robot": r.robot,
                 "sessions": list(r.sessions),
                 "people": list(r.people),
+                "fingerprint": r.fingerprint,
             }
             for r in recordings
         ],
@@ -235,6 +236,7 @@ def load_recordings(path: Path) -> list[Recording]:
                     str(entry.get("robot", "")),
                     tuple(map(str, entry.get("sessions", ()))),
                     tuple(map(str, entry.get("people", ()))),
+                    str(entry.get("fingerprint", "")),
                     motions=_motions(arrays, number, len(entry["labels"])),
                 )
                 for number, entry in enumerate(head["recordings"])

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.classify.classifier import DEFAULT, TouchClassifier, learnable
-from skinmap.classify.classifier_options import tuned_classifier
-from skinmap.classify.descriptors import Touch, recorded_touches
-from skinmap.classify.evaluate import likeliest, score
+from skinmap.classifiers.classifier import DEFAULT, TouchClassifier, learnable
+from skinmap.classifiers.classifier_options import tuned_classifier
+from skinmap.classifiers.descriptors import Touch, recorded_touches
+from skinmap.classifiers.evaluate import likeliest, score
 from skinmap.errors import InvalidArrayError
 from skinmap.profile import Value
-from skinmap.touch.gestures import FOUR
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.gestures import FOUR
+from skinmap.touch.simulation.simulator import simulate
 from skinmap.trade.measuring import cpu_seconds
 from skinmap.trade.task import Knob, Outcome, Setting
 
@@ -29,7 +29,7 @@ LEARNT = 12  # touches of each gesture that are trained on, and
 TESTED = 30  # that are named
 TIMED = 32  # of those that are named, so many again for the time
 HISTOGRAM = "histogram"
-QUICK = (DEFAULT, HISTOGRAM, "paper", "histogram-chi2", "fusion")
+QUICK = (DEFAULT, HISTOGRAM, "paper", "histogram-chi2")
 ONE_SKIN = ("raw-intersection",)  # knows taxels by their number
 # Knobs of histograms, each varied alone.
 VARIED: dict[str, tuple[Value, ...]] = {
@@ -37,8 +37,6 @@ VARIED: dict[str, tuple[Value, ...]] = {
     "words": (4, 16),
     "rotations": (1,),
     "distance": ("geodesic",),
-    "search": ("compiled",),
-    "precision": ("float32",),
 }
 SIZES = ("33x50", "66x100")
 
@@ -65,8 +63,6 @@ class ClassifyTask:
         Knob("words", (4, 8, 16), 8, "codewords of a structure"),
         Knob("rotations", (1, 6), 6, "turns that leave a structure the same"),
         Knob("distance", ("euclidean", "geodesic"), "euclidean", "how the radius is measured"),
-        Knob("search", ("plain", "compiled"), "plain", "how the nearest codeword is found"),
-        Knob("precision", ("float64", "float32"), "float64", "of distances from codewords"),
         Knob("image_size", SIZES, "66x100", "pixels of a contact image"),
     )
 
@@ -74,8 +70,7 @@ class ClassifyTask:
         """Every classifier that can run here; the knobs of histograms and images one by one."""
         found: list[Setting] = [{"classifier": name} for name in (*QUICK, *ONE_SKIN)]
         for knob, values in VARIED.items():
-            if knob != "search" or find_spec("numba"):
-                found += [{"classifier": HISTOGRAM, knob: value} for value in values]
+            found += [{"classifier": HISTOGRAM, knob: value} for value in values]
         if find_spec("mahotas"):
             found += [{"classifier": "bovw", "image_size": size} for size in SIZES]
         return found
@@ -126,7 +121,7 @@ def touch_seconds(model: TouchClassifier, touches: Sequence[Touch]) -> float:
     def work() -> None:
         for row in rows:
             old = touches[row]
-            likeliest(model, Touch(old.skin, old.samples, old.label))
+            likeliest(model, replace(old))
 
     seconds, _ = cpu_seconds(work)
     return seconds / len(rows)

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.classify.catalogue import DEFAULT, classifiers
-from skinmap.classify.descriptors import Touch, recorded_touches
-from skinmap.classify.evaluate import score
+from skinmap.classifiers.catalogue import DEFAULT, classifiers
+from skinmap.classifiers.descriptors import Touch, recorded_touches
+from skinmap.classifiers.evaluate import score
 from skinmap.errors import InvalidArrayError
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 from skinmap.trade.task import Knob, Outcome, Setting
 
 if TYPE_CHECKING:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.flat.flat_map import DEFAULT, FlatMap, flatten
-from skinmap.flat.methods import PRECISIONS
 from skinmap.surface.surface_mesh import DEFAULT as DEFAULT_MESHING
 from skinmap.surface.surface_mesh import MESHING, build_surface
 from skinmap.trade.measuring import cpu_seconds
@@ -46,7 +45,6 @@ class FlattenTask:
         Knob("meshing", MESHING, DEFAULT_MESHING, "how taxels become a surface mesh"),
         Knob("method", METHODS, DEFAULT, "how the surface mesh is laid flat"),
         Knob("iterations", ("own", 1, 5, 20), "own", "of balanced, slim, dirichlet"),
-        Knob("precision", PRECISIONS, PRECISIONS[0], "of the sparse solves"),
     )
 
     def settings(self) -> Sequence[Setting]:
@@ -59,8 +57,6 @@ class FlattenTask:
         mesh = {"meshing": DEFAULT_MESHING}
         for method, numbers in ITERATIONS.items():
             found += [{**mesh, "method": method, "iterations": n} for n in numbers]
-        for method in ("fast", DEFAULT):
-            found.append({**mesh, "method": method, "precision": PRECISIONS[1]})
         return found
 
     def prepare(self, robot: Robot, parts: tuple[str, ...], *, seed: int) -> list[Piece]:
@@ -90,7 +86,6 @@ def _map(piece: Piece, setting: Setting) -> FlatMap:
         mesh,
         method=str(setting.get("method", DEFAULT)),
         iterations=None if iterations == "own" else int(iterations),
-        precision=str(setting.get("precision", PRECISIONS[0])),
     )
 
 

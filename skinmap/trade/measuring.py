@@ -1,48 +1,27 @@
-"""Time and memory of a piece of work, as reproducibly as a busy machine allows."""
+"""Measuring a task: each setting once for each seed, in an order drawn anew, on one thread."""
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import gc
+import logging
 import time
-import tracemalloc
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
-from contextvars import ContextVar
-from pathlib import Path
-from typing import Any, TypeVar
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from skinmap.errors import BrokenPluginError, SkinError, UnknownNameError
+from skinmap.trade.measured import Point, Unmeasured, describe
+from skinmap.trade.task import Outcome, Setting, TradeTask
+
+if TYPE_CHECKING:
+    from skinmap.skin.robot import Robot
 
 T = TypeVar("T")
-CALLS = 3  # timed calls at least, and
+CALLS, CALLS_MOST = 3, 200  # timed calls of quick work, and
 LEAST = 0.05  # seconds of them at least
-SLOW = 0.15  # seconds of one call; one that slow needs no warming up, but for the very first
-CALLS_MOST = 200
-STATUS = Path("/proc/self/status")
-CLEAR = Path("/proc/self/clear_refs")
-
-
-_untimed: ContextVar[bool] = ContextVar("untimed", default=False)
-_first: ContextVar[bool] = ContextVar("first", default=False)
-
-
-@contextlib.contextmanager
-def _set(flag: ContextVar[bool]) -> Iterator[None]:
-    token = flag.set(True)
-    try:
-        yield
-    finally:
-        flag.reset(token)
-
-
-def untimed() -> AbstractContextManager[None]:
-    """Within it `cpu_seconds` calls its work once: to load what it needs."""
-    return _set(_untimed)
-
-
-def first_time() -> AbstractContextManager[None]:
-    """Within it `cpu_seconds` warms slow work up too, which it does not do again."""
-    return _set(_first)
+SLOW = 0.15  # seconds of one call that is timed once
+logger = logging.getLogger(__name__)
 
 
 def cpu_seconds(work: Callable[[], T], *, least: float = LEAST) -> tuple[float, T]:
@@ -57,13 +36,21 @@ def cpu_seconds(work: Callable[[], T], *, least: float = LEAST) -> tuple[float, 
         Without arguments; does the same each time.
     least : float
         Seconds of timed calls at least; more where single calls differ much.
+
+    Returns
+    -------
+    seconds : float
+        [s].
+    result : object
+
+    Examples
+    --------
+    >>> from skinmap.trade import cpu_seconds
+    >>> seconds, result = cpu_seconds(lambda: sum(range(1000)))
+    >>> result, seconds < 1.0
+    (499500, True)
     """
-    started = time.process_time()
     result = work()
-    first = time.process_time() - started
-    if _untimed.get() or (first > SLOW and not _first.get()):
-        return first, result
-    calls = 1 if first > SLOW else CALLS
     times: list[float] = []
     collecting = gc.isenabled()
     gc.disable()  # a collection belongs to no call more than to another
@@ -72,7 +59,8 @@ def cpu_seconds(work: Callable[[], T], *, least: float = LEAST) -> tuple[float, 
             started = time.process_time()
             result = work()
             times.append(time.process_time() - started)
-            if len(times) >= calls and sum(times) >= least:
+            enough = len(times) >= CALLS and sum(times) >= least
+            if enough or min(times) > SLOW:
                 break
     finally:
         if collecting:
@@ -80,42 +68,123 @@ def cpu_seconds(work: Callable[[], T], *, least: float = LEAST) -> tuple[float, 
     return min(times), result
 
 
-def grown_mb(work: Callable[[], T]) -> tuple[float, T]:
-    """How far the process grew at most while it worked [MB], and what the work returned.
+def measure(
+    task: TradeTask,
+    robot: Robot,
+    parts: tuple[str, ...],
+    *,
+    seeds: Sequence[int],
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[list[Point], list[Unmeasured]]:
+    """Measure all settings of a task.
 
-    On Linux the peak of the resident memory over what it was before, libraries of other languages
-    included; elsewhere the peak of Python's own allocations.
+    One round a seed, each in an order of its own, so that no setting always meets the machine in
+    the same state. A setting that fails is left out of later rounds and reported; so is a task
+    that fails as a whole.
+
+    Parameters
+    ----------
+    task : TradeTask
+    robot : Robot
+    parts : tuple of str
+    seeds : sequence of int
+        One repetition each.
+    progress : callable, optional
+        Called for each setting of each round with what comes next.
+
+    Returns
+    -------
+    points : list of Point
+        Of the settings that never failed, in the order of the task's.
+    unmeasured : list of Unmeasured
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from skinmap.trade import measure, tasks
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> points, unmeasured = measure(tasks.get("flatten"), robot, ("right_hand",), seeds=[0])
+    >>> len(points) > 5, points[0].unit
+    (True, '%')
     """
-    gc.collect()
-    if not _reset_peak():
-        return _traced_mb(work)
-    before = _status_mb("VmRSS")
-    result = work()
-    return max(_status_mb("VmHWM") - before, 0.0), result
+    from threadpoolctl import threadpool_limits
+
+    found: list[list[Outcome]] = []
+    failed: dict[int, Unmeasured] = {}
+    with threadpool_limits(1):
+        try:
+            settings = [_ordered(task, setting) for setting in task.settings()]
+            found = [[] for _ in settings]
+            for seed in seeds:
+                prepared = task.prepare(robot, parts, seed=seed)
+                for number in np.random.default_rng(seed).permutation(len(settings)).tolist():
+                    progress(f"{task.name}: {describe(settings[number])}")
+                    if number in failed:
+                        continue
+                    try:
+                        outcome = task.run(prepared, settings[number], seed=seed)
+                        found[number].append(_checked(outcome))
+                    except Exception as error:  # noqa: BLE001 - the other settings still run
+                        failed[number] = _unmeasured(task, settings[number], error)
+        except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
+            return [], [_unmeasured(task, None, error)]
+    good = [number for number in range(len(settings)) if number not in failed]
+    points = [_point(task, settings[number], found[number]) for number in good]
+    return points, [failed[number] for number in sorted(failed)]
 
 
-def _reset_peak() -> bool:
-    """Give freed memory back and let the peak start at what is held now; False where impossible."""
-    with contextlib.suppress(OSError, AttributeError):
-        ctypes.CDLL("libc.so.6").malloc_trim(0)  # else what was freed is used again, unseen
-    try:
-        CLEAR.write_text("5")  # proc(5): resets the peak of the resident memory
-    except OSError:
-        return False
-    return True
+def _checked(outcome: Outcome) -> Outcome:
+    """Refuse figures that mean nothing.
+
+    Raises
+    ------
+    BrokenPluginError
+    """
+    for name in ("seconds", "error"):
+        value = float(getattr(outcome, name))
+        if not 0.0 <= value < np.inf:
+            raise BrokenPluginError(f"{name} must be a number from 0, the task gave {value}")
+    return outcome
 
 
-def _status_mb(key: str) -> float:
-    for line in STATUS.read_text().splitlines():
-        if line.startswith(key + ":"):
-            return float(line.split()[1]) / 1024.0
-    return float("nan")
+def _ordered(task: TradeTask, setting: Setting) -> Setting:
+    """The setting with its knobs in the order of the task's.
+
+    Raises
+    ------
+    UnknownNameError
+        A knob that the task does not name.
+    """
+    names = [knob.name for knob in task.knobs]
+    for name in setting:
+        if name not in names:
+            raise UnknownNameError(f"knob of task {task.name!r}", name, names)
+    return {name: setting[name] for name in sorted(setting, key=names.index)}
 
 
-def _traced_mb(work: Callable[[], T]) -> tuple[float, T]:
-    tracemalloc.start()
-    try:
-        result: Any = work()
-        return tracemalloc.get_traced_memory()[1] / 2**20, result
-    finally:
-        tracemalloc.stop()
+def _unmeasured(task: TradeTask, setting: Setting | None, error: Exception) -> Unmeasured:
+    """Why something was not measured, in one line; the error's type too where it is not ours."""
+    logger.info("%s %s failed", task.name, setting, exc_info=True)
+    text = " ".join(str(error).split())
+    said = text if isinstance(error, SkinError) else f"{type(error).__name__}: {text}"
+    return Unmeasured(task=task.name, setting=None if setting is None else {**setting}, reason=said)
+
+
+def _point(task: TradeTask, setting: Setting, outcomes: Sequence[Outcome]) -> Point:
+    seconds = [one.seconds for one in outcomes]
+    errors = [one.error for one in outcomes]
+    several = len(outcomes) > 1
+    return Point(
+        task=task.name,
+        setting=dict(setting),
+        seconds=float(np.median(seconds)),
+        error=float(np.mean(errors)),
+        unit=task.unit,
+        seconds_spread=float(np.std(seconds, ddof=1)) if several else None,
+        error_spread=float(np.std(errors, ddof=1)) if several else None,
+        runs=len(outcomes),
+        beside={
+            name: float(np.median([one.beside[name] for one in outcomes]))
+            for name in outcomes[0].beside
+        },
+    )

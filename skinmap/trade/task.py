@@ -6,7 +6,6 @@ point of the group `skinmap.trade_tasks`. What sits above this package plugs in 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -25,18 +24,14 @@ Setting = Mapping[str, Value]
 
 @dataclass(frozen=True, slots=True)
 class Knob:
-    """Something that can be set, at a price.
+    """A knob that is turned.
 
     Attributes
     ----------
-    name : str
-        That of the command's option, with underscores: `radius_mm` for `--radius-mm`.
-    values : tuple
-        What is measured, or all that there is where the values are names.
-    default : str, int, float or bool
-        What the commands take where nothing is said.
-    meaning : str
-        One line.
+    name, meaning
+        That of the command's option, with underscores, and what it does in one line.
+    values, default
+        That are measured, and the one that commands take where none is given.
     """
 
     name: str
@@ -55,15 +50,12 @@ class Outcome:
         CPU time of one unit of the task's work, warm.
     error : float
         In the task's unit; 0 is perfect.
-    memory_mb : float or None
-        None leaves it to the runner, which measures how far the process grows in a run.
     beside : mapping of str to float
         Other figures worth showing, such as `training_seconds`.
     """
 
     seconds: float
     error: float
-    memory_mb: float | None = None
     beside: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
 
@@ -114,7 +106,6 @@ tasks: Registry[TradeTask] = Registry(
     built_in={
         "flatten": "skinmap.trade.flatten_task:flatten_task",
         "classify": "skinmap.trade.classify_task:classify_task",
-        "motion": "skinmap.trade.motion_task:motion_task",
         "fidelity": "skinmap.trade.fidelity_task:fidelity_task",
     },
     adapt=_checked,
@@ -124,24 +115,3 @@ tasks: Registry[TradeTask] = Registry(
 def defaults(knobs: Sequence[Knob]) -> dict[str, Value]:
     """Every knob at its default."""
     return {knob.name: knob.default for knob in knobs}
-
-
-def around(knobs: Sequence[Knob]) -> list[dict[str, Value]]:
-    """The default, then each knob varied alone."""
-    base = defaults(knobs)
-    varied = [
-        {**base, knob.name: value}
-        for knob in knobs
-        for value in knob.values
-        if value != knob.default
-    ]
-    return [base, *varied]
-
-
-def product(knobs: Sequence[Knob]) -> list[dict[str, Value]]:
-    """Every combination."""
-    names = [knob.name for knob in knobs]
-    return [
-        dict(zip(names, values, strict=True))
-        for values in itertools.product(*(knob.values for knob in knobs))
-    ]

@@ -9,15 +9,8 @@ import pytest
 def planted() -> dict:
     """A run of `make bench` as short as can be, with one area that failed."""
     from benchmarks.harness.asked import judge
-    from benchmarks.harness.bench import figures_of
     from benchmarks.harness.record import about
 
-    curves = [
-        {"curve": name, "taxels": n, "peer": peer, "cpu_s": n * 1e-6, "wall_s": n * 1e-6,
-         "spread_s": [n * 0.9e-6, n * 1e-6, n * 1.1e-6], "turns": 3, "peak_mb": n / 1e4}
-        for n in (1_000, 10_000)
-        for name, peer in (("meshing", False), ("meshing, peer", True), ("drawing a frame", False))
-    ]  # fmt: skip
     case = {"what": "parts loaded", "case": "13", "cpu_s": 0.5, "mb": 20.0, "turns": 3,
             "spread_s": [0.4, 0.5, 0.6], "spread_mb": None}  # fmt: skip
     geometry = {"icub": {"flips": 0, "patches": 22, "seconds": 0.3}}
@@ -27,10 +20,8 @@ def planted() -> dict:
         "areas": {
             "geometry": ran | {"rows": geometry},
             "live": ran | {"failed": "exit 1: no <network> here"},
-            "scaling": ran | {"rows": {"curves": curves}},
             "needs": ran | {"rows": {"cases": [case]}},
         },
     }
     result["asked"] = judge(result)
-    result["figures"] = figures_of(result)
     return result

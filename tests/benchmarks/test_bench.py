@@ -1,9 +1,8 @@
-"""The harness: one process an area, failures reported, the page self-contained."""
+"""The harness: one process an area, failures reported."""
 
 from __future__ import annotations
 
 import json
-import re
 import signal
 import subprocess
 import sys
@@ -92,18 +91,6 @@ def test_the_short_form_passes_on_what_a_module_takes(monkeypatch):
     for form in ("short", "full", "quick"):
         areas.run(area, form)
         assert took.pop(form == "quick") == (7 if form == "short" else 1)
-
-
-def test_the_page_has_table_curves_and_no_external_address(planted):
-    from benchmarks.harness.bench_page import page_of
-
-    text = page_of(planted)
-    assert not re.search(r"https?:|//[a-z]|@import|<script|<link|url\(", re.sub(
-        r'src="data:image/png;base64,[^"]*"', "", text))  # fmt: skip
-    assert text.count("data:image/png;base64,") == 2
-    assert "patches of the iCub" in text
-    assert "falls short" in text
-    assert "This area failed: exit 1: no &lt;network&gt; here" in text
 
 
 def test_a_harness_that_is_ended_ends_the_area_that_runs(planted_areas, tmp_path):

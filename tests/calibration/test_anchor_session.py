@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from calibration.commands.anchor_session import AnchorSession
-from calibration.commands.options import PatchOptions
-from calibration.files.anchor_table import Anchor, read_anchor_table, write_anchor_table
-from calibration.files.tables import BoardTable
+from calibration.commands.options import Outputs
+from calibration.files.tables import Anchor, BoardTable, read_anchor_table, write_anchor_table
 from skinmap.errors import InvalidArrayError
 
 
@@ -105,7 +104,7 @@ def test_a_solution_of_earlier_anchors_is_called_stale(session, bent):
 
 def test_saving_a_doubtful_patch_keeps_what_was_there(session, bent, tmp_path):
     pick(session, bent, bent.corners)
-    options = PatchOptions(out=tmp_path)
+    options = Outputs(out=tmp_path)
     good = session.save(options)
     assert good.files == ("taxels.csv", "report.html", "anchors.csv")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
@@ -122,7 +121,7 @@ def test_saving_a_doubtful_patch_keeps_what_was_there(session, bent, tmp_path):
 
 
 def test_saving_nothing_writes_nothing(session, tmp_path):
-    assert session.save(PatchOptions(out=tmp_path / "out")).files == ()
+    assert session.save(Outputs(out=tmp_path / "out")).files == ()
 
 
 @pytest.mark.parametrize("stated", [True, False])

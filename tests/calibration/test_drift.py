@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.response.response import DriftTracker, ResponseCalibration
+from calibration.response import DriftTracker, ResponseCalibration
 
 RATE, MINUTES, N, HELD = 10.0, 10.0, 40, 6
 PRESS = 80.0

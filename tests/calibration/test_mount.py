@@ -21,15 +21,14 @@ def pose(rotvec, translation) -> np.ndarray:
 MOUNT = pose([1.0, 0.5, -2.0], [0.1, 0.2, 0.3])
 
 
-def pairs(rng, m=700, *, noise=1e-3, outliers=0.0, offsets=None, modules=None, mount=MOUNT):
+def pairs(rng, m=700, *, noise=1e-3, outliers=0.0, mount=MOUNT):
     """Points of a patch, frames of its link, and where the points were met in the world."""
     points = rng.normal(0, 0.05, (m, 3))
     frames = np.tile(np.eye(4), (m, 1, 1))
     frames[:, :3, :3] = Rotation.random(m, rng=rng).as_matrix()
     frames[:, :3, 3] = rng.normal(0, 0.2, (m, 3))
-    shifted = points if offsets is None else points + offsets[modules]
     T = frames @ mount
-    targets = np.einsum("mij,mj->mi", T[:, :3, :3], shifted) + T[:, :3, 3]
+    targets = np.einsum("mij,mj->mi", T[:, :3, :3], points) + T[:, :3, 3]
     targets += rng.normal(0, noise, (m, 3))
     wild = rng.random(m) < outliers
     targets[wild] += rng.normal(0, 0.05, (wild.sum(), 3))
@@ -48,23 +47,6 @@ def test_fit_mount_finds_an_exact_mount(rng, loss):
     fit = fit_mount(points, frames, targets, loss=loss)
     np.testing.assert_allclose(fit.mount, MOUNT, rtol=0, atol=1e-12)  # rounding
     assert fit.rms < 1e-12
-
-
-@given(
-    st.floats(0, np.deg2rad(120)),
-    st.floats(0, 0.1),
-    st.integers(0, 2**32 - 1),
-)
-def test_fit_mount_finds_the_same_minimum_from_every_start(angle, distance, seed):
-    rng = np.random.default_rng(7)
-    data = pairs(rng, 60, outliers=0.2)
-    rng = np.random.default_rng(seed)
-    turn, move = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-    start = pose(angle * turn, distance * move) @ MOUNT
-    wanted = fit_mount(*data, loss="cauchy")
-    np.testing.assert_array_equal(
-        fit_mount(*data, initial=start, loss="cauchy").mount, wanted.mount
-    )
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -86,31 +68,6 @@ def test_covariance_predicts_the_error(rng, loss, outliers):
         squares.append(error_of(fit) @ np.linalg.solve(fit.covariance, error_of(fit)) / 6)
     # The mean of 60 chi squares of 6 has a deviation of 0.075; the issue asks for 0.5 to 2.
     assert 0.7 < np.mean(squares) < 1.4
-
-
-def test_covariance_predicts_the_error_with_modules(rng):
-    modules = np.arange(700) // 25
-    squares = []
-    for _ in range(40):
-        offsets = rng.normal(0, 3e-3, (28, 3))
-        data = pairs(rng, offsets=offsets, modules=modules)
-        fit = fit_mount(*data, modules=modules)
-        squares.append(error_of(fit) @ np.linalg.solve(fit.covariance, error_of(fit)) / 6)
-    assert 0.6 < np.mean(squares) < 1.5  # 0.09 is the deviation of the mean
-
-
-def test_module_offsets_come_back(rng):
-    """28 modules shifted by 3 mm: found to the 0.2 mm that 25 pairs of 1 mm leave, up to a
-    common shift that the mount takes."""
-    modules = np.arange(700) // 25
-    offsets = rng.normal(0, 3e-3, (28, 3))
-    data = pairs(rng, offsets=offsets, modules=modules)
-    fit = fit_mount(*data, modules=modules + 100)
-    assert sorted(fit.module_offsets) == list(range(100, 128))
-    found = np.array([fit.module_offsets[k + 100] for k in range(28)])
-    missed = (found - found.mean(axis=0)) - (offsets - offsets.mean(axis=0))
-    assert np.sqrt(np.mean(missed**2)) < 4e-4
-    assert fit.rms < 0.6 * fit_mount(*data).rms
 
 
 def test_cauchy_ignores_what_pulls_squares(rng):
@@ -148,14 +105,8 @@ def test_bad_input_is_named(rng):
         fit_mount(points, frames, targets[:9])
     with pytest.raises(InvalidArrayError, match="all points lie in a row"):
         fit_mount(np.outer(np.arange(10), [1, 2, 3]), frames, targets)
-    with pytest.raises(InvalidArrayError, match="10 whole numbers"):
-        fit_mount(points, frames, targets, modules=np.zeros(9, int))
-    with pytest.raises(InvalidArrayError, match="module_sigma"):
-        fit_mount(points, frames, targets, modules=np.zeros(10, int), module_sigma=0.0)
     with pytest.raises(UnknownNameError, match="linear, cauchy"):
         fit_mount(points, frames, targets, loss="huber")
-    with pytest.raises(InvalidArrayError, match="initial is not rigid"):
-        fit_mount(points, frames, targets, initial=2 * np.eye(4))
 
 
 def test_point_covariance_is_what_draws_of_the_mount_show(rng):

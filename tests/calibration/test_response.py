@@ -7,9 +7,16 @@ import pytest
 from click.testing import CliRunner
 
 from calibration.commands import calibrate
-from calibration.response.gain import KNOTS, BranchFollower, Gain, ReferenceLoads, fit_gain
-from calibration.response.response import Health, ResponseCalibration
-from calibration.response.response_file import load_response, save_response
+from calibration.response import (
+    Gain,
+    Health,
+    ReferenceLoads,
+    ResponseCalibration,
+    fit_gain,
+    load_response,
+    save_response,
+)
+from calibration.response.gain import KNOTS, BranchFollower
 from skinmap.errors import (
     DataFormatError,
     InvalidArrayError,
@@ -244,6 +251,22 @@ def test_response_remembers_the_skin(tmp_path, icub):
     response = load_response(tmp_path / "out" / "response.npz", fingerprint=result["fingerprint"])
     np.testing.assert_array_equal(response.modules, skin.modules)
     np.testing.assert_allclose(response.apply(np.full((1, len(skin)), 65.0))[0, 5], 5.0, atol=0.2)
+
+
+def test_the_rate_is_that_of_the_samples(tmp_path):
+    """Drift is followed by seconds: at 1 kHz a rate of 50 would swallow slow presses."""
+    rest, file = np.rint(20 + np.random.default_rng(5).normal(0, 1.2, (300, 20))), "rest.npz"
+    np.savez(tmp_path / file, samples=rest, times=1e-3 * np.arange(300))
+    assert run("response", tmp_path / file)["rate"] == pytest.approx(1000.0)
+    np.savez(tmp_path / file, samples=rest, rate=200)
+    assert run("response", tmp_path / file, "-o", tmp_path / "out")["rate"] == 200.0
+    assert load_response(tmp_path / "out" / "response.npz").rate == 200.0
+    np.savez(tmp_path / file, samples=rest)
+    assert run("response", tmp_path / file)["rate"] == 50.0
+    for wrong in ({"rate": -1.0}, {"rate": [50, 50]}, {"times": np.zeros(300)}):
+        np.savez(tmp_path / file, samples=rest, **wrong)
+        refused = CliRunner().invoke(calibrate, ["response", str(tmp_path / file)]).exception
+        assert "`rate` must be one number above 0" in str(refused)
 
 
 def test_a_faulty_skin_exits_3(tmp_path):

@@ -23,9 +23,9 @@ from calibration.mount.chains import TouchRecording
 from skinmap.cli.main import main
 from skinmap.errors import DataFormatError, SkinMismatchError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
+from skinmap.io.mcap.reading import read_track
+from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.learning import track_of_arrays, write_npz
-from skinmap.io.recordings.mcap_recording import McapRecording
-from skinmap.io.recordings.mcap_track import read_track
 
 ROOT = Path(__file__).parents[2]
 BOARD = ROOT / "docs" / "examples" / "board" / "selftouch"

@@ -16,6 +16,7 @@ from calibration.files.part_files import load_part_touches
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.pairing import side_of
 from calibration.mount.skin_contacts import taxel_covariance
+from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.taxels.readers import read_taxels
@@ -124,11 +125,10 @@ def chest_touches(true):
     return touch(true, "arm", "chest", np.random.default_rng(1))
 
 
-@pytest.mark.parametrize("loss", ["linear", "cauchy"])
 @pytest.mark.parametrize(("angle", "distance"), [(0.3, 0.02), (np.deg2rad(120), 0.1)])
-def test_self_touch_recovers_a_mount(true, chest_touches, rng, loss, angle, distance):
+def test_self_touch_recovers_a_mount(true, chest_touches, rng, angle, distance):
     given = moved(true, "arm", angle, distance)
-    fit = self_touch([chest_touches], given, calibrate=["arm"], loss=loss, rng=rng)
+    fit = self_touch([chest_touches], given, calibrate=["arm"], rng=rng)
     # Contacts at taxels give symmetric sets of active taxels but for the curvature: the middle
     # lies 12^2 / 4 / 50 = 0.7 mm below the sheet, which the mount takes up as depth.
     assert taxel_error(true["arm"], fit.mounts["arm"]) < 1.2e-3
@@ -184,10 +184,8 @@ def test_a_recording_that_contradicts_the_rest_is_named_and_dropped(true, chest_
         touch(shifted, "arm", "chest", np.random.default_rng(6), m=80, name="slipped"),
     ]
     given, every = moved(true, "arm"), [chest_touches, *others]
-    named = self_touch(every, given, calibrate=["arm"], keep_all=True, rng=rng)
-    assert (named.inconsistent, named.dropped) == (("slipped",), ())
     fit = self_touch(every, given, calibrate=["arm"], rng=rng)
-    assert fit.dropped == ("slipped",)
+    assert fit.inconsistent == fit.dropped == ("slipped",)
     assert fit.medians["slipped"] > 5 * fit.medians["arm_chest"]
     assert taxel_error(true["arm"], fit.mounts["arm"]) < 1.2e-3
 
@@ -386,16 +384,19 @@ def test_selftouch_writes_mounts_and_taxels(touched, tmp_path):
     mounts = json.loads((tmp_path / "out" / "mounts.json").read_text())
     np.testing.assert_allclose(mounts["mounts"]["arm"], result["mounts"]["arm"], atol=1e-6)
     page = (tmp_path / "out" / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 2
+    assert page.count("data:image/png;base64,") == 1
     assert "arm: weakest direction" in page
     assert "arm: touch next" in page
 
 
-def test_selftouch_writes_icub_tables_on_request(touched, tmp_path):
+def test_a_calibrated_table_is_exported_as_the_icubs(touched, tmp_path):
     folder, _ = touched
-    words = ("--calibrate", "arm", "-o", tmp_path / "out", "--format", "icub")
-    assert "taxels_arm.txt" in run("selftouch", folder, *words)["files"]
-    icub, own = (read_taxels(tmp_path / "out" / f"taxels_arm.{kind}") for kind in ("txt", "csv"))
+    run("selftouch", folder, "--calibrate", "arm", "-o", tmp_path / "out")
+    own, icub = (tmp_path / "out" / f"taxels_arm.{kind}" for kind in ("csv", "txt"))
+    words = ["export", str(own), "--format", "icub", "-o", str(icub)]
+    done = CliRunner().invoke(cli, words)
+    assert done.exit_code == 0, done.output
+    icub, own = read_taxels(icub), read_taxels(own)
     np.testing.assert_array_equal(icub.positions, own.positions)
 
 
@@ -416,7 +417,7 @@ def test_a_doubtful_result_exits_3_and_keeps_what_was_there(touched, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / "mounts.json").write_text("before")
-    words = ("selftouch", tmp_path / f"{few.name}.npz", "--calibrate", "arm", "-o", out)
+    words = ("selftouch", tmp_path / f"{few.name}.npz", "--calibrate", "arm", "-o", out, "--force")
     result = run(*words, code=3)
     assert result["status"] != "ok"
     assert result["reasons"]

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.calibration.links import family_cases
+from benchmarks.calibration.wraps import anchored
 from calibration import Status, wrap_layout
-from calibration.patch.status import best_next
+from calibration.patch import sheet_model
+from calibration.patch.minima import Minimum
+from calibration.patch.patch_calibration import Doubt
+from calibration.patch.sheet_model import State
+from calibration.patch.status import Names, _ambiguous, best_next
 from skinmap.errors import InvalidArrayError, InvalidMeshError, SkinError
 
 TIGHT = 0.1e-3  # anchors as good as a measuring arm's [m]
@@ -54,6 +60,37 @@ def test_wrap_of_the_same_seed_gives_the_same_bits(bent, rng):
     one, two = (wrap(bent, taxels, points, sigma=1e-3) for _ in range(2))
     for name in ("positions", "normals", "covariance", "next_taxels"):
         assert getattr(one, name).tobytes() == getattr(two, name).tobytes(), name
+
+
+@pytest.mark.parametrize(
+    ("best", "other", "told"),
+    [(7.2, 7.6, True), (0.5, 0.6, True), (20.7, 21.7, True), (20.7, 26.8, False)],
+)
+def test_a_rival_is_told_by_how_much_less_likely_it_is(best, other, told):
+    """Four anchors cost little: a share of that is a margin of nothing."""
+    places = np.stack(np.meshgrid(range(5), range(5), [0.0]), axis=-1).reshape(-1, 3) * 6e-3
+    minima = [
+        Minimum(None, State(places + [0.0, 0.0, away], np.zeros(1), 0.0), cost, np.eye(1))
+        for away, cost in ((0.0, best), (30e-3, other))
+    ]
+    found = _ambiguous(minima, 6e-3, Names(np.arange(25)))
+    assert [doubt for _, doubt, _ in found] == [Doubt.RIVAL] * told
+
+
+def test_a_search_that_ends_before_it_settles_is_not_ok(monkeypatch):
+    """Rigid modules on a box with round edges: one step a stage is too few, three are enough."""
+    case = next(case for link, case in family_cases("modules") if link.name == "box")
+    taxels, points = anchored(case, 4, np.random.default_rng(0))
+    found = {}
+    for steps in (1, 3):
+        monkeypatch.setattr(sheet_model, "STEPS", steps)
+        found[steps] = wrap_layout(
+            case.layout, case.vertices, case.faces, taxels, points, modules=case.modules, rng=0
+        )
+    assert found[1].status is Status.NOT_SETTLED
+    assert found[1].doubts == (Doubt.UNSETTLED,)
+    assert "last step moved a taxel by" in found[1].reasons[0]
+    assert found[3].status is Status.OK
 
 
 def test_wrap_moves_with_the_link(bent, rng):

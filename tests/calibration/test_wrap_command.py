@@ -48,7 +48,7 @@ def run(words, code=0):
 
 
 def test_wrap_writes_a_table_and_a_report(tmp_path, bent):
-    result = run([*write(tmp_path, bent), "--format", "icub"])
+    result = run(write(tmp_path, bent))
     assert set(result) == KEYS
     assert result["status"] == "ok"
     assert result["taxels"] == len(bent.layout)
@@ -57,10 +57,15 @@ def test_wrap_writes_a_table_and_a_report(tmp_path, bent):
     assert table.channels.tolist() == list(range(100, 172))
     apart = np.linalg.norm(table.positions - bent.places, axis=1)
     assert np.median(apart) < 1.5e-3
-    icub = read_taxels(tmp_path / "out" / "taxels.txt")
+    icub = tmp_path / "taxels.txt"
+    own = str(tmp_path / "out" / "taxels.csv")
+    assert (
+        CliRunner().invoke(cli, ["export", own, "--format", "icub", "-o", str(icub)]).exit_code == 0
+    )
+    icub = read_taxels(icub)
     np.testing.assert_array_equal(icub.positions, table.positions)
     page = (tmp_path / "out" / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 3
+    assert page.count("data:image/png;base64,") == 2
     assert "http" not in page  # self-contained
 
 
@@ -129,7 +134,7 @@ def test_wrap_names_the_line_and_touches_nothing(tmp_path, bent, file, text, mes
     (tmp_path / file).write_text(text)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "taxels.csv").write_text("kept")
-    result = CliRunner().invoke(cli, words)
+    result = CliRunner().invoke(cli, [*words, "--force"])
     assert isinstance(result.exception, DataFormatError)
     with pytest.raises(SkinError, match=message):
         raise result.exception

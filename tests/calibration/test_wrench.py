@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from calibration import fit_wrench
 from calibration.commands import calibrate
 from calibration.files.mount_files import read_wrenches
-from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
+from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.taxels.readers import read_taxels
 
@@ -45,11 +45,10 @@ def error_of(fit, mount) -> np.ndarray:
     return np.concatenate([turn, fit.mount[:3, 3] - mount[:3, 3]])
 
 
-@pytest.mark.parametrize("loss", ["linear", "cauchy"])
-def test_fit_wrench_finds_an_exact_mount_from_no_start(rng, loss):
+def test_fit_wrench_finds_an_exact_mount_from_no_start(rng):
     for _ in range(4):
         mount, data = presses(rng, 30, point=0.0, moment=0.0)
-        fit = fit_wrench(*data, loss=loss)
+        fit = fit_wrench(*data)
         # Lines and steps are rounded at 1e-10.
         np.testing.assert_allclose(fit.mount, mount, rtol=0, atol=1e-7)
         assert fit.rms < 1e-7
@@ -65,12 +64,6 @@ def test_covariance_predicts_the_error(rng, outliers):
         squares.append(error @ np.linalg.solve(fit.covariance, error) / 6)
     # The mean of 15 chi squares of 6 has a deviation of 0.15; the issue asks for 0.5 to 2.
     assert 0.6 < np.mean(squares) < 1.6
-
-
-def test_a_start_changes_nothing(rng):
-    mount, data = presses(rng)
-    one, other = fit_wrench(*data), fit_wrench(*data, initial=mount)
-    np.testing.assert_allclose(one.mount, other.mount, rtol=0, atol=1e-6)  # steps end there
 
 
 def test_a_longer_lever_along_the_force_changes_nothing(rng):
@@ -104,8 +97,6 @@ def test_bad_input_is_named(rng):
         fit_wrench(points, frames, forces, moments[:, :2])
     with pytest.raises(InvalidArrayError, match="moment_sigma"):
         fit_wrench(points, frames, forces, moments, moment_sigma=0.0)
-    with pytest.raises(UnknownNameError, match="linear, cauchy"):
-        fit_wrench(points, frames, forces, moments, loss="huber")
 
 
 def run(*words, code=0):
@@ -171,7 +162,7 @@ def as_csv(data, path, *, frames=True):
     path.write_text("\n".join([",".join(columns), *rows]) + "\n")
 
 
-def test_wrench_reads_csv_as_it_reads_npz_and_writes_icub_tables(rng, tmp_path):
+def test_wrench_reads_csv_as_it_reads_npz(rng, tmp_path):
     _, data = presses(rng)
     as_csv(data, tmp_path / "touches.csv")
     np.savez(tmp_path / "touches.npz", **dict(zip(WRENCH_NAMES, data, strict=True)))
@@ -181,17 +172,15 @@ def test_wrench_reads_csv_as_it_reads_npz_and_writes_icub_tables(rng, tmp_path):
     tables = []
     for name in ("touches.csv", "touches.npz"):
         out = tmp_path / name.replace(".", "_")
-        words = [tmp_path / name, "--taxels", tmp_path / "skin.csv", "-o", out, "--format", "icub"]
+        words = [tmp_path / name, "--taxels", tmp_path / "skin.csv", "-o", out]
         result = CliRunner().invoke(calibrate, ["wrench", *map(str, words), "--json"])
         assert result.exit_code == 0, result.output
         found = json.loads(result.stdout)
-        assert found["files"] == ["mounts.json", "taxels.csv", "taxels.txt", "report.html"]
+        assert found["files"] == ["mounts.json", "taxels.csv", "report.html"]
         assert "long axis" in found["weakest"] or "lifts" in found["weakest"]
-        assert (out / "report.html").read_text().count("data:image/png;base64,") == 2
+        assert (out / "report.html").read_text().count("data:image/png;base64,") == 1
         tables.append((out / "taxels.csv").read_bytes())
     assert tables[0] == tables[1]
-    icub, own = (read_taxels(out / f"taxels.{kind}") for kind in ("txt", "csv"))
-    np.testing.assert_array_equal(icub.positions, own.positions)
 
 
 def test_wrench_names_what_is_wrong_in_a_csv(rng, tmp_path):

@@ -4,14 +4,20 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from skinmap.classify.bag_of_words import (
+from skinmap.classifiers.images.bag_of_words import (
     LEARNT_FROM,
     BagOfVisualWords,
     as_images,
     count_words,
     learn_words,
 )
-from skinmap.classify.visual_features import ACTIVE, SCALES, STEP, dense_points, local_features
+from skinmap.classifiers.images.visual_features import (
+    ACTIVE,
+    SCALES,
+    STEP,
+    dense_points,
+    local_features,
+)
 from skinmap.errors import InvalidArrayError
 
 
@@ -69,18 +75,15 @@ def test_as_images_refuses_what_is_none():
             as_images(np.full((1, 4), bad), (2, 2))
 
 
-@pytest.mark.parametrize(("kind", "package"), [("surf", "mahotas"), ("sift", "cv2")])
-@pytest.mark.parametrize("points", ["dense", "detected"])
-def test_local_features_belong_to_their_images(kind, package, points):
-    pytest.importorskip(package, reason="the extra `images` is not installed")
+def test_local_features_belong_to_their_images():
+    pytest.importorskip("mahotas", reason="the extra `images` is not installed")
     images = np.stack([blob(30, 50), np.zeros((66, 100), np.uint8), blob(2, 3), blob(20, 70)])
-    features, owner = local_features(images, kind=kind, points=points)
-    assert features.shape == (len(owner), 64 if kind == "surf" else 128)
+    features, owner = local_features(images)
+    assert features.shape == (len(owner), 64)
     assert np.isfinite(features).all()
     assert 1 not in owner  # nothing is touched there
-    if points == "dense":
-        expected = [len(dense_points(image)) for image in images]
-        np.testing.assert_array_equal(np.bincount(owner, minlength=4), expected)
+    expected = [len(dense_points(image)) for image in images]
+    np.testing.assert_array_equal(np.bincount(owner, minlength=4), expected)
 
 
 def test_dense_surf_has_length_one_and_follows_the_touch():

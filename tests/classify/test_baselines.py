@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sklearn.svm import SVC
 
-from skinmap.classify.check import check_classifier, planted_touches
-from skinmap.classify.classifier import classifiers
-from skinmap.classify.descriptors import CANDIDATES, Histograms, Touch
-from skinmap.classify.image_descriptor import PaperImages
-from skinmap.classify.named_classifiers import PENALTIES, WIDTHS
-from skinmap.classify.sample_descriptors import RawSamples, descriptor_of
+from skinmap.classifiers.check import check_classifier, planted_touches
+from skinmap.classifiers.classifier import classifiers
+from skinmap.classifiers.descriptors import Histograms, Touch
+from skinmap.classifiers.images.image_descriptor import PaperImages
+from skinmap.classifiers.named_classifiers import PENALTIES, WIDTHS
+from skinmap.classifiers.sample_descriptors import RawSamples, descriptor_of
 from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError, UnknownNameError
 
 NAMES = ("raw-rbf", "raw-intersection", "histogram-chi2", "histogram-sqrt")
@@ -39,7 +41,7 @@ def test_raw_values_are_of_one_skin_only(rng, prepared):
     with pytest.raises(NotFittedError, match="no skin yet"):
         raw.describe(touches[0])
     hand = prepared("left_hand")
-    other = Touch(hand, np.full((3, len(hand)), 90, np.uint8), "small")
+    other = Touch(hand, np.full((3, len(hand)), 90, np.uint8), "small", rate=50.0)
     with pytest.raises(SkinMismatchError, match="touches of one part, got: planted, left_hand"):
         raw.fit([*touches, other], rng=rng)
     raw.fit(touches, rng=rng)
@@ -55,7 +57,7 @@ def test_contact_images_are_scaled_to_their_own_maximum(rng):
     np.testing.assert_array_equal(image, np.floor(image))
     # Each grid has a pixel of 255; enlarging it to 66 x 100 keeps most of that level.
     assert ((image.max(axis=1) > 200) & (image.max(axis=1) <= 255)).all()
-    still = Touch(touch.skin, np.zeros_like(touch.samples))
+    still = replace(touch, samples=np.zeros_like(touch.samples))
     assert PaperImages().describe(still).shape == (0, 6600)  # no division by zero
 
 
@@ -67,17 +69,10 @@ def test_input_kinds_are_known_by_name():
 @pytest.mark.parametrize("name", ["histogram", "contact-geometry", "raw-rbf"])
 def test_training_on_untouched_skin_is_refused(name, rng):
     touches = [
-        Touch(one.skin, np.zeros_like(one.samples), one.label)
-        for one in planted_touches(6, rng=rng)
+        replace(one, samples=np.zeros_like(one.samples)) for one in planted_touches(6, rng=rng)
     ]
     with pytest.raises(InvalidArrayError, match=r"two labels or more, and of each 5 .*; got: none"):
         classifiers.get(name)().fit(touches, rng=rng)
-
-
-def test_words_can_be_chosen_by_cross_validation(rng):
-    chosen = Histograms(words="cv")
-    chosen.fit(planted_touches(6, rng=rng), rng=rng)
-    assert chosen.codebook.words.shape[1] in CANDIDATES
 
 
 def test_samples_of_floats_count_like_those_of_bytes_and_nan_is_refused(rng):
@@ -85,7 +80,7 @@ def test_samples_of_floats_count_like_those_of_bytes_and_nan_is_refused(rng):
     votes = Histograms()
     votes.fit(touches, rng=rng)
     one = touches[0]
-    floats = Touch(one.skin, one.samples.astype(float))
+    floats = replace(one, samples=one.samples.astype(float))
     np.testing.assert_array_equal(votes.describe(floats), votes.describe(one))
     floats.samples[-1, 3] = np.nan
     with pytest.raises(InvalidArrayError, match="NaN or infinity"):

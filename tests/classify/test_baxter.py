@@ -1,26 +1,29 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import skinmap
-from skinmap.classify import visual_features
-from skinmap.classify.classifier import classifiers
-from skinmap.classify.cnn import ContactImageCNN
-from skinmap.classify.convolution import load_network
-from skinmap.classify.descriptors import Touch
-from skinmap.classify.model_file import load_classifier, save_classifier
-from skinmap.classify.protocols.baxter import LABELS, evaluate_baxter
-from skinmap.classify.protocols.baxter_images import GESTURES, simulate_images, split_images
-from skinmap.classify.protocols.baxter_methods import Bench, default_settings, mean_diagonal, tune
+from skinmap.classifiers.classifier import classifiers
+from skinmap.classifiers.descriptors import Touch
+from skinmap.classifiers.images import visual_features
+from skinmap.classifiers.images.cnn import ContactImageCNN
+from skinmap.classifiers.model_file import load_classifier, save_classifier
+from skinmap.classifiers.protocols.baxter import LABELS, evaluate_baxter
+from skinmap.classifiers.protocols.baxter_images import GESTURES, simulate_images, split_images
+from skinmap.classifiers.protocols.baxter_methods import (
+    Bench,
+    default_settings,
+    mean_diagonal,
+    tune,
+)
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
+from skinmap.report.result import plain
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
-
-NETWORK = Path(__file__).parents[1] / "golden" / "contact_cnn.npz"
+from skinmap.touch.simulation.simulator import simulate
+from tests.classify.golden_network import golden_network
 
 
 @pytest.fixture(scope="module")
@@ -53,13 +56,13 @@ def test_split_images_holds_30_percent_of_each_gesture(data, rng):
 
 def test_the_saved_network_names_fresh_touches(data):
     # The goal on the simulator; the network has seen touches of other seeds only.
-    machine = ContactImageCNN("small").take(load_network(NETWORK))
+    machine = ContactImageCNN("small").take(golden_network())
     assert mean_diagonal(data.labels, machine.predict(data.table)) >= 0.95
 
 
 def test_a_network_in_a_model_file_names_touches_without_torch(skin, tmp_path):
     classifier = classifiers.get("cnn")()
-    classifier.estimator.take(load_network(NETWORK))
+    classifier.estimator.take(golden_network())
     save_classifier(classifier, tmp_path / "m.skinmodel")
     back = load_classifier(tmp_path / "m.skinmodel")
     recording = simulate(
@@ -70,10 +73,10 @@ def test_a_network_in_a_model_file_names_touches_without_torch(skin, tmp_path):
         variety=0.0,
     )
     for _, label, samples in recording.touches():
-        touch = Touch(skin, samples)
+        touch = Touch(skin, samples, rate=50.0)
         np.testing.assert_array_equal(back.probabilities(touch), classifier.probabilities(touch))
         assert back.predict(touch).label == {"whole_hand": "hand", "forearm": "other"}[label]
-    quiet = Touch(skin, np.zeros((10, len(skin)), np.uint8))
+    quiet = Touch(skin, np.zeros((10, len(skin)), np.uint8), rate=50.0)
     assert back.predict(quiet).label == "no_contact"
 
 
@@ -86,7 +89,7 @@ def test_bags_of_words_come_back_from_a_model_file(skin, tmp_path):
         gestures=("whole_hand", "forearm"),
         variety=0.0,
     )
-    touches = [Touch(skin, samples, label) for _, label, samples in recording.touches()]
+    touches = [Touch(skin, samples, label, rate=50.0) for _, label, samples in recording.touches()]
     classifier = classifiers.get("bovw")().fit(touches[:12], rng=np.random.default_rng(0))
     save_classifier(classifier, tmp_path / "m.skinmodel")
     back = load_classifier(tmp_path / "m.skinmodel")
@@ -97,18 +100,18 @@ def test_bags_of_words_come_back_from_a_model_file(skin, tmp_path):
 
 def test_evaluate_baxter_reports_what_it_promises(skin):
     found = evaluate_baxter(skin, seed=1, repeats=2, images=240, methods=("raw_rbf",), tuned=False)
-    row = found["raw_rbf"]
-    assert 0.5 < row["mean"] < 1.0
-    assert row["min"] <= row["mean"] <= row["max"]
+    row = found.raw_rbf
+    assert 0.5 < row.mean < 1.0
+    assert row.min <= row.mean <= row.max
     # Samples of one touch on both sides flatter raw values.
-    assert row["plain"]["mean"] > row["mean"]
-    table = np.array(found["confusion"]["raw_rbf"])
+    assert row.plain.mean > row.mean
+    table = np.array(found.confusion.raw_rbf)
     np.testing.assert_allclose(table.sum(axis=1), 1.0, atol=1e-12)
-    assert np.diag(table).mean() == pytest.approx(row["mean"])
-    assert found["confusion"]["labels"] == list(LABELS)
-    assert found["simulated"] is True
+    assert np.diag(table).mean() == pytest.approx(row.mean)
+    assert found.confusion.labels == list(LABELS)
+    assert found.simulated is True
     again = evaluate_baxter(skin, seed=1, repeats=2, images=240, methods=("raw_rbf",), tuned=False)
-    assert again == found
+    assert plain(again) == plain(found)
 
 
 def test_bags_of_visual_words_beat_raw_values(skin):
@@ -116,8 +119,8 @@ def test_bags_of_visual_words_beat_raw_values(skin):
     found = evaluate_baxter(
         skin, seed=1, repeats=1, images=200, methods=("bovw", "raw_rbf"), tuned=False
     )
-    assert found["bovw"]["k"] == 130
-    assert found["bovw"]["mean"] > found["raw_rbf"]["mean"] + 0.1
+    assert found.bovw.k == 130
+    assert found.bovw.mean > found.raw_rbf.mean + 0.1
 
 
 def test_tune_takes_the_best_of_what_it_tried(data):
@@ -137,11 +140,11 @@ def test_a_missing_library_leaves_one_method_out(skin, monkeypatch):
     def missing(*_: object, **__: object) -> None:
         raise MissingLibraryError("bags of visual words need mahotas")
 
-    monkeypatch.setattr(visual_features, "_library", missing)
+    monkeypatch.setattr(visual_features, "import_optional", missing)
     with pytest.warns(SkinWarning, match="bovw is left out: .*mahotas"):
         found = evaluate_baxter(skin, seed=1, repeats=1, images=160, methods=("bovw",), tuned=False)
-    assert found["bovw"] == {"missing": "bags of visual words need mahotas"}
-    assert "bovw" not in found["confusion"]
+    assert plain(found.bovw) == {"missing": "bags of visual words need mahotas"}
+    assert "bovw" not in plain(found.confusion)
 
 
 def test_evaluate_baxter_refuses_what_it_cannot_do(skin):

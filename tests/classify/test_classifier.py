@@ -3,17 +3,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classify.classifier import NO_CONTACT, classifiers
-from skinmap.classify.descriptors import Touch
-from skinmap.classify.evaluate import score, split_touches
-from skinmap.classify.model_file import load_classifier, save_classifier
+from skinmap.classifiers.classifier import NO_CONTACT, classifiers
+from skinmap.classifiers.descriptors import Touch
+from skinmap.classifiers.evaluate import score, split_touches
+from skinmap.classifiers.model_file import load_classifier, save_classifier
 from skinmap.errors import (
     InvalidArrayError,
     NotFittedError,
     UnknownNameError,
 )
 from skinmap.touch.recording import Recording
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 
 PARTS = ("left_leg_upper", "left_forearm", "right_leg_lower")
 
@@ -79,7 +79,7 @@ def test_confidence_is_higher_where_the_name_is_right(trained, split):
 
 def test_untouched_skin_is_no_contact_for_every_classifier(trained, split):
     skin = split.train[0].skin
-    quiet = Touch(skin, np.zeros((10, len(skin)), np.uint8))
+    quiet = Touch(skin, np.zeros((10, len(skin)), np.uint8), rate=50.0)
     for model in trained.values():
         assert model.predict(quiet).label == NO_CONTACT
 

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classify import cnn as module
-from skinmap.classify.cnn import ContactImageCNN, Recipe
+from skinmap.classifiers.images import cnn as module
+from skinmap.classifiers.images.cnn import ContactImageCNN, Recipe
 from skinmap.errors import InvalidArrayError, NotFittedError, UnknownNameError
 
 
@@ -20,7 +20,7 @@ def bars(rng) -> tuple[np.ndarray, np.ndarray]:
 
 
 def recipe(**changes) -> Recipe:
-    values = {"channels": 8, "kernel": 5, "momentum": 0.9, "epochs": 30, "batch": 32}
+    values = {"channels": 8, "shrink": 1, "epochs": 30, "batch": 32}
     values |= {"learning_rate": 0.1, "schedule": "constant", "mirror": True, "shift": 0}
     return Recipe(**(values | changes))
 
@@ -81,7 +81,7 @@ def test_a_net_that_stays_at_chance_is_trained_again(bars, monkeypatch):
 
 def test_varied_images_are_mirrored_and_shifted_copies():
     torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
-    from skinmap.classify.cnn import _varied
+    from skinmap.classifiers.images.cnn import _varied
 
     image = torch.zeros(1, 1, 9, 12)
     image[0, 0, 4, 5], image[0, 0, 4, 6] = 1.0, 2.0

@@ -1,8 +1,5 @@
 from __future__ import annotations
 
-import io
-import json
-import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.signal import correlate
 
-from skinmap.classify.cnn import ContactImageCNN, shrunken
-from skinmap.classify.convolution import Network, convolve, halve, load_network, save_network
-from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.classifiers.images.cnn import ContactImageCNN, shrunken
+from skinmap.classifiers.images.convolution import Network, convolve, halve
+from skinmap.errors import InvalidArrayError
+from tests.classify.golden_network import golden_network
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 # Sums of up to 5 x 5 x 8 = 200 products in single precision, three layers deep, in another order.
@@ -21,7 +19,7 @@ ROUNDING = 2e-5
 
 @pytest.fixture(scope="module")
 def network() -> Network:
-    return load_network(GOLDEN / "contact_cnn.npz")
+    return golden_network()
 
 
 @pytest.mark.parametrize("size", [1, 4, 5])
@@ -87,37 +85,6 @@ def test_probabilities_of_huge_logits_are_finite(network):
     share = loud.probabilities(np.ones((3, 33, 50), np.float32))
     np.testing.assert_allclose(share.sum(axis=1), 1.0, atol=1e-12)
     assert loud.probabilities(np.ones((0, 33, 50), np.float32)).shape == (0, 2)
-
-
-def test_saved_networks_come_back_as_they_were(network, tmp_path, rng):
-    save_network(network, tmp_path / "n.npz")
-    back = load_network(tmp_path / "n.npz")
-    assert (back.shape, back.labels) == (network.shape, network.labels)
-    images = rng.random((3, 33, 50)).astype(np.float32)
-    np.testing.assert_array_equal(back.logits(images), network.logits(images))
-
-
-def test_load_network_refuses_what_is_none(network, tmp_path):
-    path = tmp_path / "n.npz"
-    with pytest.raises(MissingFileError, match="a network"):
-        load_network(path)
-    save_network(network, path)
-    whole = path.read_bytes()
-    arrays = dict(np.load(io.BytesIO(whole)))
-    for damaged in (b"hello", whole[:-200], pickle.dumps({"weight": 1})):
-        path.write_bytes(damaged)
-        with pytest.raises(DataFormatError, match="not a Skinmap network"):
-            load_network(path)
-    hostile = np.empty(1, object)
-    hostile[0] = Path("/")
-    for change in ({"weight": hostile}, {"weight": arrays["weight"][:, :-1]}):
-        np.savez(path, allow_pickle=True, **{**arrays, **change})
-        with pytest.raises(DataFormatError, match="not a Skinmap network"):
-            load_network(path)
-    other = np.frombuffer(json.dumps({"format": "skinmap-network-99"}).encode(), np.uint8)
-    np.savez(path, **{**arrays, "head": other})
-    with pytest.raises(DataFormatError, match="skinmap-network-99"):
-        load_network(path)
 
 
 def test_networks_that_do_not_fit_together_are_refused(network):

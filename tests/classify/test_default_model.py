@@ -5,20 +5,21 @@ from __future__ import annotations
 import importlib.util
 import time
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from skinmap.classify.classifier import felt_rows
-from skinmap.classify.descriptors import Touch, recorded_touches
-from skinmap.classify.evaluate import likeliest
-from skinmap.classify.named_classifiers import DEFAULT_FILE, default_model
+from skinmap.classifiers.classifier import felt_rows
+from skinmap.classifiers.descriptors import Touch, recorded_touches
+from skinmap.classifiers.evaluate import likeliest
+from skinmap.classifiers.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.io.robots.manifest import load_robot
 from skinmap.skin.fingerprint import fingerprint
-from skinmap.touch.gestures import FOUR, TIME
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.gestures import FOUR, TIME
+from skinmap.touch.simulation.simulator import simulate
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "default_model.py"
 
@@ -53,6 +54,11 @@ def test_it_knows_what_stays_and_what_goes_on_in_time(model, icub):
     assert known == {part: fingerprint(icub.skin(part)) for part in icub.parts}
 
 
+def test_its_sets_know_parts_by_their_layout_and_leave_mirror_images_out_together(model, icub):
+    assert set(model.sets.skins) == {fingerprint(icub.skin(part)) for part in icub.parts}
+    assert len(set(model.sets.shapes)) == 7  # the torso, and six pairs
+
+
 def test_its_vectors_are_touches_of_the_script(model, script, icub, prepared):
     """A part in one state anew: many of its touches are support vectors, none of another seed."""
     skin, number = prepared("left_forearm"), icub.parts.index("left_forearm")
@@ -77,12 +83,7 @@ def test_it_names_touches_on_a_robot_that_it_never_saw_by_how_they_go_on(model):
     def right(kinds: tuple[str, ...], order: bool) -> float:
         own = [touch for touch in touches if touch.label in kinds]
         shown = (
-            own
-            if order
-            else [
-                Touch(one.skin, rng.permutation(one.samples), one.label, rate=one.rate)
-                for one in own
-            ]
+            own if order else [replace(one, samples=rng.permutation(one.samples)) for one in own]
         )
         return float(np.mean([likeliest(model, one).label == one.label for one in shown]))
 

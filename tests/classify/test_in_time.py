@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from skinmap import load_robot
-from skinmap.classify.descriptors import ContactGeometry, recorded_touches
-from skinmap.classify.model_file import load_classifier, save_classifier
-from skinmap.classify.named_classifiers import contact_geometry_classifier
-from skinmap.classify.protocols.in_time import beginning, evaluate_in_time, play
+from skinmap.classifiers.descriptors import ContactGeometry, recorded_touches
+from skinmap.classifiers.model_file import load_classifier, save_classifier
+from skinmap.classifiers.named_classifiers import contact_geometry_classifier
+from skinmap.classifiers.protocols.in_time import beginning, evaluate_in_time, play
 from skinmap.errors import InvalidArrayError
-from skinmap.touch.contact_geometry import FEATURES
-from skinmap.touch.motion_features import MOTION_FEATURES, MOVES
+from skinmap.touch.contacts.contact_geometry import FEATURES
+from skinmap.touch.contacts.motion_features import MOTION_FEATURES, MOVES
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 
 KINDS = ("tap", "hold", "stroke", "rub")
 
@@ -87,10 +87,10 @@ def test_a_beginning_is_the_first_samples(moving):
 # The asked 15 points are judged by the benchmark, on eight kinds and more touches.
 def test_protocol_leaves_parts_out_and_gains_by_motion(skins):
     played = play(skins, ["ours"], KINDS, 8, 0)
-    found = evaluate_in_time(played, gestures=KINDS, seed=0)
-    mean = {(one.features, one.seen): one.judged.mean for one in found.rows}
+    found = evaluate_in_time({0: played}, gestures=KINDS)
+    mean = {(one.features, one.seen): one.mean for one in found.rows}
     assert mean["and motion", 1.0] > mean["contact geometry", 1.0] + 0.1
     assert mean["and motion", 1.0] >= 0.75
     assert found.counted["ours"] >= 0.9
     with pytest.raises(InvalidArrayError, match="two parts, got 1"):
-        evaluate_in_time(played[:1], gestures=KINDS, seed=0)
+        evaluate_in_time({0: played[:1]}, gestures=KINDS)

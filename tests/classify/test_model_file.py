@@ -13,12 +13,12 @@ import pytest
 from sklearn.preprocessing import FunctionTransformer
 from skops.io import dumps
 
-from skinmap.classify import model_file
-from skinmap.classify.check import planted_touches
-from skinmap.classify.classifier import TouchClassifier, classifiers
-from skinmap.classify.intersection import IntersectionSVC
-from skinmap.classify.model_file import FORMAT, load_classifier, save_classifier
-from skinmap.classify.trained_skin import compare_skin, remember
+from skinmap.classifiers import model_file
+from skinmap.classifiers.check import planted_touches
+from skinmap.classifiers.classifier import TouchClassifier, classifiers
+from skinmap.classifiers.histograms.intersection import IntersectionSVC
+from skinmap.classifiers.model_file import FORMAT, load_classifier, save_classifier
+from skinmap.classifiers.trained_skin import compare_skin, remember
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
 from skinmap.skin.skin import Skin, skin_from_points
 
@@ -57,6 +57,15 @@ def rewrite(path, **changes):
 def head(path):
     with zipfile.ZipFile(path) as archive:
         return json.loads(archive.read("model.json"))
+
+
+def test_the_same_model_is_the_same_file_at_any_time(trained, tmp_path, monkeypatch):
+    files = []
+    for year in (2001, 2030):
+        monkeypatch.setattr(zipfile.time, "localtime", lambda *_, y=year: (y, 1, 1, 0, 0, 0))
+        save_classifier(trained["contact-geometry"], tmp_path / f"{year}.skinmodel")
+        files.append((tmp_path / f"{year}.skinmodel").read_bytes())
+    assert files[0] == files[1]
 
 
 class Bomb:
@@ -179,11 +188,28 @@ def test_a_module_that_an_estimator_names_is_not_imported(saved, tmp_path, monke
         for name in old.namelist():
             data = old.read(name)
             if name == "schema.json":
-                data = data.replace(b"skinmap.classify.intersection", b"hostile_module")
+                ours = b"skinmap.classifiers.histograms.intersection"
+                data = data.replace(ours, b"hostile_module")
             new.writestr(name, data)
     rewrite(saved, estimator__skops=buffer.getvalue())
     with pytest.raises(DataFormatError, match=r"refused: it holds hostile_module"):
         load_classifier(saved)
+
+
+def test_files_whose_modules_had_another_name_are_read(saved, trained, touches):
+    with zipfile.ZipFile(saved) as archive:
+        inner = archive.read("estimator.skops")
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(inner)) as new, zipfile.ZipFile(buffer, "w") as old:
+        for name in new.namelist():
+            data = new.read(name)
+            for before, now in model_file.MOVED.items():
+                data = data.replace(now.encode(), before.encode())
+            old.writestr(name, data)
+    assert buffer.getvalue() != inner
+    rewrite(saved, estimator__skops=buffer.getvalue())
+    back, share = load_classifier(saved), trained["histogram"].probabilities(touches[0])
+    np.testing.assert_array_equal(back.probabilities(touches[0]), share)
 
 
 def test_another_estimator_than_the_classifiers_is_refused(saved, trained):

@@ -3,14 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classify.classifier import NO_CONTACT, Prediction, classifiers
-from skinmap.classify.descriptors import Touch
-from skinmap.classify.naming import Named, all_right, name_touches, true_labels
-from skinmap.classify.rejection import UNKNOWN
+from skinmap.classifiers.classifier import NO_CONTACT, Prediction, classifiers
+from skinmap.classifiers.descriptors import Touch
+from skinmap.classifiers.naming import Named, all_right, name_touches, true_labels
+from skinmap.classifiers.sets.rejection import UNKNOWN
 from skinmap.errors import SkinMismatchError
-from skinmap.live.sources.replay import replay
-from skinmap.touch.pairs import simulate_pairs
-from skinmap.touch.simulator import RATE, simulate
+from skinmap.touch.simulation.pairs import simulate_pairs
+from skinmap.touch.simulation.simulator import RATE, simulate
+from tests.replay import replay
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def model(prepared):
     """Contact geometry that learnt on a foot and an upper leg."""
     rng = np.random.default_rng(9)
     touches = [
-        Touch(prepared(part), samples, label)
+        Touch(prepared(part), samples, label, rate=50.0)
         for part in ("left_foot", "left_leg_upper")
         for _, label, samples in simulate(
             prepared(part).skin, rng=rng, per_gesture=20, variety=0.0
@@ -75,7 +75,7 @@ def test_no_contact_is_never_a_class(model, prepared):
     for counts in (0, 9):
         samples = np.full((20, len(foot)), counts, np.uint8)
         assert name_touches(model, foot, samples) == ()
-        assert model.predict(Touch(foot, samples)).label == NO_CONTACT
+        assert model.predict(Touch(foot, samples, rate=50.0)).label == NO_CONTACT
 
 
 def test_a_foot_pressed_all_over_is_one_touch(model, prepared):
@@ -103,7 +103,7 @@ def test_unsure_touches_are_unknown(model, prepared):
     before = model.estimator.reject_
     model.estimator.reject_ = 1.1
     try:
-        said = model.predict(Touch(foot, samples))
+        said = model.predict(Touch(foot, samples, rate=50.0))
     finally:
         model.estimator.reject_ = before
     assert said.label == UNKNOWN
@@ -128,3 +128,17 @@ def test_all_right_asks_for_each_touch_at_its_place():
     assert not all_right([here, touch([1]), there], samples, label, owners)
     with pytest.raises(SkinMismatchError, match="3 owners for 4 taxels"):
         all_right([here], samples, label, np.zeros(3, np.int64))
+
+
+def test_health_is_that_of_all_recordings_of_a_part(icub, prepared):
+    from dataclasses import replace
+
+    from skinmap.cli.classify.naming import _health
+
+    skin = prepared("left_hand")
+    sound = simulate(skin.skin, per_gesture=2, gestures=["poke"], rng=np.random.default_rng(0))
+    pressures = sound.pressures.copy()
+    pressures[:, 3] = 120
+    hangs = replace(sound, pressures=pressures)
+    for recordings in ([hangs, sound], [sound, hangs]):
+        assert skin.skin.channels[3] in _health(recordings, {"left_hand": skin})["left_hand"].stuck

@@ -3,16 +3,19 @@
 import numpy as np
 import pytest
 
-from skinmap.classify.protocols.physics import (
+from skinmap.classifiers.protocols.physics import (
     BOTH,
     OURS,
     _trainings,
     calibration_error,
     evaluate_physics,
     judged,
+    mirror_pairs,
 )
 from skinmap.errors import InvalidArrayError
 from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
+from skinmap.skin.skin import Skin
+from skinmap.touch.prepared_skin import PreparedSkin
 
 PARTS = ["a", "b", "c"]
 PAIRS = {"a": "a", "b": "b", "c": "c"}
@@ -45,7 +48,10 @@ def test_trainings_test_on_every_physics() -> None:
 def test_judged_counts_names_and_means_over_classes() -> None:
     named = [("x", "x", 0.9)] * 3 + [("x", "y", 0.6)] + [("y", "no_contact", 0.0), ("y", "y", 1.0)]
     found = judged("ours", "foam", ("x", "y"), named)
-    np.testing.assert_array_equal(found.counts, [[3, 1, 0], [0, 1, 1]])
+    assert found.confusion == {
+        "x": {"x": 3, "y": 1, "no_contact": 0},
+        "y": {"x": 0, "y": 1, "no_contact": 1},
+    }
     assert found.per_class == {"x": 0.75, "y": 0.5}
     assert found.mean == 0.625
 
@@ -64,6 +70,17 @@ def test_calibration_error_of_known_confidences() -> None:
 def test_evaluate_physics_needs_two_parts() -> None:
     with pytest.raises(InvalidArrayError, match="two parts, got 1"):
         evaluate_physics({"a": None}, gestures=("poke",), per_gesture=1, seeds=[0])  # type: ignore[dict-item]
+
+
+def test_a_part_without_one_module_is_still_a_mirror_image(icub) -> None:
+    """By counts of taxels it would train what its mirror image is tested by."""
+    skins = {part: icub.skin(part) for part in ("left_arm", "right_arm", "left_foot")}
+    worn = skins["right_arm"]
+    kept = worn.modules != worn.modules[0]
+    columns = (worn.channels, worn.modules, worn.positions, worn.normals)
+    skins["right_arm"] = Skin(worn.part, worn.link, *(column[kept] for column in columns))
+    found = mirror_pairs({part: PreparedSkin(skin) for part, skin in skins.items()})
+    assert found == {"left_arm": "left_arm", "right_arm": "left_arm", "left_foot": "left_foot"}
 
 
 def test_mirror_images_are_never_on_both_sides() -> None:

@@ -13,9 +13,9 @@ from sklearn.dummy import DummyClassifier
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier
 
-from skinmap.classify import check_classifier
-from skinmap.classify.check import LabelsOnly, planted_touches, touch_classifier
-from skinmap.classify.classifier import TouchClassifier, calibrated, classifiers
+from skinmap.classifiers import check_classifier
+from skinmap.classifiers.check import LabelsOnly, planted_touches, touch_classifier
+from skinmap.classifiers.classifier import TouchClassifier, calibrated, classifiers
 from skinmap.errors import BrokenPluginError, InvalidArrayError, UnknownNameError
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "plugins"
@@ -23,10 +23,10 @@ RUN = """
 import sys
 sys.path.insert(0, sys.argv[1])
 import numpy as np
-from skinmap.classify import check_classifier
-from skinmap.classify.check import planted_touches
-from skinmap.classify.classifier import classifiers
-from skinmap.classify.model_file import load_classifier, save_classifier
+from skinmap.classifiers import check_classifier
+from skinmap.classifiers.check import planted_touches
+from skinmap.classifiers.classifier import classifiers
+from skinmap.classifiers.model_file import load_classifier, save_classifier
 from pathlib import Path
 from nearest_touch import NearestTouch
 

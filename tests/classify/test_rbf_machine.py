@@ -6,8 +6,8 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from skinmap.classify.rbf_machine import MARGIN, RbfMachine
-from skinmap.classify.rejection import AGES, doubt_from, early_doubt, rejection_threshold
+from skinmap.classifiers.rbf_machine import MARGIN, RbfMachine
+from skinmap.classifiers.sets.rejection import AGES, doubt_from, early_doubt, rejection_threshold
 from skinmap.errors import InvalidArrayError
 
 
@@ -80,22 +80,28 @@ def test_rejection_threshold_never_loses_more_than_it_may():
 def test_early_doubt_is_what_the_beginnings_are_surer_than_right_and_never_grows():
     rng = np.random.default_rng(0)
 
-    def age(right: float) -> tuple[list[np.ndarray], list[int]]:
-        """Names of 300 touches, all given with 97 %, of which a share is right."""
-        truth = rng.integers(0, 4, 300)
-        said = np.where(rng.random(300) < right, truth, (truth + 1) % 4)
-        return [np.where(np.arange(4) == k, 0.97, 0.01) for k in said], truth.tolist()
+    def age(right: float) -> list[float]:
+        """Shares of the true names of 300 touches named with 97 %, of which some are right."""
+        return np.where(rng.random(300) < right, 0.97, 0.01).tolist()
 
-    steps = [age(right) for right in np.linspace(0.25, 0.97, len(AGES))]
-    doubt = early_doubt([one for one, _ in steps], [one for _, one in steps])
+    shares = np.linspace(0.25, 0.97, len(AGES))
+    doubt = early_doubt([age(right) for right in shares], 4)
     assert doubt[0] > 0.85  # no better than chance
     assert doubt[-1] == 0.0
     assert (np.diff(doubt) <= 0).all()
     middle = len(AGES) // 2
     told = (1.0 - doubt[middle]) * 0.97 + doubt[middle] / 4.0
-    assert told == pytest.approx(np.linspace(0.25, 0.97, len(AGES))[middle], abs=0.08)
-    few = [([], [])] * len(AGES)
-    assert (early_doubt([a for a, _ in few], [b for _, b in few]) == 0.0).all()
+    assert told == pytest.approx(shares[middle], abs=0.08)
+
+
+def test_where_no_held_out_touch_says_how_sure_to_be_any_name_is_as_likely():
+    """The old doubt was 0 there: the fewest data, the least doubt."""
+    doubt = early_doubt([[] for _ in AGES], 4)
+    assert (doubt[:-1] == 0.75).all()
+    assert doubt[-1] == 0.0
+    late = early_doubt([[]] * 3 + [[0.97] * 300] * (len(AGES) - 3), 4)
+    assert (late[:3] == 0.75).all()
+    assert late[3] < 0.1
 
 
 @pytest.mark.parametrize("array", [[0.5], np.full(len(AGES), 1.0), np.full(len(AGES), -0.1)])

@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 import skinmap
-from skinmap.classify.classifier_options import read_size, tuned_classifier
-from skinmap.classify.descriptors import Histograms, Touch
-from skinmap.classify.evaluate import likeliest
-from skinmap.classify.image_descriptor import PaperImages
-from skinmap.classify.model_file import load_classifier, save_classifier
+from skinmap.classifiers.classifier_options import read_size, tuned_classifier
+from skinmap.classifiers.descriptors import Touch
+from skinmap.classifiers.images.image_descriptor import PaperImages
+from skinmap.classifiers.model_file import load_classifier, save_classifier
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.neighbours.structures import RADIUS
-from skinmap.touch.gestures import FOUR
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import simulate
-from skinmap.touch.votes import VoteCounter
+from skinmap.touch.simulation.gestures import FOUR
+from skinmap.touch.simulation.simulator import simulate
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +23,7 @@ def touches():
     recording = simulate(
         skin.skin, rng=np.random.default_rng(3), per_gesture=6, gestures=FOUR[:2], variety=0.0
     )
-    return [Touch(skin, samples, label) for _, label, samples in recording.touches()]
+    return [Touch(skin, samples, label, rate=50.0) for _, label, samples in recording.touches()]
 
 
 def trained(touches, **knobs):
@@ -39,9 +37,7 @@ def shares(model, touches):
 
 def test_default_knobs_change_nothing(touches):
     plain = shares(trained(touches), touches)
-    same = trained(
-        touches, radius_mm=1e3 * RADIUS, words=8, rotations=6, distance="euclidean", search="plain"
-    )
+    same = trained(touches, radius_mm=1e3 * RADIUS, words=8, rotations=6, distance="euclidean")
     np.testing.assert_array_equal(shares(same, touches), plain)
 
 
@@ -60,9 +56,7 @@ def test_knobs_reach_the_codebook(touches, knobs, structures):
         assert book.prototypes.filled.sum(axis=1).max() > plain.prototypes.filled.sum(axis=1).max()
 
 
-@pytest.mark.parametrize(
-    "knobs", [{"radius_mm": 11.0, "distance": "geodesic"}, {"precision": "float32", "rotations": 1}]
-)
+@pytest.mark.parametrize("knobs", [{"radius_mm": 11.0, "distance": "geodesic"}, {"rotations": 1}])
 def test_a_model_file_keeps_its_knobs(touches, tmp_path, knobs):
     model = trained(touches, **knobs)
     save_classifier(model, tmp_path / "a.skinmodel")
@@ -70,35 +64,7 @@ def test_a_model_file_keeps_its_knobs(touches, tmp_path, knobs):
     kept = read.descriptor
     assert kept.radius == (knobs["radius_mm"] * 1e-3 if "radius_mm" in knobs else None)
     assert kept.distance == knobs.get("distance", "euclidean")
-    assert kept.precision == knobs.get("precision", "float64")
     np.testing.assert_array_equal(shares(read, touches), shares(model, touches))
-
-
-def test_single_precision_changes_only_votes_that_nearly_tie(touches):
-    model = trained(touches)
-    book, skin = model.descriptor.codebook, touches[0].skin
-    structures = model.descriptor.structures(skin)
-    samples = np.concatenate([touch.samples for touch in touches])[::7]
-    double = VoteCounter(book, structures, compiled=False).count(samples)
-    single = VoteCounter(book, structures, single=True).count(samples)
-    # Noise counts in whole steps of 1 / 255, so ties between words are rare among the patterns,
-    # one a taxel and sample.
-    assert np.abs(single - double).sum() <= 2 * 0.001 * samples.size
-    named = [
-        likeliest(one, touches[0]).label for one in (model, trained(touches, precision="float32"))
-    ]
-    assert named[0] == named[1]
-
-
-def test_votes_in_single_precision_are_never_compiled_and_refuse_what_has_no_square(touches):
-    model = trained(touches)
-    structures = model.descriptor.structures(touches[0].skin)
-    book = model.descriptor.codebook
-    with pytest.raises(InvalidArrayError, match="double precision only"):
-        VoteCounter(book, structures, compiled=True, single=True)
-    huge = np.full((1, len(structures.labels)), 1e16)
-    with pytest.raises(InvalidArrayError, match="expected pressures of 0 to 1"):
-        VoteCounter(book, structures, single=True).count(huge)
 
 
 def test_image_size_reaches_descriptor_and_estimator():
@@ -117,32 +83,18 @@ def test_images_of_a_size_come_out_and_go_into_arrays(touches):
         again.from_arrays({"size": np.array([0, 10**9])})
 
 
-def test_every_histogram_of_a_fusion_is_tuned():
-    model = tuned_classifier("fusion", {"words": 5})
-    words = [m.descriptor.words for m in model.members if isinstance(m.descriptor, Histograms)]
-    assert words == [5]
-
-
 @pytest.mark.parametrize(
     ("name", "knobs", "kind", "message"),
     [
         ("nobody", {}, UnknownNameError, "no classifier 'nobody'"),
         ("histogram", {"depth": 3}, UnknownNameError, "no knob of classifiers 'depth'"),
         ("histogram", {"distance": "taxi"}, UnknownNameError, "euclidean, geodesic"),
-        ("histogram", {"search": "slow"}, UnknownNameError, "plain, compiled"),
-        ("histogram", {"precision": "float16"}, UnknownNameError, "float64, float32"),
         ("histogram", {"rotations": 5}, UnknownNameError, "1, 4, 6"),
         ("histogram", {"radius_mm": float("nan")}, InvalidArrayError, "radius_mm must be 0.1"),
         ("histogram", {"words": 1}, InvalidArrayError, "words must be 2 to 250, got 1"),
         ("histogram", {"image_size": "66x100"}, InvalidArrayError, "does not concern"),
         ("contact-geometry", {"words": 8}, InvalidArrayError, "words does not concern"),
         ("cnn", {"image_size": "0x50"}, InvalidArrayError, "rows x columns of 1 to 1024"),
-        (
-            "histogram",
-            {"search": "compiled", "precision": "float32"},
-            InvalidArrayError,
-            "float64 only",
-        ),
     ],
 )
 def test_nonsense_is_refused(name, knobs, kind, message):

@@ -5,24 +5,29 @@ import re
 import socket
 import subprocess
 import sys
+import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from skinmap.classify.classifier import classifiers
-from skinmap.classify.descriptors import Touch
-from skinmap.classify.model_file import save_classifier
+import skinmap
+from skinmap.classifiers.classifier import classifiers
+from skinmap.classifiers.descriptors import Touch
+from skinmap.classifiers.model_file import save_classifier
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
+from skinmap.live import open_publisher
+from skinmap.live.sources.simulator import SimulatedSource
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 
 FOOT = ("--part", "left_foot")
 TOUCH = {
     "heading", "up_mm", "right_mm", "speed_mm_s", "presses", "period_s", "early_label", "early_s",
     "event", "touch", "part", "label", "confidence", "names", "start_s", "duration_s", "area_mm2",
-    "path_mm", "peak", "centre_mm", "contacts",
+    "path_mm", "peak", "centre_mm", "contacts", "channels",
 }  # fmt: skip
 
 
@@ -33,7 +38,7 @@ def made(prepared, tmp_path_factory):
     foot = prepared("left_foot")
     rng = np.random.default_rng(8)
     touches = [
-        Touch(foot, samples, label)
+        Touch(foot, samples, label, rate=50.0)
         for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=10, variety=0.0).touches()
     ]
     model = classifiers.get("contact-geometry")().fit(touches, rng=rng)
@@ -151,3 +156,57 @@ def test_a_port_in_use_is_one_line(made):
         port = taken.getsockname()[1]
         with pytest.raises(SkinError, match=str(port)):
             lines(made[0], "sim", *FOOT, "--publish", f"zmq:{port}")
+
+
+@pytest.fixture
+def stream():
+    """Publishes touches on a robot, by its name, until the test is over."""
+    running = []
+
+    def publish(robot, name=""):
+        port, stop = free_port(), threading.Event()
+        part = robot.parts[0]
+        source = SimulatedSource(robot, parts=[part], speed=1.0)
+        info = replace(source.info, robot=name or robot.name)
+        publisher = open_publisher(f"zmq:{port}", info, robot=robot)
+
+        def send():
+            while not stop.is_set():
+                block = source.read(0.1)
+                if block is not None:
+                    publisher.send_block(block)
+
+        thread = threading.Thread(target=send)
+        thread.start()
+        running.append((stop, thread, source, publisher))
+        return f"zmq:{port}"
+
+    yield publish
+    for stop, thread, source, publisher in running:
+        stop.set()
+        thread.join()
+        source.close()
+        publisher.close()
+
+
+def test_a_stream_names_its_robot(stream, tmp_path):
+    kaspar = skinmap.load_robot("kaspar")
+    spec = stream(kaspar)
+    *_, summary = lines(spec, "--seconds", "1")
+    assert summary["parts"] == [kaspar.parts[0]]
+    out = tmp_path / "k.mcap"
+    found = CliRunner().invoke(cli, ["record", spec, "-o", str(out), "--seconds", "0.5", "--json"])
+    assert found.exit_code == 0, found.output
+    assert json.loads(found.stdout)["samples"] > 0
+
+
+@pytest.mark.parametrize("command", [["classify"], ["record", "-o", "out.mcap"]])
+def test_a_stream_of_a_robot_that_is_not_built_in_names_it_in_its_error(
+    stream, command, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    spec = stream(skinmap.load_robot("kaspar"), "twolink")
+    found = CliRunner().invoke(cli, [*command, spec])
+    assert found.exit_code == 2 or isinstance(found.exception, SkinError)
+    said = found.output + str(found.exception)
+    assert f"{spec} is of 'twolink': give its manifest as --robot" in said

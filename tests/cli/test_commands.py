@@ -45,15 +45,21 @@ def test_inspect_names_swapped_modules():
     assert "modules stand where the URDF has others: 0 at 4" in part["warnings"][0]
 
 
-def test_inspect_fits_and_reports_in_html(tmp_path):
-    page = tmp_path / "hand.html"
-    result = run("inspect", "icub", "--part", "left_hand", "--fit", "--html", str(page))
-    (part,) = result["parts"]
-    assert part["fit"]["mean_after_mm"] < part["fit"]["mean_before_mm"]
-    assert result["files"] == [str(page)]
-    text = page.read_text()
-    assert "left_hand" in text
-    assert "data:image/png;base64," in text
+@pytest.mark.filterwarnings("ignore:no body mesh")
+def test_inspect_names_the_channels_of_taxels_at_one_place(tmp_path):
+    rows = ["channel,module,x,y,z,nx,ny,nz"]
+    grid = [(5e-3 * i, 5e-3 * j) for i in range(6) for j in range(5)]
+    grid[17] = grid[4]
+    rows += [f"{k},{k // 10},{x},{y},0,0,0,1" for k, (x, y) in enumerate(grid)]
+    (tmp_path / "twice.csv").write_text("\n".join(rows) + "\n")
+    (part,) = run("inspect", str(tmp_path / "twice.csv"))["parts"]
+    assert part["warnings"] == ["channels at one place: 4 and 17"]
+    assert part["verdict"] == "check the places of these channels"
+    rows[11:21] = [f"{k},1,0.1,0.1,0,0,0,1" for k in range(10, 20)]
+    (tmp_path / "module.csv").write_text("\n".join(rows) + "\n")
+    (part,) = run("inspect", str(tmp_path / "module.csv"))["parts"]
+    assert part["warnings"] == ["all taxels of module 1 are at one place"]
+    assert part["verdict"] == "name the module layout"
 
 
 def test_inspect_reads_a_bare_table(tmp_path):
@@ -98,8 +104,9 @@ def test_pairs_are_named_one_by_one(tmp_path):
     run("simulate", "icub", *foot, "--per-gesture", "14", "-o", str(alone))
     run("train", str(alone), "-o", str(model))
     made = run(
-        "simulate", "icub", *foot, "--pairs", "3", "--gesture", "poke", "--subjects", "3",
-        "--dead", "0.02", "--noise", "1", "-o", str(pairs),
+        "simulate", "icub", *foot, "--gesture", "pairs", "--gesture", "poke",
+        "--per-gesture", "3", "--subjects", "3", "--fault", "dead=0.02",
+        "--fault", "noise=1", "-o", str(pairs),
     )  # fmt: skip
     assert made["parts"][0]["touches"] == {"poke+poke": 3}
     # Times that no two touches share: every contact is a touch of its own.
@@ -138,8 +145,11 @@ def test_same_seed_writes_the_same_recording(tmp_path):
         (("flatten", "gone.toml"), r"no file 'gone\.toml'"),
         (("structures", "--radius-mm", "-1"), "must lie in 0.1..1000, or auto"),
         (("simulate", "--gesture", "slap", "--part", "torso", "-o", "x.npz"), "no gesture 'slap'"),
-        (("simulate", "--part", "torso", "--dead", "2"), "2.0 is not in the range 0<=x<=1"),
-        (("simulate", "--part", "torso", "--pairs", "2", "--places", "habitual"), "leave out"),
+        (("simulate", "--part", "torso", "--fault", "dead=2"), "2.0 is not in the range 0<=x<=1"),
+        (("simulate", "--part", "torso", "--fault", "dad=0.1"), "no fault 'dad'; did you mean"),
+        (("simulate", "--part", "torso", "--fault", "dead"), "'' is not a valid float"),
+        (("simulate", "--part", "torso", "--dead", "0.1"), "removed: write --fault dead=VALUE"),
+        (("inspect", "icub", "--allow-outside"), "removed: set SKINMAP_ALLOW_OUTSIDE=1"),
         (("simulate", "--part", "left_hand", "-o", "/proc/x/y.npz"), "cannot write"),
         (("train", "gone.npz"), r"no file 'gone\.npz'"),
         (("classify", "gone.skinmodel", "gone.npz"), r"no file 'gone\.skinmodel'"),
@@ -222,7 +232,7 @@ def test_flatten_takes_any_mesh_file(tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        ("inspect", "--part", "left_foot", "--fit"),
+        ("inspect", "--part", "left_foot"),
         ("flatten", "--part", "left_hand"),
         ("structures", "--part", "left_hand"),
     ],

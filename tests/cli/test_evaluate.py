@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from skinmap.classify.protocols import kaspar, sweep
+from skinmap.classifiers.protocols import kaspar
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.touch.recording import load_recordings, save_recordings
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 
 PART = "left_forearm"
 PNG = b"\x89PNG"
@@ -37,7 +37,7 @@ def small_paper(monkeypatch):
     """The first paper's protocol with a tenth of its samples."""
     monkeypatch.setattr(kaspar, "SAMPLES", dict.fromkeys(kaspar.SAMPLES, 200))
     monkeypatch.setattr(kaspar, "PERCENTS", (20,))
-    monkeypatch.setattr(sweep, "RADII", (0.0055, 0.008))
+    monkeypatch.setattr(kaspar, "RADII", (0.0055, 0.008))
 
 
 def documented(result: dict) -> list[str]:
@@ -57,9 +57,9 @@ def test_kaspar_prints_the_table_beside_the_papers(small_paper, tmp_path):
     assert {row["folds"] for row in result["table"]} == {"plain", "event"}
     assert [row["percent"] for row in result["paper"]] == [2, 2, 10, 10]
     assert result["accuracy_is"] == "simulated"
-    assert result["files"] == ["evaluation.json", "kaspar.png", "sweep.png", "report.html"]
-    assert all((tmp_path / name).read_bytes().startswith(PNG) for name in result["files"][1:3])
-    assert (tmp_path / "report.html").read_text().count("data:image/png;base64,") == 2
+    assert result["files"] == ["evaluation.json", "sweep.png", "report.html"]
+    assert (tmp_path / "sweep.png").read_bytes().startswith(PNG)
+    assert (tmp_path / "report.html").read_text().count("data:image/png;base64,") == 1
     assert json.loads((tmp_path / "evaluation.json").read_text())["table"] == result["table"]
     assert documented(result) == []
 
@@ -73,8 +73,20 @@ def test_cross_patch_prints_a_row_for_each_classifier(tmp_path):
     (row,) = result["rows"]
     assert {"features", "classifier", "mean", "worst", "per_patch", "per_class"} <= {*row}
     assert len(row["per_patch"]) == len(result["patches"]) == 6
-    assert (tmp_path / "patches.png").read_bytes().startswith(PNG)
+    assert result["files"] == ["evaluation.json", "report.html"]
     assert documented(result) == []
+
+
+def test_touches_vary_unless_they_are_asked_not_to():
+    """The two are other touches, and the result holds which they were."""
+    words = ("--protocol", "cross-patch", "--part", PART, "--part", "left_foot", "--seeds", "1")
+    few = ("--per-gesture", "5", "--gestures", "poke,full_finger", "--classifier")
+    varied, clean = (
+        run(*words, *few, "contact-geometry", *how) for how in ((), ("--variety", "none"))
+    )
+    assert (varied["variety"], clean["variety"]) == (1.0, 0.0)
+    assert varied["rows"] != clean["rows"]
+    assert clean["rows"][0]["mean"] >= varied["rows"][0]["mean"]
 
 
 def test_recordings_are_cross_validated_by_event_with_the_leak_beside(recording, tmp_path):
@@ -85,7 +97,7 @@ def test_recordings_are_cross_validated_by_event_with_the_leak_beside(recording,
     )
     assert [row["folds"] for row in result["table"]] == ["plain", "event"]
     assert result["leak"][0]["classifier"] == "contact-geometry"
-    assert (tmp_path / "leak.png").read_bytes().startswith(PNG)
+    assert result["files"] == ["evaluation.json", "report.html"]
     assert documented(result) == []
     again = run("--protocol", *words)  # a recording may stand there as well
     assert again["table"] == result["table"]
@@ -107,7 +119,7 @@ def test_tables_are_printed_for_people(recording):
         ),
         (
             [],
-            "name --protocol (kaspar, baxter, cross-patch, physics, time, cost, fingers, hands) "
+            "name --protocol (kaspar, baxter, cross-patch, physics, time, fingers, hands) "
             "or recordings",
         ),
         (["gone.npz"], "no file 'gone.npz'"),
@@ -130,8 +142,13 @@ def test_tables_are_printed_for_people(recording):
             "two patches, got torso; give",
         ),
         (["--protocol", "baxter", "--classifier", "oracle"], "no method 'oracle'"),
-        (["--protocol", "kaspar", "--backend", "dask"], "needs --address tcp://host:port"),
-        (["--protocol", "kaspar", "--address", "tcp://a:1"], "--address needs --backend dask"),
+        (["--protocol", "baxter", "--set", "images=9"], "Expected `int` >= 40"),
+        (["--protocol", "baxter", "--set", "network=huge"], "Invalid enum value 'huge'"),
+        (["--protocol", "baxter", "--set", "sweep=yes"], "settings of baxter: images, network"),
+        (["--protocol", "physics", "--set", "folds"], "settings of physics: none"),
+        (["--protocol", "kaspar", "--sweep"], "--sweep was removed: write --set sweep=yes"),
+        (["--protocol", "kaspar", "--variety", "much"], "no variety level 'much'"),
+        (["touches.npz", "--variety", "none"], "recorded touches have no --variety"),
     ],
 )
 def test_what_cannot_be_evaluated_is_said_in_a_line(words, message):
@@ -149,7 +166,7 @@ def test_recordings_that_do_not_fit_are_refused(recording, tmp_path):
     assert "240 taxels, the skin of iCub has 250" in refused(one, tmp_path, part="left_foot")
     assert "no part 'wing'" in refused(one, tmp_path, part="wing")
     assert "differ in spelling only" in refused(one, tmp_path, labels=("POKE",))
-    few = CliRunner().invoke(cli, ["evaluate", str(recording), "--folds", "9"])
+    few = CliRunner().invoke(cli, ["evaluate", str(recording), "--set", "folds=9"])
     assert "9 folds need two labels with at least 9 touch events each" in str(few.exception)
 
 
@@ -168,7 +185,7 @@ def test_nobody_at_the_dask_address_ends_before_anything_is_simulated():
     with socket.socket() as free:  # bound and not listening: connections are refused
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-        words = ["evaluate", "--protocol", "kaspar", "--backend", "dask", "--address", address]
+        words = ["evaluate", "--protocol", "kaspar", "--jobs", address]
         result = CliRunner().invoke(cli, words)
     assert isinstance(result.exception, SkinError)
     assert f"no Dask scheduler answers at '{address}'" in str(result.exception)

@@ -41,11 +41,10 @@ def test_export_of_what_was_exported_changes_nothing(tmp_path, same_table):
         first = second
 
 
-@pytest.mark.parametrize("format", ["ply", "vtp"])
-def test_export_for_viewers(tmp_path, format):
-    path = tmp_path / f"t.{format}"
+def test_export_for_viewers(tmp_path):
+    path = tmp_path / "t.ply"
     assert (
-        run("--part", "left_hand", "--format", format, "-o", str(path))["parts"][0]["modules"] == 4
+        run("--part", "left_hand", "--format", "ply", "-o", str(path))["parts"][0]["modules"] == 4
     )
     assert path.stat().st_size > 2000
 
@@ -58,7 +57,7 @@ def test_export_unrepaired_writes_what_the_file_says(tmp_path, icub, same_table)
 
 def test_export_reads_a_bare_table_in_a_format_that_is_named(tmp_path):
     (tmp_path / "skin.db").write_text("1\n0 5 1000000 0 0 0 0 1000000000 1 0\n")
-    result = run(str(tmp_path / "skin.db"), "--read-as", "skinware", "-o", str(tmp_path / "t.csv"))
+    result = run(f"skinware:{tmp_path / 'skin.db'}", "-o", str(tmp_path / "t.csv"))
     assert result["robot"] == result["parts"][0]["name"] == "skin"
     np.testing.assert_array_equal(read_taxels(tmp_path / "t.csv").positions, [[1e-3, 0, 0]])
 
@@ -70,7 +69,7 @@ def test_export_reads_a_bare_table_in_a_format_that_is_named(tmp_path):
         (("icub", "--part", "tail"), "no part 'tail'; the parts are: torso"),
         (("gone.csv",), r"no file 'gone\.csv'; expected a taxel table"),
         (("gone.csv", "--part", "torso"), "--part is for a robot"),
-        (("gone.csv", "--read-as", "excel"), "no file"),
+        (("skinware:gone.db",), "no file"),
         (("icub", "--part", "torso", "--format", "excel"), "'excel' is not one of 'csv'"),
     ],
 )

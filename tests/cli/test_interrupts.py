@@ -9,7 +9,8 @@ import threading
 
 import pytest
 
-from skinmap.cli.main import TerminatedError, end_on_interrupt, forget_interrupts, main
+from skinmap.cli.main import main
+from skinmap.interrupts import TerminatedError, graceful, interruptible
 
 SWALLOWS = """
 import os, signal
@@ -24,14 +25,18 @@ except BaseException:
 
 
 @pytest.fixture
-def ours():
+def restored():
     kinds = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
     before = [signal.getsignal(kind) for kind in kinds]
-    end_on_interrupt()
     yield
-    signal.setitimer(signal.ITIMER_REAL, 0)
     for kind, handler in zip(kinds, before, strict=True):
         signal.signal(kind, handler)
+
+
+@pytest.fixture
+def ours(restored):
+    with interruptible():
+        yield
 
 
 @pytest.mark.parametrize("kind", ["SIGINT", "SIGTERM"])
@@ -45,13 +50,14 @@ def test_interrupt_in_an_import_that_catches_everything_still_ends(
         threading.Event().wait(60)  # a deadline, for a handler that forgot it
 
 
-def test_an_interrupt_in_the_last_import_leaves_no_alarm_that_kills(ours, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("restored")
+def test_an_interrupt_in_the_last_import_leaves_no_alarm_that_kills(tmp_path, monkeypatch):
     """Python forgets its handlers at its end, where an alarm made it exit by signal 14."""
     (tmp_path / "swallows_last.py").write_text(SWALLOWS.replace("KIND", "SIGTERM"))
     monkeypatch.syspath_prepend(tmp_path)
-    importlib.import_module("swallows_last")
-    assert signal.getitimer(signal.ITIMER_REAL)[0] > 0.0
-    forget_interrupts()
+    with interruptible():
+        importlib.import_module("swallows_last")
+        assert signal.getitimer(signal.ITIMER_REAL)[0] > 0.0
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
@@ -90,10 +96,10 @@ def test_an_interrupt_of_which_a_library_makes_an_error_of_its_own_is_one(
     assert capsys.readouterr().err.startswith(f"Error: {said}")
 
 
-def test_background_job_goes_on_ignoring_it():
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        end_on_interrupt()
+@pytest.mark.usefixtures("restored")
+@pytest.mark.parametrize("context", [interruptible, lambda: graceful(print)])
+def test_background_job_goes_on_ignoring_it(context):
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with context():
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGINT, before)
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN

@@ -7,12 +7,13 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from rosbags.highlevel import AnyReader
 
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import InvalidArrayError, SkinError
+from skinmap.io.mcap.reading import read_track
 from skinmap.io.recordings.marks import Marks
-from skinmap.io.recordings.mcap_track import read_track
 from skinmap.io.recordings.recorded_stream import MarkedTouch
 from skinmap.touch.recording import Recording
 
@@ -45,6 +46,18 @@ def marked(tmp_path_factory):
 
 def spans(path):
     return [(one.first, one.last, one.label) for one in Marks(read_track(path).touches).touches]
+
+
+def test_marks_that_are_edited_stay_messages_that_ros_2_reads(marked, tmp_path):
+    run("label", marked, "-o", tmp_path / "new.mcap", keys="n jab\nw\n")
+    with AnyReader([tmp_path / "new.mcap"]) as reader:
+        (touches,) = [one for one in reader.connections if one.topic == "/skin/touches"]
+        told = [
+            json.loads(reader.deserialize(data, one.msgtype).data)
+            for one, _, data in reader.messages([touches])
+        ]
+    assert told[0]["label"] == "jab"
+    assert len(told) == len(spans(marked))
 
 
 def test_keys_name_split_join_delete_and_undo(marked, tmp_path):
@@ -180,3 +193,19 @@ def test_merge_refuses_what_does_not_belong_together(tmp_path, other, match):
     two = saved(tmp_path / "y.npz", recorded(["a"], **{"robot": "icub", **other}))
     assert match in refuse("merge", one, two, "-o", tmp_path / "all.npz")
     assert not (tmp_path / "all.npz").exists()
+
+
+def test_help_shows_its_examples_line_by_line():
+    said = CliRunner().invoke(cli, ["label", "--help"]).stdout
+    assert "\\b" not in said
+    assert sum("skinmap label touch.mcap" in line for line in said.splitlines()) == 3
+
+
+def test_merge_refuses_a_recording_that_is_given_twice(marked, tmp_path):
+    said = refuse("merge", marked, marked, "-o", tmp_path / "all.mcap")
+    assert f"given twice: {marked}" in said
+
+
+def test_classify_says_that_the_model_comes_first():
+    said = refuse("classify", "t.npz", "m.skinmodel")
+    assert "the model comes first: m.skinmodel t.npz" in said

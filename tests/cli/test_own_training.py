@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.touch.recording import Recording
 
+ROBOT = Path(__file__).parents[2] / "docs" / "examples" / "robot"
 KINDS = ("poke", "full_finger")
 
 
@@ -54,6 +57,24 @@ def test_a_recording_says_which_robot_it_is_of(days):
     assert run("info", days / "monday.npz")["skin"]["robot"] == "kaspar"
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".mcap"])
+def test_touches_of_another_layout_of_as_many_taxels_are_refused(tmp_path, suffix):
+    """The channels changed since: every touch would be somewhere else."""
+    shutil.copytree(ROBOT, tmp_path / "bot")
+    words = ["--per-gesture", 6, "--gesture", "poke", "--gesture", "pat"]
+    path = tmp_path / f"t{suffix}"
+    run("simulate", tmp_path / "bot/robot.toml", *words, "-o", path)
+    assert skinmap.load_recordings(path)[0].fingerprint
+    run("train", path, "-o", tmp_path / "before.skinmodel")
+    table = tmp_path / "bot/forearm.csv"
+    head, *rows = table.read_text().splitlines()
+    numbers = [row.split(",")[0] for row in rows]
+    rows = [",".join([k, *row.split(",")[1:]]) for k, row in zip(numbers[::-1], rows, strict=True)]
+    table.write_text("\n".join([head, *rows]) + "\n")
+    message = refuse("train", path, "-o", tmp_path / "after.skinmodel")
+    assert "recorded on another skin" in message
+
+
 def test_touches_that_find_no_room_are_told(tmp_path):
     """A whole hand hardly fits on the back of a child's: too few came, and nothing said why."""
     words = ["simulate", "kaspar", "--part", "left_hand", "--per-gesture", "12", "-o"]
@@ -89,6 +110,18 @@ def test_five_touches_a_label_are_enough_and_each_is_tested_unseen(tmp_path):
     assert told["accuracy"]["same_parts"] <= 0.7
 
 
+def test_settings_of_a_classifier_come_from_a_profile(tmp_path):
+    skinmap.save_recordings(touched("kaspar", "torso", 5, count=5), tmp_path / "few.npz")
+    profile = tmp_path / "settings.toml"
+    text = f'[profile]\nformat = 1\nskinmap = "{skinmap.__version__}"\n\n[classify]\nwords = 5\n'
+    words = ["train", tmp_path / "few.npz", "--profile", profile, "--force"]
+    words += ["-o", tmp_path / "m.skinmodel", "--classifier", "histogram"]
+    profile.write_text(text)
+    assert run(*words)["settings"] == {"words": 5}
+    profile.write_text(text + 'classifier = "paper"\n')  # not the one that is trained
+    assert run(*words)["settings"] == {}
+
+
 def test_labels_of_one_session_are_warned_of(tmp_path):
     for label, seed in zip(KINDS, (1, 2), strict=True):
         one = touched("kaspar", "torso", seed, kinds=(label,))
@@ -106,7 +139,7 @@ def test_labels_of_one_session_are_warned_of(tmp_path):
         (["train", "one.npz", "--part", "tail"], "no recorded part 'tail'"),
         (["train", "one.npz", "--robot", "icub"], "the skin of iCub has"),
         (["evaluate", "one.npz", "--leave-out", "weather"], "'weather' is not one of"),
-        (["evaluate", "--protocol", "kaspar", "--leaks"], "no --leave-out, --leaks"),
+        (["evaluate", "--protocol", "kaspar", "--leave-out", "part"], "has its own splits"),
         (["evaluate", "unmarked.npz"], "no marked touch in the recordings"),
     ],
 )
@@ -133,7 +166,7 @@ def at_rest(one: Recording, pattern: np.ndarray) -> Recording:
 
 def judged(folder, *words):
     files = sorted(folder.glob("*.npz"))
-    told = run("evaluate", *files, "--leaks", "--seeds", 1, "--folds", 3, *words)
+    told = run("evaluate", *files, "--leave-out", "event", "--seeds", 1, "--set", "folds=3", *words)
     return {row["left_out"]: row for row in told["left_out"]}, told
 
 

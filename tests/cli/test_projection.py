@@ -7,8 +7,8 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from skinmap.cli.flatten.figures import checkerboard, square_side
 from skinmap.geometry.triangles import cross_2d, face_areas, face_normals, signed_areas
+from skinmap.report.flat_figures import checkerboard, square_side
 from skinmap.report.projection import ENOUGH, SEEN, View, choose_views, draw_surface, shaded
 
 FRAME = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # up, front, side

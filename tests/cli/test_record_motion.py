@@ -7,10 +7,10 @@ from click.testing import CliRunner
 
 import skinmap
 from skinmap.cli.main import cli
-from skinmap.io.recordings.mcap_recording import MOTION
-from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.mcap.reading import read_track
+from skinmap.io.mcap.writing import MOTION
 from skinmap.io.ros2.messages import read_text
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 
 
 def test_motion_is_recorded_for_any_mcap_reader(tmp_path):
@@ -20,7 +20,8 @@ def test_motion_is_recorded_for_any_mcap_reader(tmp_path):
     made = simulate(robot.skin("left_hand"), rng=4, gestures=["stroke"], per_gesture=2)
     skinmap.save_recordings(made, tmp_path / "t.npz", robot=robot)
     out = tmp_path / "m.mcap"
-    line = ["record", str(tmp_path / "t.npz"), "-o", str(out), "--motion", "--speed", "inf"]
+    line = ["record", str(tmp_path / "t.npz"), "-o", str(out), "--label", "stroke"]
+    line += ["--speed", "inf"]
     found = CliRunner().invoke(cli, line)
     assert found.exit_code == 0, found.output
     with out.open("rb") as file:

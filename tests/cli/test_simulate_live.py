@@ -74,7 +74,7 @@ def received(source, count: int) -> list:
 @pytest.mark.parametrize("way", ["lsl", "zmq"])
 def test_simulated_touches_stream_until_interrupted(way, icub):
     spec = f"zmq:{free_port()}" if way == "zmq" else f"lsl:test-{uuid.uuid4().hex[:12]}"
-    with streaming("--rate", "200", "--publish", spec, "--json") as process:
+    with streaming("--fault", "rate=200", "--publish", spec, "--json") as process:
         source = open_source(spec, robot=icub)
         assert (source.info.parts, source.info.rate) == (("left_hand",), 200.0)
         assert (source.info.robot, source.info.kind) == ("iCub", "pressure")
@@ -101,7 +101,7 @@ def run(*arguments: str):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--publish", "zmq:5555", "--pairs", "3"), "leave out --pairs"),
+        (("--publish", "zmq:5555", "--gesture", "pairs"), "leave out pairs"),
         (("--publish", "zmq:5555", "-o", "x.npz"), "leave out --out"),
         (("--publish", "zmq:5555", "--per-gesture", "3"), "leave out --per-gesture"),
         (("--seconds", "3"), "are for streams: add --publish"),

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 
 import pytest
+import trimesh
 from click.testing import CliRunner
 
+import skinmap
 from skinmap.cli.main import cli
 
 
@@ -26,13 +28,32 @@ def test_kaspar_has_the_four_structures_of_its_modules():
     assert found["without_structure"] == 0
 
 
-def test_pictures_are_written_beside_the_numbers(tmp_path):
-    result = run(
-        "kaspar", "--part", "left_hand", "--out", str(tmp_path / "out"), "--distance", "geodesic"
+def test_the_radius_lies_between_two_rings_by_itself(tmp_path):
+    rows = ["channel,module,x,y,z,nx,ny,nz"]
+    grid = [(8.16e-3 * i, 8.16e-3 * j) for i in range(12) for j in range(10)]
+    rows += [f"{k},0,{x},{y},0,0,0,1" for k, (x, y) in enumerate(grid)]
+    (tmp_path / "bare.csv").write_text("\n".join(rows) + "\n")
+    trimesh.creation.box((0.3, 0.3, 1e-3)).export(tmp_path / "plate.stl")
+    (tmp_path / "bare.toml").write_text(
+        '[robot]\nname = "bare"\nmesh = "plate.stl"\n[[part]]\nname = "bare"\nlink = "body"\n'
+        'taxels = "bare.csv"\n'
     )
+    found = json.loads(run(str(tmp_path / "bare.toml"), "--rotations", "4", "--json").stdout)
+    assert found["radius_is"] == "auto"
+    assert 8.16 < found["radius_mm"] < 8.16 * 2**0.5
+    assert found["structures"] == 3  # inside, at a side, at a corner
+    assert max(row["neighbours"] for row in found["table"]) == 4
+
+
+def test_pictures_are_written_beside_the_numbers(tmp_path):
+    head = f'[profile]\nformat = 1\nskinmap = "{skinmap.__version__}"\n[classify]\n'
+    (tmp_path / "p.toml").write_text(head + 'distance = "geodesic"\n')
+    out, profile = str(tmp_path / "out"), str(tmp_path / "p.toml")
+    result = run("kaspar", "--part", "left_hand", "--out", out, "--profile", profile)
     assert result.exit_code == 0, result.output
+    assert "distance geodesic" in result.output
     files = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert files == ["structures.png", "structures_body.png"]
+    assert files == ["structures.png"]
     for path in (tmp_path / "out").iterdir():
         assert path.read_bytes().startswith(b"\x89PNG")
         assert path.name in result.output
@@ -44,9 +65,8 @@ def test_pictures_are_written_beside_the_numbers(tmp_path):
         (("--radius-mm", "wide"), "must lie in 0.1..1000, or auto, got 'wide'"),
         (("--radius-mm", "-3"), "must lie in 0.1..1000, or auto"),
         (("--radius-mm", "nan"), "must lie in 0.1..1000, or auto"),
-        (("--tolerance-mm", "0"), "0.0 is not in the range 0<x<="),
+        (("--tolerance-mm", "0"), "write tolerance_mm = 1.5 in the table [classify] of a profile"),
         (("--rotations", "5"), "'5' is not one of '1', '4', '6'"),
-        (("--distance", "taxi"), "'taxi' is not one of"),
     ],
 )
 def test_nonsense_is_refused(arguments, message):

@@ -1,4 +1,4 @@
-"""README.md says what the runs printed: figures come from benchmarks/results, words exist."""
+"""Pages show what the runs printed, and how old that is: figures come from benchmarks/results."""
 
 from __future__ import annotations
 
@@ -10,12 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.harness.origin import changed, today
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import find_structures
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 RESULTS = ROOT / "benchmarks" / "results"
+# A figure is of today where the code that ran for it is: a share of it may have changed, which the
+# page says. What was kept before the code was can only be made anew: their number may only fall.
+MOST_CHANGED = 0.3
+WITHOUT_CODE = 10
 
 
 @pytest.fixture(scope="module")
@@ -27,18 +32,67 @@ def figures():
     return module
 
 
-def test_figures_are_those_of_the_results(figures):
-    assert figures.renewed(README) == README, "run `make figures`"
+@pytest.fixture(scope="module")
+def code():
+    """All pieces of the code as it is."""
+    return today()
 
 
-def test_figure_that_was_changed_by_hand_is_noticed(figures):
-    changed = README.replace("4,326 of 4,326", "4,325 of 4,326")
-    assert changed != README == figures.renewed(changed)
+@pytest.fixture(scope="module")
+def shown(figures):
+    """Names of the results that README and docs show."""
+    names = {name for _, own in figures.SECTIONS.values() for name in own}
+    for page in figures.pages():
+        names |= {n for one in figures.MADE.finditer(page.read_text()) for n in one[2].split(", ")}
+    return sorted(names)
 
 
-def test_page_without_the_place_for_figures_is_refused(figures):
+def test_figures_are_those_of_the_results(figures, code):
+    assert figures.renewed(README, code) == README, "run `make figures`"
+
+
+def test_pages_tell_the_age_of_their_results(figures, code):
+    assert {page.stem for page in figures.pages()} >= {"evaluation", "images", "motion", "touches"}
+    for page in figures.pages():
+        text = page.read_text(encoding="utf-8")
+        assert figures.dated(text, code) == text, f"{page.name}: run `make figures`"
+
+
+def test_no_result_is_shown_whose_code_is_gone(shown, code):
+    """A commit that changes much of what ran for a figure has to make that figure anew."""
+    shares = {name: changed(json.loads((RESULTS / f"{name}.json").read_text()), code)
+              for name in shown}  # fmt: skip
+    old = {name: share for name, share in shares.items() if share is not None}
+    assert {name: share for name, share in old.items() if share > MOST_CHANGED} == {}
+    assert len(shares) - len(old) <= WITHOUT_CODE
+
+
+def test_age_is_told_as_it_is(figures, tmp_path):
+    made = {"commit": "abc1234", "clean": True, "date": "2026-11-23", "code": "aa bb cc dd"}
+    (tmp_path / "one.json").write_text(json.dumps({"made": made}))
+    (tmp_path / "two.json").write_text(json.dumps({**made, "clean": False, "code": ""}))
+    same, other = frozenset(["aa", "bb", "cc", "dd", "ee"]), frozenset(["aa", "bb", "cc"])
+    assert figures.age(["one"], same, tmp_path) == "Made: `one` at abc1234 of 2026-11-23."
+    assert figures.age(["one", "two"], other, tmp_path) == (
+        "Made: `one` at abc1234 of 2026-11-23, and more than a twentieth of the code that "
+        "ran has changed since; `two` at abc1234 with changes of 2026-11-23, before the code that "
+        "ran was kept."
+    )
+    assert changed({"made": made}, other) == 0.25
+    page = "<!-- made: one -->\nolder words\nmore\n"
+    assert figures.dated(page, same, tmp_path) == (
+        "<!-- made: one -->\nMade: `one` at abc1234 of 2026-11-23.\nmore\n"
+    )
+
+
+def test_figure_that_was_changed_by_hand_is_noticed(figures, code):
+    other = README.replace("4,326 of 4,326", "4,325 of 4,326")
+    assert other != README == figures.renewed(other, code)
+
+
+def test_page_without_the_place_for_figures_is_refused(figures, code):
     with pytest.raises(ValueError, match="once"):
-        figures.renewed("# Skinmap\n")
+        figures.renewed("# Skinmap\n", code)
 
 
 def test_no_other_figure_is_written_by_hand(figures):

@@ -1,14 +1,14 @@
-"""Iterations and precision of flat maps."""
+"""Iterations of flat maps."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError
 from skinmap.flat.disc_map import map_disc
-from skinmap.flat.distortion import edge_rms, measure_distortion
-from skinmap.flat.methods import ITERATED, SINGLE_PRECISION, SLIM_ITERATIONS
+from skinmap.flat.distortion import measure_distortion
+from skinmap.flat.methods import ITERATED, SLIM_ITERATIONS
 
 
 @pytest.fixture(scope="module")
@@ -42,27 +42,11 @@ def test_more_iterations_of_the_descent_never_raise_its_energy(saddle):
     assert energy[0] >= energy[1] - 1e-6 >= energy[2] - 2e-6
 
 
-@pytest.mark.parametrize("method", SINGLE_PRECISION)
-def test_single_precision_is_as_near_as_its_digits(saddle, method):
-    double = map_disc(*saddle, method=method)
-    single = map_disc(*saddle, method=method, precision="float32")
-    assert single.method == method
-    # The factor of a Laplacian of 144 vertices has a condition number of about 1e3: of the seven
-    # digits of float32 at least three are left.
-    np.testing.assert_allclose(single.uv, double.uv, atol=1e-3 * np.ptp(double.uv))
-    one, other = (edge_rms(*saddle, flat.uv) for flat in (single, double))
-    assert one == pytest.approx(other, rel=1e-2)
-    if method not in ("dirichlet",):  # whose descent ends in the same place, digit by digit or not
-        assert (single.uv != double.uv).any()
-
-
 @pytest.mark.parametrize(
     ("effort", "kind", "message"),
     [
         ({"iterations": 3}, InvalidArrayError, "iterations need one of the methods arap"),
         ({"iterations": 0, "method": "arap"}, InvalidArrayError, "1 or more, got 0"),
-        ({"precision": "float16"}, UnknownNameError, "did you mean 'float64'"),
-        ({"precision": "float32", "method": "slim"}, InvalidArrayError, "got 'slim'"),
     ],
 )
 def test_nonsense_is_refused(saddle, effort, kind, message):

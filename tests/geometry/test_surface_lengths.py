@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -63,6 +65,17 @@ def test_path_distances_on_hexagons_are_at_least_euclidean(hexagons):
     # inside, a little more where the lattice ends.
     assert ratio.min() >= 1.0 - 1e-12
     assert ratio.max() < 1.08
+
+
+def test_large_patches_are_joined_without_a_table_of_all_their_distances():
+    row = np.stack(np.meshgrid(np.arange(100), np.arange(100)), -1).reshape(-1, 2) * 5e-3
+    patch = np.column_stack([row, np.zeros(len(row))])
+    tracemalloc.start()
+    graph = bridged_graph(np.concatenate([patch, patch + [0.6, 0.0, 0.01]]), 10, 1.25e-2)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert graph[:10_000, 10_000:].data == pytest.approx([np.hypot(0.105, 0.01)])
+    assert peak < 100e6  # all pairs are 1e8, with three differences each
 
 
 def test_bridged_graph_joins_pieces_by_their_gap():

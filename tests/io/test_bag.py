@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rosbags import rosbag2, typesys
 
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.live.sources.open_recording import open_track
-
-rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="rosbags is not installed")
-typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is not installed")
 
 STEPS = 20
 MAPPING = """kind = "raw"

@@ -1,17 +1,12 @@
-"""Recordings of others: tables, arrays, CySkin's text and CoST give the same as was written."""
+"""Recordings of others: tables, arrays and CySkin's text give the same as was written."""
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import skinmap
-from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning
-from skinmap.io.recordings.cost import GESTURES, cost_skin, read_cost
 from skinmap.io.recordings.readers import read_recordings, recording_readers
 from skinmap.touch.recording import Recording
 
@@ -82,7 +77,7 @@ def test_every_form_gives_what_was_written(tmp_path, channels, values, form):
 
 
 def test_readers_are_plug_ins_by_name(tmp_path, channels, values):
-    assert {"table", "arrays", "cyskin", "cost"} <= set(recording_readers.names())
+    assert {"table", "arrays", "cyskin"} <= set(recording_readers.names())
     path = written(tmp_path, "cyskin-ids", channels, values)
     data = path.rename(tmp_path / "t.dat")
     (one,) = read_recordings(data, format="cyskin")
@@ -186,67 +181,3 @@ def test_a_table_without_a_mapping_says_what_it_needs(tmp_path):
     (tmp_path / "t.csv").write_text("time,ch0\n0,1\n")
     with pytest.raises(MissingFileError, match="a mapping that names the robot and the part"):
         read_recordings(tmp_path / "t.csv")
-
-
-def corpus(path, captures, rng):
-    """Captures of (gesture, variant, subject, frames) as the corpus has them."""
-    lines = ["subject, variant, gesture, frame, " + ", ".join(f"ch{k}" for k in range(1, 65))]
-    for gesture, variant, subject, frames in captures:
-        for frame in range(1, frames + 1):
-            numbers = rng.integers(0, 1024, 64)
-            lines.append(f"{subject},{variant},{gesture},{frame}," + ",".join(map(str, numbers)))
-    path.write_text("\n".join(lines))
-
-
-def test_cost_is_read_capture_by_capture(tmp_path):
-    path = tmp_path / "CoST.csv"
-    captures = [(6, 1, 1, 5), (6, 1, 1, 3), (14, 2, 1, 4), (14, 2, 31, 2)]
-    corpus(path, captures, np.random.default_rng(0))
-    (one,) = read_cost(path)
-    assert one.labels == ("poke", "poke", "tickle", "tickle")
-    assert one.people == ("subject 1",) * 3 + ("subject 31",)
-    assert one.sessions == ("gentle", "gentle", "normal", "normal")
-    assert np.bincount(one.events).tolist() == [5, 3, 4, 2]
-    assert one.rate == pytest.approx(135.0)
-    assert len(GESTURES) == 14
-    assert len(cost_skin()) == one.pressures.shape[1] == 64
-
-
-@pytest.mark.parametrize(
-    ("change", "match"),
-    [
-        (lambda text: text.replace("gesture", "what"), "without gesture"),
-        (lambda text: text.replace("\n1,1,6,1,", "\n1,1,15,1,"), "gesture 15, expected 1 to 14"),
-        (lambda text: text.replace("\n1,1,6,1,", "\n1,1,6,1,-"), "values beyond 0 to 1023"),
-    ],
-)
-def test_cost_that_is_none_is_refused(tmp_path, change, match):
-    path = tmp_path / "CoST.csv"
-    corpus(path, [(6, 1, 1, 2)], np.random.default_rng(0))
-    path.write_text(change(path.read_text()))
-    with pytest.raises(DataFormatError, match=match):
-        read_cost(path)
-
-
-def test_the_protocol_of_cost_leaves_subjects_out(tmp_path):
-    """Two made gestures that are easy to tell: one channel pressed, or all of them."""
-    lines = ["subject,variant,gesture,frame," + ",".join(f"ch{k}" for k in range(1, 65))]
-    rng = np.random.default_rng(0)
-    for subject in range(1, 5):
-        for gesture in (6, 7) * 4:
-            place = int(rng.integers(9, 50))
-            for frame in range(1, 13):
-                load = 60 * min(frame, 13 - frame)
-                wide = range(64) if gesture == 7 else (place, place + 1)
-                numbers = [str(load if k in wide else 0) for k in range(64)]
-                lines.append(f"{subject},3,{gesture},{frame}," + ",".join(numbers))
-    (tmp_path / "CoST.csv").write_text("\n".join(lines))
-    words = ["evaluate", "--protocol", "cost", str(tmp_path / "CoST.csv"), "--json"]
-    result = CliRunner().invoke(cli, words)
-    assert result.exit_code == 0, (result.output, result.exception)
-    told = json.loads(result.stdout)
-    assert (told["captures"], told["subjects"], told["gestures"]) == (32, 4, ["poke", "press"])
-    rows = {row["left_out"]: row for row in told["rows"]}
-    assert rows["subject"]["right"] == 1.0
-    assert max(told["published"].values()) == 0.6
-    assert "needs its file" in CliRunner().invoke(cli, words[:3]).output

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from skinmap.errors import OutputError
-from skinmap.io.taxels.export import write_icub, write_ply, write_tactile_urdf, write_vtp
+from skinmap.io.taxels.export import write_icub, write_ply, write_tactile_urdf
 from skinmap.io.taxels.icub import read_icub
 from skinmap.io.taxels.table import read_csv, write_csv
 from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
@@ -194,27 +194,12 @@ def test_write_ply_is_read_by_trimesh_with_the_same_bits(tmp_path, icub):
     np.testing.assert_array_equal(np.ravel(rows["module"]), skin.modules)
 
 
-@bounded
-@given(table=tables())
-def test_write_vtp_is_read_by_vtk_with_the_same_bits(tmp_path, table):
-    import pyvista
-
-    write_vtp(table, tmp_path / "t.vtp")
-    cloud = pyvista.read(tmp_path / "t.vtp")
-    assert cloud.n_points == cloud.n_verts == len(table)
-    assert cloud.points.tobytes() == np.ascontiguousarray(table.positions).tobytes()
-    assert cloud.point_data.active_normals_name == "Normals"
-    assert cloud["Normals"].tobytes() == np.ascontiguousarray(table.normals).tobytes()
-    np.testing.assert_array_equal(cloud["channel"], table.channels)
-    np.testing.assert_array_equal(cloud["module"], table.modules)
-
-
-def test_ply_and_vtp_refuse_what_they_cannot_hold(tmp_path):
+def test_ply_refuses_what_it_cannot_hold(tmp_path):
     with pytest.raises(OutputError, match="32 bits"):
         write_ply(table_of([2**31]), tmp_path / "t.ply")
     empty = table_of([0])
     empty = TaxelTable(*(getattr(empty, name)[:0] for name in empty.__slots__[:4]))
-    for write in (write_ply, write_vtp, write_icub):
+    for write in (write_ply, write_icub):
         with pytest.raises(OutputError, match="no taxel to write"):
             write(empty, tmp_path / "t")
     assert list(tmp_path.iterdir()) == []

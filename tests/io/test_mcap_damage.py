@@ -16,13 +16,12 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from skinmap.errors import SkinError
-from skinmap.io.recordings import mcap_scan
-from skinmap.io.recordings.mcap_recording import McapRecording
-from skinmap.io.recordings.mcap_scan import MAX_RECORD
-from skinmap.io.recordings.mcap_track import read_track
-from skinmap.io.recordings.mcap_writer import MAGIC, McapWriter
+from skinmap.io.mcap import scan as mcap_scan
+from skinmap.io.mcap.reading import read_track
+from skinmap.io.mcap.scan import MAX_RECORD
+from skinmap.io.mcap.writing import MAGIC, McapRecording, McapWriter
 from skinmap.io.ros2.arrays import array_type, encode
-from skinmap.io.ros2.definitions import definition, full_name
+from skinmap.io.ros2.message_types import definition, full_name
 
 N, RATE, COUNT = 40, 50.0, 100
 STEP = 1 / RATE

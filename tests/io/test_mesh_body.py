@@ -1,12 +1,19 @@
 from __future__ import annotations
 
+import base64
+import json
+import os
+import struct
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
 
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.io.robots.manifest import load_robot
-from skinmap.io.robots.mesh_file import MeshBody
+from skinmap.io.robots.mesh_file import check_gltf, read_mesh
+from skinmap.io.robots.urdf import MeshBody
 from skinmap.io.taxels.table import write_csv
 from skinmap.skin.taxels import TaxelTable
 
@@ -89,3 +96,53 @@ def test_a_mesh_that_is_missing_or_none_is_named(tmp_path):
     (tmp_path / "text.stl").write_text("hello")
     with pytest.raises(DataFormatError, match=r"text\.stl"):
         MeshBody(tmp_path / "text.stl").mesh("body")
+
+
+def gltf(folder: Path, uri: str, kind: str = "buffers") -> Path:
+    """A triangle whose buffer, or a picture of it, is another file."""
+    corners = struct.pack("<9f3I", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 2)
+    inside = "data:application/octet-stream;base64," + base64.b64encode(corners).decode()
+    tree = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 12}
+        ],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": 48, "uri": uri if kind == "buffers" else inside}],
+        "images": [{"uri": uri}] if kind == "images" else [],
+    }  # fmt: skip
+    folder.mkdir(exist_ok=True)
+    (folder / "m.gltf").write_text(json.dumps(tree))
+    for one in (folder, folder.parent):
+        (one / "the corners.bin").write_bytes(corners)
+    (folder / "link.bin").unlink(missing_ok=True)
+    (folder / "link.bin").symlink_to(folder.parent / "the corners.bin")
+    return folder / "m.gltf"
+
+
+def test_a_gltf_may_name_a_file_beside_it(tmp_path):
+    assert len(read_mesh(gltf(tmp_path / "own", "the corners.bin"))[1]) == 1
+
+
+@pytest.mark.parametrize("kind", ["buffers", "images"])
+@pytest.mark.parametrize(
+    "uri",
+    ["../the corners.bin", "..%2Fthe%20corners.bin", "/dev/zero", "file:///dev/zero", "link.bin",
+     "https://example.org/a.bin", "below/the corners.bin", "..", ""],
+)  # fmt: skip
+def test_a_gltf_that_names_any_other_file_is_refused_by_us(tmp_path, uri, kind):
+    """Whatever trimesh does: some of its versions read `../` and `/dev/zero`."""
+    with pytest.raises(DataFormatError, match="not a file beside it"):
+        check_gltf(gltf(tmp_path / "own", uri, kind))
+
+
+def test_a_pipe_beside_a_gltf_is_not_read(tmp_path):
+    path = gltf(tmp_path / "own", "pipe.bin")
+    os.mkfifo(path.parent / "pipe.bin")
+    with pytest.raises(MissingFileError):
+        check_gltf(path)

@@ -201,7 +201,7 @@ def test_export_writes_without_mujoco(tmp_path: Path) -> None:
     assert {model.sensor(k).name for k in range(model.nsensor)} == set(load_robot("kaspar").parts)
 
 
-@pytest.mark.parametrize("words", [["--unrepaired"], ["--read-as", "csv"]])
+@pytest.mark.parametrize("words", [["--unrepaired"]])
 def test_export_mjcf_refuses_what_is_for_tables(words: list[str], tmp_path: Path) -> None:
     path = tmp_path / "r.xml"
     done = CliRunner().invoke(cli, ["export", "icub", "--format", "mjcf", *words, "-o", str(path)])

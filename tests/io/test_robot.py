@@ -3,23 +3,28 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import skinmap
+from skinmap.cli.main import cli
 from skinmap.errors import (
     DataFormatError,
     ForbiddenPathError,
     MissingFileError,
     SkinError,
+    SkinWarning,
     UnknownNameError,
 )
 from skinmap.io.robots import urdf
 from skinmap.io.robots.manifest import data_folder, load_robot
 from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.robots.urdf import UrdfBody
+from skinmap.skin.repair import detect_unit
 
 MANIFEST = """
 [robot]
@@ -109,6 +114,65 @@ def test_units_of_a_manifest_scale_positions(manifest):
     metres = load_robot(manifest()).part("hand").read().positions
     inches = load_robot(manifest(MANIFEST + 'units = "in"\n')).part("hand").read().positions
     np.testing.assert_allclose(inches, 0.0254 * metres, rtol=1e-15)
+
+
+BODY = """<robot name="two"><link name="base"/><link name="arm"/>
+<joint name="j" type="fixed"><parent link="base"/><child link="arm"/><origin xyz="0.3 0 0"/></joint>
+</robot>"""
+PLACES = {  # of the taxels besides their shape: as the link's own, in a frame, by a pose
+    "": [0.0, 0.0, 0.0],
+    'frame = "arm"': [0.3, 0.0, 0.0],
+    "pose = {xyz_mm = [0, 300, 0], rpy_deg = [0, 0, 0]}": [0.0, 0.3, 0.0],
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize(
+    ("unit", "stated", "warned"),
+    [
+        ("mm", None, "positions are in mm: multiplied by 0.001"),
+        ("mm", "mm", None),
+        ("mm", "m", "positions are in mm, not in m as the manifest states"),
+        ("mm", "cm", "positions are in mm, not in cm as the manifest states"),
+        ("m", "mm", "positions are in m, not in mm as the manifest states"),
+        ("cm", "m", "positions are in cm, not in m as the manifest states"),
+    ],
+)
+def test_the_unit_is_found_in_the_files_numbers_before_frame_and_pose(
+    tmp_path, place, unit, stated, warned
+):
+    from skinmap.io.taxels.table import write_csv
+    from skinmap.io.units import UNITS
+    from skinmap.skin.taxels import TaxelTable
+
+    pitch = 0.008
+    x, y = np.meshgrid(pitch * np.arange(6), pitch * np.arange(5))
+    true = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    numbers = np.arange(len(true))
+    table = TaxelTable(numbers, numbers // 10, true / UNITS[unit], 0 * true)
+    write_csv(table, tmp_path / "t.csv")
+    (tmp_path / "body.urdf").write_text(BODY)
+    said = "" if stated is None else f'units = "{stated}"'
+    (tmp_path / "r.toml").write_text(
+        '[robot]\nname = "two"\nurdf = "body.urdf"\n[[part]]\nname = "p"\nlink = "base"\n'
+        f'taxels = "t.csv"\n{said}\n{place}\n'
+    )
+    robot = load_robot(tmp_path / "r.toml")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = robot.repair("p").table.positions
+    np.testing.assert_allclose(found, true + PLACES[place], atol=1e-12)
+    ours = [str(one.message) for one in caught if issubclass(one.category, SkinWarning)]
+    assert len(ours) == (warned is not None)
+    if warned is not None:
+        assert ours[0].startswith(f"part 'p': {warned}")
+
+
+@pytest.mark.parametrize("pitch", [5e-4, 0.05])
+def test_a_stated_unit_is_believed_of_dense_and_of_sparse_skins(pitch):
+    x, y = np.meshgrid(pitch * np.arange(6), pitch * np.arange(5))
+    lattice = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    assert detect_unit(1e3 * lattice, None, "mm") == "mm"
 
 
 @pytest.mark.parametrize(
@@ -229,6 +293,19 @@ def test_manifest_reads_outside_when_allowed(tmp_path):
     (folder / "robot.toml").write_text(MANIFEST.replace("right_hand.csv", "../right_hand.csv"))
     robot = load_robot(folder / "robot.toml", allow_outside=True)
     assert len(robot.skin("hand")) == 48
+
+
+@pytest.mark.parametrize(("value", "read"), [("1", True), ("0", False), ("", False)])
+def test_commands_read_outside_where_the_environment_says_so(tmp_path, monkeypatch, value, read):
+    folder = tmp_path / "inside"
+    folder.mkdir()
+    shutil.copy(data_folder() / "icub" / "taxels" / "right_hand.csv", tmp_path)
+    (folder / "robot.toml").write_text(MANIFEST.replace("right_hand.csv", "../right_hand.csv"))
+    monkeypatch.setenv("SKINMAP_ALLOW_OUTSIDE", value)
+    result = CliRunner().invoke(cli, ["list", "parts", str(folder / "robot.toml")])
+    assert (result.output == "hand\n") is read
+    if not read:
+        assert "SKINMAP_ALLOW_OUTSIDE=1 allows it" in str(result.exception)
 
 
 def test_urdf_of_a_manifest_may_not_read_meshes_outside(tmp_path):

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.errors import DataFormatError, UnknownNameError
+from skinmap.errors import DataFormatError
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.io.taxels.skinware import read_skinware
 
@@ -34,18 +34,12 @@ def test_read_skinware_takes_the_count_from_the_first_word(database):
     assert len(read_skinware(database(f"\n  1 {ROW}\n\n"))) == 1
 
 
-def test_read_skinware_reads_one_link_and_type_at_a_time(database):
+def test_read_skinware_reads_one_link_and_type(database):
     other_link, other_type = ROW[:-1] + "5", "4" + ROW[1:]
-    path = database(f"2\n{ROW}\n{other_link}\n")
-    with pytest.raises(DataFormatError, match="several links, read them one by one: 2, 5"):
-        read_skinware(path)
-    assert read_skinware(path, link=5).link == "5"
-    with pytest.raises(UnknownNameError, match=r"no link .* '9'; the links are: 2, 5"):
-        read_skinware(path, link=9)
-    path = database(f"2\n{ROW}\n{other_type}\n")
+    with pytest.raises(DataFormatError, match="several links, make a file of each: 2, 5"):
+        read_skinware(database(f"2\n{ROW}\n{other_link}\n"))
     with pytest.raises(DataFormatError, match="several types"):
-        read_skinware(path)
-    assert len(read_skinware(path, sensor_type=4)) == 1
+        read_skinware(database(f"2\n{ROW}\n{other_type}\n"))
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError,
 from skinmap.io.taxels.icub import read_icub
 from skinmap.io.taxels.readers import read_taxels, readers
 from skinmap.io.taxels.table import COLUMNS, read_csv, write_csv
+from skinmap.io.text import CsvRows
 from skinmap.skin.taxels import TaxelTable
 
 HEADER = ",".join(COLUMNS)
@@ -28,7 +29,7 @@ def test_write_csv_and_read_csv_give_the_same_bits(tmp_path, rng):
     ("text", "message"),
     [
         ("", r"t\.csv:1: expected the header"),
-        ("a,b\n1,2\n", "expected the header"),
+        ("a,b\n1,2\n", "expected the header.*zeros for what is not known"),
         (f"{HEADER}\n", "no taxel"),
         (f"{HEADER}\n1,2,3\n", r"t\.csv:2: expected 8 columns, got 3"),
         (f"{HEADER}\n{ROW}\n5,0,x,0,0,0,0,1\n", r"t\.csv:3: expected a number, got 'x'"),
@@ -42,6 +43,25 @@ def test_read_csv_names_file_and_line(tmp_path, text, message):
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(DataFormatError, match=message):
         read_csv(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+@pytest.mark.parametrize("end", [b"\n", b"\r\n"])
+@pytest.mark.parametrize("comma", [b".", b","])
+def test_a_table_saved_by_a_spreadsheet_is_read(tmp_path, mark, end, comma):
+    (tmp_path / "t.csv").write_text(f"{HEADER}\n{ROW}\n5,0,-0.5,1e-2,.25,0,1,0\n")
+    plain = read_csv(tmp_path / "t.csv")
+    text = (tmp_path / "t.csv").read_bytes().replace(b",", b";").replace(b".", comma)
+    (tmp_path / "t.csv").write_bytes(mark + text.replace(b"\n", end))
+    saved = read_csv(tmp_path / "t.csv")
+    for name in ("channels", "modules", "positions", "normals"):
+        np.testing.assert_array_equal(getattr(saved, name), getattr(plain, name))
+
+
+def test_a_decimal_comma_is_one_only_between_semicolons(tmp_path):
+    rows = CsvRows('name;x\n"poke, hard";0,5\n1,5e-3;"1,2,3"\n')
+    assert list(rows) == [["name", "x"], ["poke, hard", "0.5"], ["1.5e-3", "1,2,3"]]
+    assert list(CsvRows('a,b\n"0,5",1;2\n')) == [["a", "b"], ["0,5", "1;2"]]
 
 
 def test_read_csv_refuses_what_is_not_text(tmp_path):

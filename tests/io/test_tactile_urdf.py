@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.errors import DataFormatError, SkinWarning, UnknownNameError
+from skinmap.errors import DataFormatError, SkinWarning
 from skinmap.io.taxels.readers import read_taxels
 from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
 
@@ -73,18 +73,15 @@ def test_read_tactile_urdf_reads_any_namespace(urdf):
     assert len(read_tactile_urdf(path)) == 1
 
 
-def test_several_sensors_must_be_named(urdf):
+def test_several_sensors_are_read_by_name(urdf):
     camera = '<sensor name="camera"><parent link="tip"/><camera/></sensor>'
     path = urdf(sensor(TAXEL, name="a"), camera, sensor(ARRAY, name="b"))
     assert {name: len(table) for name, table in read_tactile_sensors(path).items()} == {
         "a": 1,
         "b": 6,
     }
-    with pytest.raises(DataFormatError, match="several tactile sensors, name one: a, b"):
+    with pytest.raises(DataFormatError, match="several tactile sensors, make a file of each: a, b"):
         read_tactile_urdf(path)
-    assert len(read_tactile_urdf(path, sensor="b")) == 6
-    with pytest.raises(UnknownNameError, match=r"'c'; the .* are: a, b"):
-        read_tactile_urdf(path, sensor="c")
 
 
 def test_what_is_ignored_is_said(urdf):

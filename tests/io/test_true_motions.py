@@ -12,8 +12,8 @@ from click.testing import CliRunner
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, SkinWarning
+from skinmap.io.mcap.writing import TOUCHES, McapRecording
 from skinmap.io.recordings.marks import Marks
-from skinmap.io.recordings.mcap_recording import TOUCHES, McapRecording
 from skinmap.live.sources.open_recording import open_track
 
 PART = "left_hand"

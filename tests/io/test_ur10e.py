@@ -16,10 +16,10 @@ from skinmap.errors import DataFormatError
 from skinmap.io.robots.manifest import data_folder, load_robot
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.touch.contacts import ACTIVE, find_contacts
+from skinmap.touch.contacts.skin_geometry import ACTIVE, find_contacts
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulator import place, prepare
-from skinmap.touch.subjects import draw_subjects
+from skinmap.touch.simulation.simulator import place, prepare
+from skinmap.touch.simulation.subjects import draw_subjects
 
 FOLDER = data_folder() / "ur10e_cyskin"
 COUNTS = 160.0  # of a load of 1

@@ -75,3 +75,10 @@ def test_whoever_waits_is_told_of_the_end(waits):
     assert began.wait(DEADLINE)
     queue.end(QueueEnded(), at_once=True)
     assert ended.wait(DEADLINE)
+
+
+def test_what_weighs_nothing_finds_room_in_a_full_queue():
+    queue = BoundedQueue(1)
+    assert queue.put("large", 100, patience=0.0)
+    assert queue.put("mark", 0, patience=0.0)
+    assert [queue.take(0.0), queue.take(0.0)] == ["large", "mark"]

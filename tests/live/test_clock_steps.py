@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.mcap.reading import read_track
 from skinmap.live.loop import TouchLoop
 from skinmap.live.recording.recorder import Recorder
 from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
@@ -40,14 +40,27 @@ def skins(icub):
     return {"left_hand": PreparedSkin(icub.skin("left_hand"))}
 
 
-@pytest.mark.parametrize("step", [HOUR, -HOUR])
+@pytest.mark.parametrize("step", [HOUR, 2.5, -0.9, -HOUR])
 def test_no_sample_is_lost_where_a_senders_clock_steps(icub, skins, step):
     width = len(skins["left_hand"].skin)
     source = Stepping(StreamInfo("t", ("left_hand",), (width,), RATE), step)
     loop = TouchLoop(icub, source, skins=skins)
     moments = sum(1 for _ in loop)
     counts = loop.counts
-    assert moments + counts.late + counts.repeated == COUNT
+    assert moments == COUNT
+    assert (counts.lost, counts.late, counts.restarts) == (0, 0, 1)
+
+
+def test_samples_that_are_missing_for_seconds_are_lost(icub, skins):
+    width = len(skins["left_hand"].skin)
+    info = StreamInfo("t", ("left_hand",), (width,), RATE)
+    source = Stepping(info, 2.5)
+    source._blocks = [
+        Block(one.times, one.values, float(one.times[0])) for one in source._blocks
+    ]  # it took as long
+    loop = TouchLoop(icub, source, skins=skins)
+    assert sum(1 for _ in loop) == COUNT
+    assert (loop.counts.lost, loop.counts.restarts) == (125, 0)
 
 
 @pytest.mark.parametrize("step", [HOUR, -HOUR])

@@ -16,7 +16,7 @@ from skinmap.live.contacts.sample_contacts import (
 )
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.contacts import connected
+from skinmap.touch.contacts.skin_geometry import connected
 from skinmap.touch.prepared_skin import PreparedSkin
 
 

@@ -27,8 +27,7 @@ from skinmap.live import check_source, open_publisher, open_source
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.live.network import lsl_settings
-from skinmap.live.network.lsl_description import read_description
-from skinmap.live.network.lsl_settings import load_lsl, settings, split_scope
+from skinmap.live.network.lsl_settings import load_lsl, read_description, settings, split_scope
 from skinmap.live.sources.source import StreamInfo
 
 DEADLINE = 30.0  # [s]; only a fault takes as long

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classify.descriptors import recorded_touches
+from skinmap.classifiers.descriptors import recorded_touches
 from skinmap.live.contacts.contact_motion import (
     MotionBook,
     RolledWay,
@@ -14,8 +14,8 @@ from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.stroke_errors import stroke_errors
 from skinmap.live.contacts.touch_history import TouchBook
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.touch.motion_features import presses
-from skinmap.touch.simulator import simulate
+from skinmap.touch.contacts.motion_features import presses
+from skinmap.touch.simulation.simulator import simulate
 
 SPACING = 5e-3
 
@@ -151,8 +151,7 @@ def played(hand, pressed: list[tuple[float, float, int]], seconds: float):
             if begin <= now < end:
                 sample[near[taxel] < 8e-3] = 100.0
         tracker.update(now, sample)
-        book.update(tracker.tracks, None, tracker.swallowed, time=now)
-        book.follow(now, tracker.tracks, sample)
+        book.update(tracker.tracks, None, tracker.swallowed, time=now, pressures=sample)
     tracker.forget()
     book.update([])
     return list(book.ended)

@@ -11,8 +11,7 @@ from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live import open_publisher
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.publishing.publish import publishers
-from skinmap.live.publishing.publisher import Publisher
+from skinmap.live.publishing.publish import Publisher, publishers
 from skinmap.live.sources.source import StreamInfo
 
 INFO = StreamInfo("demo", ("arm", "hand"), (3, 2), 50.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import UnreachableError
-from skinmap.live.sources.receiver import Receiver
+from skinmap.live.sources.receiver import OVERHEAD, Receiver
 from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
 
@@ -77,7 +77,7 @@ def test_newest_gives_the_last_sample_and_counts_the_rest_as_dropped():
 
 def test_receiver_keeps_within_its_bytes_and_drops_the_oldest():
     source = Scripted([block(float(step)) for step in range(100)])
-    receiver = Receiver(source, most_bytes=10 * WIDTH * 4)
+    receiver = Receiver(source, most_bytes=10 * (WIDTH * 4 + 8 + OVERHEAD))
     assert source.empty.wait(30.0)
     got = receiver.read(5.0)
     assert got.times.tolist() == list(map(float, range(90, 100)))
@@ -156,3 +156,15 @@ def test_receiver_tells_a_silent_source_from_a_living_one():
     # The issue asks for a second; that is counted from the last sign of life, not from a look.
     assert time.perf_counter() - seen >= 0.8
     receiver.close()
+
+
+def test_narrow_blocks_weigh_what_they_weigh():
+    """Blocks of one sample of four bytes: what holds them weighs a hundred times as much."""
+    values = np.zeros((1, WIDTH), np.uint8)
+    most = 1_000_000
+    source = Scripted([block(float(k), values=values) for k in range(5000)])
+    receiver = Receiver(source, most_bytes=most)
+    assert source.empty.wait(30.0)
+    kept = receiver.read(1.0)
+    assert len(kept) + receiver.counts.dropped == 5000
+    assert 0.5 * most / 530 < len(kept) <= most / 512

@@ -7,13 +7,13 @@ import pytest
 
 import skinmap.live
 from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, UnknownNameError
+from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.learning import write_npz
-from skinmap.io.recordings.mcap_recording import McapRecording
 from skinmap.io.recordings.touch_files import load_recordings, save_recordings
 from skinmap.live.sources.open_recording import open_recording, open_track
 from skinmap.live.sources.source import Seekable, SourceEnded, blocks
 from skinmap.touch.recording import Recording
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 
 
 @pytest.fixture(scope="module")

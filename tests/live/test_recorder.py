@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+import skinmap
 from benchmarks.live import recordings
 from skinmap.errors import OutputError, SkinMismatchError
-from skinmap.io.recordings.mcap_recording import McapRecording
-from skinmap.io.recordings.mcap_track import read_track
-from skinmap.io.recordings.mcap_writer import McapWriter
+from skinmap.io.mcap.reading import read_track
+from skinmap.io.mcap.writing import McapRecording, McapWriter
 from skinmap.live.recording import recorder as module
 from skinmap.live.recording.recorder import Recorder
 from skinmap.live.recording.recording_tap import RecordingTap
@@ -310,3 +310,34 @@ def test_killed_process_loses_a_fifth_of_a_second_at_most(tmp_path):
         assert one["opened"]
         assert one["found"] > 0
         assert one["lost_s"] <= 0.2
+
+
+def test_a_recording_that_goes_on_overwrites_nothing(tmp_path):
+    """Time starts again, or a file is full: the next one takes a number that is free."""
+    info = StreamInfo("t", ("a",), (3,), 50.0)
+    earlier = tmp_path / "t_0002.mcap"
+    earlier.write_bytes(b"of yesterday")
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    for start in (5000.0, 1000.0):
+        recorder.put(Block(np.array([start]), np.zeros((1, 3)), 0.0))
+    recorder.close()
+    assert earlier.read_bytes() == b"of yesterday"
+    assert [file.name for file in recorder.files] == ["t.mcap", "t_0003.mcap"]
+
+
+def test_record_refuses_where_files_of_a_longer_recording_are(tmp_path):
+    earlier = tmp_path / "t_0002.mcap"
+    earlier.write_bytes(b"of yesterday")
+
+    def again(**how):
+        source = skinmap.open_source("sim", robot="kaspar", parts=["torso"], speed=np.inf)
+        try:
+            return skinmap.record(source, tmp_path / "t.mcap", seconds=0.2, **how)
+        finally:
+            source.close()
+
+    with pytest.raises(OutputError, match=r"t_0002\.mcap' exists already"):
+        again()
+    assert earlier.exists()
+    assert again(replace=True).samples == 10
+    assert not earlier.exists()

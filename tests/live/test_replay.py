@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classify.classifier import classifiers
-from skinmap.classify.descriptors import Touch
+from skinmap.classifiers.classifier import classifiers
+from skinmap.classifiers.descriptors import Touch
 from skinmap.errors import SkinMismatchError
-from skinmap.live.sources.replay import replay
-from skinmap.touch.simulator import RATE, simulate
+from skinmap.touch.simulation.simulator import RATE, simulate
+from tests.replay import replay
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +16,7 @@ def played(prepared):
     rng = np.random.default_rng(8)
     foot, leg = prepared("left_foot"), prepared("right_leg_lower")
     touches = [
-        Touch(foot, samples, label)
+        Touch(foot, samples, label, rate=50.0)
         for _, label, samples in simulate(foot.skin, rng=rng, per_gesture=10, variety=0.0).touches()
     ]
     model = classifiers.get("contact-geometry")().fit(touches, rng=rng)

@@ -1,12 +1,18 @@
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
-from calibration.response.gain import ReferenceLoads
-from calibration.response.response import ResponseCalibration
-from calibration.response.response_file import save_response
-from skinmap.errors import InvalidArrayError, MissingFileError, SkinMismatchError, UnknownNameError
+from calibration.response import ReferenceLoads, ResponseCalibration, save_response
+from skinmap.errors import (
+    InvalidArrayError,
+    MissingFileError,
+    SkinMismatchError,
+    SkinWarning,
+    UnknownNameError,
+)
 from skinmap.live.response.files import load_responses
 from skinmap.live.response.pressures import MARGIN, Response, Responses, RestBaseline
 from skinmap.live.robot_skin import JoinedSkin
@@ -79,6 +85,35 @@ def test_a_channel_that_is_touched_at_first_speaks_after_it_was_calm(rng):
     np.testing.assert_allclose(response.apply(pressed)[:, 5], 80.0, atol=6.0)
 
 
+def test_noisy_channels_speak_in_the_end_and_are_reported(rng):
+    n = 48
+    deviation = np.linspace(0.5, 4.0, n)
+    quiet = np.rint(240.0 + deviation * rng.standard_normal((round(24 * RATE), n)))
+    response = RestBaseline(np.zeros(n, np.int64), RATE)
+    found = response.apply(quiet)
+    assert response.ready.all()
+    assert response.noisy[deviation > 2.6].all()
+    assert not response.noisy[deviation < 1.6].any()
+    # Twice the 95th percentile and 4 counts are 4.3 standard deviations of the noisiest.
+    assert (found > 0).mean() < 1e-3
+    pressed = quiet[-20:] - 100.0
+    assert (response.apply(pressed) > 50.0).any(axis=0).all()
+
+
+def test_channels_that_wait_are_unheard_and_noisy_ones_named(prepared, rng):
+    skin = prepared("left_hand")
+    joined = JoinedSkin({"left_hand": skin})
+    responses = Responses(joined, info_of(skin, "left_hand"))
+    samples = rest(rng, 15, n=len(skin))
+    samples[:, 5] += rng.normal(0.0, 4.0, len(samples))
+    assert responses.states()["unheard"].all()
+    responses.apply(samples[:150])
+    assert np.flatnonzero(responses.states()["unheard"]).tolist() == [5]
+    responses.apply(samples[150:])
+    assert not responses.states()["unheard"].any()
+    assert np.flatnonzero(responses.states()["noisy"]).tolist() == [5]
+
+
 def test_blocks_may_be_cut_anywhere(rng):
     samples = rest(rng, 6)
     samples[200:, 2] -= 50
@@ -124,6 +159,29 @@ def test_a_calibration_by_loads_gives_counts_and_newtons(prepared, rng):
     np.testing.assert_allclose(pressures[:, 11], 60.0, atol=6.0)
     # 20 counts a newton: noise of 1.2 counts is 0.06 N.
     np.testing.assert_allclose(forces[:, 11], 3.0, atol=0.35)
+
+
+@pytest.mark.parametrize(("rate", "told"), [(1000.0, True), (51.0, False), (0.0, False)])
+def test_a_calibration_follows_drift_at_the_rate_of_the_stream(prepared, rng, rate, told):
+    """Calibrated at 50 Hz; a slow press, 12.5 counts a second, is felt on a stream of 1 kHz."""
+    skin = prepared("left_hand")
+    n = len(skin)
+    calibration = ResponseCalibration.fit(rest(rng, 5, n=n), sign=-1)
+    info = StreamInfo("test", ("left_hand",), (n,), rate, "raw")
+    joined = JoinedSkin({"left_hand": skin})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        responses = Responses(joined, info, {"left_hand": calibration})
+    assert [SkinWarning for _ in caught] == [one.category for one in caught]
+    assert bool(caught) == told
+    assert not told or "calibrated at 50 samples a second, the stream has 1000" in str(
+        caught[0].message
+    )
+    count = round(10 * (rate or RATE))
+    samples = np.rint(240.0 + rng.normal(0, 1.2, (count, n)))
+    samples[:, 11] -= np.minimum(np.arange(count) / (rate or RATE) * 12.5, 100.0)
+    pressures, _ = responses.apply(samples)
+    np.testing.assert_allclose(pressures[-50:, 11], 100.0, atol=8.0)
 
 
 def test_pressures_pass(prepared):

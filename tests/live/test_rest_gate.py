@@ -6,7 +6,7 @@ import pytest
 from skinmap.live.response.pressures import REST
 from skinmap.live.response.rest_gate import NEVER, TWICE, RestGate
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.touch.contacts import ACTIVE
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 
 RATE = 50.0
 SECONDS = round(RATE)
@@ -38,7 +38,7 @@ def test_a_touch_passes_and_noise_does_not(joined):
     assert (found[touched][:, own] > ACTIVE).all()
     others = np.delete(found[after:], own, axis=1)
     assert (others > ACTIVE).any(axis=1).mean() < 0.02
-    assert gate.health() == {}
+    assert not any(rows.any() for rows in gate.states().values())
 
 
 def test_blocks_of_any_size_give_the_same(joined):
@@ -54,17 +54,30 @@ def test_blocks_of_any_size_give_the_same(joined):
     assert set((differ // 5).tolist()) <= {int(REST * RATE) // 5}
 
 
-def test_what_hangs_from_the_beginning_is_stuck_and_told(joined):
+def test_what_hangs_from_the_beginning_is_never_a_touch(joined):
     samples = quiet(joined, REST + 1)
     own = pair(joined)
     samples[:, own] = 120
     gate = RestGate(joined, RATE)
     found = np.concatenate([gate.apply(block) for block in np.array_split(samples, 30)])
-    assert not found[round((REST + 0.2) * RATE) :, own].any()
-    channels = joined.skins["left_hand"].skin.channels
-    assert gate.health() == {"left_hand": {"stuck": sorted(channels[own].tolist()), "noisy": []}}
+    assert not found[:, own].any()
+    assert np.flatnonzero(gate.states()["stuck"]).tolist() == sorted(own)
     assert not gate.apply(quiet(joined, 0.1)).any()
-    assert gate.health() == {}  # seen at rest: it is well again
+    assert not gate.states()["stuck"].any()  # seen at rest: it is well again
+
+
+def test_what_is_high_before_it_was_seen_at_rest_is_unheard(joined):
+    samples = quiet(joined, 1)
+    own = pair(joined)
+    samples[:30, own] = 120
+    samples[40:, own] = 120
+    gate = RestGate(joined, RATE)
+    found = gate.apply(samples[:30])
+    assert not found.any()
+    assert np.flatnonzero(gate.states()["unheard"]).tolist() == sorted(own)
+    found = gate.apply(samples[30:])
+    assert (found[10:, own] == 120).all()  # it was let go, and is a touch from now on
+    assert not gate.states()["unheard"].any()
 
 
 def test_a_finger_that_rests_long_stays_a_finger(joined):

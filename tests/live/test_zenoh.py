@@ -144,3 +144,39 @@ def test_silence_and_wrong_words_are_said(port, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "x")
     with pytest.raises(InvalidArrayError, match="ROS_DOMAIN_ID is 'x'"):
         key_of("/a", "std_msgs/String")
+
+
+def test_a_clock_that_steps_back_between_waiting_messages_keeps_all_of_them(port, icub):
+    """`SampleChecks` finds the step; times that were made equal would be dropped as repeated."""
+    width = len(icub.skin(PART))
+    session = open_session(parse_zenoh(str(port)).address, listen=True)
+    publisher = session.declare_publisher(key_of("/tactile", "std_msgs/Float32MultiArray"))
+    message = encode(np.linspace(0, 1, width, dtype=np.float32), "Float32")
+    stop, stamps = threading.Event(), []
+
+    def send():
+        while not stop.wait(0.005):
+            step = len(stamps)
+            stamp = 10**9 * (100 if step < 200 else 50) + step * 5_000_000
+            stamps.append(stamp)
+            publisher.put(message, attachment=ATTACHMENT.pack(step, stamp, 16, bytes(16)))
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    source = None
+    try:
+        source = open_source(f"zenoh:{port}/tactile", robot=icub, parts=[PART])
+        times, _ = read_all(source, 300)
+        assert len(np.unique(times)) == len(times)
+        assert (np.diff(times) < 0).sum() == 1
+        publisher.put(message)  # nobody stamped it: the stream's clock is the sender's
+        deadline = time.perf_counter() + LIMIT
+        while source.counts.refused == 0 and time.perf_counter() < deadline:
+            source.read(0.1)
+        assert source.counts.refused == 1
+    finally:
+        stop.set()
+        thread.join()
+        if source is not None:
+            source.close()
+        session.close()

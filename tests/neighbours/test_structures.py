@@ -5,6 +5,7 @@ import pytest
 from sklearn.metrics import adjusted_rand_score
 
 from skinmap.errors import InvalidArrayError
+from skinmap.geometry.tangents import plane_turns
 from skinmap.neighbours.offsets import concatenate, lattice_phase, neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
 
@@ -93,6 +94,12 @@ def test_lattice_phase_finds_a_planted_turn(hexagons):
     angle = 0.3
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     assert lattice_phase(hexagons @ turn) == pytest.approx(0.3, abs=1e-9)
+
+
+def test_a_lattice_that_lies_across_turns_to_one_side_whatever_its_error(hexagons):
+    for error in (-1e-3, 0.0, 1e-3):
+        turn = plane_turns(np.pi / 6 + error).T
+        assert lattice_phase(hexagons @ turn) == pytest.approx(np.pi / 6 + error, abs=1e-9)
 
 
 def test_unknown_shapes_get_no_structure(tiling_12, hexagons):

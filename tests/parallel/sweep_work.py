@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.errors import UnknownNameError
-from skinmap.parallel.run import task_rng
+from skinmap.parallel import task_rng
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,8 +14,7 @@ import pytest
 sys.path.append(str(Path(__file__).parent))
 from sweep_work import Draw, draw, same
 
-from skinmap.parallel.run import run_tasks
-from skinmap.parallel.workers import Workers, open_workers
+from skinmap.parallel import Workers, open_workers, run_tasks
 
 DEADLINE = 120.0  # seconds until a process that was killed must be gone
 SWEEP = """
@@ -23,14 +22,14 @@ import sys
 from pathlib import Path
 sys.path[:0] = [sys.argv[1]]
 from sweep_work import Draw, draw
-from skinmap.cli.main import end_on_interrupt
-from skinmap.parallel.run import run_tasks
-from skinmap.parallel.workers import Workers, open_workers
-end_on_interrupt()
+from skinmap.interrupts import interruptible
+from skinmap.parallel import run_tasks
+from skinmap.parallel import Workers, open_workers
 caught = Path(sys.argv[2])
 tasks = [Draw(number, caught=caught if number == 3 else None) for number in range(8)]
-with open_workers(Workers(jobs=2), resume=Path(sys.argv[3]), sweep="draws") as workers:
-    run_tasks(draw, tasks, workers=workers, progress=lambda _: print("done", flush=True))
+with interruptible():
+    with open_workers(Workers(jobs=2), resume=Path(sys.argv[3]), sweep="draws") as workers:
+        run_tasks(draw, tasks, workers=workers, progress=lambda _: print("done", flush=True))
 """
 
 
@@ -38,7 +37,7 @@ with open_workers(Workers(jobs=2), resume=Path(sys.argv[3]), sweep="draws") as w
     ("kind", "said_last"),
     [
         (signal.SIGINT, "KeyboardInterrupt"),
-        (signal.SIGTERM, "skinmap.cli.main.TerminatedError"),
+        (signal.SIGTERM, "skinmap.interrupts.TerminatedError"),
         (signal.SIGKILL, ""),  # no word can be said, but its workers notice
     ],
 )

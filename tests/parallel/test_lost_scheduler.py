@@ -14,8 +14,7 @@ from pathlib import Path
 import pytest
 
 from skinmap.errors import UnreachableError
-from skinmap.parallel.run import run_tasks
-from skinmap.parallel.workers import Workers, open_workers
+from skinmap.parallel import Workers, open_workers, run_tasks
 
 sys.path.append(str(Path(__file__).parent))
 from sweep_work import Held, draw_when_told, same
@@ -99,7 +98,7 @@ def test_a_pause_of_the_network_changes_nothing(serial, tmp_path):
 
         thread = threading.Thread(target=pause, daemon=True)
         thread.start()
-        found = run_tasks(draw_when_told, tasks, workers=Workers("dask", address=address))
+        found = run_tasks(draw_when_told, tasks, workers=Workers(jobs=address))
         thread.join(DEADLINE)
     assert same(found, serial)
 
@@ -119,7 +118,7 @@ def test_a_scheduler_that_is_lost_is_a_line_and_the_sweep_goes_on_with_the_next(
 
         thread = threading.Thread(target=lose, daemon=True)
         thread.start()
-        first = Workers("dask", address=address)
+        first = Workers(jobs=address)
         with (
             open_workers(first, resume=kept, sweep="draws") as workers,
             pytest.raises(UnreachableError, match="tcp://127"),
@@ -128,7 +127,7 @@ def test_a_scheduler_that_is_lost_is_a_line_and_the_sweep_goes_on_with_the_next(
         thread.join(DEADLINE)
     with (
         cluster(int(address.rpartition(":")[2])) as (again, _),
-        open_workers(Workers("dask", address=again), resume=kept, sweep="draws") as workers,
+        open_workers(Workers(jobs=again), resume=kept, sweep="draws") as workers,
     ):
         assert again == address
         found = run_tasks(draw_when_told, tasks, workers=workers)

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from skinmap.errors import SkinWarning, UnreachableError
-from skinmap.parallel.run import run_tasks
-from skinmap.parallel.workers import Workers
+from skinmap.parallel import Workers, run_tasks
 
 sys.path.append(str(Path(__file__).parent))  # worker processes get it with the rest of the path
 import sweep_work
@@ -64,7 +63,7 @@ def with_one_caught(caught: Path) -> list[Draw]:
 
 def test_a_killed_worker_of_a_cluster_changes_nothing(cluster, serial, tmp_path):
     thread = kill_who_takes_it(tmp_path / "caught")
-    workers = Workers("dask", address=cluster.scheduler_address)
+    workers = Workers(jobs=cluster.scheduler_address)
     found = run_tasks(draw, with_one_caught(tmp_path / "caught"), workers=workers)
     thread.join(60.0)
     assert thread.killed

@@ -10,9 +10,8 @@ from click.testing import CliRunner
 
 from skinmap.cli.main import cli, main
 from skinmap.errors import MissingLibraryError, UnreachableError, VersionMismatchError
+from skinmap.parallel import Workers, run_tasks
 from skinmap.parallel.pool import LIBRARIES, ClusterPool, check_versions
-from skinmap.parallel.run import run_tasks
-from skinmap.parallel.workers import Workers
 
 OURS = dict.fromkeys(LIBRARIES, "1.2.3") | {"python": "3.11.7.final.0"}
 AT = "tcp://10.0.0.9:4711"
@@ -80,7 +79,7 @@ def test_another_patch_of_python_is_no_other_version():
 def test_a_scheduler_without_workers_is_said(scheduler):
     client = scheduler(Client(told(), {}))
     with pytest.raises(UnreachableError, match=f"at '{AT}' has no worker; start some with `dask"):
-        run_tasks(len, ["a"], workers=Workers("dask", address=AT))
+        run_tasks(len, ["a"], workers=Workers(jobs=AT))
     assert client.status == "closed"
 
 
@@ -95,7 +94,7 @@ def test_threads_of_all_workers_are_used(scheduler):
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(MissingLibraryError, match=r"install skinmap\[dask\]"):
-        run_tasks(len, ["a"], workers=Workers("dask", address=AT))
+        run_tasks(len, ["a"], workers=Workers(jobs=AT))
 
 
 @pytest.mark.parametrize("state", ["missing", "other version"])
@@ -107,7 +106,7 @@ def test_a_command_ends_with_one_line(monkeypatch, scheduler, capsys, tmp_path, 
         scheduler(Client(told({"scipy": "0.1"}), {AT: 1}))
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     kept = tmp_path / "kept"
-    words = ["flatten", str(tmp_path / "a.obj"), "--backend", "dask", "--address", AT]
+    words = ["flatten", str(tmp_path / "a.obj"), "--jobs", AT]
     monkeypatch.setattr(sys, "argv", ["skinmap", *words, "--resume", str(kept)])
     with pytest.raises(SystemExit) as stop:
         main()
@@ -119,7 +118,15 @@ def test_a_command_ends_with_one_line(monkeypatch, scheduler, capsys, tmp_path, 
     assert not kept.exists()
 
 
-def test_half_a_choice_is_refused_with_a_hint(tmp_path):
-    result = CliRunner().invoke(cli, ["flatten", "a.obj", "--backend", "dask"])
+@pytest.mark.parametrize("given", ["0", "many", "257"])
+def test_jobs_are_a_number_or_an_address(given):
+    result = CliRunner().invoke(cli, ["flatten", "a.obj", "--jobs", given])
     assert result.exit_code == 2
-    assert "--backend dask needs --address" in result.output
+    assert "'--jobs'" in result.output
+
+
+@pytest.mark.parametrize("given", [["--backend", "dask"], ["--address", AT]])
+def test_the_options_of_before_answer(given):
+    result = CliRunner().invoke(cli, ["flatten", "a.obj", *given])
+    assert result.exit_code == 2
+    assert f"{given[0]} was removed: write --jobs tcp://HOST:PORT" in result.output

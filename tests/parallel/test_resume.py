@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from skinmap.cache import CacheWarning, content_key
-from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinWarning
-from skinmap.parallel.run import run_tasks
+from skinmap.disk_cache import CacheWarning, content_key
+from skinmap.errors import DataFormatError, InvalidArrayError, OutputError
+from skinmap.parallel import run_tasks
 from skinmap.parallel.workers import ONE, ResumeStore, Workers, open_workers, pack, unpack
 
 sys.path.append(str(Path(__file__).parent))
@@ -107,14 +107,14 @@ def test_an_entry_of_somebody_else_is_computed_again(tmp_path, tasks, runs):
     assert runs() == [1, 2, 1, 1, 1, 1]
 
 
-def test_results_of_another_version_are_put_aside(tmp_path, tasks, runs, monkeypatch):
+def test_results_of_another_version_are_refused(tmp_path, tasks, runs, monkeypatch):
     path = tmp_path / "sweep"
     sweep(path, tasks)
     monkeypatch.setattr("skinmap.parallel.workers.version", lambda name: f"99 of {name}")
-    with pytest.warns(SkinWarning, match=r"results of skinmap .* \(this is 99 of skinmap\)"):
+    with pytest.raises(DataFormatError, match=r"results of skinmap .* \(this is '99 of skinmap'\)"):
         sweep(path, tasks)
-    assert runs() == [2] * 6
-    assert len(entries(tmp_path / "sweep.old")) == len(tasks)
+    assert runs() == [1] * 6
+    assert len(entries(path)) == len(tasks)
 
 
 def test_results_of_another_sweep_are_refused(tmp_path, tasks):

@@ -16,7 +16,7 @@ from skinmap.physics.simulation import simulate
 from skinmap.physics.variants import VARIANTS
 from skinmap.skin.skin import Skin
 from skinmap.touch.recording import Recording
-from skinmap.touch.sensing import Sensing
+from skinmap.touch.simulation.sensing import Sensing
 
 mujoco = pytest.importorskip("mujoco", reason="the extra 'mujoco' is not installed")
 
@@ -117,7 +117,7 @@ def test_import_mujoco_refuses_an_old_one(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_simulate_command_writes_the_truth(tmp_path: Path) -> None:
     path = tmp_path / "t.npz"
-    words = ["simulate", "icub", "--part", "left_hand", "--physics", "mujoco", "--variant", "flesh"]
+    words = ["simulate", "icub", "--part", "left_hand", "--physics", "mujoco:flesh"]
     done = CliRunner().invoke(
         cli, [*words, "--gesture", "poke", "--per-gesture", "2", "-o", str(path)]
     )
@@ -131,10 +131,10 @@ def test_simulate_command_writes_the_truth(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--variant", "foam"], "--variant is for --physics mujoco"),
-        (["--physics", "mujoco", "--variant", "x"], "no physics variant 'x'"),
-        (["--physics", "mujoco", "--pairs", "3"], "leave out --pairs"),
-        (["--physics", "mujoco", "--foam-mm", "3"], "leave out --foam-mm"),
+        (["--physics", "ours:foam"], "no physics 'ours:foam'"),
+        (["--physics", "mujoco:x"], "no physics variant 'x'"),
+        (["--physics", "mujoco", "--gesture", "pairs"], "leave out pairs"),
+        (["--physics", "mujoco", "--fault", "foam-mm=3"], "leave out --fault foam-mm"),
         (["--physics", "mujoco", "--publish", "zmq:1"], "leave out --physics"),
     ],
 )

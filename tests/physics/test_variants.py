@@ -16,7 +16,6 @@ JUDGES = {
     "skinmap/physics/variants.py",
     "skinmap/cli/evaluate/physics.py",  # says in the result which one it is
     "skinmap/cli/evaluate/in_time.py",  # trained on our touches alone, tested on it
-    "benchmarks/classify/in_time.py",  # the same, kept
     "benchmarks/classify/default_model.py",  # judges the shipped model
     "scripts/figures.py",  # shows what was measured on it
 }

@@ -10,10 +10,10 @@ from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, Unkn
 from skinmap.geometry.proximity import nearest
 from skinmap.geometry.rigid import rigid_fit
 from skinmap.io.taxels.icub import read_icub
-from skinmap.skin.checks import check_modules, mirror_distance
+from skinmap.skin.checks import check_modules, mirror_distance, twin_parts
+from skinmap.skin.cover import fit_to_mesh
 from skinmap.skin.layouts import BUILTIN, ModuleLayout, module_layout
 from skinmap.skin.modules import fit_modules, shared_places
-from skinmap.skin.registration import fit_to_mesh
 from skinmap.skin.repair import detect_unit, repair_table, replace, take
 from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import THERMAL, TaxelTable
@@ -379,3 +379,28 @@ def test_steps_of_a_robot_can_be_left_out(icub):
     skin = robot.skin("left_foot")
     np.testing.assert_array_equal(skin.normals, robot.repair("left_foot").original.normals)
     assert not np.allclose(skin.normals, icub.skin("left_foot").normals)
+
+
+def some(skin, rows):
+    """Some taxels of a skin."""
+    from skinmap.skin.skin import Skin
+
+    columns = (skin.channels, skin.modules, skin.positions, skin.normals)
+    return Skin(skin.part, skin.link, *(column[rows] for column in columns))
+
+
+def test_a_part_and_its_mirror_image_are_twins_and_a_missing_module_parts_no_pair(icub):
+    skins = {part: icub.skin(part) for part in icub.parts}
+    worn = skins["right_arm"]
+    skins["right_arm"] = some(worn, worn.modules != worn.modules[0])
+    found = twin_parts(skins)
+    assert len(skins["right_arm"]) == len(skins["left_arm"]) - 10
+    wanted = {part: part.replace("right_", "left_") for part in icub.parts}
+    assert found == wanted
+
+
+def test_parts_of_one_count_and_another_shape_are_no_twins(icub):
+    shape = {part: icub.skin(part) for part in ("torso", "left_foot")}
+    shape["torso"] = some(shape["torso"], np.arange(430) < len(shape["left_foot"]))
+    assert len(shape["torso"]) == len(shape["left_foot"])
+    assert twin_parts(shape) == {"torso": "torso", "left_foot": "left_foot"}

@@ -50,7 +50,7 @@ def test_fast_meshes_the_icub_whole_without_spurious_holes(icub):
 
 @pytest.mark.parametrize("part", ["left_arm", "left_forearm", "left_foot", "right_hand"])
 def test_accurate_meshes_parts_of_the_icub_whole(icub, prepared, part):
-    # All 13 take 10 s: benchmarks/geometry/meshing.py does them.
+    # All 13 take 10 s.
     skin = icub.skin(part)
     mesh = build_surface(skin, method="accurate", body=icub.mesh(skin.link))
     assert (mesh.taxel_patches >= 0).all()

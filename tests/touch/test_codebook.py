@@ -6,8 +6,8 @@ import pytest
 from skinmap.errors import InvalidArrayError
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
-from skinmap.touch.codebook import learn_codebook, patterns
-from skinmap.touch.votes import histograms
+from skinmap.touch.histograms.codebook import learn_codebook, patterns
+from skinmap.touch.histograms.votes import histograms
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from skinmap.geometry.topology import boundary_loops
 from skinmap.geometry.triangles import signed_areas
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
-from skinmap.touch import contact_image
-from skinmap.touch.contact_image import ContactImageGeometry, image_geometry
+from skinmap.touch.images import contact_image
+from skinmap.touch.images.contact_image import ContactImageGeometry, image_geometry
 
 # Three products and two sums in single precision, of values up to 1.
 SINGLE = 4 * np.finfo(np.float32).eps

@@ -6,9 +6,9 @@ import pytest
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.surface_mesh import build_surface
-from skinmap.touch import contacts
-from skinmap.touch.contact_geometry import FEATURES, contact_geometry, skin_plane
-from skinmap.touch.contacts import find_contacts, measure_skin, pool_event, pressed
+from skinmap.touch.contacts import skin_geometry as contacts
+from skinmap.touch.contacts.contact_geometry import FEATURES, contact_geometry, skin_plane
+from skinmap.touch.contacts.skin_geometry import find_contacts, measure_skin, pool_event, pressed
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from skinmap.touch.coverage import covered_share
-from skinmap.touch.gestures import GESTURES, Pad
+from skinmap.touch.simulation.gestures import GESTURES, Pad
+from skinmap.touch.simulation.simulator import covered_share
 
 
 def plainly(pads, uv, spacing):

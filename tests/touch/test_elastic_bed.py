@@ -7,7 +7,7 @@ import pytest
 
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.elastic_bed import (
+from skinmap.touch.simulation.elastic_bed import (
     FIRM,
     NODE_WEIGHTS,
     NODES,
@@ -17,12 +17,12 @@ from skinmap.touch.elastic_bed import (
     curvature_at,
     sunk_in,
 )
-from skinmap.touch.gestures import GESTURES
-from skinmap.touch.hands import HANDS, Body, Draw, full_finger, whole_hand
-from skinmap.touch.pairs import simulate_pairs
-from skinmap.touch.sensing import Sensing, Sensors
-from skinmap.touch.simulator import simulate
-from skinmap.touch.variety import draw_sensing, uses_pads, variety_of
+from skinmap.touch.simulation.gestures import GESTURES
+from skinmap.touch.simulation.hands import HANDS, Body, Draw, full_finger, whole_hand
+from skinmap.touch.simulation.pairs import simulate_pairs
+from skinmap.touch.simulation.sensing import Sensing, Sensors
+from skinmap.touch.simulation.simulator import simulate
+from skinmap.touch.simulation.variety import draw_sensing, uses_pads, variety_of
 
 FLAT = np.zeros((2, 2))
 K = 2e7
@@ -98,7 +98,7 @@ def test_curvature_of_a_cylinder_is_found():
 
 
 def test_a_joint_follows_the_bend_along_its_axis():
-    from skinmap.touch.elastic_bed import followed
+    from skinmap.touch.simulation.elastic_bed import followed
 
     bend = np.diag([25.0, 10.0])
     bar = Body((-1e-2, 0.0), (1e-2, 0.0), 8e-3, 0.0, 1.0, K, follows=1.0)

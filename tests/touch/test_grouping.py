@@ -6,8 +6,8 @@ import pytest
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.surface_mesh import build_surface
-from skinmap.touch.contacts import measure_skin, pieces
-from skinmap.touch.grouping import GroupingRule, contacts_of_event, group_touches
+from skinmap.touch.contacts.grouping import GroupingRule, contacts_of_event, group_touches
+from skinmap.touch.contacts.skin_geometry import measure_skin, pieces
 
 WEST, EAST, NORTH = 50, 57, 134  # on the plate: 46 mm between west and east, 50 mm to the north
 

@@ -6,13 +6,13 @@ from scipy.spatial import cKDTree
 
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.gestures import EIGHT, GESTURES, gesture_set
-from skinmap.touch.pairs import APART, simulate_pairs
 from skinmap.touch.patches import cut_into_patches
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
-from skinmap.touch.sensing import FULL_SCALE, Sensing, Sensors
-from skinmap.touch.simulator import simulate
-from skinmap.touch.subjects import draw_subjects
+from skinmap.touch.simulation.gestures import EIGHT, GESTURES, gesture_set
+from skinmap.touch.simulation.pairs import APART, simulate_pairs
+from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
+from skinmap.touch.simulation.simulator import simulate
+from skinmap.touch.simulation.subjects import draw_subjects
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError
-from skinmap.touch.contact_image import image_geometry
-from skinmap.touch.paper_image import grey_levels, paper_images, resize
+from skinmap.touch.images.contact_image import image_geometry
+from skinmap.touch.images.paper_image import grey_levels, paper_images, resize
 
 
 @pytest.fixture(scope="module")

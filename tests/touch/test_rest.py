@@ -5,10 +5,10 @@ import pytest
 
 from skinmap.errors import InvalidArrayError
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.contacts import ACTIVE
+from skinmap.touch.contacts.rest import ENOUGH, LOW, NOISY, Rest, felt, find_rest, usual_rest
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
-from skinmap.touch.rest import ENOUGH, LOW, NOISY, Rest, felt, find_rest, usual_rest
 
 
 @pytest.fixture(scope="module")

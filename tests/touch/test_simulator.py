@@ -5,9 +5,9 @@ import pytest
 
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.gestures import FOUR, Pad
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
-from skinmap.touch.simulator import (
+from skinmap.touch.simulation.gestures import FOUR, Pad
+from skinmap.touch.simulation.simulator import (
     NOISE,
     RATE,
     Stage,

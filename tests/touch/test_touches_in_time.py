@@ -3,12 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classify.descriptors import recorded_touches
+from skinmap.classifiers.descriptors import recorded_touches
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.point_surface import STEP, PointSurface
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.gestures import TIME
-from skinmap.touch.motion_features import (
+from skinmap.touch.contacts.motion_features import (
     MOTION_FEATURES,
     develop,
     in_time,
@@ -18,8 +17,9 @@ from skinmap.touch.motion_features import (
 )
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
-from skinmap.touch.simulator import simulate
-from skinmap.touch.time_gestures import TIME_GESTURES
+from skinmap.touch.simulation.gestures import TIME
+from skinmap.touch.simulation.simulator import simulate
+from skinmap.touch.simulation.time_gestures import TIME_GESTURES
 from skinmap.touch.true_motion import TrueMotion
 
 RADIUS = 0.04
@@ -126,7 +126,7 @@ def test_features_count_taps_and_follow_strokes(limb):
     made = simulate(limb, rng=5, gestures=["tap", "stroke", "rub", "poke"], per_gesture=6)
     column = {name: k for k, name in enumerate(MOTION_FEATURES)}
     touches = recorded_touches(skin, made)  # without stuck taxels and spikes
-    rows = np.array([motion_features(skin.geometry, one.samples) for one in touches])
+    rows = np.array([motion_features(skin.geometry, one.samples, one.rate) for one in touches])
     labels = np.array(made.labels)
     true = np.array([0 if one is None else len(one.onsets) for one in made.motions])
     taps = labels == "tap"
@@ -138,7 +138,7 @@ def test_features_count_taps_and_follow_strokes(limb):
     assert np.median(rows[labels == "rub", column["reversals"]]) >= 2
     assert not in_time(rows[labels == "poke"]).any()
     assert in_time(rows[far]).all()
-    assert (motion_features(skin.geometry, np.zeros((5, len(limb)), np.uint8)) == 0).all()
+    assert (motion_features(skin.geometry, np.zeros((5, len(limb)), np.uint8), 50.0) == 0).all()
 
 
 def test_features_mean_the_same_at_another_rate(limb):

@@ -10,7 +10,7 @@ import pytest
 from skinmap import registry
 from skinmap.errors import InvalidMeshError
 from skinmap.profile import TASKS
-from skinmap.trade.task import Knob, Outcome, tasks
+from skinmap.trade import Knob, Outcome, tasks
 
 
 class Planted:
@@ -43,7 +43,7 @@ class Planted:
     def run(self, prepared, setting, *, seed):
         self.calls.append((setting["level"], prepared))
         seconds, error = self.figures[setting["level"]]
-        return Outcome(seconds, error * (1.0 + 0.1 * seed), 1.0, {"extra": 7.0})
+        return Outcome(seconds, error * (1.0 + 0.1 * seed), {"extra": 7.0})
 
 
 class Failing(Planted):
@@ -84,18 +84,6 @@ CLASSES = {"planted": Planted, "failing": Failing, "broken": Broken, "empty": Em
 def toys():
     """The planted tasks by name, as classes."""
     return CLASSES
-
-
-@pytest.fixture(autouse=True)
-def steady_pace(monkeypatch):
-    """A machine that is always equally fast: planted times come out as they were planted."""
-    monkeypatch.setattr("skinmap.trade.runner.pace_seconds", lambda: 1e-3)
-
-
-@pytest.fixture
-def unwatched(monkeypatch):
-    """No look at the process's memory, which takes longer than planted work does."""
-    monkeypatch.setattr("skinmap.trade.runner.grown_mb", lambda run: (0.0, run()))
 
 
 @pytest.fixture

@@ -9,13 +9,11 @@ import skinmap
 from skinmap.flat.flat_map import flatten
 from skinmap.surface.surface_mesh import build_surface
 from skinmap.trade import classify_task as classifying
+from skinmap.trade import flatten_task as flattening
+from skinmap.trade import tasks
 from skinmap.trade.classify_task import classify_task
 from skinmap.trade.fidelity_task import fidelity_task
 from skinmap.trade.flatten_task import edge_rms, flatten_task
-from skinmap.trade.measuring import untimed
-from skinmap.trade.motion_task import motion_task
-from skinmap.trade.runner import measure
-from skinmap.trade.task import tasks
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +25,6 @@ def test_our_tasks_are_registered():
     assert tasks.get("flatten") is flatten_task
     assert tasks.get("classify") is classify_task
     assert tasks.get("fidelity") is fidelity_task
-    assert tasks.get("motion") is motion_task
 
 
 @pytest.mark.parametrize("task", [flatten_task, classify_task])
@@ -46,34 +43,41 @@ def test_settings_name_known_knobs_with_their_values_each_once(task):
 
 def test_flattening_measures_the_edges_of_the_map(kaspar):
     setting = {"meshing": "consensus", "method": "balanced", "iterations": 2}
-    found = measure(flatten_task, kaspar, ("right_hand",), seeds=[0], settings=[setting])
-    [point] = found.points
+    pieces = flatten_task.prepare(kaspar, ("right_hand",), seed=0)
+    found = flatten_task.run(pieces, setting, seed=0)
     flat = flatten(build_surface(kaspar.skin("right_hand")), method="balanced", iterations=2)
-    assert point.error == pytest.approx(100.0 * edge_rms([flat]), rel=1e-12)
+    assert found.error == pytest.approx(100.0 * edge_rms([flat]), rel=1e-12)
     if len(flat.charts) == 1:
-        assert point.error == pytest.approx(100.0 * flat.charts[0].distortion.edge_rms)
-    assert point.seconds > 0
-    assert point.beside == {"unmeshed": 0.0}
+        assert found.error == pytest.approx(100.0 * flat.charts[0].distortion.edge_rms)
+    assert found.seconds > 0
+    assert found.beside == {"unmeshed": 0.0}
 
 
+@pytest.fixture
+def untimed(monkeypatch):
+    """Work is called once, and not to measure it."""
+    for task in (classifying, flattening):
+        monkeypatch.setattr(task, "cpu_seconds", lambda work: (1e-6, work()))
+
+
+@pytest.mark.usefixtures("untimed")
 def test_every_setting_of_flattening_runs(kaspar):
     prepared = flatten_task.prepare(kaspar, ("right_hand",), seed=0)
     settings = [one for one in flatten_task.settings() if one["meshing"] != "accurate"]
-    with untimed():
-        errors = {str(one): flatten_task.run(prepared, one, seed=0).error for one in settings}
+    errors = {str(one): flatten_task.run(prepared, one, seed=0).error for one in settings}
     assert all(np.isfinite(list(errors.values())))
 
 
+@pytest.mark.usefixtures("untimed")
 def test_classifying_is_the_same_for_the_same_seed_and_not_for_another(kaspar, monkeypatch):
     monkeypatch.setattr(classifying, "LEARNT", 6)
     monkeypatch.setattr(classifying, "TESTED", 4)
     setting = {"classifier": "histogram", "words": 4}
-    with untimed():
-        drawn = [classify_task.prepare(kaspar, ("right_hand",), seed=seed) for seed in (1, 1, 2)]
-        runs = [
-            classify_task.run(prepared, setting, seed=seed)
-            for prepared, seed in zip(drawn, (1, 1), strict=False)
-        ]
+    drawn = [classify_task.prepare(kaspar, ("right_hand",), seed=seed) for seed in (1, 1, 2)]
+    runs = [
+        classify_task.run(prepared, setting, seed=seed)
+        for prepared, seed in zip(drawn, (1, 1), strict=False)
+    ]
     assert runs[0].error == runs[1].error
     assert not np.array_equal(drawn[0].tested[0].samples, drawn[2].tested[0].samples)
     # Whole touches of those named, in percent.

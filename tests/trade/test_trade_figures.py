@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from skinmap.cli.trade.report import number_points, scale_axes
 from skinmap.report.figure import plain_figure
-from skinmap.trade.points import Point
+from skinmap.trade import Point
+from skinmap.trade.plot import number_points, scale_axes
 
 
 def point(milliseconds: float, error: float) -> Point:
-    return Point("toy", {"level": milliseconds}, 1e-3 * milliseconds, error, "%")
+    return Point(
+        task="toy", setting={"level": milliseconds}, seconds=1e-3 * milliseconds, error=error,
+        unit="%", pareto=error < 0.865,
+    )  # fmt: skip
 
 
 def axis_of(points: list[Point]):
@@ -29,7 +32,7 @@ def test_numbers_of_crowded_points_cover_neither_each_other_nor_a_point_nor_the_
     crowd = [point(20 + 8 * x, 0.86 + 0.01 * y) for x, y in rng.random((10, 2))]
     points = [*crowd, point(300, 0.85), point(17, 2.1)]
     figure, axis = axis_of(points)
-    notes = number_points(figure, axis, points, crowd[:3], crowd[0])
+    notes = number_points(figure, axis, points, crowd[0])
     assert [note.get_text() for note in notes] == [str(n) for n in range(1, len(points) + 1)]
     renderer = figure.canvas.get_renderer()
     boxes = [Text.get_window_extent(note, renderer) for note in notes]

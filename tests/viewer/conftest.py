@@ -44,7 +44,7 @@ def opengl() -> None:
 
 @pytest.fixture(scope="module")
 def scene(opengl, icub, prepared) -> Iterator:
-    from viewer.scene import Scene
+    from viewer import Scene
 
     made = Scene(
         icub,
@@ -235,9 +235,8 @@ def wandering(icub) -> list[Moment]:
 @pytest.fixture(scope="package")
 def drawn(opengl, icub, prepared) -> Iterator:
     """One scene for all windows; each window lets go of it again."""
+    from viewer import Layers, Scene
     from viewer.drawing.skin.lazy_maps import LazyMaps
-    from viewer.layers import Layers
-    from viewer.scene import Scene
 
     skins = {part: prepared(part) for part in PARTS}
     made = Scene(
@@ -255,7 +254,7 @@ def drawn(opengl, icub, prepared) -> Iterator:
 @pytest.fixture
 def window(drawn, wandering, tmp_path) -> Iterator:
     """A window on the wandering press, halted at its first sample."""
-    from viewer.playing.player import Player
+    from viewer import Player
     from viewer.window import Window
 
     player = Player(wandering, paused=True)

@@ -11,8 +11,8 @@ FACING = 0.5  # cosine to the camera of taxels that are looked at: others are to
 def shown_share(robot, skin) -> float:
     """Share of a part's taxels facing the camera that show their colour."""
     from skinmap.geometry.rigid import transform_directions, transform_points
+    from viewer import Scene
     from viewer.drawing.frame.camera import project
-    from viewer.scene import Scene
 
     scene = Scene(
         robot, {skin.skin.part: skin.mesh}, {}, links="skin", window_size=(480, 360), camera="still"

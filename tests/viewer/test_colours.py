@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from skinmap.touch.gestures import GESTURES
+from skinmap.touch.simulation.gestures import GESTURES
 from viewer.colours import (
     BACKGROUND,
     BODY,
@@ -12,6 +12,7 @@ from viewer.colours import (
     HEALTH,
     NONE,
     PANEL,
+    PRESSURE_STOPS,
     RARER,
     RAW_STOPS,
     TOUCHED,
@@ -21,7 +22,6 @@ from viewer.colours import (
     class_colour,
     ink_on,
     luminance,
-    pressure_colours,
     ramp,
     rgb,
 )
@@ -62,7 +62,7 @@ def chroma(colours):
 
 
 def test_pressure_colours_darken_all_the_way():
-    light = luminance(pressure_colours()[:, :3] / 255.0)
+    light = luminance(ramp(PRESSURE_STOPS)[:, :3] / 255.0)
     # Rounding to 8 bits may hold a step, never turn it back by more than one of them.
     assert (np.diff(light) < 2e-3).all()
     assert light[0] > 0.85
@@ -70,7 +70,7 @@ def test_pressure_colours_darken_all_the_way():
 
 
 def test_skin_at_rest_differs_from_the_bare_body():
-    rest = pressure_colours()[0, :3] / 255.0
+    rest = ramp(PRESSURE_STOPS)[0, :3] / 255.0
     assert luminance(rest[None])[0] > 1.8 * luminance(rgb(BODY)[None])[0]
 
 
@@ -143,8 +143,8 @@ def test_letters_on_a_label_can_be_read():
 
 
 def test_touches_without_a_name_are_grey():
-    from skinmap.classify.classifier import NO_CONTACT
-    from skinmap.classify.rejection import UNKNOWN
+    from skinmap.classifiers.classifier import NO_CONTACT
+    from skinmap.classifiers.sets.rejection import UNKNOWN
     from skinmap.live.contacts.named_touch import UNNAMED
 
     for name in (UNNAMED, UNKNOWN, NO_CONTACT):

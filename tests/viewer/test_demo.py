@@ -26,7 +26,7 @@ def demo(tmp_path_factory):
     """Numbers and folder of a demo on the sole and the forearm."""
     out = tmp_path_factory.mktemp("demo") / "out"
     words = ["demo", "--part", "left_foot", "--part", "right_forearm"]
-    words += ["--view", "none", "--seed", "3", "--out", str(out), "--json"]
+    words += ["--seed", "3", "--out", str(out), "--json"]
     result = CliRunner().invoke(cli, words, catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return json.loads(result.stdout), out
@@ -118,13 +118,13 @@ def test_replay_is_a_movie_of_some_seconds(demo):
 
 def test_demo_that_cannot_write_says_so_before_it_works(tmp_path):
     (tmp_path / "file").write_text("")
-    words = ["demo", "--view", "none", "--out", str(tmp_path / "file" / "x")]
+    words = ["demo", "--out", str(tmp_path / "file" / "x")]
     with pytest.raises(OutputError, match="cannot write to the folder"):
         CliRunner().invoke(cli, words, catch_exceptions=False)
 
 
 def test_demo_on_one_part_is_refused(tmp_path):
-    words = ["demo", "--part", "torso", "--view", "none", "--out", str(tmp_path / "x")]
+    words = ["demo", "--part", "torso", "--out", str(tmp_path / "x")]
     result = CliRunner().invoke(cli, words)
     assert result.exit_code == 2
     assert "give two --part" in result.output

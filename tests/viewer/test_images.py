@@ -75,8 +75,7 @@ PICTURES = {"touches": touches, "health": health, "structures": structures}
 
 def draw(name, robot, skins):
     """One of the pictures (h, w, 3)."""
-    from viewer.layers import Layers
-    from viewer.scene import Scene
+    from viewer import Layers, Scene
 
     states = np.full(len(skins["torso"]), "never touched", dtype=object)
     for k, state in enumerate(("dead", "stuck", "saturated", "noisy", "ok")):

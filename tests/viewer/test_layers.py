@@ -104,6 +104,7 @@ def test_health_keeps_what_the_calibration_said_and_learns_who_was_touched(prepa
     names = np.full(430, "never touched", dtype=object)
     names[:2] = "dead", "ok"
     layers = Layers({"torso": prepared("torso")}, healths={"torso": names})
+    layers.observe(Moment(-0.02, {"torso": np.zeros(430)}))
     pressures = np.zeros(430)
     pressures[[0, 1, 2]] = 255.0, 255.0, 40.0
     moment = Moment(0.0, {"torso": pressures})
@@ -147,4 +148,4 @@ def test_layers_refuse_what_they_do_not_know(layers, prepared):
 def test_states_are_those_of_the_response_calibration_and_stale():
     from calibration.response.response import Health
 
-    assert set(STATES) == set(Health) | {"stale"}
+    assert set(STATES) == set(Health) | {"unheard", "stale"}

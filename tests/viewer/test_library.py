@@ -34,7 +34,7 @@ def test_python_of_the_page_works_as_written(opengl, tmp_path, monkeypatch, bloc
 def test_scene_of_one_part_prepares_no_other_and_reads_no_other_link(opengl, monkeypatch):
     import skinmap
     from skinmap.touch.prepared_skin import PreparedSkin
-    from viewer.scene import Scene
+    from viewer import Scene
 
     robot = skinmap.load_robot("icub")
     loaded, read, prepared = [], [], []
@@ -56,7 +56,7 @@ def test_scene_of_one_part_prepares_no_other_and_reads_no_other_link(opengl, mon
 
 
 def test_what_does_not_exist_is_answered_with_what_does(opengl, tmp_path):
-    from viewer.scene import Scene
+    from viewer import Scene
 
     with pytest.raises(UnknownNameError, match=r"'chest'.*torso"):
         Scene.load("icub", ["chest"])

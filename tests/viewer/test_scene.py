@@ -51,13 +51,13 @@ def test_set_pressures_colours_the_picture_where_the_taxels_are_and_nowhere_else
 
 def test_skin_lies_on_the_outside_of_the_body(at_rest):
     """Pressed everywhere, nearly every taxel that faces the camera shows the pressure's colour."""
-    from viewer.colours import pressure_colours, rgb
+    from viewer.colours import PRESSURE_STOPS, ramp, rgb
 
     layer = at_rest.layers["torso"]
     at_rest.set_pressures("torso", np.full(len(layer.skin), 115.0))
     picture = at_rest.frame().astype(float)
     at, facing = places(at_rest, "torso")
-    wanted = pressure_colours()[115, :3] / 255.0
+    wanted = ramp(PRESSURE_STOPS)[115, :3] / 255.0
     assert wanted[0] - wanted[2] > 0.5, "a colour that no grey body has"
     shown = 0
     front = np.flatnonzero(facing > 0.3)
@@ -134,22 +134,38 @@ def test_outline_surrounds_the_touch_on_body_and_flat_map(at_rest, press):
     assert flat.max() < 0.025
 
 
-def test_outline_leaves_other_touches_on_the_part_out(at_rest, press):
+def reach(layer, touch, others=()):
+    """How far the outline of a touch goes from its centre [m]."""
     from viewer.drawing.touches.outlines import outline_touch
 
-    skin = at_rest.layers["torso"].skin
-    ends = np.argmin(skin.positions[:, 2]), np.argmax(skin.positions[:, 2])
-    (low, first), (high, second) = (press("torso", int(taxel)) for taxel in ends)
-    at_rest.set_pressures("torso", low + high)
+    points = outline_touch(layer, touch, [touch, *others]).points(layer.points)
+    return np.linalg.norm(points.reshape(-1, 3) - touch.centre, axis=1).max()
+
+
+def test_outline_leaves_out_what_the_part_feels_elsewhere(at_rest, press):
     layer = at_rest.layers["torso"]
-    alone = outline_touch(layer, first, [first, second]).points(layer.points)
-    together = outline_touch(layer, first).points(layer.points)
-    assert len(alone) < len(together)
-    assert np.linalg.norm(alone.reshape(-1, 3) - first.centre, axis=1).max() < 0.03
+    heights = layer.skin.positions[:, 2]
+    (low, touch), (high, _) = (
+        press("torso", int(end)) for end in (heights.argmin(), heights.argmax())
+    )
+    layer.set_pressures(low)
+    alone = reach(layer, touch)
+    layer.set_pressures(low + high)
+    assert reach(layer, touch) == alone < 0.03
+
+
+def test_outline_ends_where_another_touch_begins(at_rest, press):
+    layer = at_rest.layers["torso"]
+    gap = np.linalg.norm(layer.skin.positions - layer.skin.positions[100], axis=1)
+    (one, touch), (two, beside) = (
+        press("torso", taxel) for taxel in (100, int(np.argmin(np.abs(gap - 0.03))))
+    )
+    layer.set_pressures(np.maximum(one, two))
+    assert reach(layer, touch, [beside]) < reach(layer, touch) - 0.002
 
 
 def test_labels_stay_in_the_picture_clear_of_each_other_and_of_the_bar(at_rest, press):
-    from viewer.drawing.words.label_places import overlaps
+    from viewer.drawing.words.labels import overlaps
 
     touches = []
     for taxel in (5, 120, 240, 400):
@@ -181,8 +197,8 @@ def test_body_fits_in_the_picture_beside_the_panel(at_rest):
 
 
 def test_corners_of_a_plain_box_are_in_the_picture(opengl):
+    from viewer import Scene
     from viewer.drawing.frame.camera import project
-    from viewer.scene import Scene
 
     example = Path(__file__).parents[2] / "docs" / "examples" / "robot" / "robot.toml"
     scene = Scene.load(example, window_size=(640, 480))
@@ -265,7 +281,7 @@ def test_set_title_replaces_the_summary_and_none_brings_it_back(at_rest):
 
 
 def test_scene_refuses_what_it_does_not_know(at_rest, press, prepared, icub):
-    from viewer.scene import Scene
+    from viewer import Scene
 
     with pytest.raises(UnknownNameError, match=r"'tors'.*torso, left_arm"):
         at_rest.set_pressures("tors", [0.0])
@@ -281,7 +297,7 @@ def test_scene_refuses_what_it_does_not_know(at_rest, press, prepared, icub):
 
 
 def test_scene_without_flat_maps_or_body_is_only_the_skin(opengl, icub, prepared):
-    from viewer.scene import Scene
+    from viewer import Scene
 
     scene = Scene(icub, {"torso": prepared("torso").mesh}, {}, links=(), window_size=(320, 240))
     try:

@@ -218,7 +218,7 @@ def test_unknown_values_are_drawn_as_unknown_and_signed(shown, moment):
     shown.show_moment(replace(moment, pressures=pressures, touches=()))
     assert not np.array_equal(shown.frame(), whole)
     assert shown.canvas.skins["torso"].signs[0].tolist() == list(range(50, 60))
-    assert "10 taxels with a sign" in " ".join(shown.canvas.legend.texts)
+    assert "10 stale" in " ".join(shown.canvas.legend.texts)
     shown.show_moment(replace(moment, pressures={"torso": np.full(430, 1e9)}, touches=()))
     shown.frame()
     shown.set_layer("raw")
@@ -273,7 +273,7 @@ def test_scene_names_what_exists_when_asked_for_something_else(shown):
 
 
 def test_overlays_follow_the_size_of_the_window(opengl, icub, prepared):
-    from viewer.scene import Scene
+    from viewer import Scene
 
     part = "left_arm"
     scene = Scene(
@@ -299,7 +299,7 @@ def test_overlays_follow_the_size_of_the_window(opengl, icub, prepared):
 
 
 def test_load_makes_a_picture_in_five_lines(opengl, tmp_path):
-    from viewer.scene import Scene
+    from viewer import Scene
 
     scene = Scene.load("icub", ["left_hand"], links=["l_hand"], window_size=(320, 240))
     scene.set_pressures("left_hand", np.linspace(0, 255, len(scene.layers["left_hand"].skin)))

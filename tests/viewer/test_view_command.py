@@ -8,7 +8,9 @@ import re
 import socket
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,12 +27,19 @@ from skinmap.errors import (
     UnknownNameError,
     UnreachableError,
 )
+from viewer.inputs import parse_address, read_token
 
-FOOT = ("--part", "left_foot", "--links", "skin")
+FOOT = ("--part", "left_foot")
+HEAD = {"format": "skinmap-view", "version": 1}
 
 
-def view(*words: str, **options) -> dict:
-    result = CliRunner().invoke(cli, ["view", "icub", *words, "--json"], **options)
+def view(*words: str, settings: dict | None = None, **options) -> dict:
+    """What the command gives; without other settings the links with skin are drawn: it is quick."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "view.json"
+        path.write_text(json.dumps({**HEAD, "links": "skin", **(settings or {})}))
+        how = [] if "--view-file" in words else ["--view-file", str(path)]
+        result = CliRunner().invoke(cli, ["view", "icub", *words, *how, "--json"], **options)
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     assert result.exit_code == 0, result.output
@@ -63,7 +72,7 @@ def test_help_needs_nothing_heavy_and_lists_the_layers():
     code = (
         "import sys; from skinmap.cli.main import main; sys.argv = ['skinmap', 'view', '--help']\n"
         "try: main()\nexcept SystemExit: pass\n"
-        "heavy = {'numpy', 'pyvista', 'vtkmodules', 'scipy', 'sklearn', 'viser', 'trimesh'}\n"
+        "heavy = {'numpy', 'pyvista', 'vtkmodules', 'scipy', 'sklearn', 'trimesh'}\n"
         "sys.exit(bool(heavy & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
@@ -89,8 +98,8 @@ def test_recording_gives_picture_movie_page_and_gltf(opengl, tmp_path, recording
     names = {suffix: tmp_path / f"out.{suffix}" for suffix in ("png", "mp4", "html", "glb")}
     shown = view(
         *FOOT, "--source", str(recording), "--model", str(model), "--seconds", "2",
-        "--layer", "binary", "--style", "discs", "--screenshot", str(names["png"]),
-        "--movie", str(names["mp4"]), "--html", str(names["html"]), "--gltf", str(names["glb"]),
+        "--layer", "binary", "--screenshot", str(names["png"]), "--movie", str(names["mp4"]),
+        "--html", str(names["html"]), "--gltf", str(names["glb"]), settings={"style": "discs"},
     )  # fmt: skip
     assert sorted(shown["files"]) == sorted(str(path) for path in names.values())
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(names["mp4"]))
@@ -121,9 +130,8 @@ def test_pose_and_saved_view_are_taken(opengl, tmp_path, recording, model):
     words = (*FOOT, "--source", str(recording), "--model", str(model), "--at", "1")
     one, other = tmp_path / "a.png", tmp_path / "b.png"
     view(*words, "--screenshot", str(one), "--view-file", str(saved))
-    view(
-        *words, "--screenshot", str(other), "--view-file", str(saved), "--pose", "l_ankle_pitch=20"
-    )
+    saved.write_text(json.dumps(json.loads(saved.read_text()) | {"pose": {"l_ankle_pitch": 20}}))
+    view(*words, "--screenshot", str(other), "--view-file", str(saved))
     assert one.read_bytes() != other.read_bytes()
 
 
@@ -135,15 +143,10 @@ def test_pose_and_saved_view_are_taken(opengl, tmp_path, recording, model):
             UnknownNameError,
             "no layer 'heat'; did you mean 'health'. The layers are: pressure, raw",
         ),
-        (["--style", "balls"], UnknownNameError, "'balls'"),
         (["--part", "wing"], UnknownNameError, "no part 'wing'"),
         (["--source", "radio"], UnknownNameError, "no source 'radio'"),
         (["--source", "none.npz"], MissingFileError, "no file 'none.npz'"),
         (["--model", "none.skinmodel"], MissingFileError, "none.skinmodel"),
-        (["--pose", "l_elbow=500"], InvalidArrayError, "l_elbow = 500 degrees is out of its range"),
-        (["--pose", "l_elbow=nan"], InvalidArrayError, "out of its range"),
-        (["--pose", "l_elbow"], InvalidArrayError, "expected joint=degrees"),
-        (["--pose", "wing=3"], UnknownNameError, "no joint 'wing'"),
         (["--calibration", "left_foot=none.csv"], SkinError, "none.csv"),
         (["--response", "wing=x.npz"], UnknownNameError, "no part 'wing'"),
         (["--response", "x.npz"], MissingFileError, "a response calibration"),
@@ -155,6 +158,60 @@ def test_bad_input_is_one_clear_line(opengl, tmp_path, words, kind, match):
         view(*part, *words, "--screenshot", str(tmp_path / "a.png"))
     assert "\n" not in str(error.value)
     assert not (tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "kind", "match"),
+    [
+        ({"style": "balls"}, DataFormatError, "'balls'"),
+        ({"stile": "discs"}, UnknownNameError, "did you mean 'style'"),
+        ({"links": "arms"}, DataFormatError, "'arms'"),
+        ({"layer": "heat"}, UnknownNameError, "did you mean 'health'"),
+        (
+            {"pose": {"l_elbow": 500}},
+            InvalidArrayError,
+            "'l_elbow' cannot be at 500.0 degrees: its limits are",
+        ),
+        ({"pose": {"l_elbow": math.nan}}, InvalidArrayError, "cannot be at nan degrees"),
+        ({"pose": {"l_elbow": "bent"}}, DataFormatError, "Expected `float`"),
+        ({"pose": {"wing": 3}}, UnknownNameError, "no joint 'wing'"),
+        ({"size": "big"}, DataFormatError, "size"),
+        ({"size": [20, 20]}, DataFormatError, ">= 160"),
+        ({"ranges": {"pressure": 9}}, DataFormatError, "ranges"),
+        ({"ranges": {"pressure": [9, 3]}}, InvalidArrayError, "must be below the second"),
+        ({"ranges": {"smell": [1, 2]}}, UnknownNameError, "no layer 'smell'"),
+        ({"units": ["%"]}, UnknownNameError, "no setting in"),
+    ],
+)
+def test_wrong_settings_of_a_view_file_are_one_clear_line(opengl, tmp_path, settings, kind, match):
+    with pytest.raises(kind, match=match) as error:
+        view(*FOOT, "--screenshot", str(tmp_path / "a.png"), settings=settings)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--style", "discs"), ("--links", "skin"), ("--pose", "l_elbow=9"), ("--size", "300x400"),
+     ("--range", "auto"), ("--unit", "%"), ("--follow",), ("--detail", "2"), ("--loop",),
+     ("--contour-rate", "5"), ("--host", "::1"), ("--port", "80"), ("--token", "x" * 20)],
+)  # fmt: skip
+def test_options_of_before_answer_with_what_to_write_instead(words):
+    result = CliRunner().invoke(cli, ["view", "icub", *words])
+    assert result.exit_code == 2
+    assert f"{words[0]} was removed: " in result.output
+
+
+def test_saving_a_view_keeps_the_settings_of_its_file(tmp_path):
+    from viewer.interaction.view_file import SavedView, load_settings, load_view, save_view
+
+    path = tmp_path / "view.json"
+    path.write_text(json.dumps(HEAD | {"links": "none", "size": [200, 300], "layer": "raw"}))
+    saved = SavedView("iCub", (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 20.0)
+    save_view(saved, path)
+    assert load_view(path) == saved
+    found = load_settings(path)
+    assert (found.links, found.size, found.layer) == ("none", (200, 300), "pressure")
 
 
 def test_folders_that_are_not_there_are_told_before_any_work(tmp_path):
@@ -207,7 +264,7 @@ def test_port_in_use_is_told(opengl):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         with pytest.raises(UnreachableError, match=f"port {port} of 127.0.0.1 is in use"):
-            view(*FOOT, "--web", "--port", port, "--seconds", "1")
+            view(*FOOT, "--web", port, "--seconds", "1")
 
 
 class Dying:
@@ -245,8 +302,7 @@ def shorter(source):
 def window_on(opengl, icub, prepared):
     """A window, off screen, on a source that a test makes; closed by the test's end."""
     from skinmap.live.loop import TouchLoop
-    from viewer.playing.player import Player
-    from viewer.scene import Scene
+    from viewer import Player, Scene
     from viewer.window import Window
 
     made = []
@@ -325,14 +381,14 @@ def test_window_closed_in_mid_update_ends_quietly(window_on, icub):
     turn_until(window, lambda: window.drawn > 2)
     window.interactor.InvokeEvent("ExitEvent")
     assert run(window) == window.drawn
-    assert not window.player._worker.alive
+    assert not window.player._thread.is_alive()
     assert math.isfinite(window.player.oldest)
 
 
 def test_calibrated_table_gives_the_uncertainty_of_each_taxel(tmp_path, icub, prepared):
     from skinmap.io.taxels.table import COLUMNS, COVARIANCE
+    from viewer import Layers
     from viewer.inputs import read_covariances
-    from viewer.layers import Layers
 
     skin = icub.skin("left_foot")
     lines = [",".join((*COLUMNS, *COVARIANCE))]
@@ -374,62 +430,52 @@ def test_calibrated_table_gives_the_uncertainty_of_each_taxel(tmp_path, icub, pr
         read_covariances([str(path)], icub, ["left_foot"])
 
 
-def test_size_range_and_unit_are_the_pictures(model, tmp_path, opengl):
+def test_size_and_range_are_the_pictures(model, tmp_path, opengl):
     import imageio.v3 as iio
 
     words = [*FOOT, "--model", str(model), "--screenshot"]
     pictures = {}
     for name, more in {
-        "plain": (),
-        "tall": ("--size", "300x500"),
-        "hot": ("--range", "0:40"),
-        "auto": ("--range", "auto", "--unit", "%"),
+        "plain": {},
+        "tall": {"size": [300, 500]},
+        "hot": {"ranges": {"pressure": [0, 40]}},
     }.items():
-        view(*words, str(tmp_path / f"{name}.png"), *more)
+        view(*words, str(tmp_path / f"{name}.png"), settings=more)
         pictures[name] = iio.imread(tmp_path / f"{name}.png")
     assert pictures["tall"].shape[:2] == (500, 300)
-    changed = {
-        name: (pictures[name] != pictures["plain"]).any(axis=2).mean() for name in ("hot", "auto")
-    }
-    assert changed["hot"] > 0.005
-    # The largest touch is a full one, so that only the legend says otherwise.
-    assert 1e-4 < changed["auto"] < changed["hot"]
+    assert (pictures["hot"] != pictures["plain"]).any(axis=2).mean() > 0.005
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("--size", "big"), "expected WxH"),
-        (("--size", "20x20"), "sides from 160"),
-        (("--range", "9"), "LOW:HIGH or auto"),
-        (("--range", "9:3"), "LOW must be below HIGH"),
-        (("--range", "smell=1:2"), "no layer 'smell'"),
-    ],
-)
-def test_wrong_sizes_and_ranges_are_said(tmp_path, words, said):
-    with pytest.raises(SkinError, match=re.escape(said)):
-        view(*FOOT, *words, "--screenshot", str(tmp_path / "a.png"))
+    ("text", "address"),
+    [("8080", ("127.0.0.1", 8080)), ("0.0.0.0:80", ("0.0.0.0", 80)), ("robot:0", ("robot", 0)),
+     (":90", ("127.0.0.1", 90)), ("[::1]:7", ("[::1]", 7))],
+)  # fmt: skip
+def test_address_of_the_page_is_read(text, address):
+    assert parse_address(text) == address
 
 
-def test_all_pictures_of_an_auto_range_have_the_same(model, icub, prepared):
-    from viewer.layers import Layers
-    from viewer.view_files import Wanted, found_ranges
-    from viewer.view_options import Look, Session
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("127.0.0.1:70000", "port 70000 does not exist"), ("icub", "got 'icub': write it last"),
+     ("[::1]", "HOST:PORT"), ("robot:", "HOST:PORT"), ("", "HOST:PORT"), ("h:-1", "HOST:PORT")],
+)  # fmt: skip
+def test_address_that_does_not_exist_is_refused(text, said):
+    with pytest.raises(UnreachableError, match=re.escape(said)):
+        parse_address(text)
 
-    session = Session(icub, ("left_foot",), model=model)
-    session.prepare()
-    look = Look(ranges={"pressure": "auto"})
-    found = found_ranges(session, look, Wanted(seconds=4.0))
-    most = max(float(m.pressures["left_foot"].max()) for m in session.moments(4.0, name=False))
-    assert found == {"pressure": (0.0, most)}
-    grown = Layers(session.skins, ranges={"pressure": "auto"})
-    limits = []
-    for moment in session.moments(4.0, name=False):
-        grown.get("pressure")
-        grown.observe(moment)
-        limits.append(grown.get("pressure").limits[1])
-    assert limits == sorted(limits)
-    assert limits[-1] == most
+
+def test_token_comes_from_the_environment_or_the_file_it_names(monkeypatch, tmp_path):
+    monkeypatch.delenv("SKINMAP_TOKEN", raising=False)
+    assert read_token() is None
+    monkeypatch.setenv("SKINMAP_TOKEN", "a" * 20)
+    assert read_token() == "a" * 20
+    (tmp_path / "token").write_text("b" * 20 + "\n")
+    monkeypatch.setenv("SKINMAP_TOKEN", f"@{tmp_path / 'token'}")
+    assert read_token() == "b" * 20
+    monkeypatch.setenv("SKINMAP_TOKEN", "short")
+    with pytest.raises(InvalidArrayError, match="16 to 128 letters"):
+        read_token()
 
 
 def test_a_picture_of_a_long_recording_looks_for_names_where_most_is_touched(

@@ -52,7 +52,7 @@ def test_view_is_saved_and_loaded(window, hands, tmp_path):
     [
         ({"robot": "Baxter"}, "saved of 'Baxter'"),
         ({"layer": "heat"}, "no layer 'heat'"),
-        ({"selection": {"torso": [100000]}}, "names taxel 100000"),
+        ({"selection": {"torso": [100000]}}, "not 100000 to 100000"),
         ({"selection": {"wing": [0]}}, "no part in this scene 'wing'"),
     ],
 )
@@ -92,8 +92,7 @@ def test_folder_that_is_gone_ends_no_session(window, hands, tmp_path):
 
 @pytest.mark.skipif(not has_display(), reason="no display: a window cannot be opened")
 def test_play_shows_moments_until_closed(icub, prepared, wandering):
-    from viewer.scene import Scene
-    from viewer.window import play
+    from viewer import Scene, play
 
     torso = prepared("torso")
     scene = Scene(

@@ -8,14 +8,24 @@ from typing import TYPE_CHECKING
 
 import click
 
-from calibration.commands.options import FILE, PatchFiles, PatchOptions, patch_options
+from calibration.commands.options import (
+    FILE,
+    NO_EFFORT,
+    NO_SEED,
+    Outputs,
+    PatchFiles,
+    board_options,
+)
 from calibration.commands.results import Grade
-from skinmap.commands.options import PICTURE, prints
+from skinmap.commands.options import PICTURE, file_option, out_folder, prints
+from skinmap.commands.retired import retired
 from skinmap.report.present import present
 from skinmap.report.verdict import OK, Verdict
 
 if TYPE_CHECKING:
     from calibration.commands.anchor_session import AnchorSession, SavedAnchors
+
+BY_WRAP = "save the anchors and give them to `skinmap calibrate wrap`"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,18 +58,12 @@ class AnchorsResult:
     "--anchors", "anchors_file", type=FILE,
     help="To go on from: CSV `channel,x,y,z[,sigma]`, as `w` saves it.",
 )  # fmt: skip
-@click.option(
-    "--screenshot", type=PICTURE, help="Solve, write a picture and end: needs no display."
-)
-@patch_options(
-    "taxels.csv, report.html and anchors.csv",
-    required=False,
-    accept="With --screenshot: write whatever the status.",
-)
+@file_option("--screenshot", PICTURE, "Solve, write a picture and end: needs no display.")
+@board_options()
+@out_folder("taxels.csv, report.html and anchors.csv")
+@retired(**NO_EFFORT, format=BY_WRAP, accept=BY_WRAP, seed=NO_SEED)
 @prints(AnchorsResult)
-def anchors(
-    files: PatchFiles, options: PatchOptions, screenshot: Path | None, as_json: bool
-) -> None:
+def anchors(files: PatchFiles, out: Path | None, screenshot: Path | None, as_json: bool) -> None:
     """Calibrate a patch by hand: click a taxel of the board, then its point on the link.
 
     From three anchors on the patch is wrapped and coloured by its predicted error; lines show how
@@ -76,11 +80,11 @@ def anchors(
         raise click.UsageError("there is no display here: give --anchors and --screenshot")
     from calibration.commands.anchor_session import AnchorSession
 
-    session = AnchorSession.load(files, effort=options.effort, seed=options.seed)
+    session, output = AnchorSession.load(files), Outputs(out=out)
     if screenshot is None:
-        result = _by_hand(session, options)
+        result = _by_hand(session, output)
     else:
-        result = _picture(session, screenshot, options)
+        result = _picture(session, screenshot, output)
     verdict = Verdict("refused" if result.refused else OK)
     present(
         result,
@@ -90,33 +94,32 @@ def anchors(
     )
 
 
-def _by_hand(session: AnchorSession, options: PatchOptions) -> AnchorsResult:
-    from viewer.anchors.view import CalibrationView
-    from viewer.anchors.window import run
+def _by_hand(session: AnchorSession, output: Outputs) -> AnchorsResult:
+    from viewer.anchors.view import CalibrationView, run
 
-    view = CalibrationView(session, off_screen=False, options=replace(options, accept=False))
+    view = CalibrationView(session, off_screen=False, output=output)
     run(view)
-    return _result(session, view.saved, options.out)
+    return _result(session, view.saved, output.out)
 
 
-def _picture(session: AnchorSession, screenshot: Path, options: PatchOptions) -> AnchorsResult:
+def _picture(session: AnchorSession, screenshot: Path, output: Outputs) -> AnchorsResult:
     import imageio.v3 as iio
 
     from skinmap.io.output import staged_file
     from viewer.anchors.view import CalibrationView
 
     with staged_file(screenshot) as path:
-        view = CalibrationView(session, options=options)
+        view = CalibrationView(session, output=output)
         try:
             if session.anchors:
                 view.solve_now()
-            if options.out is not None:
+            if output.out is not None:
                 view.save()
                 view.refresh()
             iio.imwrite(path, view.frame())
         finally:
             view.shut()
-    result = _result(session, view.saved, options.out)
+    result = _result(session, view.saved, output.out)
     return replace(result, files=[*result.files, str(screenshot)])
 
 

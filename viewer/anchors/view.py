@@ -1,43 +1,47 @@
 """The calibration view: a flat board beside its link, clicks that become anchors, the patch.
 
-All of it works without a screen; `window.py` adds mouse, keys and the loop.
+All of it works without a screen; `run` adds mouse, keys, the loop, and a solver beside it.
 """
 
 from __future__ import annotations
 
 import textwrap
+import time
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
+from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 
-from calibration.commands.anchor_session import AnchorSession, SavedAnchors
-from calibration.commands.options import PatchOptions
+from calibration.commands.anchor_session import AnchorSession, SavedAnchors, Solution, solve
+from calibration.commands.options import Outputs
 from calibration.commands.results import MM
 from skinmap.arrays import FloatArray
 from skinmap.errors import SkinError
 from skinmap.geometry.proximity import median_spacing
-from viewer.anchors.link import LinkPicture
-from viewer.anchors.marks import (
+from viewer.anchors.link import (
     ANCHOR,
     CHOSEN,
     NEXT,
     UNKNOWN,
-    ErrorBar,
     Limits,
+    LinkPicture,
     Marks,
     Names,
     channels,
-    paint,
+    error_layer,
     ranked,
 )
 from viewer.colours import BACKGROUND, FAINT, INK, PANEL, rgb
-from viewer.drawing.frame.plotter import BODY_SHARE, new_plotter
-from viewer.drawing.frame.polydata import make_lines
+from viewer.drawing.frame.camera import look_down, project
+from viewer.drawing.frame.canvas import BODY_SHARE, new_plotter
+from viewer.drawing.words.legend import Legend
 from viewer.drawing.words.text_lines import Line
+from viewer.interaction.picking import world_points
 
 SIZE = (1280, 800)  # of the window [px]
 GOOD, DOUBTFUL = "#00795c", "#b04a00"
@@ -46,12 +50,12 @@ STATUS_WORDS = {
     "low_coverage": "the anchors cover too little of the patch",
     "ambiguous": "the anchors do not settle where the patch is",
     "unobservable": "the patch can still move",
+    "not_settled": "the search ended before it came to rest",
 }
 LINES = 5  # of reasons
 LETTER = 0.56  # mean width of a letter, in heights
 LOW, HIGH, SIDE = 0.30, 0.90, 0.08  # where the board lies, in shares of the panel
 DISC, RING = 0.42, 0.72  # radii in pitches
-BARS = (0.1, 0.05, 0.02, 0.01, 0.005)  # lengths of the scale bar [m]
 KEYS = (
     "click a taxel here, then its point on the link",
     "(or the point first); drag turns the link",
@@ -59,6 +63,9 @@ KEYS = (
     "w  save         W  save whatever the status",
     "r  look at the patch              q  close",
 )
+
+STILL = 4  # a mouse that moved less than this between press and release has clicked [px]
+IDLE = 0.02  # between two looks at mouse and keys [s]
 
 
 class BoardPanel:
@@ -85,7 +92,6 @@ class BoardPanel:
         self.following = Marks(plotter, NEXT)
         self.anchors = Marks(plotter, ANCHOR)
         self.chosen = Marks(plotter, CHOSEN)
-        self.bar = Marks(plotter, FAINT)
         self.names = Names(self.renderer, font_px, ANCHOR)
         self.next_names = Names(self.renderer, font_px, NEXT)
         small = round(0.85 * font_px)
@@ -94,7 +100,6 @@ class BoardPanel:
         step = 1.45 * font_px / self.renderer.GetSize()[1]
         for row, text in enumerate(KEYS):
             Line(self.renderer, (SIDE, 0.20 - row * step), small, colour=FAINT).write(text)
-        self._length = Line(self.renderer, (SIDE, 0.262), small, colour=FAINT)
         self._look()
 
     def show(self, limits: Limits | None) -> None:
@@ -105,7 +110,7 @@ class BoardPanel:
             colours = np.tile(grey, (len(self.places), 1))
             following = np.zeros(0, np.int64)
         else:
-            colours = paint(MM * found.predicted_sd, limits)
+            colours = error_layer(limits).colours(MM * found.predicted_sd)
             following = found.next_taxels
         self.taxels.discs(self.places, self.up, DISC * self.pitch, colours)
         known = np.array([anchor.taxel for anchor in session.anchors], np.int64)
@@ -121,34 +126,21 @@ class BoardPanel:
 
     def place(self, x: float, y: float) -> FloatArray:
         """The place (2,) on the board under a pixel [m]."""
-        self.renderer.SetDisplayPoint(x, y, 0.0)
-        self.renderer.DisplayToWorld()
-        return np.array(self.renderer.GetWorldPoint())[:2]
+        return world_points(self.renderer, x, y)[0][:2]
 
     def _lifted(self, taxels: FloatArray | Any, layer: int) -> FloatArray:
         """Places of some taxels, in a layer above the discs [m]."""
         return self.places[taxels] + [0.0, 0.0, layer * 1e-4]
 
     def _look(self) -> None:
-        """Fit the board between the caption and the keys, and draw a bar of a round length."""
+        """Fit the board between the caption and the keys."""
         width, height = self.renderer.GetSize()
         low, high = self.places[:, :2].min(axis=0), self.places[:, :2].max(axis=0)
         wide, tall = high - low + 3.0 * self.pitch
         metres = max(wide / ((1 - 2 * SIDE) * width), tall / ((HIGH - LOW) * height))  # a pixel
         middle = 0.5 * (low + high)
         middle[1] -= ((HIGH + LOW) / 2 - 0.5) * height * metres
-        camera: Any = self.renderer.GetActiveCamera()
-        camera.SetFocalPoint(*middle, 0.0)
-        camera.SetPosition(*middle, 1.0)
-        camera.SetViewUp(0.0, 1.0, 0.0)
-        camera.SetParallelScale(0.5 * height * metres)
-        camera.SetClippingRange(0.5, 1.5)
-        length = next((bar for bar in BARS if bar < 0.45 * width * metres), BARS[-1])
-        left = middle[0] + (SIDE - 0.5) * width * metres
-        y = middle[1] + (0.272 - 0.5) * height * metres
-        ends = np.array([[left, y, 0.0], [left + length, y, 0.0]])
-        self.bar.show(make_lines(ends, np.array([[0, 1]])))
-        self._length.write(f"{length * 100:g} cm")
+        look_down(self.renderer, middle, metres)
 
 
 class CalibrationView:
@@ -160,7 +152,7 @@ class CalibrationView:
     window_size : (int, int)
         [px].
     off_screen : bool
-    options : PatchOptions
+    output : Outputs
         What `w` saves, and where.
     """
 
@@ -170,9 +162,9 @@ class CalibrationView:
         *,
         window_size: tuple[int, int] = SIZE,
         off_screen: bool = True,
-        options: PatchOptions = PatchOptions(),  # noqa: B008  (frozen)
+        output: Outputs = Outputs(),  # noqa: B008  (frozen)
     ) -> None:
-        self.session, self.options = session, options
+        self.session, self.output = session, output
         self.closed = False
         self.saved: SavedAnchors | None = None
         self.solve: Callable[[], None] = self.solve_now  # a window does it beside itself,
@@ -183,7 +175,7 @@ class CalibrationView:
         self.plotter = new_plotter(window_size, off_screen, panel=True)
         self.link = LinkPicture(self.plotter, session, font)
         body = self.link.renderer
-        self.bar = ErrorBar(body, font)
+        self.font, self.legend = font, Legend(body)
         self.letters = int(BODY_SHARE * width * 0.94 / (LETTER * font))
         step = 1.35 * font / height
         Line(body, (0.02, 0.975), font, bold=True).write(session.title)
@@ -205,7 +197,10 @@ class CalibrationView:
         """Draw what the session has now."""
         limits = self.link.show()
         self.board.show(limits)
-        self.bar.show(limits)
+        if limits is None:
+            self.legend.hide()
+        else:
+            self.legend.show(error_layer(limits), self.font)
         words, colour, why = self._verdict()
         self.status.write(words, colour)
         rows = [row for reason in why for row in textwrap.wrap(reason, self.letters)]
@@ -237,8 +232,7 @@ class CalibrationView:
     def click(self, x: float, y: float) -> None:
         """A click on a pixel, counted from the lower left: a taxel of the board, or a point."""
         if self.over_link(x):
-            hit = self.link.pick(x, y)
-            self.session.pick_point(None if hit is None else hit[0])
+            self.session.pick_point(self.link.pick(x, y))
         else:
             self.session.pick_board(self.board.place(x, y))
         self._changed()
@@ -285,13 +279,13 @@ class CalibrationView:
 
     def save(self, *, accept: bool = False) -> None:
         """Write the results; what goes wrong is said in the picture."""
-        if self.options.out is None:
+        if self.output.out is None:
             self.session.message = "nowhere to save to: start with -o FOLDER"
             return
         self.finish()
-        options = replace(self.options, accept=accept or self.options.accept)
+        output = replace(self.output, accept=accept or self.output.accept)
         try:
-            self.saved = self.session.save(options)
+            self.saved = self.session.save(output)
         except SkinError as error:
             self.session.message = str(error)
 
@@ -313,9 +307,7 @@ class CalibrationView:
     def pixel(self, point: NDArray[Any], *, board: bool = False) -> tuple[int, int]:
         """The pixel of a point (3,) on the link or the board [m], from the lower left."""
         renderer = self.board.renderer if board else self.link.renderer
-        renderer.SetWorldPoint(*point, 1.0)
-        renderer.WorldToDisplay()
-        x, y, _ = renderer.GetDisplayPoint()
+        x, y = project(renderer, np.asarray(point)[None])[0] + renderer.GetOrigin()
         return round(x), round(y)
 
     def frame(self) -> NDArray[np.uint8]:
@@ -326,3 +318,114 @@ class CalibrationView:
     def shut(self) -> None:
         """Give the window back."""
         self.plotter.close()
+
+
+class Mouse:
+    """Clicks told from drags: a drag turns the link, a click picks."""
+
+    def __init__(self, view: CalibrationView, interactor: Any) -> None:
+        self.view, self.interactor = view, interactor
+        self._pressed: tuple[int, int] | None = None
+        # Other keys of VTK's would end the program (e) or draw a wireframe (w) behind our back.
+        interactor.RemoveObservers("CharEvent")
+        interactor.RemoveObservers("KeyPressEvent")
+        interactor.AddObserver("KeyPressEvent", lambda *_: view.press(interactor.GetKeySym()))
+        # Through the style: while it drags, no other observer hears of the mouse.
+        style: Any = vtkInteractorStyleTrackballCamera()
+        interactor.SetInteractorStyle(style)
+        self.style = style
+        # Only VTK would know of the style and us otherwise: Python would clear us away meanwhile.
+        view.mouse = self
+        self.style.AddObserver("LeftButtonPressEvent", lambda *_: self.press())
+        self.style.AddObserver("LeftButtonReleaseEvent", lambda *_: self.release())
+        # So that the style leaves letters alone: its w would draw a wireframe.
+        self.style.AddObserver("CharEvent", lambda *_: None)
+        interactor.AddObserver("ExitEvent", lambda *_: view.close())
+
+    def press(self) -> None:
+        """Remember where the button went down; over the link a drag may follow."""
+        self._pressed = self.interactor.GetEventPosition()
+        if self.view.over_link(self._pressed[0]):
+            self.style.OnLeftButtonDown()
+
+    def release(self) -> None:
+        """A click where it came up at the same place."""
+        self.style.OnLeftButtonUp()
+        if self._pressed is None:
+            return
+        (x0, y0), (x, y) = self._pressed, self.interactor.GetEventPosition()
+        self._pressed = None
+        if abs(x - x0) < STILL and abs(y - y0) < STILL:
+            self.view.click(x, y)
+
+
+class Beside:
+    """Solves in another thread, so that the link can be turned meanwhile."""
+
+    def __init__(self, view: CalibrationView) -> None:
+        self.view = view
+        self._pool = ThreadPoolExecutor(1, "anchors")
+        self._job: Future[Solution] | None = None
+        view.solve = self.start
+        view.finish = self.wait
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being solved."""
+        return self._job is not None
+
+    def start(self) -> None:
+        """Begin with the anchors there are, unless it is at work: it looks again when done."""
+        session = self.view.session
+        if self._job is None:
+            job = session.task(), session.anchors
+            self._job = self._pool.submit(solve, *job)
+            session.message = "solving; go on"
+
+    def look(self, timeout: float | None = 0.0) -> bool:
+        """Take over what is done; whether there was something. Waits up to `timeout` seconds."""
+        if self._job is None:
+            return False
+        if timeout == 0.0 and not self._job.done():
+            return False
+        solution, self._job = self._job.result(timeout), None
+        session = self.view.session
+        first = session.found is None
+        session.accept(solution)
+        if session.ready:
+            self.start()
+        self.view.show_solution(first)
+        return True
+
+    def wait(self) -> None:
+        """Until all is solved: what is saved must not be solved twice at once."""
+        while self.busy:
+            self.look(None)
+
+    def close(self) -> None:
+        """Wait for what is being solved: a thread that outlives the program would crash it."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+def run(view: CalibrationView) -> None:
+    """Show a view made with `off_screen=False` until the user closes it."""
+    plotter: Any = view.plotter
+    plotter.subplot(0, 0)
+    plotter.show(interactive_update=True, auto_close=False, title="Skinmap: anchors")
+    interactor = plotter.iren.interactor
+    Mouse(view, interactor)
+    beside = Beside(view)
+    if view.session.ready:
+        beside.start()
+        view.refresh()
+    try:
+        while not view.closed:
+            interactor.ProcessEvents()
+            if interactor.GetDone():
+                break
+            beside.look()
+            view.window.Render()
+            time.sleep(IDLE)
+    finally:
+        beside.close()
+        view.shut()

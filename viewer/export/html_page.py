@@ -76,7 +76,6 @@ def web_scene(scene: Scene) -> WebScene:
         angles=scene.angles,
         links=scene.canvas.body.links,
         cell=CELL,
-        health=scene.data.watch,
     )
 
 

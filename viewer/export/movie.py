@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import os
 import shutil
-import struct
-from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, closing, contextmanager, suppress
+import subprocess
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +18,9 @@ from skinmap.io.output import refusals, staged_file
 
 Picture = NDArray[np.uint8]
 MOVIE_FPS = 25.0  # of movies of a scene: every other sample at 50 Hz
-BOX = struct.Struct(">I4s")  # length and kind: what an .mp4 file is made of
-QUALITY = "26"  # x264's constant rate factor: labels stay sharp, 6 s take about 1 MB
+# yuv420p plays in every browser and needs even sizes; x264's rate 26 keeps labels sharp, and 6 s
+# take about 1 MB.
+CODEC = "-an -c:v libx264 -pix_fmt yuv420p -crf 26 -preset veryfast -movflags +faststart"
 
 
 def write_movie(path: str | Path, frames: Iterable[Picture], fps: float) -> Path:
@@ -48,52 +47,24 @@ def write_movie(path: str | Path, frames: Iterable[Picture], fps: float) -> Path
     OutputError
         The folder does not exist or cannot be written to.
     """
-    path = Path(path)
-    if path.suffix == ".mp4" and not has_ffmpeg():
-        path = path.with_suffix(".gif")
-    with moved_file(path) as stage:
-        if _write(stage, frames, fps) == 0:
-            raise InvalidArrayError("a movie needs at least one picture")
-    return path
-
-
-@contextmanager
-def moved_file(path: Path) -> Iterator[Path]:
-    """A temporary path far from `path`, which is filled from there when all went well.
-
-    A movie takes long to make: whoever kills it finds nothing half made in the folder.
-
-    Raises
-    ------
-    OutputError
-        The folder of `path` does not exist or cannot be written to; told before any work.
-    """
-    if path.is_dir():
-        raise OutputError(f"cannot write {str(path)!r}: it is a folder")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        why = "no permission" if path.parent.is_dir() else "no such folder"
-        raise OutputError(f"cannot write {str(path)!r}: {why}")
-    with TemporaryDirectory(prefix="skinmap-", ignore_cleanup_errors=True) as folder:
-        stage = Path(folder) / f"movie{path.suffix}"
-        unfinished = OutputError(
-            f"cannot write {str(path)!r}: ffmpeg left no whole movie, for want of room in "
-            f"{str(Path(folder).parent)!r} perhaps"
-        )
-        try:
-            with refusals(path, stage):
-                yield stage
-        except OSError as error:
-            if "FFMPEG COMMAND" in str(error):  # it ended while pictures were written
-                raise unfinished from None
-            raise
-        if path.suffix == ".mp4" and not is_whole(stage):  # nobody looks at its exit code
-            raise unfinished
-        with staged_file(path) as copy:
-            shutil.copyfile(stage, copy)
+    movie = MovieWriter(path, fps)
+    try:
+        for picture in frames:
+            movie.add(picture)
+        written = movie.close()
+    except BaseException:
+        movie.drop()
+        raise
+    if written is None:
+        raise InvalidArrayError("a movie needs at least one picture")
+    return written
 
 
 class MovieWriter:
     """A movie that grows picture by picture, for windows that do not know how long it will be.
+
+    It is made far from its place and moved there when all went well: whoever kills it finds nothing
+    half made in the folder.
 
     Parameters
     ----------
@@ -101,6 +72,11 @@ class MovieWriter:
         Ends in .mp4 or .gif; without ffmpeg an .mp4 becomes a .gif.
     fps : float
         Pictures a second.
+
+    Raises
+    ------
+    OutputError
+        The folder does not exist or cannot be written to; told before any work.
     """
 
     def __init__(self, path: str | Path, fps: float) -> None:
@@ -108,10 +84,16 @@ class MovieWriter:
         self.path = path if has_ffmpeg() else path.with_suffix(".gif")
         self.fps = fps
         self.count = 0
-        self._stack = ExitStack()
-        self._stage = self._stack.enter_context(moved_file(self.path))
-        self._writer = self._stack.enter_context(_opened(self._stage, fps))
         self._size: tuple[int, int] | None = None
+        self._ffmpeg: subprocess.Popen[bytes] | None = None
+        self._pictures: list[Picture] = []  # of a gif, which is written at the end
+        if self.path.is_dir():
+            raise OutputError(f"cannot write {str(self.path)!r}: it is a folder")
+        if not os.access(self.path.parent, os.W_OK | os.X_OK):
+            why = "no permission" if self.path.parent.is_dir() else "no such folder"
+            raise OutputError(f"cannot write {str(self.path)!r}: {why}")
+        self._folder = TemporaryDirectory(prefix="skinmap-", ignore_cleanup_errors=True)
+        self._stage = Path(self._folder.name) / f"movie{self.path.suffix}"
 
     def add(self, picture: Picture) -> None:
         """Append a picture (h, w, 3); one of another size than the first is left out."""
@@ -119,75 +101,68 @@ class MovieWriter:
         size = (height - height % 2, width - width % 2)
         if self._size is None:
             self._size = size
+            if self.path.suffix != ".gif":
+                self._ffmpeg = self._started(*size)
         if size != self._size:
             return
-        self._writer.append_data(picture[: size[0], : size[1]])
+        cut = np.ascontiguousarray(picture[: size[0], : size[1]])
+        if self._ffmpeg is None:
+            self._pictures.append(cut)
+        elif self._ffmpeg.stdin is not None:
+            with suppress(OSError):  # it has ended: its exit code says so when the movie does
+                self._ffmpeg.stdin.write(cut.tobytes())
         self.count += 1
 
     def close(self) -> Path | None:
         """Finish the file; None, and no file, where no picture came."""
-        if self.count == 0:
-            with suppress(InvalidArrayError), self._stack:
-                raise InvalidArrayError("a movie needs at least one picture")
-            return None
-        self._stack.close()
-        return self.path
+        try:
+            if self.count == 0:
+                return None
+            with refusals(self.path, self._stage):
+                self._finish()
+            with staged_file(self.path) as copy:
+                shutil.copyfile(self._stage, copy)
+            return self.path
+        finally:
+            self.drop()
 
+    def drop(self) -> None:
+        """Give up what was made so far; after `close` nothing happens."""
+        if self._ffmpeg is not None:
+            self._ffmpeg.kill()
+            self._ffmpeg.communicate()
+        self._folder.cleanup()
 
-def is_whole(path: Path) -> bool:
-    """Whether the boxes of an .mp4 file end where it ends, and one of them is its index."""
-    kinds, place, size = set[bytes](), 0, path.stat().st_size if path.exists() else 0
-    with path.open("rb") if size else io.BytesIO() as file:
-        while place < size:
-            file.seek(place)
-            length, kind = BOX.unpack(file.read(BOX.size).ljust(BOX.size))
-            if length == 1:
-                length = int.from_bytes(file.read(8), "big")
-            kinds.add(kind)
-            place += max(length, BOX.size)
-    return place == size and b"moov" in kinds
+    def _started(self, height: int, width: int) -> subprocess.Popen[bytes]:
+        import imageio_ffmpeg
+
+        source = f"-y -v error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {self.fps:g} -i -"
+        words = [imageio_ffmpeg.get_ffmpeg_exe(), *source.split(), *CODEC.split(), self._stage]
+        quiet = subprocess.DEVNULL
+        return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
+
+    def _finish(self) -> None:
+        if self._ffmpeg is None:
+            from PIL import Image
+
+            first, *more = (Image.fromarray(one) for one in self._pictures)
+            each = round(1000.0 / self.fps)
+            first.save(self._stage, save_all=True, append_images=more, duration=each, loop=0)
+            return
+        with suppress(OSError):
+            self._ffmpeg.communicate()
+        if self._ffmpeg.wait() != 0:
+            raise OutputError(
+                f"cannot write {str(self.path)!r}: ffmpeg left no whole movie, for want of room in "
+                f"{str(self._stage.parent.parent)!r} perhaps"
+            )
 
 
 def has_ffmpeg() -> bool:
-    """Whether imageio finds an ffmpeg: its own wheel brings one on common machines."""
+    """Whether there is an ffmpeg: the wheel of imageio-ffmpeg brings one on common machines."""
     try:
         import imageio_ffmpeg
 
         return bool(imageio_ffmpeg.get_ffmpeg_exe())
     except (ImportError, RuntimeError):
         return False
-
-
-def _write(path: Path, frames: Iterable[Picture], fps: float) -> int:
-    count = 0
-    with _opened(path, fps) as writer:
-        for picture in frames:
-            height, width = picture.shape[:2]
-            writer.append_data(picture[: height - height % 2, : width - width % 2])
-            count += 1
-    return count
-
-
-@contextmanager
-def _opened(path: Path, fps: float) -> Iterator[Any]:
-    """The writer of imageio for a path, closed once: ffmpeg ends, whatever happens."""
-    import imageio
-
-    options: dict[str, Any] = {"duration": 1000.0 / fps, "loop": 0}
-    if path.suffix != ".gif":
-        options = {
-            "fps": fps,
-            "codec": "libx264",
-            "pixelformat": "yuv420p",  # plays in every browser; needs even sizes
-            "macro_block_size": 2,
-            "output_params": ["-crf", QUALITY, "-preset", "veryfast", "-movflags", "+faststart"],
-            "ffmpeg_log_level": "error",
-        }
-    open_writer: Any = imageio.get_writer
-    # A gif is kept in memory to its end anyway, and written here: imageio would try it thrice.
-    buffer = io.BytesIO()
-    where = {"uri": buffer, "format": "GIF"} if path.suffix == ".gif" else {"uri": str(path)}
-    with closing(open_writer(**where, **options)) as writer:
-        yield writer
-    if path.suffix == ".gif":
-        path.write_bytes(buffer.getvalue())

@@ -6,18 +6,18 @@ import math
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 from skinmap.errors import SkinError
+from viewer.drawing.frame.camera import focus, preset
 from viewer.drawing.frame.canvas import FOOT
-from viewer.drawing.frame.framing import focus, preset
-from viewer.drawing.touches.contact_courses import COURSES
-from viewer.interaction.lasso import Lasso
+from viewer.drawing.touches.traces import COURSES
 from viewer.interaction.mouse import Mouse
 from viewer.interaction.overlays import ROOM, Notice, Slider, TextBox
 from viewer.interaction.picking import within
 from viewer.interaction.pointing import Pointing
 from viewer.interaction.saving import Files
-from viewer.interaction.selection import Reach
+from viewer.interaction.selection import Lasso, Reach
 from viewer.layers import LAYERS
 from viewer.playing.player import Player
 from viewer.scene import Scene
@@ -31,65 +31,65 @@ class Key:
 
     Attributes
     ----------
-    names : tuple of str
-        As X11 and VTK name the keys ("space", "Right", "plus").
     shown : str
-        As people read them.
+        Keys as people read them.
     text : str
-        What they do; empty where another line tells it.
-    action : str
-        Name of a method of `viewer.interaction.controls.Controls`, or of its `files`.
-    argument : str or float, optional
-        What the method gets.
+        What they do.
+    actions : dict of str to tuple
+        By names of keys, as X11 and VTK have them ("space", "Right", "plus"): a method of
+        `viewer.interaction.controls.Controls`, or of its `files`, and what it gets.
     """
 
-    names: tuple[str, ...]
     shown: str
     text: str
-    action: str
-    argument: str | float | None = None
+    actions: dict[str, tuple[Any, ...]]
 
 
+QUICKER, SLOWER = ("change_speed", 2.0), ("change_speed", 0.5)
 KEYS = (
-    Key(("space",), "space", "pause, go on", "toggle_pause"),
-    Key(("Right",), "left right", "one sample back, on", "step", 1),
-    Key(("Left",), "", "", "step", -1),
-    Key(("Up",), "down up", "one second back, on", "jump", 1.0),
-    Key(("Down",), "", "", "jump", -1.0),
-    Key(("Home",), "home", "to the beginning", "jump", -1e9),
-    Key(("plus", "KP_Add", "equal"), "+ -", "quicker, slower", "change_speed", 2.0),
-    Key(("minus", "KP_Subtract"), "", "", "change_speed", 0.5),
-    Key(("l",), "l", "loop", "toggle_loop"),
-    Key(("1", "KP_1"), "1 to 8", ", ".join(LAYERS[:4]), "choose_layer", LAYERS[0]),
-    *(
-        Key((str(k + 1), f"KP_{k + 1}"), "", "", "choose_layer", name)
-        for k, name in enumerate(LAYERS)
-        if k
+    Key("space", "pause, go on", {"space": ("toggle_pause",)}),
+    Key("left right", "one sample back, on", {"Left": ("step", -1), "Right": ("step", 1)}),
+    Key("down up", "one second back, on", {"Down": ("jump", -1.0), "Up": ("jump", 1.0)}),
+    Key("home", "to the beginning", {"Home": ("jump", -1e9)}),
+    Key(
+        "+ -",
+        "quicker, slower",
+        dict.fromkeys(("plus", "KP_Add", "equal"), QUICKER)
+        | dict.fromkeys(("minus", "KP_Subtract"), SLOWER),
     ),
-    Key((), "", ", ".join(LAYERS[4:]), ""),
-    Key(("d",), "d", "discs or surface", "toggle_style"),
-    Key(("Tab",), "tab", "flat map of the next part", "next_map"),
-    Key(("k",), "k", "plot taxels, force, area, speed", "next_plot"),
-    Key(("m",), "m p c", "choose module, patch; clear", "choose_module"),
-    Key(("p",), "", "", "choose_patch"),
-    Key(("c",), "", "", "clear"),
-    Key(("f",), "f b", "look from front, back", "look", "front"),
-    Key(("b",), "", "", "look", "back"),
-    Key(("bracketleft",), "[ ] t", "left, right, top", "look", "left"),
-    Key(("bracketright",), "", "", "look", "right"),
-    Key(("t",), "", "", "look", "top"),
-    Key(("g",), "g", "go to the touches", "focus"),
-    Key(("r",), "r", "the whole robot again", "whole"),
-    Key(("a",), "a", "camera and map follow touches", "follow"),
-    Key(("v",), "v V", "save, load the view", "files.save_view"),
-    Key(("V",), "", "", "load_view"),
-    Key(("s",), "s", "screenshot", "files.screenshot"),
-    Key(("o",), "o", "movie: start, end", "files.toggle_movie"),
-    Key(("x",), "x e", "export glTF, HTML page", "files.export_gltf"),
-    Key(("e",), "", "", "files.export_html"),
-    Key(("h", "question"), "h", "this help", "toggle_help"),
-    Key(("Escape",), "esc", "close help and box", "put_away"),
-    Key(("q",), "q", "close the window", "close"),
+    Key("l", "loop", {"l": ("toggle_loop",)}),
+    Key(
+        "1 to 8",
+        ", ".join(LAYERS[:4]),
+        {f"{pad}{k}": ("choose_layer", n) for k, n in enumerate(LAYERS, 1) for pad in ("", "KP_")},
+    ),
+    Key("", ", ".join(LAYERS[4:]), {}),
+    Key("d", "discs or surface", {"d": ("toggle_style",)}),
+    Key("tab", "flat map of the next part", {"Tab": ("next_map",)}),
+    Key("k", "plot taxels, force, area, speed", {"k": ("next_plot",)}),
+    Key(
+        "m p c",
+        "choose module, patch; clear",
+        {"m": ("choose", "module"), "p": ("choose", "patch"), "c": ("clear",)},
+    ),
+    Key("f b", "look from front, back", {"f": ("look", "front"), "b": ("look", "back")}),
+    Key(
+        "[ ] t",
+        "left, right, top",
+        {"bracketleft": ("look", "left"), "bracketright": ("look", "right"), "t": ("look", "top")},
+    ),
+    Key("g", "go to the touches", {"g": ("focus",)}),
+    Key("r", "the whole robot again", {"r": ("whole",)}),
+    Key("a", "camera and map follow touches", {"a": ("follow",)}),
+    Key("v V", "save, load the view", {"v": ("files.save_view",), "V": ("load_view",)}),
+    Key("s", "screenshot", {"s": ("files.screenshot",)}),
+    Key("o", "movie: start, end", {"o": ("files.toggle_movie",)}),
+    Key(
+        "x e", "export glTF, HTML page", {"x": ("files.export_gltf",), "e": ("files.export_html",)}
+    ),
+    Key("h", "this help", dict.fromkeys(("h", "question"), ("toggle_help",))),
+    Key("esc", "close help and box", {"Escape": ("put_away",)}),
+    Key("q", "close the window", {"q": ("close",)}),
 )
 MOUSE = (
     ("drag", "turn (left), move (middle)"),
@@ -104,13 +104,8 @@ WIDE = 11  # letters of the first column
 
 def help_lines() -> tuple[str, ...]:
     """The help overlay."""
-    rows = [(key.shown, key.text) for key in KEYS if key.text]
+    rows = [(key.shown, key.text) for key in KEYS]
     return tuple(f"{shown:<{WIDE}}{text}" for shown, text in (*rows, ("", ""), *MOUSE))
-
-
-def key_for(name: str) -> Key | None:
-    """What a key does; None for others."""
-    return next((key for key in KEYS if name in key.names), None)
 
 
 class Controls:
@@ -159,15 +154,12 @@ class Controls:
 
     def press(self, name: str) -> bool:
         """Do what a key stands for; False for keys that stand for nothing."""
-        key = key_for(name)
-        if key is None:
+        action = next((key.actions[name] for key in KEYS if name in key.actions), None)
+        if action is None:
             return False
-        action = attrgetter(key.action)(self)
+        method, *arguments = action
         try:
-            if key.argument is None:
-                action()
-            else:
-                action(key.argument)
+            attrgetter(method)(self)(*arguments)
         except SkinError as error:  # a folder that cannot be written to ends no session
             self.say(str(error))
         self.changed = True
@@ -282,15 +274,8 @@ class Controls:
 
     # Choosing.
 
-    def choose_module(self) -> None:
-        """The module of the taxel under the mouse."""
-        self._choose("module")
-
-    def choose_patch(self) -> None:
-        """The patch of the taxel under the mouse."""
-        self._choose("patch")
-
-    def _choose(self, reach: Reach) -> None:
+    def choose(self, reach: Reach) -> None:
+        """The module or patch of the taxel under the mouse."""
         if self.pointing.pointed is None:
             self.say("point at a taxel first")
         else:

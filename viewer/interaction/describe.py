@@ -1,18 +1,21 @@
-"""What is known of one taxel, in lines of text."""
+"""What is known of one taxel: for the page as it is, for the window's box in lines of text."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.live.moment import Moment
+from skinmap.summary import first_few
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.interaction.picking import Pick
-from viewer.layers import Layer
+from viewer.drawing.panel.touch_list import caption
+from viewer.drawing.skin.taxel_drawing import SIGNS
+from viewer.layers import Layer, Layers
+from viewer.web.packing import finite
 
 MANY = 8  # neighbours that are listed by number
 
@@ -26,82 +29,115 @@ def neighbours(skin: PreparedSkin, taxel: int) -> IntArray:
 
 
 def describe(
-    pick: Pick, skin: PreparedSkin, moment: Moment | None, shown: Layer, structures: Layer | None
-) -> tuple[str, ...]:
-    """Lines for the box at a taxel.
+    layers: Layers,
+    part: str,
+    taxel: int,
+    moment: Moment | None,
+    *,
+    shown: str = "pressure",
+    structure: bool = True,
+) -> dict[str, Any]:
+    """Channel, module, place and values of a taxel.
 
     Parameters
     ----------
-    pick : Pick
-    skin : PreparedSkin
-        Of the part.
+    part : str
+    taxel : int
+        Dense row.
     moment : Moment or None
         What is shown now.
-    shown : Layer
-        Its value is told beside pressure and raw value.
-    structures : Layer or None
-        None where they are not known yet.
+    shown : str
+        The page's layer.
+    structure : bool
+        Whether to name its structure: finding those of a robot takes a second the first time.
+
+    Raises
+    ------
+    UnknownNameError, InvalidArrayError
+        A part or a taxel that is not there.
     """
-    table, taxel = skin.skin, pick.taxel
-    position = " ".join(f"{1e3 * value:.1f}" for value in table.positions[taxel])
-    normal = " ".join(f"{value:.2f}" for value in table.normals[taxel])
-    around = table.channels[neighbours(skin, taxel)]
-    listed = " ".join(str(channel) for channel in around[:MANY])
-    more = f" and {len(around) - MANY} more" if len(around) > MANY else ""
-    lines = [
-        f"{pick.part.replace('_', ' ')}, channel {table.channels[taxel]}",
-        f"module {table.modules[taxel]}, patch {skin.patches[taxel] + 1}, taxel {taxel}",
+    if part not in layers.skins:
+        raise UnknownNameError("part shown", part, layers.skins)
+    prepared = layers.skins[part]
+    skin = prepared.skin
+    if not 0 <= taxel < len(skin):
+        raise InvalidArrayError(f"{part!r} has taxels 0 to {len(skin) - 1}, not {taxel}")
+    touches = () if moment is None else moment.touches
+    return {
+        "part": part,
+        "taxel": taxel,
+        "channel": int(skin.channels[taxel]),
+        "module": int(skin.modules[taxel]),
+        "patch": int(prepared.patches[taxel]) + 1,
+        "link": skin.link,
+        "position_mm": (1e3 * skin.positions[taxel]).round(1).tolist(),
+        "normal": skin.normals[taxel].round(2).tolist(),
+        "neighbours": skin.channels[neighbours(prepared, taxel)].tolist(),
+        **_felt(part, taxel, moment),
+        "structure": _structure(layers, part, taxel) if structure else "being found",
+        "health": _category(layers.get("health"), part, taxel, moment),
+        "shown": _shown(layers.get(shown), part, taxel, moment),
+        "touches": [caption(t) for t in touches if t.part == part and taxel in t.taxels],
+    }
+
+
+def _felt(part: str, taxel: int, moment: Moment | None) -> dict[str, Any]:
+    """Pressure and raw value as they came, and which of them did."""
+    found: dict[str, Any] = {"sent": []}
+    for name, kind in (("pressure", "pressures"), ("raw", "raw")):
+        values = {} if moment is None else getattr(moment, kind)
+        found[name] = finite(float(values[part][taxel])) if part in values else None
+        found["sent"] += [name] if part in values else []
+    return found
+
+
+def _shown(layer: Layer, part: str, taxel: int, moment: Moment | None) -> dict[str, Any]:
+    """What the layer that is shown says."""
+    known = not layer.categories
+    return {
+        "name": layer.name,
+        "title": layer.title,
+        "unit": layer.unit,
+        "value": finite(layer.values(part, moment)[taxel]) if known else None,
+        "category": _category(layer, part, taxel, moment),
+    }
+
+
+def _category(layer: Layer, part: str, taxel: int, moment: Moment | None) -> str | None:
+    if not layer.categories:
+        return None
+    kind = layer.values(part, moment)[taxel]
+    return layer.categories[round(kind)] if np.isfinite(kind) else None
+
+
+def _structure(layers: Layers, part: str, taxel: int) -> str:
+    return _category(layers.get("structures"), part, taxel, None) or "unknown"
+
+
+def lines(about: Mapping[str, Any]) -> tuple[str, ...]:
+    """What is known of a taxel, as `describe` has it, for the box beside it."""
+    position = " ".join(f"{value:.1f}" for value in about["position_mm"])
+    normal = " ".join(f"{value:.2f}" for value in about["normal"])
+    told = [
+        f"{name} {about[name]:.4g}" if about[name] is not None else f"{name} unknown"
+        for name in about["sent"]
+    ]
+    written = [
+        f"{about['part'].replace('_', ' ')}, channel {about['channel']}",
+        f"module {about['module']}, patch {about['patch']}, taxel {about['taxel']}",
         f"position {position} mm",
         f"normal {normal}",
-        f"neighbours {listed or 'none'}{more}",
-        *_values(pick, moment, shown),
+        f"neighbours {first_few(about['neighbours'], MANY, ' ') or 'none'}",
     ]
-    if structures is not None:
-        lines.append(f"structure {_value(structures, pick, moment)}")
-    if moment is not None:
-        lines += [
-            f"in {_named(touch)}"
-            for touch in moment.touches
-            if touch.part == pick.part and taxel in touch.taxels
-        ]
-    return tuple(lines)
-
-
-def _values(pick: Pick, moment: Moment | None, shown: Layer) -> list[str]:
-    """Pressure and raw value as they came, and what the layer shows if it is neither."""
-    lines = []
-    if moment is not None:
-        sent: tuple[tuple[str, Mapping[str, object]], ...] = (
-            ("pressure", moment.pressures),
-            ("raw", moment.raw),
-        )
-        told = [
-            f"{name} {_number(values[pick.part], pick.taxel)}"
-            for name, values in sent
-            if pick.part in values
-        ]
-        if told:
-            lines.append(", ".join(told) + " counts")
-    if shown.name not in ("pressure", "raw", "structures", "patches"):
-        lines.append(f"{shown.title} {_value(shown, pick, moment)}")
-    return lines
-
-
-def _number(values: object, taxel: int) -> str:
-    value = float(np.asarray(values)[taxel])
-    return f"{value:.4g}" if math.isfinite(value) else "unknown"
-
-
-def _value(layer: Layer, pick: Pick, moment: Moment | None) -> str:
-    value = float(layer.values(pick.part, moment)[pick.taxel])
-    if not math.isfinite(value):
-        return "unknown"
-    if layer.categories:
-        return layer.categories[round(value)]
-    return f"{value:.3g} {layer.unit.partition(',')[0]}"
-
-
-def _named(touch: NamedTouch) -> str:
-    name = touch.label.replace("_", " ")
-    sure = f" {100 * touch.confidence:.0f} %" if math.isfinite(touch.confidence) else ""
-    return f"{name}{sure}"
+    if told:
+        written.append(", ".join(told) + " counts")
+    shown = about["shown"]
+    if shown["name"] not in ("pressure", "raw", "structures", "patches"):
+        value = "unknown" if shown["category"] is None else shown["category"]
+        if shown["value"] is not None:
+            value = f"{shown['value']:.3g} {shown['unit'].partition(',')[0]}"
+        written.append(f"{shown['title']} {value}")
+    if shown["name"] != "health" and about["health"] in SIGNS:
+        written.append(f"health {about['health']}")
+    written.append(f"structure {about['structure']}")
+    return (*written, *(f"in {touch}" for touch in about["touches"]))

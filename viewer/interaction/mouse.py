@@ -7,45 +7,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal
 
-from viewer.interaction.lasso import Lasso
-from viewer.interaction.selection import Reach
+from viewer.interaction.selection import Lasso, Reach
+
+if TYPE_CHECKING:
+    from viewer.interaction.controls import Controls
 
 CLICK = 4.0  # a press that moves less is a click [px]
 
 Doing = Literal["nothing", "turning", "sliding", "lasso"]
 
 
-class Listener(Protocol):
-    """What the mouse tells, in pixels of the window."""
-
-    def over_slider(self, x: float, y: float) -> bool:
-        """Whether a press there takes the time slider."""
-
-    def over_map(self, x: float, y: float) -> bool:
-        """Whether the flat map is there."""
-
-    def slide(self, x: float) -> None:
-        """Lead the recording to where the slider was dragged."""
-
-    def trace(self, lasso: Lasso | None) -> None:
-        """Show the lasso as far as it is drawn, or take it away."""
-
-    def enclose(self, lasso: Lasso, *, add: bool) -> None:
-        """Choose what lies within a lasso."""
-
-    def click(self, x: float, y: float, reach: Reach, *, add: bool) -> None:
-        """Choose what is there."""
-
-    def point(self, x: float, y: float) -> None:
-        """The mouse rests or moves there without a button."""
-
-
 class Mouse:
     """Follows one mouse with its left button."""
 
-    def __init__(self, listener: Listener) -> None:
+    def __init__(self, listener: Controls) -> None:
         self.listener = listener
         self.doing: Doing = "nothing"
         self._from = (0.0, 0.0)

@@ -7,13 +7,11 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-import pyvista as pv
-from vtkmodules.util.numpy_support import numpy_to_vtk
-from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer
+from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.arrays import FloatArray
 from viewer.colours import FAINT, INK, PANEL, RIM, rgb
-from viewer.drawing.frame.polydata import make_lines, make_mesh
+from viewer.drawing.words.shapes import Shape, Shapes, disc, rectangle, tint
 from viewer.drawing.words.text_lines import Line
 
 ASIDE = 1.1  # of the box from what it tells of, in letters
@@ -27,8 +25,7 @@ HANDLE = 0.5  # radius, in letters
 GRIP = 1.0  # how far beside the bar a press still counts, in letters
 ROOM = 3.2  # what the slider needs at the foot of the picture, in letters
 NOTE = 0.85  # height of its text, in letters
-POINTS = 20  # of each shape of the slider
-SPAN = 3.2  # of touches above the bar, in halves of its height
+SPAN = 1.6  # of touches above the bar, in its heights
 Spans = tuple[tuple[float, float, str], ...]  # from, to [s] and colour
 
 
@@ -112,44 +109,30 @@ class Notice(TextBox):
         return True
 
 
-class Trace2D:
-    """Lines in front of the picture, in pixels of the renderer: a lasso, or a ring at a taxel."""
+class Trace2D(Shapes):
+    """A closed line in front of the picture: a lasso, or a ring at a taxel."""
 
-    def __init__(self, renderer: vtkRenderer, colour: str = INK, width: float = 2.0) -> None:
-        self.renderer = renderer
-        self._mapper = vtkPolyDataMapper2D()
-        self.actor = vtkActor2D()
-        self.actor.SetMapper(self._mapper)
-        self.actor.GetProperty().SetColor(*rgb(colour))
-        self.actor.GetProperty().SetLineWidth(width)
+    def __init__(self, renderer: vtkRenderer) -> None:
+        super().__init__(renderer, 2.0)
         self.hide()
-        renderer.AddViewProp(self.actor)
 
     @property
     def shown(self) -> bool:
         """Whether it is in the picture."""
         return bool(self.actor.GetVisibility())
 
-    def remove(self) -> None:
-        """Take it out of the renderer."""
-        self.renderer.RemoveViewProp(self.actor)
-
     def hide(self) -> None:
         """Take it out of the picture."""
-        self._mapper.SetInputData(pv.PolyData())
         self.actor.SetVisibility(False)
 
-    def draw(self, corners: FloatArray) -> None:
+    def trace(self, corners: FloatArray) -> None:
         """Show a closed line through corners (k, 2) [px]."""
-        k = np.arange(len(corners))
-        points = np.column_stack([corners, np.zeros(len(corners))])
-        self._mapper.SetInputData(make_lines(points, np.stack([k, np.roll(k, -1)], axis=1)))
+        self.draw([(np.vstack([corners, corners[:1]]), tint(INK))])
         self.actor.SetVisibility(True)
 
     def ring(self, x: float, y: float, radius: float) -> None:
         """Show a circle [px]."""
-        angle = np.arange(CORNERS) * 2 * np.pi / CORNERS
-        self.draw(np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)]))
+        self.trace(disc(x, y, radius, CORNERS))
 
 
 class Slider:
@@ -167,12 +150,9 @@ class Slider:
         self.position, self.span = 0.0, (0.0, math.nan)
         self._touches: Spans = ()
         self._drawn: tuple[object, ...] = ()
-        self._mapper = vtkPolyDataMapper2D()
-        self._mapper.SetScalarModeToUseCellData()
-        self.actor = vtkActor2D()
-        self.actor.SetMapper(self._mapper)
+        self._shapes = Shapes(renderer)
+        self.actor = self._shapes.actor
         self.actor.SetVisibility(False)
-        renderer.AddViewProp(self.actor)
         self._text = Line(renderer, (LEFT, 0.0), round(NOTE * font_px), colour=INK)
         self._text.write("")
 
@@ -184,7 +164,7 @@ class Slider:
 
     def remove(self) -> None:
         """Take it out of the renderer."""
-        self.renderer.RemoveViewProp(self.actor)
+        self._shapes.remove()
         self.renderer.RemoveViewProp(self._text.actor)
 
     @property
@@ -249,43 +229,22 @@ class Slider:
         told = (clock if self.shown else "", note)
         self._text.write("   ".join(text for text in told if text))
         if self.shown:
-            self._mapper.SetInputData(self._picture())
+            self._shapes.draw(polygons=self._picture())
 
-    def _picture(self) -> pv.PolyData:
+    def _picture(self) -> list[Shape]:
         x0, y0 = self.renderer.GetOrigin()
         left, right, middle = self.bar
         left, right, middle = left - x0, right - x0, middle - y0
         x = self.place(self.position)[0] - x0
-        half = THICK * self.font_px / 2
-        shapes = [_rectangle(left, right, middle, half), _rectangle(left, x, middle, half)]
-        colours = [RIM, FAINT]
+        thick = THICK * self.font_px
+
+        def bar(start: float, end: float, rise: float, colour: str) -> Shape:
+            bottom = middle + (rise - 0.5) * thick
+            return rectangle(start, bottom, end - start, thick), tint(colour)
+
+        shapes = [bar(left, right, 0.0, RIM), bar(left, x, 0.0, FAINT)]
         for began, ended, colour in self._touches:
             a, b = (self.place(time)[0] - x0 for time in (began, ended))
-            shapes.append(_rectangle(a, max(b, a + 2.0), middle + SPAN * half, half))
-            colours.append(colour)
-        shapes.append(_disc(x, middle, HANDLE * self.font_px))
-        colours.append(INK)
-        points = np.concatenate(shapes)
-        faces = np.arange(len(points)).reshape(-1, POINTS)
-        mesh = make_mesh(np.column_stack([points, np.zeros(len(points))]), faces)
-        rows = (255 * np.array([rgb(colour) for colour in colours])).astype(np.uint8)
-        mesh.GetCellData().SetScalars(numpy_to_vtk(rows, deep=True))
-        return mesh
-
-
-def _rectangle(left: float, right: float, middle: float, half: float) -> np.ndarray:
-    """Corners, some twice: all shapes have as many, so that one call makes the mesh."""
-    corners = np.array(
-        [
-            [left, middle - half],
-            [right, middle - half],
-            [right, middle + half],
-            [left, middle + half],
-        ]
-    )
-    return np.repeat(corners, POINTS // 4, axis=0)
-
-
-def _disc(x: float, y: float, radius: float) -> np.ndarray:
-    angle = np.arange(POINTS) * 2 * np.pi / POINTS
-    return np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)])
+            shapes.append(bar(a, max(b, a + 2.0), SPAN, colour))
+        handle = disc(x, middle, HANDLE * self.font_px, CORNERS)
+        return [*shapes, (handle, tint(INK))]

@@ -10,11 +10,9 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.live.moment import Moment
-from viewer.colours import INK
 from viewer.drawing.frame import camera
 from viewer.drawing.frame.camera import project
-from viewer.interaction.describe import describe
-from viewer.interaction.lasso import Lasso
+from viewer.interaction.describe import describe, lines
 from viewer.interaction.mouse import Pace
 from viewer.interaction.overlays import RING, TextBox, Trace2D
 from viewer.interaction.picking import (
@@ -26,7 +24,7 @@ from viewer.interaction.picking import (
     within,
     world_points,
 )
-from viewer.interaction.selection import Reach, Selection, reached
+from viewer.interaction.selection import Lasso, Reach, Selection, reached
 from viewer.scene import Scene
 
 HOVER = 0.06  # between two looks at what lies under the mouse [s]
@@ -52,7 +50,7 @@ class Pointing:
         if scene.panel is not None:
             self._boxes["map"] = TextBox(scene.panel.renderer, scene.font_px)
             self._rings["map"] = Trace2D(scene.panel.renderer)
-            self._line = Trace2D(scene.panel.renderer, INK)
+            self._line = Trace2D(scene.panel.renderer)
 
     # Picking.
 
@@ -165,13 +163,10 @@ class Pointing:
 
     def lines(self, pick: Pick) -> tuple[str, ...]:
         """What the box says of a taxel."""
-        return describe(
-            pick,
-            self.skins[pick.part],
-            self.moment,
-            self.scene.layer,
-            self.scene.data.get("structures"),
+        about = describe(
+            self.scene.data, pick.part, pick.taxel, self.moment, shown=self.scene.layer.name
         )
+        return lines(about)
 
     def remove(self) -> None:
         """Take boxes and lines out of the scene."""
@@ -231,7 +226,7 @@ class Pointing:
         if lasso is None:
             self._line.hide()
         else:
-            self._line.draw(lasso.corners - np.array(self._line.renderer.GetOrigin()))
+            self._line.trace(lasso.corners - np.array(self._line.renderer.GetOrigin()))
 
     def clear(self) -> None:
         """Choose nothing."""

@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from skinmap.errors import OutputError, SkinMismatchError, UnknownNameError
+from skinmap.errors import OutputError, SkinMismatchError
+from skinmap.skin.robot import Robot
 from viewer.export.gltf import write_gltf
 from viewer.export.html_page import write_html
 from viewer.export.movie import MOVIE_FPS, MovieWriter
 from viewer.interaction.pointing import Pointing
 from viewer.interaction.selection import Selection
 from viewer.interaction.view_file import SavedView, load_view, save_view
-from viewer.scene import Scene
+from viewer.scene import Scene, check_part, check_taxels
 
 NUMBERS = 100_000
 
@@ -53,26 +54,25 @@ def view_of(scene: Scene, selection: Selection) -> SavedView:
     )
 
 
+def check_view(view: SavedView, robot: Robot) -> None:
+    """Raise SkinMismatchError for a view of another robot."""
+    if view.robot != robot.name:
+        raise SkinMismatchError(
+            f"the view was saved of {view.robot!r}, this robot is {robot.name!r}"
+        )
+
+
 def apply_view(scene: Scene, view: SavedView, selection: Selection) -> None:
     """Show what was saved; nothing changes where it does not fit the scene.
 
     Raises
     ------
-    SkinMismatchError, UnknownNameError
+    SkinMismatchError, UnknownNameError, InvalidArrayError
         A view of another robot, with taxels that are not there or a layer that does not exist.
     """
-    if view.robot != scene.robot.name:
-        raise SkinMismatchError(
-            f"the view was saved of {view.robot!r}, this robot is {scene.robot.name!r}"
-        )
+    check_view(view, scene.robot)
     for part, taxels in view.selection.items():
-        if part not in scene.layers:
-            raise UnknownNameError("part in this scene", part, scene.layers)
-        n = len(scene.layers[part].skin)
-        if max(taxels, default=0) >= n:
-            raise SkinMismatchError(
-                f"the view's selection names taxel {max(taxels)}, {part!r} has {n} taxels"
-            )
+        check_taxels(taxels, part, len(check_part(part, scene.layers).skin))
     scene.set_layer(view.layer)
     scene.set_style(view.style)
     if view.part and scene.panel is not None:

@@ -1,24 +1,27 @@
-"""Saved views: what is shown and from where, in a small JSON file."""
+"""Saved views: what is shown, from where and how, in a small JSON file."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, TypeVar
 
-from skinmap.errors import DataFormatError, MissingFileError
+import msgspec
+
+from skinmap.errors import DataFormatError, MissingFileError, SkinError, UnknownNameError
 from skinmap.io.output import staged_file
 
 FORMAT = "skinmap-view"
 VERSION = 1
 LARGEST = 4_000_000  # bytes: far above a view with every taxel of a large skin chosen
-LARGEST_NUMBER = 1e300  # still finite in sums
-MODES = ("auto", "still", "free")
-STYLES = ("discs", "surface")
-TRIPLES = ("position", "focus", "up")
+Number = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]  # still finite in sums
+T = TypeVar("T")
+Triple = tuple[Number, Number, Number]
+LENS = ("position", "focus", "up", "angle", "mode")  # stand under "camera" in the file
+Side = Annotated[int, msgspec.Meta(ge=160, le=8000)]  # of a picture [px]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,48 +47,85 @@ class SavedView:
     """
 
     robot: str
-    position: tuple[float, float, float]
-    focus: tuple[float, float, float]
-    up: tuple[float, float, float]
-    angle: float
-    mode: str = "free"
+    position: Triple
+    focus: Triple
+    up: Triple
+    angle: Annotated[float, msgspec.Meta(ge=0.1, le=170.0)]
+    mode: Literal["auto", "still", "free"] = "free"
     layer: str = "pressure"
-    style: str = "surface"
+    style: Annotated[str, msgspec.Meta(pattern="^(surface|discs)$")] = "surface"
     part: str = ""
-    selection: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    selection: dict[str, tuple[Annotated[int, msgspec.Meta(ge=0)], ...]] = field(
+        default_factory=dict
+    )
+
+
+class Settings(msgspec.Struct, frozen=True):
+    """How all is drawn: what stands in the file beside the camera, or without one.
+
+    Attributes
+    ----------
+    layer : str or None
+    style : {"surface", "discs"} or None
+    links : {"all", "skin", "none"}
+        What is drawn of the body: all, the links with the parts' skin, nothing.
+    size : (int, int) or None
+        Width and height of the picture [px].
+    ranges : dict of str to (float, float)
+        Values of the first and last colour of layers.
+    pose : dict of str to float
+        Joint angles [deg]; the natural pose without.
+    """
+
+    layer: str | None = None
+    style: Literal["surface", "discs"] | None = None
+    links: Literal["all", "skin", "none"] = "all"
+    size: tuple[Side, Side] | None = None
+    ranges: dict[str, tuple[float, float]] = {}
+    pose: dict[str, float] = {}
+
+
+CAMERA = ("format", "version", "robot", "camera", "part", "selection")
+
+
+def load_settings(path: Path) -> Settings:
+    """Read how all is drawn from the file of a view, with a camera in it or without.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError, UnknownNameError
+        As `load_view`; a setting that does not exist, or with another value than it can have.
+    """
+    content = _content(path)
+    names = (*CAMERA, *Settings.__struct_fields__)
+    for name in content:
+        if name not in names:
+            raise UnknownNameError(f"setting in {str(path)!r}", name, names)
+    return _convert(content, Settings, path)
 
 
 def save_view(view: SavedView, path: Path) -> Path:
-    """Write a view.
+    """Write a view; what the file already says of links, size, ranges and pose stays.
 
     Raises
     ------
     OutputError
         The folder does not exist or cannot be written to.
     """
+    content = content_of(view)
+    with suppress(SkinError):
+        before = _content(path)
+        content |= {name: before[name] for name in Settings.__struct_fields__[2:] if name in before}
     with staged_file(path) as stage:
-        stage.write_text(json.dumps(content_of(view), indent=2) + "\n", encoding="utf-8")
+        stage.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     return path
 
 
 def content_of(view: SavedView) -> dict[str, Any]:
     """What is written of a view."""
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "robot": view.robot,
-        "camera": {
-            "position": view.position,
-            "focus": view.focus,
-            "up": view.up,
-            "angle": view.angle,
-            "mode": view.mode,
-        },
-        "layer": view.layer,
-        "style": view.style,
-        "part": view.part,
-        "selection": {part: list(taxels) for part, taxels in view.selection.items()},
-    }
+    content = asdict(view)
+    camera = {name: content.pop(name) for name in LENS}
+    return {"format": FORMAT, "version": VERSION, "camera": camera, **content}
 
 
 def load_view(path: Path) -> SavedView:
@@ -96,6 +136,31 @@ def load_view(path: Path) -> SavedView:
     MissingFileError, DataFormatError
         No such file; one that is damaged, too large, no view at all or of another version.
     """
+    content = _content(path)
+    camera = content.get("camera")
+    if not isinstance(camera, dict):
+        raise DataFormatError('damaged view: "camera" expected', path)
+    view = _convert({**content, **camera}, SavedView, path)
+    if math.dist(view.position, view.focus) < 1e-9 or math.hypot(*view.up) < 1e-9:
+        raise DataFormatError("damaged view: the camera looks nowhere", path)
+    return view
+
+
+def _convert(content: dict[str, Any], kind: type[T], path: Path) -> T:
+    """A file's content as what it is to be."""
+    try:
+        return msgspec.convert(content, kind)
+    except (msgspec.ValidationError, OverflowError) as error:
+        raise DataFormatError(f"damaged view: {error}", path) from None
+
+
+def has_camera(path: Path) -> bool:
+    """Whether a file says from where to look; one with settings alone does not."""
+    return "camera" in _content(path)
+
+
+def _content(path: Path) -> dict[str, Any]:
+    """A file's content, if it is that of a view."""
     if not path.is_file():
         raise MissingFileError(path, "a view saved by the viewer (key v)")
     try:
@@ -117,66 +182,4 @@ def load_view(path: Path) -> SavedView:
             f"view of version {content.get('version')!r}; this Skinmap reads version {VERSION}",
             path,
         )
-    return _parse(content, path)
-
-
-def _parse(content: dict[str, Any], path: Path) -> SavedView:
-    camera = content.get("camera")
-    if not isinstance(camera, dict):
-        raise DataFormatError('damaged view: "camera" expected', path)
-    position, focus, up = (_triple(camera, name, path) for name in TRIPLES)
-    angle: Any = camera.get("angle")
-    if not _number(angle) or not 0.1 <= angle <= 170.0:
-        raise DataFormatError(f"damaged view: camera angle {angle!r}, degrees expected", path)
-    if math.dist(position, focus) < 1e-9 or math.hypot(*up) < 1e-9:
-        raise DataFormatError("damaged view: the camera looks nowhere", path)
-    return SavedView(
-        robot=_text(content, "robot", path),
-        position=position,
-        focus=focus,
-        up=up,
-        angle=float(angle),
-        mode=_choice(camera, "mode", MODES, path),
-        layer=_text(content, "layer", path),
-        style=_choice(content, "style", STYLES, path),
-        part=_text(content, "part", path),
-        selection=_selection(content.get("selection", {}), path),
-    )
-
-
-def _number(value: Any) -> bool:
-    # Compared, not converted: a whole number may be too large for a float.
-    return type(value) in (int, float) and -LARGEST_NUMBER <= value <= LARGEST_NUMBER
-
-
-def _triple(camera: dict[str, Any], name: str, path: Path) -> tuple[float, float, float]:
-    value = camera.get(name)
-    if not isinstance(value, list) or len(value) != 3 or not all(map(_number, value)):
-        raise DataFormatError(f'damaged view: three numbers expected as camera "{name}"', path)
-    return (float(value[0]), float(value[1]), float(value[2]))
-
-
-def _text(content: dict[str, Any], name: str, path: Path) -> str:
-    value = content.get(name, "")
-    if not isinstance(value, str):
-        raise DataFormatError(f'damaged view: a text expected as "{name}"', path)
-    return value
-
-
-def _choice(content: dict[str, Any], name: str, known: tuple[str, ...], path: Path) -> str:
-    value = content.get(name)
-    if value not in known:
-        raise DataFormatError(
-            f'damaged view: "{name}" is {value!r}; expected one of: {", ".join(known)}', path
-        )
-    return str(value)
-
-
-def _selection(value: Any, path: Path) -> dict[str, tuple[int, ...]]:
-    if not isinstance(value, dict):
-        raise DataFormatError('damaged view: parts with taxels expected as "selection"', path)
-    for part, taxels in value.items():
-        good = isinstance(taxels, list) and all(type(one) is int and one >= 0 for one in taxels)
-        if not good:
-            raise DataFormatError(f"damaged view: rows of taxels expected for {part!r}", path)
-    return {part: tuple(taxels) for part, taxels in value.items()}
+    return content

@@ -13,19 +13,263 @@ import contextlib
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable
-from typing import Self
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Protocol, Self, runtime_checkable
 
 from skinmap.errors import InvalidArrayError
 from skinmap.live.moment import Moment
-from skinmap.live.sources.source import SourceEnded
-from viewer.playing.playable import Feed, feed_of
+from skinmap.live.sources.source import Block, Relay, Seekable, Source, SourceEnded, is_live
 from viewer.playing.recent_moments import History, Outlet, Past, Timeline
+
+HURRY = 25.0  # speed through samples that are only listened to, where none can be had singly
+PERIOD = 0.02  # between two samples where nobody says it [s]
+
 
 WAIT = 0.1  # longest wait of the thread before it looks for requests again [s]
 SPEEDS = (1 / 16, 16.0)  # slowest and quickest
 LEAD = 0.6  # a seek starts so much earlier, unseen: touches are named from their past [s]
 PATIENCE = 3.0  # for the thread to end when it is closed [s]
+
+
+class Stepwise(Relay, Seekable):
+    """A recording that gives single samples while it is hurried: a `Seekable`.
+
+    What a player seeks for, or steps to, is then met to the sample.
+    """
+
+    def __init__(self, recording: Seekable) -> None:
+        super().__init__(recording)
+        self._recording = recording
+        self._open: Block | None = None  # what was read ahead, and its next row
+        self._row = 0
+        self._origin = math.nan  # of its times, where its position is 0 [s]
+
+    @property
+    def speed(self) -> float:
+        """How many times faster than recorded."""
+        return self._recording.speed
+
+    @speed.setter
+    def speed(self, speed: float) -> None:
+        if self._open is not None:
+            # What was read ahead is read again, at its time.
+            self._recording.seek(self.position)
+            self._open = None
+        self._recording.speed = speed
+
+    @property
+    def loop(self) -> bool:
+        """Whether it starts again at its end."""
+        return self._recording.loop
+
+    @loop.setter
+    def loop(self, loop: bool) -> None:
+        self._recording.loop = loop
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return self._recording.duration
+
+    @property
+    def position(self) -> float:
+        """Seconds from its beginning, of the sample that comes next."""
+        if self._open is None:
+            return self._recording.position
+        return float(self._open.times[self._row]) - self._origin
+
+    def read(self, timeout: float) -> Block | None:
+        """The next sample while hurried, else all that is due."""
+        if self._open is None:
+            before = self._recording.position
+            block = self._recording.read(timeout)
+            if block is not None and math.isnan(self._origin):
+                self._origin = float(block.times[0]) - before
+            if block is None or len(block) <= 1 or not math.isinf(self.speed):
+                return block
+            self._open, self._row = block, 0
+        block, row = self._open, self._row
+        self._row += 1
+        if self._row == len(block):
+            self._open = None
+        return Block(block.times[row : row + 1], block.values[row : row + 1], block.arrived)
+
+    def seek(self, seconds: float) -> None:
+        """Go on from there."""
+        self._open = None
+        self._recording.seek(seconds)
+
+
+def stepwise(source: Source) -> Source:
+    """The source as a player can lead it: recordings step by step, live sources as they are.
+
+    Parameters
+    ----------
+    source : Source
+        Given to a `TouchLoop` afterwards, which a `Player` plays.
+
+    Returns
+    -------
+    Source
+        A recording that meets seeks and steps to the sample; anything else as it is.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from viewer import stepwise
+    >>> source = stepwise(skinmap.open_source("sim", robot=skinmap.load_robot("kaspar")))
+    >>> source.info.robot
+    'KASPAR'
+    >>> source.close()
+    """
+    return Stepwise(source) if isinstance(source, Seekable) else source
+
+
+@runtime_checkable
+class Stepping(Protocol):
+    """What is needed of a touch loop."""
+
+    @property
+    def source(self) -> Source:
+        """Where its samples come from."""
+
+    def step(self, timeout: float) -> Moment | None:
+        """The next moment; None where nothing comes within `timeout` [s]."""
+
+    def close(self) -> None:
+        """Give threads, sockets and files back."""
+
+
+def feed_of(moments: Any) -> Feed:
+    """What plays a touch loop or an iterable of moments."""
+    if isinstance(moments, Stepping):
+        return LoopFeed(moments)
+    if isinstance(moments, Iterable):
+        return MomentFeed(moments)
+    feed: Feed = moments
+    return feed
+
+
+class LoopFeed:
+    """Moments of a touch loop; a recording's pace is its source's."""
+
+    def __init__(self, loop: Stepping) -> None:
+        self.touches = loop
+        source = loop.source
+        self._recording = source if isinstance(source, Seekable) else None
+        self.seekable = self.paced = self._recording is not None
+        self.halts = not is_live(source)  # recordings and the simulator wait
+        rate = source.info.rate
+        self.period = 1.0 / rate if rate > 0 else PERIOD
+
+    @property
+    def duration(self) -> float:
+        """Of the recording [s]."""
+        return math.nan if self._recording is None else self._recording.duration
+
+    @property
+    def loop(self) -> bool:
+        """Whether the recording starts again at its end."""
+        return self._recording is not None and self._recording.loop
+
+    @loop.setter
+    def loop(self, loop: bool) -> None:
+        if self._recording is not None:
+            self._recording.loop = loop
+
+    def step(self, timeout: float, wake: threading.Event) -> Moment | None:
+        """The loop's next moment."""
+        return self.touches.step(timeout)
+
+    def seek(self, seconds: float) -> None:
+        """Lead the recording."""
+        if self._recording is not None:
+            # The loop's own, where it has one: it lets go of what was touched before.
+            getattr(self.touches, "seek", self._recording.seek)(seconds)
+
+    def pace(self, speed: float, *, halted: bool, hurried: bool) -> None:
+        """Set the recording's speed."""
+        if self._recording is not None:
+            quick = math.inf if isinstance(self._recording, Stepwise) else HURRY
+            wanted = 0.0 if halted else quick if hurried else speed
+            if self._recording.speed != wanted:
+                self._recording.speed = wanted
+
+    def close(self) -> None:
+        """Close the loop, and with it the source."""
+        self.touches.close()
+
+
+class MomentFeed:
+    """Moments of an iterable, shown when their time comes.
+
+    A sequence can be led through time, an iterator only goes on.
+    """
+
+    def __init__(self, moments: Iterable[Moment]) -> None:
+        self._moments = moments if isinstance(moments, list | tuple) else None
+        self._iterator: Iterator[Moment] = iter(moments)
+        self._next: Moment | None = None
+        self._last: Moment | None = None
+        self._due = math.nan  # when the next is to be shown, in perf_counter's seconds
+        self._speed = 1.0
+        self.loop = False
+        self.period = PERIOD
+        self.seekable = self._moments is not None
+        self.halts = self.paced = True  # nothing comes unless it is asked for
+        self.duration = math.nan  # from the first moment to the last [s]
+        if self._moments:
+            self.duration = self._moments[-1].time - self._moments[0].time
+            if len(self._moments) > 1:
+                self.period = self.duration / (len(self._moments) - 1)
+
+    def step(self, timeout: float, wake: threading.Event) -> Moment | None:
+        """The next moment when its time has come."""
+        if self._next is None:
+            self._next = next(self._iterator, None)
+            if self._next is None and self.loop and self._moments:
+                self._iterator, self._last = iter(self._moments), None
+                self._next = next(self._iterator, None)
+            if self._next is None:
+                raise SourceEnded
+            gap = 0.0 if self._last is None else self._next.time - self._last.time
+            now = time.perf_counter()
+            due = self._due if math.isfinite(self._due) else now
+            # After a halt there is no rush to catch up.
+            self._due = max(due + max(gap, 0.0) / self._speed, now - 5 * self.period)
+        wait = self._due - time.perf_counter()
+        if wait > 0 and wake.wait(min(wait, timeout)):
+            return None
+        if time.perf_counter() < self._due:
+            return None
+        self._last, self._next = self._next, None
+        return self._last
+
+    def seek(self, seconds: float) -> None:
+        """Go on with the first moment at or after a time."""
+        if not self._moments:
+            return
+        start = self._moments[0].time + seconds - self.period / 2
+        later = [moment for moment in self._moments if moment.time >= start]
+        self._iterator = iter(later or self._moments[-1:])
+        self._next = self._last = None
+        self._due = math.nan
+
+    def pace(self, speed: float, *, halted: bool, hurried: bool) -> None:
+        """Set the speed of what comes next."""
+        wanted = math.inf if hurried else speed
+        if halted or wanted != self._speed:
+            self._due = math.nan
+        self._speed = wanted
+
+    def close(self) -> None:
+        """End a generator."""
+        close = getattr(self._iterator, "close", None)
+        if close is not None:
+            close()
+
+
+Feed = LoopFeed | MomentFeed  # moments one by one, at a pace
 
 
 class Player:
@@ -42,6 +286,17 @@ class Player:
         Halt at the first moment.
     clock : callable
         Seconds of this machine, for the age of what is shown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skinmap.live import Moment
+    >>> from viewer import Player
+    >>> with Player([Moment(0.02 * k, {"torso": np.zeros(3)}) for k in range(9)]) as player:
+    ...     _ = player.wait(player.number, 5.0)
+    ...     player.pause()
+    ...     player.seekable, round(player.duration, 2)
+    (True, 0.16)
     """
 
     def __init__(
@@ -65,8 +320,8 @@ class Player:
         self._more = 1 if paused else 0  # moments still to be shown while paused
         self._ended = False
         self._error: Exception | None = None
-        self._worker = Worker(self._turn, self._fail)
-        self._wake = self._worker.wake
+        self._wake, self._stop = threading.Event(), threading.Event()
+        self._thread: threading.Thread | None = None
 
     def __enter__(self) -> Self:
         self.start()
@@ -76,12 +331,17 @@ class Player:
         self.close()
 
     def start(self) -> None:
-        """Begin to take moments in; more than once does no harm."""
-        self._worker.start()
+        """Begin to take moments in; more than once does no harm; after `close` nothing begins."""
+        if self._thread is None and not self._stop.is_set():
+            self._thread = threading.Thread(target=self._run, name="player", daemon=True)
+            self._thread.start()
 
     def close(self) -> None:
         """End the thread and close what is played; may be called twice."""
-        self._worker.close()
+        self._stop.set()
+        self._wake.set()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(PATIENCE)
         self._feed.close()
         self._outlet.close()
 
@@ -283,11 +543,15 @@ class Player:
 
     # The thread.
 
-    def _fail(self, error: Exception) -> None:
-        with self._news:
-            self._error = error
-            self._ended = True
-            self._outlet.tell()
+    def _run(self) -> None:
+        try:
+            while not self._stop.is_set():
+                self._turn()
+        except Exception as error:  # noqa: BLE001 - told to whoever draws
+            with self._news:
+                self._error = error
+                self._ended = True
+                self._outlet.tell()
 
     def _turn(self) -> None:
         """One turn: requests first, then samples."""
@@ -352,51 +616,3 @@ class Player:
         if self._paused:
             self._past = Past(self._history.moments())
         self._outlet.show(moment, fresh=True)
-
-
-class Worker:
-    """One thread of a player.
-
-    Parameters
-    ----------
-    turn : callable
-        Done again and again; it sleeps by waiting for `wake`.
-    failed : callable
-        Told what a turn raised, after which there is no other.
-
-    Attributes
-    ----------
-    wake : threading.Event
-        Set where a turn is to end early.
-    """
-
-    def __init__(self, turn: Callable[[], None], failed: Callable[[Exception], None]) -> None:
-        self.wake = threading.Event()
-        self._turn, self._failed = turn, failed
-        self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
-
-    @property
-    def alive(self) -> bool:
-        """Whether the thread runs."""
-        return self._thread is not None and self._thread.is_alive()
-
-    def start(self) -> None:
-        """Begin; more than once does no harm, and after `close` nothing begins."""
-        if self._thread is None and not self._stop.is_set():
-            self._thread = threading.Thread(target=self._run, name="player", daemon=True)
-            self._thread.start()
-
-    def close(self) -> None:
-        """End the thread; may be called twice."""
-        self._stop.set()
-        self.wake.set()
-        if self._thread is not None and self._thread is not threading.current_thread():
-            self._thread.join(PATIENCE)
-
-    def _run(self) -> None:
-        try:
-            while not self._stop.is_set():
-                self._turn()
-        except Exception as error:  # noqa: BLE001 - told to whoever draws
-            self._failed(error)

@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +20,9 @@ MINUTE = 60.0  # that is remembered [s]
 MEMORY = 64_000_000  # bytes at most: a minute of the whole iCub at 50 Hz, in float32
 LENGTH = 6000  # moments, however small they are
 MAX_SPANS = 1000  # remembered; the oldest are forgotten first
+
+MOST = 80  # moments that a file keeps: 8 s at 10 a second, some hundred kilobytes
+EVERY = 0.1  # between two of them at first [s]
 
 
 class Outlet:
@@ -96,11 +99,25 @@ class Outlet:
 
 
 class History:
-    """The last moments, oldest first, in as few bytes as their numbers need."""
+    """The last moments, oldest first, in as few bytes as their numbers need.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    seconds : float
+        How far it reaches back.
+    most : int
+        Moments, however small they are.
+    spread : bool
+        Whether moments that come too quickly are left out, rather than that old ones are forgotten
+        early: for plots.
+    """
+
+    def __init__(
+        self, seconds: float = MINUTE, most: int = LENGTH, *, spread: bool = False
+    ) -> None:
         self._moments: deque[Moment] = deque()
         self._bytes = 0
+        self._seconds, self._most, self._spread = seconds, most, spread
 
     def __len__(self) -> int:
         return len(self._moments)
@@ -121,15 +138,26 @@ class History:
 
     def add(self, moment: Moment) -> None:
         """Remember a moment, and forget the oldest where it gets too much."""
+        if self._spread and self._moments and not self._wanted(moment):
+            return
         kept = replace(moment, pressures=small(moment.pressures), raw=small(moment.raw))
         self._moments.append(kept)
         self._bytes += size(kept)
         while len(self._moments) > 2 and (
-            len(self._moments) > LENGTH
+            len(self._moments) > self._most
             or self._bytes > MEMORY
-            or kept.time - self._moments[0].time > MINUTE
+            or kept.time - self._moments[0].time > self._seconds
         ):
             self._bytes -= size(self._moments.popleft())
+
+    def _wanted(self, moment: Moment) -> bool:
+        """Whether a moment comes long enough after the newest; all go where it comes before it."""
+        newest = self._moments[-1]
+        if moment.time < newest.time:  # led back: what came later is not true yet
+            self.clear()
+            return True
+        most = min(self._most, MEMORY // max(size(newest), 1))
+        return moment.time - newest.time >= 0.9 * self._seconds / most
 
     def clear(self) -> None:
         """Forget everything."""
@@ -266,3 +294,42 @@ class Timeline:
     def spans(self) -> tuple[Span, ...]:
         """All of them, in the order in which they came."""
         return tuple(self._spans)
+
+
+class Excerpt:
+    """Keeps some of the moments that pass; each time it is full, every second is forgotten.
+
+    Attributes
+    ----------
+    moments : list of Moment
+    gap : float
+        Time between two of them [s].
+    """
+
+    def __init__(self, most: int = MOST) -> None:
+        self.moments: list[Moment] = []
+        self.gap = EVERY
+        self._most = most
+
+    def watch(self, moments: Iterable[Moment]) -> Iterator[Moment]:
+        """The same moments, looked at as they pass."""
+        for moment in moments:
+            self.add(moment)
+            yield moment
+
+    def add(self, moment: Moment) -> None:
+        """Keep a moment if the last one kept is long enough ago."""
+        if self.moments and moment.time < self.moments[-1].time + self.gap - 1e-6:
+            return
+        self.moments.append(moment)
+        if len(self.moments) > self._most:
+            self.moments = self.moments[::2]
+            self.gap *= 2
+
+    def around(self, chosen: Moment | None) -> tuple[list[Moment], int | None]:
+        """What was kept with one more in its place, and which that is; nothing without it."""
+        if chosen is None or not self.moments:
+            return [], None
+        kept = [moment for moment in self.moments if moment.time != chosen.time]
+        place = sum(moment.time < chosen.time for moment in kept)
+        return [*kept[:place], chosen, *kept[place:]], place

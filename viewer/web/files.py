@@ -14,9 +14,9 @@ EXPORT = re.compile(r"^export (?=(?:async )?(?:const|function|class) ([\w$]+))",
 
 
 @cache
-def page_files() -> dict[str, tuple[str, bytes]]:
-    """Type and content of each of the page's files by name."""
-    folder = resources.files("viewer.web") / "page"
+def page_files(place: str = "web/page") -> dict[str, tuple[str, bytes]]:
+    """Type and content of each of a page's files by name; "" is the page itself."""
+    folder = resources.files("viewer") / place
     files = {entry.name: entry for entry in folder.iterdir() if entry.is_file()}
     found = {
         name: (f"{TYPES[suffix]}; charset=utf-8", entry.read_bytes())

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from skinmap.errors import SkinError, UnknownNameError
 from skinmap.live.moment import Moment
-from viewer.layer import Layer, check_values
-from viewer.layers import LAYERS, Layers
+from viewer.interaction.describe import describe
+from viewer.layers import LAYERS, Layer, Layers, check_values
 from viewer.playing.player import Player
 from viewer.web.packing import finite
-from viewer.web.sample import SampleWriter, describe, layer_message
+from viewer.web.sample import SampleWriter, layer_message
 from viewer.web.scene_data import WebScene
 
 if TYPE_CHECKING:
@@ -91,6 +91,11 @@ class Hub:
         Counts of the source's samples (`skinmap.live.sources.sample_counts.Counts`).
     waits : bool
         The player is paused until the first page comes.
+
+    Attributes
+    ----------
+    error : Exception or None
+        Why nothing new is shown any more, where that is not the source's fault.
     """
 
     def __init__(
@@ -106,10 +111,11 @@ class Hub:
         self.scene, self.player, self.layers = scene, player, layers
         self.first, self._counts = first, counts
         self.clients: set[Client] = set()
+        self.error: Exception | None = None
         self.samples_sent = 0
         self.samples_written = 0  # one is written for all pages that show the same layer
         self.seconds = 0.0  # CPU time spent writing them
-        self._writer = SampleWriter(scene)
+        self._writer = SampleWriter(scene, layers)
         self._moment: Moment | None = None
         self._number = 0
         self._state: dict[str, Any] = {}
@@ -128,9 +134,20 @@ class Hub:
         }
 
     async def watch(self) -> None:
-        """Take each new moment from the player and wake the pages, until cancelled."""
+        """Take each new moment from the player and wake the pages, until cancelled or failed."""
+        try:
+            await self._watch()
+        except Exception as error:  # noqa: BLE001 - a plug-in's, or of an odd moment: pages tell it
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        """Tell all pages that nothing new will be shown, and why."""
+        self.error = self.error or error
+        self._tell_state()
+
+    async def _watch(self) -> None:
         number = -1
-        while True:
+        while self.error is None:
             changed = await asyncio.to_thread(self.player.wait, number, WAIT)
             number = self.player.number
             moment = self.player.take()
@@ -151,11 +168,7 @@ class Hub:
             for part, skin in self.scene.skins.items():
                 if part in moment.pressures:
                     check_values(moment.pressures[part], len(skin), part)
-            before = {client.layer: self.layers.get(client.layer) for client in self.clients}
             self.layers.observe(moment)
-            for client in self.clients:  # limits that are found from the data have grown
-                if (now := self.layers.get(client.layer)) is not before[client.layer]:
-                    client.tell(layer_message(now))
         except SkinError as error:
             for client in self.clients:
                 client.tell({"kind": "problem", "text": str(error)})
@@ -206,8 +219,12 @@ class Hub:
             # A slow page gets fewer samples, never old ones: what waits is written when it is sent.
             if client.told != self._number and client.sent - client.drawn < AHEAD:
                 client.told = self._number
+                try:
+                    message = self._sample(client.layer)
+                except Exception as error:  # noqa: BLE001 - pages tell it
+                    self._fail(error)
+                    continue
                 client.sent += 1
-                message = self._sample(client.layer)
                 self.samples_sent += 1
                 await connection.send(message)
 
@@ -216,7 +233,7 @@ class Hub:
             started = time.thread_time()
             about = {"number": self._number, **self.state()}
             shown = self.layers.get(layer)
-            made = self._writer.write(self._moment, shown, about, felt=self.layers.felt)
+            made = self._writer.write(self._moment, shown, about, traced=True)
             self._written[layer] = made
             self.samples_written += 1
             self.seconds += time.thread_time() - started
@@ -234,9 +251,17 @@ class Hub:
             "speed": player.speed,
             "loop": bool(player.loop),
             "ended": player.ended,
-            "error": None if player.error is None else " ".join(str(player.error).split()),
+            "error": self.failure(),
             "unfit": self._unfit(),
         }
+
+    def failure(self) -> str | None:
+        """The source or the viewer, whichever ended before its time, and why."""
+        for name, error in (("source", self.player.error), ("viewer", self.error)):
+            if error is not None:
+                why = " ".join(str(error).split()) or type(error).__name__
+                return f"the {name} failed: {why}"
+        return None
 
     def _unfit(self) -> int:
         """Samples that were left out, as they do not follow the layout of the skin."""
@@ -295,7 +320,11 @@ class Hub:
         """Make what a page wants, until nothing else was asked for meanwhile."""
         made: Layer | None = None
         while made is None or made.name != client.wanted:
-            made = await asyncio.to_thread(self.layers.get, client.wanted)
+            try:
+                made = await asyncio.to_thread(self.layers.get, client.wanted)
+            except Exception as error:  # noqa: BLE001 - the layer shown before stays
+                client.tell({"kind": "problem", "text": f"no layer {client.wanted}: {error}"})
+                return
         client.layer = made.name
         client.tell(layer_message(made))
         client.told = -1
@@ -311,7 +340,7 @@ class Hub:
             self._structures = asyncio.create_task(asyncio.to_thread(self.layers.get, "structures"))
             self._structures.add_done_callback(lambda _: self._answer_again())
         about = describe(
-            self.scene, self.layers, part, taxel, self._moment,
+            self.layers, part, taxel, self._moment,
             shown=client.layer, structure=self._structures.done(),
         )  # fmt: skip
         client.asked[kind] = (part, taxel)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,14 +10,11 @@ from numpy.typing import NDArray
 
 from skinmap.geometry.topology import edges
 from skinmap.live.moment import Moment
-from viewer.layer import Layer
-from viewer.layers import Layers
+from viewer.layers import Layer, Layers
 from viewer.playing.recent_moments import Timeline
 from viewer.web.packing import pack, unpack
 from viewer.web.sample import SampleWriter, layer_message, taxel_bytes
 from viewer.web.scene_data import WebScene
-
-FELT = ("pressure", "raw")  # told in numbers where a taxel is asked about
 
 
 def pack_reel(
@@ -47,9 +44,10 @@ def pack_reel(
     """
     arrays: dict[str, NDArray[Any]] = {}
     shown = [layers.get(name) for name in layers.names]
-    writer = SampleWriter(scene)
+    writer = SampleWriter(scene, layers)
     headers = []
     for number, moment in enumerate(moments):
+        layers.observe(moment)
         header, own = unpack(writer.write(moment, shown[0], {}))
         del own["values"]
         felt = (touch for touch in moment.touches if touch.part in scene.skins)
@@ -62,7 +60,8 @@ def pack_reel(
             one.name: _add_codes(arrays, scene, one, number, moment) for one in shown
         }
         header["felt"] = {
-            name: _add_felt(arrays, scene, layers, name, number, moment) for name in FELT
+            name: _add_felt(arrays, scene, name, sent, number)
+            for name, sent in (("pressure", moment.pressures), ("raw", moment.raw))
         }
         headers.append(header)
     _add_about(arrays, scene)
@@ -94,16 +93,16 @@ def _add_codes(
 def _add_felt(
     arrays: dict[str, NDArray[Any]],
     scene: WebScene,
-    layers: Layers,
-    layer: str,
+    kind: str,
+    sent: Mapping[str, NDArray[Any]],
     number: int,
-    moment: Moment,
 ) -> str | None:
-    """Add values as numbers; None where nothing is known of any."""
-    values = np.concatenate([layers.get(layer).values(part, moment) for part in scene.skins])
+    """Add values as they came; None where nothing is known of any."""
+    nothing = {part: np.full(len(skin), np.nan) for part, skin in scene.skins.items()}
+    values = np.concatenate([sent.get(part, none) for part, none in nothing.items()])
     if not np.isfinite(values).any():
         return None
-    name = f"{number}.felt.{layer}"
+    name = f"{number}.felt.{kind}"
     arrays[name] = values.astype(np.float32)
     return name
 

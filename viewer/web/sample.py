@@ -1,8 +1,4 @@
-"""One moment as bytes: a byte for each taxel, outlines as places on edges, touches as JSON.
-
-And what is known of one taxel: the answer to a click, or to a pointer that rests on it, of which
-`page/describe.js` makes the words that the window's box has (`viewer.interaction.describe`).
-"""
+"""One moment as bytes: a byte for each taxel, outlines as places on edges, touches as JSON."""
 
 from __future__ import annotations
 
@@ -14,16 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import InvalidArrayError, SkinError, UnknownNameError
+from skinmap.errors import SkinError
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from viewer.colours import class_colour
-from viewer.drawing.body.posing import posed
+from viewer.drawing.body.bare_body import posed
 from viewer.drawing.panel.touch_list import caption, details
-from viewer.drawing.touches.contours import Outline
-from viewer.drawing.touches.outlines import outline_touch
+from viewer.drawing.touches.outlines import Outline, outline_touch
 from viewer.drawing.touches.touch_marks import reach_of
-from viewer.interaction.describe import neighbours
+from viewer.health import STATES
 from viewer.layers import Layer, Layers
 from viewer.web.packing import finite, pack
 from viewer.web.scene_data import WebScene, pack_poses
@@ -64,10 +59,17 @@ def taxel_bytes(layer: Layer, part: str, moment: Moment | None) -> NDArray[np.ui
 
 
 class SampleWriter:
-    """Writes moments for pages."""
+    """Writes moments for pages.
 
-    def __init__(self, scene: WebScene) -> None:
-        self.scene = scene
+    Parameters
+    ----------
+    scene : WebScene
+    data : Layers
+        What has been seen of the scene's skins.
+    """
+
+    def __init__(self, scene: WebScene, data: Layers) -> None:
+        self.scene, self.data = scene, data
         self._angles: dict[str, float] = {}
         self._poses: NDArray[np.float32] | None = None
         self.problem = ""  # why the last moment could not be shown in full
@@ -78,7 +80,7 @@ class SampleWriter:
         layer: Layer,
         about: Mapping[str, Any],
         *,
-        felt: Layer | None = None,
+        traced: bool = False,
     ) -> bytes:
         """A message of kind "sample".
 
@@ -90,15 +92,16 @@ class SampleWriter:
             Whose colours the page shows.
         about : mapping
             More for the header.
-        felt : Layer, optional
-            Pressures, for the page's traces; sent beside the layer where it is another.
+        traced : bool
+            Send pressures for the page's traces too, where the layer shows something else.
         """
         self.problem = ""
         parts = self.scene.skins
         arrays: dict[str, NDArray[Any]] = {}
         arrays["values"] = np.concatenate([taxel_bytes(layer, part, moment) for part in parts])
-        if felt is not None and (felt.name, felt.limits) != (layer.name, layer.limits):
-            arrays["felt"] = np.concatenate([taxel_bytes(felt, part, moment) for part in parts])
+        counts = self.data.counts
+        if traced and (counts.name, counts.limits) != (layer.name, layer.limits):
+            arrays["felt"] = np.concatenate([taxel_bytes(counts, part, moment) for part in parts])
         touches = [] if moment is None else [t for t in moment.touches if t.part in parts]
         header: dict[str, Any] = {"kind": "sample", "layer": layer.name, **about}
         if moment is not None:
@@ -110,12 +113,27 @@ class SampleWriter:
                 dropped=moment.dropped,
             )
             self._pose(moment)
+            for part, pressures in self.data.felt(moment).items():
+                self.scene.layers[part].set_pressures(pressures)
         if self._poses is not None:
             arrays["poses"] = self._poses
+        header["signs"] = self._signs()
         header["touches"] = [self._touch(touch, touches, moment, arrays) for touch in touches]
         if self.problem:
             header["problem"] = self.problem
         return pack(header, arrays)
+
+    def _signs(self) -> dict[str, list[int]]:
+        """Numbers among all taxels of those whose values mean nothing, by the sign that says why.
+
+        Of those that sent nothing the page knows by itself.
+        """
+        found: dict[str, list[int]] = {}
+        for part, first in self.scene.first_taxel.items():
+            states = self.data.watch.known(part)
+            for row in np.flatnonzero(self.data.watch.unfit(part)).tolist():
+                found.setdefault(STATES[states[row]], []).append(first + row)
+        return found
 
     def _pose(self, moment: Moment) -> None:
         """Place the links by the joint angles of a moment; wrong ones leave them as they are."""
@@ -137,8 +155,6 @@ class SampleWriter:
         arrays: dict[str, NDArray[Any]],
     ) -> dict[str, Any]:
         layer = self.scene.layers[touch.part]
-        if moment is not None and touch.part in moment.pressures:
-            layer.pressures = np.asarray(moment.pressures[touch.part], np.float64)
         outline = outline_touch(layer, touch, others)
         name = f"outline{len(arrays)}"
         self._add_outline(arrays, name, outline, self.scene.first_vertex[touch.part])
@@ -186,90 +202,3 @@ def mean_direction(normals: FloatArray) -> FloatArray:
     total = np.asarray(normals.sum(axis=0))
     length = float(np.linalg.norm(total))
     return total / length if length > 1e-9 else np.zeros(3)
-
-
-def describe(
-    scene: WebScene,
-    layers: Layers,
-    part: str,
-    taxel: int,
-    moment: Moment | None,
-    *,
-    shown: str = "pressure",
-    structure: bool = True,
-) -> dict[str, Any]:
-    """Channel, module, place and values of a taxel.
-
-    Parameters
-    ----------
-    part : str
-    taxel : int
-        Dense row.
-    moment : Moment or None
-        What is shown now.
-    shown : str
-        The page's layer.
-    structure : bool
-        Whether to name its structure: finding those of a robot takes a second the first time.
-
-    Raises
-    ------
-    UnknownNameError, InvalidArrayError
-        A part or a taxel that is not there.
-    """
-    if part not in scene.skins:
-        raise UnknownNameError("part shown", part, scene.skins)
-    prepared = scene.skins[part]
-    skin = prepared.skin
-    if not 0 <= taxel < len(skin):
-        raise InvalidArrayError(f"{part!r} has taxels 0 to {len(skin) - 1}, not {taxel}")
-    touches = () if moment is None else moment.touches
-    return {
-        "part": part,
-        "taxel": taxel,
-        "channel": int(skin.channels[taxel]),
-        "module": int(skin.modules[taxel]),
-        "patch": int(prepared.patches[taxel]) + 1,
-        "link": skin.link,
-        "position_mm": (1e3 * skin.positions[taxel]).round(1).tolist(),
-        "normal": skin.normals[taxel].round(2).tolist(),
-        "neighbours": skin.channels[neighbours(prepared, taxel)].tolist(),
-        **_felt(layers, part, taxel, moment),
-        "structure": _structure(layers, part, taxel) if structure else "being found",
-        "health": _category(layers.get("health"), part, taxel, moment),
-        "shown": _shown(layers.get(shown), part, taxel, moment),
-        "touches": [caption(t) for t in touches if t.part == part and taxel in t.taxels],
-    }
-
-
-def _felt(layers: Layers, part: str, taxel: int, moment: Moment | None) -> dict[str, Any]:
-    """Pressure and raw value, and which of them came."""
-    found: dict[str, Any] = {"sent": []}
-    for name, sent in (("pressure", "pressures"), ("raw", "raw")):
-        found[name] = finite(layers.get(name).values(part, moment)[taxel])
-        if moment is not None and part in getattr(moment, sent):
-            found["sent"].append(name)
-    return found
-
-
-def _shown(layer: Layer, part: str, taxel: int, moment: Moment | None) -> dict[str, Any]:
-    """What the layer that is shown says."""
-    known = not layer.categories
-    return {
-        "name": layer.name,
-        "title": layer.title,
-        "unit": layer.unit,
-        "value": finite(layer.values(part, moment)[taxel]) if known else None,
-        "category": _category(layer, part, taxel, moment),
-    }
-
-
-def _category(layer: Layer, part: str, taxel: int, moment: Moment | None) -> str | None:
-    if not layer.categories:
-        return None
-    kind = layer.values(part, moment)[taxel]
-    return layer.categories[round(kind)] if np.isfinite(kind) else None
-
-
-def _structure(layers: Layers, part: str, taxel: int) -> str:
-    return _category(layers.get("structures"), part, taxel, None) or "unknown"

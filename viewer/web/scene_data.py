@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -19,12 +20,10 @@ from skinmap.geometry.triangles import edge_lengths
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import BACKGROUND, BODY, DOT, INK, RIM, TRACES, UNKNOWN
-from viewer.drawing.body.bare_body import Links, body_meshes, check_links
-from viewer.drawing.body.posing import posed
+from viewer.drawing.body.bare_body import Links, body_meshes, check_links, posed
 from viewer.drawing.frame.camera import VIEW_ANGLE, front_view
 from viewer.drawing.skin.draw_positions import DISC_LIFT, DOT_SHARE, LIFT
 from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
-from viewer.health import STATES, HealthWatch
 from viewer.web.packing import pack
 
 CELL = 6e-3  # of the body's meshes [m]: four pixels of a whole robot in a picture of 768
@@ -74,7 +73,6 @@ def make_scene(
     angles: Mapping[str, float] | None = None,
     links: Links = None,
     cell: float = CELL,
-    health: HealthWatch | None = None,
 ) -> WebScene:
     """Decimate the body, build the sheets and pack both.
 
@@ -89,8 +87,6 @@ def make_scene(
         Links to draw; all that have a mesh by default.
     cell : float
         Vertices of the body within so much become one [m].
-    health : HealthWatch, optional
-        Whose taxels that are not to be trusted are marked.
 
     Raises
     ------
@@ -109,7 +105,6 @@ def make_scene(
         "ink": INK,
     }  # fmt: skip
     header["traces"] = TRACES
-    header["signs"] = [] if health is None else _signs(health, skins, taxels)
     header.update(_whereabouts(skins, meshes, poses))
     arrays: dict[str, NDArray[Any]] = {"poses": pack_poses(poses, names)}
     header["links"] = _add_body(arrays, meshes, names)
@@ -124,17 +119,6 @@ def make_scene(
         dict(zip(skins, vertices, strict=False)),
         pack(header, arrays),
     )
-
-
-def _signs(
-    health: HealthWatch, skins: Mapping[str, PreparedSkin], first: list[int]
-) -> list[tuple[int, str]]:
-    """Number among all taxels, and sign, of those whose values mean nothing."""
-    return [
-        (start + int(row), STATES[health.known(part)[row]])
-        for part, start in zip(skins, first, strict=False)
-        for row in np.flatnonzero(health.unfit(part))
-    ]
 
 
 def first_rows(sizes: Iterable[int]) -> list[int]:
@@ -189,9 +173,11 @@ def _add_body(
         links.append({"name": link, "first": first, "count": triangles.size})
         start += len(points[-1])
         first += triangles.size
-    arrays["body.points"] = _joined(points, 3, np.float32)
-    arrays["body.normals"] = _joined(normals, 4, np.int8)
-    arrays["body.faces"] = _joined(faces, 3, np.uint32)
+    for key, some, kind in (
+        ("points", points, np.float32), ("normals", normals, np.int8), ("faces", faces, np.uint32),
+    ):  # fmt: skip
+        flat = [np.zeros(0), *(array.ravel() for array in some)]
+        arrays[f"body.{key}"] = np.concatenate(flat).astype(kind)
     return links
 
 
@@ -205,7 +191,7 @@ def _add_skins(
 ) -> list[dict[str, Any]]:
     """Add sheets, shells, taxels and flat maps of all parts; where each of them is comes back."""
     parts: list[dict[str, Any]] = []
-    kept: dict[str, list[NDArray[Any]]] = {key: [] for key in KEYS}
+    kept: defaultdict[str, list[NDArray[Any]]] = defaultdict(list)
     shell_start = 0
     for number, (part, skin) in enumerate(skins.items()):
         layer, start = layers[part], vertices[number]
@@ -244,34 +230,15 @@ def _add_skins(
             first = sum(array.size for array in kept[key])
             one[key.replace(".", "_")] = [first, own[key].size]
         for key, array in own.items():
-            kept[key].append(array)
+            kept[key].append(array.ravel())
         shell_start += len(layer.shell.points)
         parts.append(one)
-    for key, (width, kind) in KEYS.items():
-        arrays[key] = _joined(kept[key], width, kind)
+    arrays |= {key: np.concatenate(several) for key, several in kept.items()}
     smooth = csr_array(block_diag([layer.fine.smooth for layer in layers.values()], format="csr"))
     arrays["smooth.starts"] = smooth.indptr.astype(np.uint32)
     arrays["smooth.taxels"] = smooth.indices.astype(np.uint32)
     arrays["smooth.weights"] = smooth.data.astype(np.float32)
     return parts
-
-
-KEYS: dict[str, tuple[int, type]] = {
-    "sheet.points": (3, np.float32),
-    "sheet.normals": (4, np.int8),
-    "sheet.faces": (3, np.uint32),
-    "sheet.uv": (2, np.float32),
-    "flat.faces": (3, np.uint32),
-    "flat.border": (2, np.uint32),
-    "shell.points": (3, np.float32),
-    "shell.faces": (3, np.uint32),
-    "taxel.points": (3, np.float32),
-    "taxel.normals": (4, np.int8),
-    "taxel.uv": (2, np.float32),
-    "taxel.channels": (1, np.int32),
-    "taxel.modules": (1, np.int32),
-    "taxel.patches": (1, np.int32),
-}
 
 
 def off_seams(uv: FloatArray, points: FloatArray, faces: IntArray) -> IntArray:
@@ -288,8 +255,3 @@ def triangles_of(mesh: pv.PolyData) -> IntArray:
 def as_bytes(normals: FloatArray) -> NDArray[np.int8]:
     """(n, 4) unit vectors (n, 3) in steps of 1/127, and a zero: WebGL likes multiples of 4."""
     return np.pad(np.rint(127 * np.asarray(normals)), ((0, 0), (0, 1))).astype(np.int8)
-
-
-def _joined(arrays: list[NDArray[Any]], width: int, kind: type) -> NDArray[Any]:
-    filled = [array for array in arrays if len(array)]
-    return np.concatenate(filled).astype(kind) if filled else np.zeros((0, width), kind)

@@ -12,10 +12,13 @@ import contextlib
 import errno
 import gzip
 import logging
+import math
 import socket
 import threading
+import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Self
 
@@ -23,9 +26,12 @@ from skinmap.errors import SkinWarning, UnreachableError
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.body.bare_body import Links
+from viewer.interaction.saving import check_view
 from viewer.interaction.view_file import SavedView, content_of
 from viewer.layers import Layers
 from viewer.playing.player import Player
+from viewer.results import ViewPage
+from viewer.view_options import Look, Session, drawn_links, new_layers
 from viewer.web.files import packed_files, served_files
 from viewer.web.guard import (
     LIVE,
@@ -124,7 +130,7 @@ def serve(
     try:
         saved = None if view is None else content_of(view)
         first = {"layer": layer, "style": style, "view": saved, "size": size}
-        scene = make_scene(robot, skins, angles=angles, links=links, health=layers.watch)
+        scene = make_scene(robot, skins, angles=angles, links=links)
         hub = Hub(scene, player, layers, first, counts, waits=waits)
     except BaseException:
         listening.close()
@@ -156,7 +162,7 @@ def bind(host: str, port: int) -> socket.socket:
         return socket.create_server((host.strip("[]"), port), family=family)
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
-            reason = "is in use; give another with --port, or --port 0 for any that is free"
+            reason = "is in use; give another: --web PORT, or --web alone for any that is free"
         else:
             reason = f"cannot be listened at: {error.strerror or error}"
         raise UnreachableError(f"port {port} of {host} {reason}") from error
@@ -326,3 +332,106 @@ def _respond(
     headers["Content-Length"] = str(len(content))
     headers["Connection"] = "close"
     return Response(status.value, status.phrase, headers, content)
+
+
+def serve_web(
+    session: Session,
+    look: Look,
+    *,
+    host: str,
+    port: int,
+    seconds: float | None,
+    token: str | None = None,
+) -> ViewPage:
+    """Serve the scene to a browser until it is interrupted, or for so many seconds.
+
+    Raises
+    ------
+    UnreachableError
+        The port is in use, or the address is not this machine's.
+    SkinMismatchError
+        A view of another robot.
+    SkinError
+        What the source failed with, after the end: its last picture stays until then. What else
+        failed, a plug-in for one, is raised as it is.
+    """
+    import click
+
+    def tell(line: str) -> None:
+        click.echo(line, err=True)
+
+    with served(session, look, tell, host=host, port=port, token=token) as (server, player):
+        tell(server.url)
+        with contextlib.suppress(KeyboardInterrupt):
+            wait(server.hub, math.inf if seconds is None else seconds, tell)
+        address = server.url
+    if (error := player.error or server.hub.error) is not None:
+        raise error
+    return ViewPage(robot=session.robot.name, parts=list(session.parts), address=address)
+
+
+@contextlib.contextmanager
+def served(
+    session: Session,
+    look: Look,
+    tell: Callable[[str], None],
+    *,
+    host: str = LOOPBACK,
+    port: int = 0,
+    token: str | None = None,
+) -> Iterator[tuple[WebServer, Player]]:
+    """The server and the player of a session's source, both ended with the context.
+
+    Parameters
+    ----------
+    session : Session
+    look : Look
+    tell : callable
+        Told in a line what goes wrong beside.
+    host, port, token
+        As for `viewer.web.server.serve`.
+    """
+    view = first_view(session, look)
+    loop = session.live()
+    waits = not loop.live  # for the first page
+    with Player(loop, paused=waits) as player:
+        player.speed = session.speed
+        with serve(
+            session.robot,
+            session.skins,
+            player,
+            host=host,
+            port=port,
+            token=token,
+            waits=waits,
+            layers=new_layers(session, look),
+            size=look.size,
+            layer=look.layer or "pressure",
+            style=look.style or "surface",
+            angles=look.angles or None,
+            links=drawn_links(session, look),
+            view=view,
+            counts=loop.totals,
+        ) as server:
+            yield server, player
+
+
+def first_view(session: Session, look: Look) -> SavedView | None:
+    """The saved view that pages begin with; layer and style that were asked for stand."""
+    if look.view is None:
+        return None
+    check_view(look.view, session.robot)
+    return replace(
+        look.view, layer=look.layer or look.view.layer, style=look.style or look.view.style
+    )
+
+
+def wait(hub: Hub, seconds: float, tell: Callable[[str], None]) -> None:
+    """Wait so long, or until an interrupt; a source that failed or ended stays in view."""
+    end = time.monotonic() + seconds
+    told, player = False, hub.player
+    while (left := end - time.monotonic()) > 0:
+        if (failure := hub.failure()) is not None and not told:
+            told = True
+            tell(f"{failure}; the page stays until Ctrl-C")
+        player.wait(player.number, min(left, 1.0))

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.classify.result import ClassifyResult, LiveSummary, LiveTouch, health_lines
+from skinmap.cli.classify.result import (
+    ClassifyResult,
+    LiveSummary,
+    LiveTouch,
+    health_lines,
+)
 from skinmap.commands.options import (
     Number,
     part_option,
@@ -19,11 +24,14 @@ from skinmap.commands.options import (
     seconds_option,
     seed_option,
 )
-from skinmap.commands.profiles import profile_option
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
-SUFFIX = ".skinmodel"  # as `skinmap.classify.model_file` has it; a test compares
+if TYPE_CHECKING:
+    pass
+
+SUFFIX = ".skinmodel"  # as `skinmap.classifiers.model_file` has it; a test compares
 
 
 @click.command("classify")
@@ -53,22 +61,12 @@ SUFFIX = ".skinmodel"  # as `skinmap.classify.model_file` has it; a test compare
     help="Give each touch the fewest names that hold the truth in this share of all touches, "
     "0.9 for one: `poke or edge`.",
 )
-@click.option(
-    "--window-ms",
-    type=Number(20.0, 2000.0),
-    default=200.0,
-    show_default=True,
-    help="Live: velocities are taken from so long at least.",
-)
-@click.option(
-    "--motion",
-    type=click.Choice(["places", "flow"]),
-    default="places",
-    show_default=True,
-    help="Live: velocities from the way of the centre, or optical flow on the flat map (OpenCV).",
-)
 @seed_option
-@profile_option("classify", "motion")
+@retired(
+    profile=NO_PROFILE,
+    window_ms="velocities are taken from 0.2 s at least",
+    motion="velocities are those of the way of the centre; optical flow was less exact",
+)
 @prints(ClassifyResult, live=(LiveTouch, LiveSummary))
 def command(
     files: tuple[str, ...],
@@ -76,14 +74,9 @@ def command(
     parts: tuple[str, ...],
     span_mm: float,
     together_ms: float,
-    seconds: float | None,
-    publish: tuple[str, ...],
-    responses: tuple[str, ...],
     coverage: float | None,
-    window_ms: float,
-    motion: Any,
-    seed: int,
     as_json: bool,
+    **how: Any,
 ) -> None:
     """Name touches with a confidence from 0 to 1.
 
@@ -99,8 +92,9 @@ def command(
     nothing is touched, `unknown` where the model is less sure than it was on held-out touches.
 
     With --coverage 0.9 a touch gets the smallest set of names that holds the truth in nine of ten
-    touches, by those that were held out in training: of the same part or else person where there
-    were enough. Where no name is likely enough it is `unknown`.
+    touches, by those that were held out in training: of the same skin where there were enough, else
+    of other skins left out. Touches unlike those of the training have wider sets; where too little
+    was held out a note says so, and sets hold all names. An empty set is `unknown`.
 
     \b
     Example:  skinmap classify touches.npz
@@ -108,9 +102,9 @@ def command(
               skinmap classify touch.skinmodel touches.npz --coverage 0.9
               skinmap classify touch.skinmodel lsl:demo --seconds 60 --json
     """
-    from skinmap.classify.model_file import load_classifier
-    from skinmap.classify.named_classifiers import default_model
-    from skinmap.touch.grouping import GroupingRule
+    from skinmap.classifiers.model_file import load_classifier
+    from skinmap.classifiers.named_classifiers import default_model
+    from skinmap.touch.contacts.grouping import GroupingRule
 
     model, source = _model_and_source(files)
     classifier = default_model() if model is None else load_classifier(model)
@@ -118,23 +112,11 @@ def command(
         classifier.promise(coverage)
     rule = GroupingRule(span=span_mm / 1e3, together=together_ms / 1e3)
     live = not holds_events(source)
-    if live or publish or seconds is not None:
+    if live or how["publish"] or how["seconds"] is not None:
         from skinmap.cli.classify.naming import classify_live
 
-        classify_live(
-            classifier,
-            source,
-            robot=robot,
-            parts=parts,
-            rule=rule,
-            seconds=seconds,
-            seed=seed,
-            publish=publish,
-            window=window_ms / 1e3,
-            motion=motion,
-            responses=responses,
-            as_json=as_json,
-        )
+        shared: dict[str, Any] = {"robot": robot, "parts": parts, "rule": rule, "as_json": as_json}
+        classify_live(classifier, source, **shared, **how)
         return
     from skinmap.cli.classify.naming import name_recorded
 
@@ -145,6 +127,8 @@ def _model_and_source(files: tuple[str, ...]) -> tuple[Path | None, str]:
     """What names the touches, where that was said, and where they come from."""
     if len(files) > 2:
         raise click.UsageError(f"a model and one source, got {len(files)}: {' '.join(files)}")
+    if len(files) == 2 and files[1].endswith(SUFFIX):
+        raise click.UsageError(f"the model comes first: {files[1]} {files[0]}")
     if len(files) == 1 and files[0].endswith(SUFFIX):
         raise click.UsageError(f"{files[0]} is a model: name what it should classify behind it")
     return (None if len(files) == 1 else Path(files[0])), files[-1]
@@ -155,15 +139,15 @@ def holds_events(source: str) -> bool:
     path = Path(source)
     if path.suffix.lower() != ".mcap" or not path.is_file():
         return path.suffix.lower() == ".npz"
-    from skinmap.io.recordings.mcap_track import read_track
+    from skinmap.io.mcap.reading import read_track
 
     track = read_track(path)
     return track.kind == "pressure" and len(track.touches) > 0
 
 
 def _lines(result: ClassifyResult) -> Iterator[str | Table]:
-    from skinmap.classify.classifier import Prediction
-    from skinmap.classify.naming import in_words
+    from skinmap.classifiers.classifier import Prediction
+    from skinmap.classifiers.naming import in_words
 
     keys = ("part", "event", "touch", "label", "confidence", "recorded_label")
     rows = [[getattr(row, key) for key in keys] for row in result.touches]

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray
-from skinmap.classify.classifier import NO_CONTACT, Prediction, TouchClassifier
-from skinmap.classify.naming import JOIN, all_right, name_touches, true_labels
+from skinmap.classifiers.classifier import Prediction, TouchClassifier
+from skinmap.classifiers.naming import JOIN, all_right, name_touches, true_labels
 from skinmap.cli.classify.result import (
     ClassifyResult,
     Health,
@@ -25,23 +25,23 @@ from skinmap.cli.classify.result import (
     NameSets,
     health_lines,
 )
-from skinmap.commands.options import open_robot
+from skinmap.commands.options import open_robot, open_stream
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.sample_counts import Counts
 from skinmap.report.present import emit_line, object_of
-from skinmap.touch.grouping import GroupingRule
-from skinmap.touch.motion_features import MM, MOTION_FEATURES, motion_features
+from skinmap.touch.contacts.grouping import GroupingRule
+from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
 
 if TYPE_CHECKING:
-    from skinmap.live.contacts.contact_motion import Method
     from skinmap.live.contacts.events import TouchEvent
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.source import Source
+    from skinmap.touch.contacts.rest import Rest
 
 WAIT = 0.2  # so often a silent source lets an interruption through [s]
 LATENCIES = 100_000  # the last ones, that the summary speaks of
@@ -58,8 +58,6 @@ def classify_live(
     seed: int,
     publish: Sequence[str],
     responses: Sequence[str],
-    window: float,
-    motion: Method,
     as_json: bool,
 ) -> None:
     """Name touches until the source ends, the seconds are over or the user interrupts.
@@ -74,16 +72,14 @@ def classify_live(
     from skinmap.live.sources.open_source import open_source
     from skinmap.live.sources.source import is_live
 
-    loaded, _ = open_robot(robot, parts)
     chosen = parts or None
     # A recording that nobody follows is named as fast as it goes.
-    ahead = Path(spec).exists() and not publish
+    speed = float("inf") if Path(spec).exists() and not publish else 1.0
+    loaded, source = open_stream(spec, robot, parts, seed=seed, speed=speed)
 
     def open_it() -> Source:
-        speed = float("inf") if ahead else 1.0
         return open_source(spec, robot=loaded, parts=chosen, seed=seed, speed=speed)
 
-    source = open_it()
     try:
         skins = {part: PreparedSkin(loaded.skin(part)) for part in source.info.parts}
         loop = TouchLoop(
@@ -95,8 +91,6 @@ def classify_live(
             skins=skins,
             rule=rule,
             reopen=open_it,
-            window=window,
-            motion=motion,
             singly=not is_live(source),  # so that it ends at the very sample
         )
         _note_differences(classifier, loop)
@@ -121,7 +115,7 @@ class _Run:
 
     def __init__(self, loop: TouchLoop, spec: str, classifier: str, *, as_json: bool) -> None:
         self.loop, self.spec, self.classifier, self.as_json = loop, spec, classifier, as_json
-        self.touches = 0
+        self.touches = self.withdrawn = 0
         self.latencies: deque[float] = deque(maxlen=LATENCIES)
         self.first = self.last = float("nan")
 
@@ -153,10 +147,10 @@ class _Run:
         self._tell_touches()
 
     def _tell_touches(self) -> None:
-        from skinmap.classify.naming import in_words
+        from skinmap.classifiers.naming import in_words
         from skinmap.live.contacts.named_touch import UNNAMED
 
-        self.loop.happenings()
+        self.withdrawn += len(self.loop.withdrawn())
         for touch in self.loop.finished():
             if touch.label == UNNAMED and not self.loop.live:
                 continue  # all samples were named from, and nobody's touch was among these
@@ -181,6 +175,7 @@ class _Run:
             classifier=self.classifier,
             parts=list(self.loop.skins),
             touches=self.touches,
+            withdrawn=self.withdrawn,
             seconds=self.last - self.first,
             rate_hz=self.loop.info.rate,
             latency_ms=Latency(median=shares[0], p99=shares[1], max=shares[2]),
@@ -192,6 +187,8 @@ class _Run:
             return
         for line in health_lines(summary.health):
             click.echo(line)
+        if self.withdrawn:
+            click.echo(f"{self.withdrawn} taken back: the taxels are stuck")
         median = "-" if shares[0] is None else f"{shares[0]:.1f}"
         click.echo(
             f"{self.touches} touches in {summary.counts.used} samples, "
@@ -294,15 +291,19 @@ def _health(
     recordings: Sequence[Recording], skins: Mapping[str, PreparedSkin]
 ) -> dict[str, Health]:
     """Channels that hang or are noisy between the touches, by part."""
-    found = {one.part: one.rest() for one in recordings}
-    channels = {part: skins[part].skin.channels for part in found}
-    return {
-        part: Health(
-            stuck=channels[part][rest.stuck].tolist(), noisy=channels[part][rest.noisy].tolist()
-        )
-        for part, rest in found.items()
-        if rest.stuck.any() or rest.noisy.any()
-    }
+    found: dict[str, list[Rest]] = {}
+    for one in recordings:
+        found.setdefault(one.part, []).append(one.rest())
+    health = {}
+    for part, rests in found.items():
+        channels = skins[part].skin.channels
+        stuck = np.any([rest.stuck for rest in rests], axis=0)
+        noisy = np.any([rest.noisy for rest in rests], axis=0)
+        if stuck.any() or noisy.any():
+            health[part] = Health(
+                stuck=channels[stuck].tolist(), noisy=channels[noisy].tolist(), dead=[], unheard=[]
+            )
+    return health
 
 
 def _name_events(
@@ -320,14 +321,13 @@ def _name_events(
     rest, book = recording.rest(), MotionBook(JoinedSkin({recording.part: skin}))
     for event, label, samples in recording.touches():
         owners = None if recording.owners is None else recording.owners[event]
-        person = int(recording.subjects[event])
+        person = recording.people[event]
         named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
         right += all_right(named, samples, label, owners)
         moved = [_motion(skin, book, samples, one.taxels, rate) for one in named]
         moved = moved or [_motion(skin, book, samples[:0], np.zeros(len(skin), bool), rate)]
-        alone = None if classifier.coverage is None else (NO_CONTACT,)
-        nothing = Prediction(NO_CONTACT, 1.0, alone)
-        said = [one.prediction for one in named] or [nothing]
+        said = [one.prediction for one in named] or [classifier.no_contact(skin)]
+        channels = [skin.skin.channels[one.taxels].tolist() for one in named] or [[]]
         truth = true_labels(named, samples, label, owners)
         for number, (one, recorded) in enumerate(zip(said, truth or [label], strict=True)):
             row = NamedRow(
@@ -338,6 +338,7 @@ def _name_events(
                 confidence=one.confidence,
                 names=None if one.names is None else list(one.names),
                 recorded_label=recorded,
+                channels=channels[number],
                 **moved[number],
             )
             rows.append(row)

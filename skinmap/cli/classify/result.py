@@ -1,4 +1,4 @@
-"""What `skinmap classify` says: the types of its results."""
+"""What `skinmap classify` prints: of a recording, of a touch as it ends, and of a stream."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from skinmap.live.sources.sample_counts import Counts
+from skinmap.summary import first_few
 
 if TYPE_CHECKING:
     from skinmap.live.contacts.events import TouchEvent
 
 MM = 1e3
+STATES = {"stuck": "stuck", "noisy": "noisy", "dead": "dead", "unheard": "not heard yet"}
 FEW = 8  # channels that a line names
 
 
@@ -25,10 +27,16 @@ class Health:
         They hang at a value as if touched, and are left out.
     noisy
         They must be pressed hard to be believed.
+    dead
+        They feel nothing, by their response calibration.
+    unheard
+        They were not seen at rest yet.
     """
 
     stuck: list[int]
     noisy: list[int]
+    dead: list[int]
+    unheard: list[int]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -50,6 +58,8 @@ class NamedRow:
         them where no name is likely enough. Else null.
     recorded_label
         The name that it was recorded with.
+    channels
+        Places of its taxels in the live vector of the part.
     heading
         Where it went in the part's axes: up, down, round left or right as one sees who looks at the
         skin, to and fro, or still.
@@ -70,6 +80,7 @@ class NamedRow:
     confidence: float
     names: list[str] | None
     recorded_label: str
+    channels: list[int]
     heading: str
     up_mm: float
     right_mm: float
@@ -164,6 +175,8 @@ class LiveTouch:
         While it moved evenly; 0 where it stayed.
     presses, period_s
         How often it was pressed, and the mean time between; the period is null of a single press.
+    channels
+        Places of its taxels in the live vector of the part; stuck ones are left out.
     early_label, early_s
         The name that it had while it went on, and how long after its beginning that stood; null
         where it had none.
@@ -190,6 +203,7 @@ class LiveTouch:
     period_s: float | None
     early_label: str | None
     early_s: float | None
+    channels: list[int]
 
     @classmethod
     def of(cls, touch: TouchEvent) -> LiveTouch:
@@ -215,6 +229,7 @@ class LiveTouch:
             period_s=touch.period if touch.presses > 1 else None,
             early_label=touch.early or None,
             early_s=touch.early_after if touch.early else None,
+            channels=list(touch.channels),
         )
 
 
@@ -247,6 +262,8 @@ class LiveSummary:
         That were followed.
     touches
         How many ended.
+    withdrawn
+        How many more were taken back, as their taxels turned out to be stuck.
     seconds
         From first to last sample; null where none came.
     rate_hz
@@ -264,6 +281,7 @@ class LiveSummary:
     classifier: str
     parts: list[str]
     touches: int
+    withdrawn: int
     seconds: float | None
     rate_hz: float | None
     latency_ms: Latency
@@ -274,9 +292,7 @@ class LiveSummary:
 def health_lines(health: Mapping[str, Health]) -> Iterator[str]:
     """One line for each kind of ill taxels of a part."""
     for part, found in health.items():
-        for state in ("stuck", "noisy"):
+        for state, words in STATES.items():
             channels = getattr(found, state)
-            more = f" and {len(channels) - FEW} more" if len(channels) > FEW else ""
             if channels:
-                named = ", ".join(map(str, channels[:FEW]))
-                yield f"{part}: {len(channels)} {state} (channels {named}{more})"
+                yield f"{part}: {len(channels)} {words} (channels {first_few(channels, FEW)})"

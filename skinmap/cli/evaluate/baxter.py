@@ -3,62 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Literal
 
 import click
-from msgspec import UNSET
+from msgspec import Meta
 
+from skinmap.classifiers.protocols.results import BaxterResult
 from skinmap.cli.evaluate.evaluation import (
-    Figure,
+    Own,
     Rows,
     Settings,
     percent,
 )
-from skinmap.cli.evaluate.result.baxter import BaxterResult, Confusion, MethodResult, SplitSpread
-from skinmap.commands.options import open_robot
+from skinmap.commands.options import MAX_TOUCHES, open_robot
 from skinmap.commands.progress import progress
 from skinmap.report.result import given
 from skinmap.report.table import Table
 
 TUNING_STEPS = 6  # about; only the bar shows it
-FIGURES: dict[str, Figure] = {}
+
+
+class Baxter(Own):
+    """How many images there are, and which network."""
+
+    images: Annotated[int, Meta(ge=40, le=MAX_TOUCHES)] = 1800
+    network: Literal["small", "paper"] = "small"
+
+
+SETTINGS = Baxter
 
 
 def work(settings: Settings) -> BaxterResult:
     """Run the protocol."""
-    from skinmap.classify.protocols.baxter import evaluate_baxter
-    from skinmap.classify.protocols.baxter_methods import METHODS
+    from skinmap.classifiers.protocols.baxter import evaluate_baxter
+    from skinmap.classifiers.protocols.baxter_methods import METHODS
     from skinmap.touch.prepared_skin import PreparedSkin
 
     name = settings.robot or "baxter-forearm"
     loaded, parts = open_robot(name, settings.parts)
     if len(parts) > 1:
         raise click.UsageError(f"which part of {name}? --part {' | '.join(parts)}")
-    skin = PreparedSkin(loaded.skin(parts[0]))
     methods = settings.names or tuple(METHODS)
     # Beside the repetitions of both splits, tuning takes a step for each value tried.
     steps = len(methods) * (2 * settings.seeds + TUNING_STEPS)
     with progress(steps, "baxter") as advance:
-        found = evaluate_baxter(
-            skin,
+        return evaluate_baxter(
+            PreparedSkin(loaded.skin(parts[0])),
+            robot=loaded.name,
             seed=settings.seed,
             repeats=settings.seeds,
-            images=settings.images,
-            network=settings.network,
+            images=settings.own.images,
+            network=settings.own.network,
             methods=methods,
+            variety=settings.variety,
             workers=settings.workers,
             progress=advance,
         )
-    own: dict[str, Any] = {name: _method(found.pop(name)) for name in methods}
-    confusion, _ = Confusion(**found.pop("confusion")), found.pop("simulated")
-    return BaxterResult(
-        robot=loaded.name, part=parts[0], taxels=len(skin), confusion=confusion, **own, **found
-    )
-
-
-def _method(found: dict[str, Any]) -> MethodResult:
-    plain = found.pop("plain", None)
-    return MethodResult(**found, plain=UNSET if plain is None else SplitSpread(**plain))
 
 
 def lines(result: BaxterResult) -> Iterator[str | Table]:

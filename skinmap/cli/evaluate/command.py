@@ -9,32 +9,30 @@ from typing import Any, get_args
 
 import click
 
+from skinmap.classifiers.protocols.results import EvaluateResult, KasparResult
 from skinmap.cli.evaluate.evaluation import (
     ON_DATA,
     PROTOCOLS,
-    Evaluation,
     Settings,
     find_evaluation,
+    own_settings,
 )
-from skinmap.cli.evaluate.result import EvaluateResult
 from skinmap.commands.options import (
-    MAX_TOUCHES,
     out_folder,
     outside_option,
     part_option,
     per_gesture_option,
-    places_option,
     prints,
     seed_option,
 )
-from skinmap.commands.profiles import from_profile, profile_option
-from skinmap.commands.workers import worker_options, workers_options
+from skinmap.commands.retired import retired
+from skinmap.commands.spreading import WorkerOptions, workers_options
 from skinmap.report.image import media
 from skinmap.report.page import lines_page
 from skinmap.report.present import present
 from skinmap.report.result import plain
 
-OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of their own
+CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clean sensors
 
 
 @click.command("evaluate")
@@ -45,8 +43,15 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
     help="What to measure; recordings are cross-validated by touch event.",
 )
 @click.option("--robot", metavar="ROBOT", help="Robot to simulate on, or that was recorded.")
-@click.option(
-    "--train-robot", metavar="ROBOT", help="cross-patch: train on this robot, test on --robot."
+@retired(
+    train_robot="write --set train_robot=ROBOT",
+    places="write --set places=habitual",
+    sweep="write --set sweep=yes",
+    images="write --set images=N",
+    network="write --set network=paper",
+    folds="write --set folds=N",
+    leaks="--leave-out shows the controls; write --leave-out event for them alone",
+    profile="name the classifier by --classifier",
 )
 @outside_option
 @part_option
@@ -70,52 +75,51 @@ OWN_CLASSIFIERS = ("kaspar", "baxter")  # protocols that compare methods of thei
     help="Touches to tell apart (recordings: all by default; time: time).",
 )
 @per_gesture_option("cross-patch, physics, time: touches of each gesture on each patch or part.")
-@places_option("kaspar")
-@click.option("--sweep", is_flag=True, help="kaspar: sweep r and k (always with --out).")
 @click.option(
-    "--images",
-    type=click.IntRange(40, MAX_TOUCHES),
-    default=1800,
-    show_default=True,
-    help="baxter: images.",
+    "--variety",
+    metavar="none|some|wide|X",
+    help="How far simulated touches and sensors are drawn at random, as in `skinmap simulate`.  "
+    "[default: wide; kaspar, baxter: none, as in the papers]",
 )
 @click.option(
-    "--network",
-    type=click.Choice(["small", "paper"]),
-    default="small",
-    show_default=True,
-    help="baxter: the network; the paper's takes 10 minutes a training.",
-)
-@click.option(
-    "--folds", type=click.IntRange(2, 20), default=4, show_default=True, help="recordings: folds."
+    "--set",
+    "own",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A setting of the protocol (below); may be repeated.",
 )
 @click.option(
     "--leave-out",
     multiple=True,
-    type=click.Choice(["session", "person", "place", "part"]),
-    help="recordings: train without each of them in turn; may be repeated.",
-)
-@click.option(
-    "--leaks",
-    is_flag=True,
-    help="recordings: a control beside each figure, by what the skin read before the touches.",
+    type=click.Choice(["event", "session", "person", "place", "part"]),
+    help="recordings: train without each of them in turn, beside touches dealt out (event) and "
+    "controls by what the skin read before the touches; may be repeated.",
 )
 @workers_options
-@out_folder("pictures, evaluation.json and report.html")
+@out_folder("evaluation.json, report.html and the picture of the sweep")
 @seed_option
-@profile_option("classify")
 @prints(*get_args(EvaluateResult))
 def command(
     recordings: tuple[Path, ...],
     protocol: str | None,
     as_json: bool,
     out: Path | None,
+    spread: WorkerOptions,
     **options: Any,
 ) -> None:
     """Run an evaluation protocol and print its tables.
 
-    Results are the same whatever the number of jobs and whatever the backend. With --resume FILE
-    a run that was interrupted goes on where it ended.
+    Results are the same whatever the jobs. With --resume FOLDER a run that was
+    interrupted goes on where it ended.
+
+    \b
+    Settings (--set NAME=VALUE):
+      kaspar       places=anywhere|habitual  where people touch
+                   sweep=no|yes              sweep r and k (always with --out)
+      baxter       images=1800               images, 40 or more
+                   network=small|paper       paper takes 10 minutes a training
+      cross-patch  train_robot=ROBOT         train on this robot, test on --robot
+      recordings   folds=4                   folds, 2 to 20
 
     \b
     Example:  skinmap evaluate --protocol kaspar --seeds 3 --json
@@ -124,18 +128,18 @@ def command(
               skinmap evaluate --protocol time --per-gesture 8
               skinmap evaluate --protocol fingers DATA
               skinmap evaluate touches.npz --robot icub
-              skinmap evaluate monday.mcap tuesday.mcap --leave-out session --leaks
-              skinmap evaluate --protocol kaspar --sweep --jobs 4 --resume kaspar.resume
+              skinmap evaluate monday.mcap tuesday.mcap --leave-out session
+              skinmap evaluate --protocol kaspar --set sweep=yes --jobs 4 --resume kaspar.resume
     """
     chosen, files = _protocol(protocol, recordings)
-    spread = worker_options(options)
     options["seeds"] = options["seeds"] or {"baxter": 10, "physics": 1, "time": 1}.get(chosen, 5)
-    if chosen in OWN_CLASSIFIERS and from_profile("names"):
-        options["names"] = ()  # a profile's classifier is one of those that are compared anyway
-    options["sweep"] = options["sweep"] or out is not None
+    options["variety"] = _variety(chosen, options["variety"])
+    evaluation = find_evaluation(chosen)
+    own = own_settings(evaluation.SETTINGS, chosen, options.pop("own"))
     with spread.open(f"evaluate {chosen}") as workers:
-        evaluation = find_evaluation(chosen)
-        settings = Settings(protocol=chosen, recordings=files, workers=workers, **options)
+        settings = Settings(
+            recordings=files, workers=workers, own=own, pictures=out is not None, **options
+        )
         result = evaluation.work(settings)
     title = f"{result.robot}: evaluation, {result.protocol}"
     present(
@@ -143,7 +147,7 @@ def command(
         evaluation.lines,
         as_json=as_json,
         out=out,
-        write=lambda stage: _write(result, evaluation, stage),
+        write=lambda stage: _write(result, stage),
         page=lambda stage: lines_page(
             title,
             evaluation.lines(result),
@@ -152,19 +156,26 @@ def command(
     )
 
 
-def _write(result: EvaluateResult, evaluation: Evaluation, stage: Path) -> Iterator[str]:
-    """Write the result as JSON and its pictures; names of the files."""
+def _write(result: EvaluateResult, stage: Path) -> Iterator[str]:
+    """Write the result as JSON, and the picture of what was swept; names of the files."""
     numbers = {key: value for key, value in plain(result).items() if key != "files"}
     text = json.dumps(numbers, indent=2, allow_nan=False) + "\n"
     (stage / "evaluation.json").write_text(text, encoding="utf-8")
     yield "evaluation.json"
-    for name, draw in evaluation.FIGURES.items():
-        draw(result, stage / name)
-        yield name
+    if isinstance(result, KasparResult):
+        from skinmap.cli.evaluate.kaspar import sweep_figure
+
+        sweep_figure(result, stage / "sweep.png")
+        yield "sweep.png"
 
 
-def _pictures(stage: Path) -> list[str]:
-    return [media(path, path.stem) for path in sorted(stage.glob("*.png"))]
+def _variety(protocol: str, asked: str | None) -> float:
+    """How far touches are drawn at random, by default as the protocol has it."""
+    from skinmap.touch.simulation.variety import variety_of
+
+    if asked and (protocol == "recordings" or protocol in ON_DATA):
+        raise click.UsageError(f"{protocol}: recorded touches have no --variety")
+    return variety_of(asked or ("none" if protocol in CLEAN else "wide"))
 
 
 def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, tuple[Path, ...]]:
@@ -173,10 +184,8 @@ def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, 
 
     if protocol in PROTOCOLS:
         ctx = click.get_current_context()
-        if ctx.params["leave_out"] or ctx.params["leaks"]:
-            raise click.UsageError(
-                f"--protocol {protocol} has its own splits: no --leave-out, --leaks"
-            )
+        if ctx.params["leave_out"]:
+            raise click.UsageError(f"--protocol {protocol} has its own splits: no --leave-out")
         if protocol in ON_DATA:
             if len(recordings) != 1:
                 raise click.UsageError(

@@ -3,83 +3,71 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
-import numpy as np
 
-from skinmap.cli.evaluate.evaluation import (
-    Figure,
-    Rows,
-    Settings,
-    chosen_gestures,
-    percent,
-)
-from skinmap.cli.evaluate.result.cross_patch import CrossPatchResult, PatchesRow
+from skinmap.classifiers.protocols.results import CrossPatchResult
+from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, chosen_gestures, percent
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
-from skinmap.report.figure import plain_figure, save_figure
 from skinmap.report.table import Table
 
-if TYPE_CHECKING:
-    from skinmap.classify.protocols.patches import Patch
+
+class CrossPatch(Own):
+    """Which other robot trains."""
+
+    train_robot: str | None = None
+
+
+SETTINGS = CrossPatch
 
 
 def work(settings: Settings) -> CrossPatchResult:
     """Run the protocol."""
-    from skinmap.classify.protocols.cross_patch import (
+    from skinmap.classifiers.protocols.cross_patch import (
         DEFAULTS,
         check_carries_over,
-        leave_one_out,
+        cut_patches,
+        score_patches,
         summarise,
-        transfer,
+        touch_patches,
     )
-    from skinmap.classify.protocols.patches import touch_patches
 
-    names = settings.names or DEFAULTS
+    names, other = settings.names or DEFAULTS, settings.own.train_robot
     check_carries_over(names)
     gestures = chosen_gestures(settings)
-    test = _patches(settings.robot or "icub", settings.parts)
-    train = _patches(settings.train_robot, ()) if settings.train_robot else None
-    if train is None and len(test) < 2:
+    test = cut_patches(*open_robot(settings.robot or "icub", settings.parts))
+    train = cut_patches(*open_robot(other, ())) if other else []
+    if not train and len(test) < 2:
         raise click.UsageError(
-            f"leaving one patch out needs two patches, got {test[0].name}; give --train-robot"
+            f"leaving one patch out needs two patches, got {test[0].name}; "
+            "give --set train_robot=ROBOT"
         )
-    steps = len(test) + (len(train) if train else 0) + len(names) * (1 if train else len(test))
+    steps = len(test) + len(train) + len(names) * (1 if train else len(test))
     found = []
     with progress(settings.seeds * steps, "cross-patch") as advance:
         shared: dict[str, Any] = {"workers": settings.workers, "progress": advance}
+        play: dict[str, Any] = {
+            "gestures": gestures,
+            "per_gesture": settings.per_gesture,
+            "variety": settings.variety,
+            **shared,
+        }
         for seed in settings.all_seeds:
-            simulated: dict[str, Any] = {
-                "seed": seed,
-                "gestures": gestures,
-                "per_gesture": settings.per_gesture,
-                **shared,
-            }
-            tested = touch_patches(test, **simulated)
-            if train is None:
-                found.append(leave_one_out(tested, names=names, seed=seed, **shared))
-                continue
-            trained = touch_patches(train, **{**simulated, "seed": [seed, 1]})
-            found.append(transfer(trained, tested, names=names, seed=seed, **shared))
-    rows = [summarise(name, [one[k] for one in found]) for k, name in enumerate(names)]
+            tested = touch_patches(test, seed=seed, **play)
+            trained = touch_patches(train, seed=[seed, 1], **play) if train else None
+            found.append(score_patches(tested, trained, names=names, seed=seed, **shared))
     return CrossPatchResult(
         robot=settings.robot or "icub",
-        train_robot=settings.train_robot,
+        train_robot=other,
         gestures=list(gestures),
         per_gesture=settings.per_gesture,
+        variety=settings.variety,
         seeds=settings.all_seeds,
         patches={patch.name: len(patch.skin) for patch in test},
-        rows=[PatchesRow(**row) for row in rows],
+        rows=[summarise(name, [one[k] for one in found]) for k, name in enumerate(names)],
     )
-
-
-def _patches(robot: str, parts: tuple[str, ...]) -> list[Patch]:
-    from skinmap.classify.protocols.patches import cut_patches
-
-    loaded, names = open_robot(robot, parts)
-    return cut_patches(loaded, names)
 
 
 def lines(result: CrossPatchResult) -> Iterator[str | Table]:
@@ -98,30 +86,3 @@ def lines(result: CrossPatchResult) -> Iterator[str | Table]:
         for row in result.rows
     ]  # fmt: skip
     yield Table(["features", "classifier", "mean", "worst", "worst patch", *classes], rows)
-
-
-def patches_figure(result: CrossPatchResult, path: Path) -> None:
-    """Accuracy of each classifier on each patch."""
-    patches = list(result.patches)
-    rows = result.rows
-    values = np.array([[100.0 * row.per_patch[name] for name in patches] for row in rows])
-    figure = plain_figure((max(2.8 + 0.45 * len(patches), 6.5), 2.8 + 0.55 * len(rows)))
-    axis = figure.subplots()
-    image = axis.imshow(values, cmap="viridis", vmin=0.0, vmax=100.0, aspect="auto")
-    for (row, column), value in np.ndenumerate(values):
-        colour = "white" if value < 60.0 else "black"
-        axis.text(column, row, f"{value:.0f}", ha="center", va="center", color=colour, fontsize=8)
-    names = [f"{name} ({result.patches[name]})" for name in patches]
-    axis.set_xticks(range(len(patches)), names, rotation=60, ha="right", fontsize=8)
-    labels = [f"{row.features}: {100 * row.mean:.1f}" for row in rows]
-    axis.set_yticks(range(len(rows)), labels)
-    trained = result.train_robot
-    how = f"trained on {trained}" if trained else "trained on all other patches"
-    figure.suptitle(
-        f"{result.robot}: touches named right on each patch [%]\n{how} (simulated)", fontsize=11
-    )
-    figure.colorbar(image, ax=axis, pad=0.01)
-    save_figure(figure, path)
-
-
-FIGURES: dict[str, Figure] = {"patches.png": patches_figure}

@@ -3,52 +3,49 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, cast
 
-from skinmap.cli.evaluate.result import EvaluateResult
-from skinmap.cli.evaluate.result.shared import AccuracyRow
+import click
+from msgspec import Meta, Struct, ValidationError, convert
+
+from skinmap.classifiers.protocols.results import AccuracyRow, EvaluateResult
 from skinmap.report.table import Cell, Table
 
 if TYPE_CHECKING:
+    from skinmap.classifiers.protocols.left_out import Way
     from skinmap.parallel.workers import Workers
-    from skinmap.touch.subjects import Places
 
-PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time", "cost", "fingers", "hands")
-ON_DATA = ("cost", "fingers", "hands")  # protocols of files that users bring
-OTHER_NAMES = {"time": "in_time", "cost": "social_touch"}  # of modules; the others by their own
-
-BLUE, ORANGE, GREY = "#3b6ea8", "#d98032", "#9aa3ad"
-COLOURS = (BLUE, "#7fa6d0", "#2f8f6b", ORANGE, "#e8b98a")
+PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time", "fingers", "hands")
+ON_DATA = ("fingers", "hands")  # protocols of files that users bring
+OTHER_NAMES = {"time": "in_time"}  # of modules; the others by their own
 
 Rows = list[list[Cell]]
-Figure = Callable[[Any, Path], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """The options of the command, checked by click."""
+    """The options of the command, checked by click.
 
-    protocol: str
+    `own` are the protocol's settings, of its type `SETTINGS`; with `pictures` all that they show is
+    measured.
+    """
+
     recordings: tuple[Path, ...]
     workers: Workers
     robot: str | None
-    train_robot: str | None
     parts: tuple[str, ...]
     seeds: int
     seed: int
     names: tuple[str, ...]
     gestures: str
     per_gesture: int
-    places: Places
-    sweep: bool
-    images: int
-    network: str
-    folds: int
-    leave_out: tuple[str, ...]
-    leaks: bool
+    variety: float
+    leave_out: tuple[Way, ...]
+    pictures: bool
+    own: Any
 
     @property
     def all_seeds(self) -> list[int]:
@@ -56,16 +53,26 @@ class Settings:
         return list(range(self.seed, self.seed + self.seeds))
 
 
+class Own(Struct, forbid_unknown_fields=True):
+    """Settings of a protocol that no other has; this one has none."""
+
+
+class Folds(Own):
+    """Of protocols that deal out what was recorded."""
+
+    folds: Annotated[int, Meta(ge=2, le=20)] = 4
+
+
 class Evaluation(Protocol):
     """The module of a protocol.
 
     Attributes
     ----------
-    FIGURES
-        What draws a result, by the name of the picture.
+    SETTINGS
+        What `--set` may set: a field with its default for each.
     """
 
-    FIGURES: Mapping[str, Figure]
+    SETTINGS: type[Own]
 
     def work(self, settings: Settings) -> EvaluateResult:
         """Run it."""
@@ -80,10 +87,31 @@ def find_evaluation(name: str) -> Evaluation:
     return cast(Evaluation, importlib.import_module(f"skinmap.cli.evaluate.{module}"))
 
 
+def own_settings(kind: type[Own], protocol: str, words: Sequence[str]) -> Own:
+    """The settings `NAME=VALUE` of a protocol.
+
+    Raises
+    ------
+    click.UsageError
+        No such setting of the protocol, or a value that it does not take.
+    """
+    found = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        if name not in kind.__struct_fields__ or not equals:
+            known = ", ".join(kind.__struct_fields__) or "none"
+            raise click.UsageError(f"--set {word}: settings of {protocol}: {known}")
+        found[name] = {"yes": True, "no": False}.get(value, value)
+    try:
+        return convert(found, kind, strict=False)
+    except ValidationError as error:
+        raise click.UsageError(f"--set of {protocol}: {error}") from None
+
+
 def chosen_gestures(settings: Settings) -> tuple[str, ...]:
     """Names of the gestures that were asked for."""
-    from skinmap.touch.gestures import gesture_set
-    from skinmap.touch.simulator import check_gestures
+    from skinmap.touch.simulation.gestures import gesture_set
+    from skinmap.touch.simulation.simulator import check_gestures
 
     names = gesture_set([name.strip() for name in settings.gestures.split(",")])
     check_gestures(names)

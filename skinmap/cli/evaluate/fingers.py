@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.cli.evaluate.evaluation import (
-    Figure,
-    Rows,
-    Settings,
-    percent,
-)
-from skinmap.cli.evaluate.result.real_skin import CountRow, FingersResult
+from skinmap.classifiers.protocols.results import CountRow, FingersResult
+from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, percent
 from skinmap.commands.progress import progress
-from skinmap.report.figure import plain_figure, save_figure
 from skinmap.report.table import Table
 
 if TYPE_CHECKING:
-    from skinmap.classify.protocols.fingers import Counted
     from skinmap.io.recordings.cyskin_arrays import PressedSkin
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -37,7 +31,7 @@ def work(settings: Settings) -> FingersResult:
         A folder without the files, files that are damaged or of another skin, or recordings that
         cannot be judged.
     """
-    from skinmap.classify.protocols import fingers as protocol
+    from skinmap.classifiers.protocols import fingers as protocol
     from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -45,7 +39,7 @@ def work(settings: Settings) -> FingersResult:
     data = read_pressed(arrays, patch)
     classes = protocol.check_fingers(finger_counts(data, arrays))
     skin = PreparedSkin(data.skin)
-    pairs: dict[str, list[Counted]] = {"live": [], "width": [], "chosen": [], "trained": []}
+    pairs: dict[str, list[CountRow]] = {"live": [], "width": [], "chosen": [], "trained": []}
     regions, lengths, numbers = None, [], []
     with progress(2 * (2 + settings.seeds * protocol.REGIONS), "fingers") as advance:
         for first in (None, protocol.FIRST):
@@ -104,7 +98,7 @@ def tracked(skin: PreparedSkin, data: PressedSkin, *, first: int | None = None) 
     """(f,) contacts of the live tracker in the heaviest sample of each recording."""
     from skinmap.live.contacts.contact_tracker import ContactTracker
     from skinmap.live.robot_skin import JoinedSkin
-    from skinmap.touch.rest import felt, find_rest
+    from skinmap.touch.contacts.rest import felt, find_rest
 
     joined = JoinedSkin({data.skin.part: skin})
     counts = []
@@ -119,16 +113,8 @@ def tracked(skin: PreparedSkin, data: PressedSkin, *, first: int | None = None) 
     return np.array(counts)
 
 
-def _row(found: Counted, control: Counted) -> CountRow:
-    return CountRow(
-        method=found.method,
-        exact=found.exact,
-        within_one=found.within_one,
-        spread=found.spread,
-        control=control.exact,
-        control_within_one=control.within_one,
-        confusion=found.confusion.tolist(),
-    )
+def _row(found: CountRow, control: CountRow) -> CountRow:
+    return replace(found, control=control.exact, control_within_one=control.within_one)
 
 
 def lines(result: FingersResult) -> Iterator[str | Table]:
@@ -159,35 +145,4 @@ def lines(result: FingersResult) -> Iterator[str | Table]:
     )
 
 
-def fingers_figure(result: FingersResult, path: Path) -> None:
-    """Fingers that touched against fingers counted, by each method."""
-    rows = (result.live, result.width, result.chosen, result.trained)
-    figure = plain_figure((4.2 * len(rows), 4.6))
-    for axis, row in zip(figure.subplots(1, len(rows), squeeze=False)[0], rows, strict=True):
-        values = np.array(row.confusion)
-        values = values[: max(map(int, result.recordings)) + 1]
-        share = 100.0 * values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9)
-        axis.imshow(share, cmap="viridis", vmin=0.0, vmax=100.0, aspect="auto")
-        for (true, counted), value in np.ndenumerate(share):
-            if value >= 0.5:
-                colour = "white" if value < 60.0 else "black"
-                axis.text(
-                    counted,
-                    true,
-                    f"{value:.0f}",
-                    ha="center",
-                    va="center",
-                    color=colour,
-                    fontsize=9,
-                )
-        axis.set_xticks(range(share.shape[1]))
-        axis.set_yticks(range(share.shape[0]))
-        axis.set_xlabel("counted")
-        control = f"control {100 * row.control:.0f}"
-        axis.set_title(f"{row.method}\n{100 * row.exact:.0f} % exact, {control}", fontsize=10)
-    figure.axes[0].set_ylabel("fingers that touched")
-    figure.suptitle(f"{result.robot}: real fingers, share of the recordings of each row [%]")
-    save_figure(figure, path)
-
-
-FIGURES: dict[str, Figure] = {"fingers.png": fingers_figure}
+SETTINGS = Own

@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import click
 
+from skinmap.classifiers.protocols.results import PhysicsResult
 from skinmap.cli.evaluate.evaluation import (
-    Figure,
+    Own,
     Rows,
     Settings,
     chosen_gestures,
     percent,
 )
-from skinmap.cli.evaluate.result.physics import PhysicsResult, PhysicsRow
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 from skinmap.report.table import Table
 
-if TYPE_CHECKING:
-    from skinmap.classify.protocols.physics import Judged
-
-FIGURES: dict[str, Figure] = {}
+SETTINGS = Own
 
 
 def work(settings: Settings) -> PhysicsResult:
     """Run the protocol."""
-    from skinmap.classify.protocols import physics
-    from skinmap.classify.protocols.cross_patch import check_carries_over
+    from skinmap.classifiers.protocols import physics
+    from skinmap.classifiers.protocols.cross_patch import check_carries_over
     from skinmap.physics.engine import import_mujoco
     from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
     from skinmap.touch.prepared_skin import PreparedSkin
@@ -47,10 +43,11 @@ def work(settings: Settings) -> PhysicsResult:
     touches = len(VARIANTS) * len(tested) + len(skins)
     trainings = len(tested) * (1 + len(TUNING) + worlds)
     with progress(settings.seeds * (touches + trainings), "physics") as advance:
-        found = physics.evaluate_physics(
+        rows = physics.evaluate_physics(
             skins,
             gestures=gestures,
             per_gesture=settings.per_gesture,
+            variety=settings.variety,
             seeds=settings.all_seeds,
             classifier=classifier,
             workers=settings.workers,
@@ -62,27 +59,10 @@ def work(settings: Settings) -> PhysicsResult:
         classifier=classifier,
         gestures=list(gestures),
         per_gesture=settings.per_gesture,
+        variety=settings.variety,
         frozen=FROZEN,
         seeds=settings.all_seeds,
-        rows=[_physics_row(one) for one in found],
-    )
-
-
-def _physics_row(one: Judged) -> PhysicsRow:
-    names = (*one.labels, "no_contact")
-    confusion = {
-        label: dict(zip(names, map(int, row), strict=True))
-        for label, row in zip(one.labels, one.counts, strict=True)
-    }
-    return PhysicsRow(
-        trained_on=one.trained_on,
-        tested_on=one.tested_on,
-        mean=one.mean,
-        per_class=one.per_class,
-        ece=one.ece,
-        held=one.held,
-        set_size=one.set_size,
-        confusion=confusion,
+        rows=rows,
     )
 
 

@@ -3,51 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skinmap.classifiers.protocols.results import LeftOutRow, RecordingsResult
 from skinmap.cli.evaluate.evaluation import (
-    BLUE,
-    GREY,
-    Figure,
+    Folds,
     Rows,
     Settings,
     by_class,
     chosen_gestures,
     percent,
 )
-from skinmap.cli.evaluate.result.recordings import LeakRow, LeftOutRow, RecordingsResult
-from skinmap.cli.evaluate.result.shared import AccuracyRow
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.report.figure import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
 
 if TYPE_CHECKING:
-    from skinmap.classify.protocols.left_out import Control, LeftOutTrial
     from skinmap.cli.collection import Collected, Collection
 
 
 def work(settings: Settings) -> RecordingsResult:
     """Judge classifiers on touches that were recorded."""
-    from skinmap.classify.classifier import DEFAULT, classifiers
-    from skinmap.classify.protocols.recordings import KINDS, evaluate_recordings
+    from skinmap.classifiers.classifier import DEFAULT, classifiers
+    from skinmap.classifiers.protocols.recordings import KINDS, evaluate_recordings
     from skinmap.cli.collection import collect
 
     collection = collect(settings.recordings, settings.robot, settings.parts)
     only = () if settings.gestures in ("four", "all") else _labels(settings)
     chosen = judged_touches(collection, only)
-    grouped = bool(settings.leave_out) or settings.leaks
-    names = settings.names or ((DEFAULT,) if grouped else classifiers.names())
+    names = settings.names or ((DEFAULT,) if settings.leave_out else classifiers.names())
     with progress(len(names) * len(KINDS) * settings.seeds, "recordings") as advance:
-        found = evaluate_recordings(
+        table, leak, skipped = evaluate_recordings(
             [one.touch for one in chosen],
             names=names,
             seeds=settings.all_seeds,
-            folds=settings.folds,
+            folds=settings.own.folds,
             optional=not settings.names,
             workers=settings.workers,
             progress=advance,
@@ -58,16 +51,16 @@ def work(settings: Settings) -> RecordingsResult:
         robot=", ".join(dict.fromkeys(robot for robot, _ in collection.skins)),
         parts=list(collection.parts),
         recordings=[str(path) for path in settings.recordings],
-        folds=settings.folds,
+        folds=settings.own.folds,
         seeds=settings.all_seeds,
         touches={label: labels.count(label) for label in dict.fromkeys(sorted(labels))},
-        table=[AccuracyRow(**row) for row in found["table"]],
-        leak=[LeakRow(**row) for row in found["leak"]],
-        left_out=judge_groups(settings, chosen, names) if grouped else [],
+        table=table,
+        leak=leak,
+        left_out=judge_groups(settings, chosen, names) if settings.leave_out else [],
         sessions=collection.count("session"),
         people=people,
         warnings=list(collection.doubts()),
-        skipped=found["skipped"],
+        skipped=skipped,
     )
 
 
@@ -88,7 +81,7 @@ def judged_touches(collection: Collection, only: Sequence[str]) -> list[Collecte
     UnknownNameError
         A label that nobody recorded.
     """
-    from skinmap.classify.protocols.recordings import TOGETHER, check_spelling
+    from skinmap.classifiers.protocols.recordings import TOGETHER, check_spelling
 
     for one in collection.touches:
         if not one.touch.label.strip():
@@ -111,7 +104,7 @@ def judge_groups(
     settings: Settings, chosen: Sequence[Collected], names: Sequence[str]
 ) -> list[LeftOutRow]:
     """A row for touches dealt out and for each kind of group left out, of each classifier."""
-    from skinmap.classify.protocols.left_out import (
+    from skinmap.classifiers.protocols.left_out import (
         NAIVE,
         Judged,
         LeftOutTrial,
@@ -132,46 +125,11 @@ def judge_groups(
         touches, groups, tuple(one.before for one in chosen), tuple(one.first for one in chosen)
     )
     trials = [
-        LeftOutTrial(name, judged, way, settings.folds, settings.seed, settings.leaks)
+        LeftOutTrial(name, judged, way, settings.own.folds, settings.seed)
         for name in names
-        for way in (NAIVE, *dict.fromkeys(settings.leave_out))
+        for way in dict.fromkeys((NAIVE, *settings.leave_out))
     ]
-    found = run_tasks(run_left_out, trials, workers=settings.workers)
-    return [_row(trial, one) for trial, one in zip(trials, found, strict=True)]
-
-
-def _row(trial: LeftOutTrial, found: dict[str, Any]) -> LeftOutRow:
-    from skinmap.classify.protocols.left_out import meaning_of
-
-    judged = trial.judged
-    own = judged.groups.get(trial.way)
-    meaning, verdict = None, found.get("reason", "")
-    if trial.leaks and not verdict:
-        sessions, labels = judged.groups["session"], judged.labels
-        alone = [
-            str(label)
-            for label in np.unique(labels)
-            if len(np.unique(sessions[labels == label])) == 1
-        ]
-        meaning, verdict = meaning_of(found, trial.way, judged, alone)
-    return LeftOutRow(
-        classifier=trial.classifier,
-        left_out=trial.way,
-        groups=len(judged.touches) if own is None else len(np.unique(own)),
-        per_class=found.get("per_class", {}),
-        mean=found.get("mean"),
-        right=found.get("right"),
-        chance=judged.chance,
-        control=_known(found.get("control")),
-        first=_known(found.get("first")),
-        raw=_known(found.get("raw")),
-        meaning=meaning,
-        verdict=verdict,
-    )
-
-
-def _known(control: Control | None) -> float | None:
-    return None if control is None or control.share != control.share else control.share
+    return run_tasks(run_left_out, trials, workers=settings.workers)
 
 
 def lines(result: RecordingsResult) -> Iterator[str | Table]:
@@ -218,23 +176,4 @@ def _left_out(result: RecordingsResult) -> Iterator[str | Table]:
         yield f"warning: {warning}"
 
 
-def leak_figure(result: RecordingsResult, path: Path) -> None:
-    """Accuracy of each classifier, plain folds beside folds by event."""
-    names = list(dict.fromkeys(row.classifier for row in result.table))
-    figure = plain_figure((2.5 + 1.1 * len(names), 4.6))
-    axis = figure.subplots()
-    for shift, (kind, colour) in enumerate((("event", BLUE), ("plain", GREY))):
-        rows = [row for row in result.table if row.folds == kind]
-        place = np.arange(len(names)) + 0.38 * (shift - 0.5)
-        values = [100.0 * row.mean for row in rows]
-        spread = [100.0 * (given(row.std) or 0.0) for row in rows]
-        axis.bar(place, values, 0.36, yerr=spread, color=colour, label=f"{kind} folds")
-    axis.set_xticks(range(len(names)), names, rotation=30, ha="right")
-    axis.set_ylabel("mean of the classes [%]")
-    axis.set_ylim(0.0, 100.0)
-    axis.spines[["top", "right"]].set_visible(False)
-    figure.legend(loc="outside upper right", ncols=2)
-    save_figure(figure, path)
-
-
-FIGURES: dict[str, Figure] = {"leak.png": leak_figure}
+SETTINGS = Folds

@@ -1,8 +1,8 @@
-"""What `skinmap inspect` does: numbers, a verdict and a picture of each part, and the page."""
+"""What `skinmap inspect` does: numbers and a verdict of each part."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,35 +13,25 @@ from skinmap.arrays import FloatArray
 from skinmap.cli.inspect.result import (
     AngleSpread,
     DrawingMatch,
-    InspectResult,
     PartRow,
-    RigidFit,
     Spread,
     Standing,
 )
 from skinmap.geometry.mesh import TriangleMesh
-from skinmap.geometry.triangles import face_normals, unit
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.taxels.cyskin import read_cyskin
 from skinmap.io.taxels.cyskin_faults import file_faults, set_faults
 from skinmap.io.taxels.readers import read_taxels
-from skinmap.report.figure import picture_bytes, plain_figure
-from skinmap.report.image import image
-from skinmap.report.page import facts, heading, page, verdict_lines
-from skinmap.report.projection import View, draw_surface
-from skinmap.report.result import plain
-from skinmap.report.table import cell_text
-from skinmap.report.verdict import Verdict
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
 from skinmap.skin.cover import FAR, judge_standing
 from skinmap.skin.fit import SkinFit, measure_fit
 from skinmap.skin.layouts import ModuleLayout, module_layout
 from skinmap.skin.modules import module_normals, slots_of
-from skinmap.skin.registration import fit_to_mesh
 from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, check_steps, repair_table
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, skin_from_table
-from skinmap.skin.taxels import NO_ID
+from skinmap.skin.taxels import NO_ID, TaxelTable
+from skinmap.summary import first_few
 from skinmap.surface.surface_mesh import merge_coincident
 
 MM = 1e3
@@ -51,15 +41,9 @@ COINCIDENT = 1e-4  # two shells whose taxels are nearer than this are at one pla
 UNLIKE = 2e-3  # mirror images further apart than this are not of one design [m]
 OFF_SIDE = 0.15  # module sides may differ from the layout's by this share: boards are cut and bent
 PLACEHOLDER = np.radians(20.0)  # stored normals further off than this are no normals
-TURN = np.radians(55.0)  # of each of the two views from where the skin looks
-LEVEL = 0.5  # sine: skin that looks further up or down than 60 degrees has no front
-MARGIN_MM = 10.0  # round the taxels: what of the link lies further is cut off
-TIP_MM = 6.0  # length of the normals drawn
-MAX_FACES = 12_000  # of the link: more cannot be seen at this size
-FAR_MM = 3.0  # end of the colour scale
 
 
-def inspect_part(robot: Robot, name: str, *, fit: bool = False) -> PartRow:
+def inspect_part(robot: Robot, name: str) -> PartRow:
     """The numbers of one part of a robot."""
     report, skin, spec = robot.repair(name), robot.skin(name), robot.part(name)
     mesh = robot.mesh_under(name)
@@ -94,8 +78,6 @@ def inspect_part(robot: Robot, name: str, *, fit: bool = False) -> PartRow:
         more["mirror_mm"] = mirror_distance(report.table.positions, others) * MM
         if more["mirror_mm"] > UNLIKE * MM:
             warnings.append(f"not the mirror image of {twin}: {more['mirror_mm']:.1f} mm apart")
-    if fit:
-        more["fit"] = _rigid_fit(skin, mesh)
     return _row(report, name, spec.link, skin.normals, spec.layout, warnings, **more)
 
 
@@ -118,16 +100,6 @@ def _drawing_match(report: RepairReport, path: Path) -> DrawingMatch:
         taxels=len(drawn),
         missing=len(np.setdiff1d(channels, drawn)),
         extra=len(np.setdiff1d(drawn, channels)),
-    )
-
-
-def _rigid_fit(skin: Skin, mesh: TriangleMesh) -> RigidFit:
-    best = fit_to_mesh(skin.positions, mesh.vertices, mesh.faces)
-    return RigidFit(
-        mean_before_mm=float(best.before.mean()) * MM,
-        mean_after_mm=float(best.after.mean()) * MM,
-        shift_mm=best.shift * MM,
-        angle_deg=float(np.degrees(best.angle)),
     )
 
 
@@ -205,10 +177,9 @@ def _row(
     if len(table.unwired):
         notes.append(
             f"{len(table.unwired)} with a place and no channel: "
-            f"rows {_few(np.flatnonzero(table.ids == NO_ID).tolist())}"
+            f"rows {first_few(np.flatnonzero(table.ids == NO_ID).tolist())}"
         )
-    if len(report.unplaced):
-        notes.append(f"{len(report.unplaced)} taxels still share a place with others")
+    notes += _shared_places(table, layout)
     if report.unit != "m":
         notes.append(f"positions were in {report.unit} and were converted")
     pads = len(report.thermal)
@@ -233,6 +204,23 @@ def _row(
         warnings=notes,
         **more,
     )
+
+
+def _shared_places(table: TaxelTable, layout: ModuleLayout | None) -> list[str]:
+    """Modules whose taxels all lie at one place, and other channels that share one."""
+    _, place = np.unique(table.positions, axis=0, return_inverse=True)
+    whole, alike = [], {}
+    for here in np.flatnonzero(np.bincount(place.ravel()) > 1).tolist():
+        rows = np.flatnonzero(place.ravel() == here)
+        module = np.flatnonzero(table.modules == table.modules[rows[0]])
+        if layout is None and len(rows) > 2 and np.array_equal(rows, module):
+            whole.append(int(table.modules[rows[0]]))
+        else:
+            alike[here] = " and ".join(map(str, table.channels[rows].tolist()))
+    notes = [f"all taxels of module {module} are at one place" for module in whole[:4]]
+    if alike:
+        notes.append(f"channels at one place: {first_few(list(alike.values()))}")
+    return notes
 
 
 def _standing(skin: Skin, mesh: TriangleMesh, found: SkinFit, cover: float) -> Standing:
@@ -298,22 +286,19 @@ def _coincide(one: FloatArray, other: FloatArray) -> bool:
 def _module_warnings(check: ModuleCheck, side: float | None) -> list[str]:
     warnings = []
     if check.missing:
-        warnings.append(f"no taxels of modules {_few(check.missing)}, which the URDF has")
+        warnings.append(f"no taxels of modules {first_few(check.missing)}, which the URDF has")
     if check.swapped:
         pairs = [f"{module} at {there}" for module, there in check.swapped.items()]
-        warnings.append(f"modules stand where the URDF has others: {_few(pairs)}")
+        warnings.append(f"modules stand where the URDF has others: {first_few(pairs)}")
     if check.rotated:
-        warnings.append(f"modules {_few(check.rotated)} are turned in their plane")
+        warnings.append(f"modules {first_few(check.rotated)} are turned in their plane")
     if check.mirrored:
-        warnings.append(f"modules {_few(check.mirrored)} are mirrored: their slots run backwards")
+        warnings.append(
+            f"modules {first_few(check.mirrored)} are mirrored: their slots run backwards"
+        )
     if side is not None and abs(check.side / side - 1.0) > OFF_SIDE:
         warnings.append(f"module side {check.side * MM:.1f} mm, the layout has {side * MM:.1f} mm")
     return warnings
-
-
-def _few(things: Sequence[Any], most: int = 4) -> str:
-    more = f" and {len(things) - most} more" if len(things) > most else ""
-    return ", ".join(map(str, things[:most])) + more
 
 
 def _twin(name: str) -> str:
@@ -329,87 +314,14 @@ def _verdict(warnings: list[str]) -> str:
         verdict = "check the module numbers against the hardware"
     if any("another skin's" in text for text in warnings):
         verdict = "name the drawing that belongs to the table"
+    if any("channels at one place" in text for text in warnings):
+        verdict = "check the places of these channels"
     if any("a cover" in text for text in warnings):
         verdict = "name the cover, or check the frame"
     if any("normals point" in text or "frame or unit" in text for text in warnings):
         verdict = "check frame and unit"
     if any("give it a pose" in text for text in warnings):
         verdict = "give each shape its pose"
-    if any("still share" in text for text in warnings):
+    if any("all taxels of module" in text for text in warnings):
         verdict = "name the module layout"
     return verdict
-
-
-def write_inspection(result: InspectResult, robot: Robot | None, path: Path) -> None:
-    """Write the page; pictures need the robot's body."""
-    sections = []
-    for row in result.parts:
-        sections += [heading(row.name), verdict_lines(Verdict(row.verdict, row.warnings))]
-        if robot is not None:
-            sections.append(image(part_picture(robot, row.name), row.name))
-        sections.append(facts(_numbers(row)))
-    path.write_text(page(f"{result.robot}: skin", sections), encoding="utf-8")
-
-
-def part_picture(robot: Robot, name: str) -> bytes:
-    """PNG of a part from two sides: link in grey, taxels coloured by their distance to it."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize, to_rgba
-
-    skin, mesh = robot.skin(name), robot.mesh_under(name)
-    found, cover = measure_fit(skin, mesh), robot.part(name).cover
-    figure = plain_figure((10.0, 4.9))
-    axes = figure.subplots(1, 2)
-    scale = Normalize(0.0, FAR_MM)
-    faces = mesh.faces[:: max(1, len(mesh.faces) // MAX_FACES)]
-    normals = face_normals(mesh.vertices, faces)
-    grey = np.tile(to_rgba("#c9ced4"), (len(faces), 1))
-    for axis, view in zip(axes, _views(skin), strict=True):
-        # Open and double shells have faces of both turns: none is left out.
-        draw_surface(axis, view, mesh.vertices[faces] * MM, normals, grey, both_sides=True)
-        seen = skin.normals @ view.out > 0.0
-        points = view.project(skin.positions * MM)
-        tips = view.project(skin.positions * MM + TIP_MM * skin.normals)
-        for start, end in zip(points[seen][::5], tips[seen][::5], strict=True):
-            axis.plot(*np.stack([start, end])[:, :2].T, color="#303030", linewidth=0.6)
-        distance = np.abs(found.distance[seen] - cover) * MM
-        axis.scatter(*points[seen][:, :2].T, c=distance, s=9, cmap="viridis", norm=scale, zorder=3)
-        axis.set_xlim(points[:, 0].min() - MARGIN_MM, points[:, 0].max() + MARGIN_MM)
-        axis.set_ylim(points[:, 1].min() - MARGIN_MM, points[:, 1].max() + MARGIN_MM)
-        axis.set_aspect("equal")
-        axis.set_title(view.name, fontsize=9, y=1.0)
-        axis.set_xlabel("mm", fontsize=8)
-        axis.tick_params(labelsize=7)
-    bar = figure.colorbar(ScalarMappable(scale, "viridis"), ax=axes, shrink=0.7, extend="max")
-    off = f"the cover of {cover * MM:g} mm" if cover else "the link"
-    bar.set_label(f"distance to {off} [mm]")
-    return picture_bytes(figure)
-
-
-def _views(skin: Skin) -> list[View]:
-    """From the left and the right of where the skin looks, the robot's upward direction up."""
-    looks = skin.normals.mean(axis=0)
-    up = np.array([0.0, 0.0, 1.0]) if skin.up is None else skin.up
-    if np.linalg.norm(np.cross(up, looks)) < LEVEL * np.linalg.norm(looks):
-        # A sole looks down: its length is up in the picture.
-        up = np.linalg.svd(skin.positions - skin.positions.mean(axis=0), full_matrices=False)[2][0]
-    front = unit(looks - (looks @ up) * up)
-    side = np.cross(up, front)
-    views = []
-    for name, turn in zip(("from the left", "from the right"), (-TURN, TURN), strict=True):
-        views.append(View(name, np.cos(turn) * front + np.sin(turn) * side, up))
-    return views
-
-
-def _numbers(row: PartRow) -> list[tuple[str, str]]:
-    """Every figure of a part in words."""
-    rows = []
-    for key, value in plain(row).items():
-        if key in ("name", "verdict", "warnings"):
-            continue
-        if isinstance(value, Mapping):
-            text = ", ".join(f"{name} {cell_text(one)}" for name, one in value.items())
-        else:
-            text = cell_text(value, 4)
-        rows.append((key, text or "-"))
-    return rows

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from msgspec import UNSET, UnsetType
@@ -58,24 +58,6 @@ class DrawingMatch:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class RigidFit:
-    """How much closer a rigid move brings the taxels to their link.
-
-    Attributes
-    ----------
-    mean_before_mm, mean_after_mm
-        Mean distance from the link.
-    shift_mm, angle_deg
-        The move.
-    """
-
-    mean_before_mm: float
-    mean_after_mm: float
-    shift_mm: float
-    angle_deg: float
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class Standing:
     """How a skin stands to its link.
 
@@ -90,7 +72,7 @@ class Standing:
     low_mm, high_mm
         5th and 95th percentile of the distances from the link.
     move_mm
-        A rigid move that lays the skin on the link; null where none does or none was asked for.
+        A rigid move that lays the skin on the link; null where none does.
     """
 
     why: Literal["on it", "a cover", "a frame", "a cover or a frame"]
@@ -147,8 +129,6 @@ class PartRow:
         Distance from the mirror image of the part's twin, where it has one.
     drawing
         Where the manifest names one.
-    fit
-        With `--fit`.
     verdict
         What to do next, in a few words.
     warnings
@@ -178,7 +158,6 @@ class PartRow:
     swapped: dict[str, int] | UnsetType = UNSET
     mirror_mm: float | UnsetType = UNSET
     drawing: DrawingMatch | UnsetType = UNSET
-    fit: RigidFit | UnsetType = UNSET
     verdict: str
     warnings: list[str]
 
@@ -195,11 +174,8 @@ class InspectResult:
         In the manifest's order, or that of the command line.
     taxels
         Over all these parts.
-    files
-        The report, with `--html`.
     """
 
     robot: str
     parts: list[PartRow]
     taxels: int
-    files: list[str] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Channels over time in tables: CSV with a header or a mapping file, and plain NPZ."""
+"""Channels over time in tables: CSV with a header or a mapping file, plain NPZ, CySkin's text."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 import warnings
 from array import array
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
@@ -30,6 +30,7 @@ from skinmap.io.robots.manifest import load_robot
 from skinmap.io.text import MAX_CHANNEL, check_file
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
+from skinmap.summary import first_few
 from skinmap.touch.labels import check_label
 from skinmap.touch.recording import Recording
 
@@ -233,7 +234,9 @@ def read_table(path: Path) -> list[Recording]:
     place = {name: k for k, name in enumerate(names)}
     for name in (*words, mapping.event_column, None if mapping.rate_hz else mapping.time):
         if name is not None and name not in place:
-            raise DataFormatError(f"no column {name!r}; the columns are: {_some(names)}", path)
+            raise DataFormatError(
+                f"no column {name!r}; the columns are: {first_few(names, FEW)}", path
+            )
     beside = [name for name in (mapping.time, mapping.event_column) if name in place]
     columns = [place[name] for name in (*channels, *beside) if name is not None]
     said: list[list[str] | None] = [None if name is None else [] for name in words]
@@ -278,7 +281,7 @@ def read_table(path: Path) -> list[Recording]:
 def _rows(path: Path, mapping: Mapping) -> Iterator[list[str]]:
     """Names of the columns, then the words of each sample."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8-sig", newline="") as file:
             start = "".join(islice(file, 20))
             delimiter = "\t" if path.suffix.lower() == ".tsv" else ","
             if delimiter not in start:
@@ -291,7 +294,7 @@ def _rows(path: Path, mapping: Mapping) -> Iterator[list[str]]:
             names = list(mapping.columns) if mapping.columns else next(table, [])
             twice = [name for name, count in Counter(names).items() if count > 1]
             if twice:
-                raise DataFormatError(f"columns given twice: {_some(twice)}", path)
+                raise DataFormatError(f"columns given twice: {first_few(twice, FEW)}", path)
             first = next(table, None)
             if first is None:
                 raise DataFormatError("no samples", path)
@@ -306,26 +309,22 @@ def _rows(path: Path, mapping: Mapping) -> Iterator[list[str]]:
         raise DataFormatError(f"not a table: {error}", path) from None
 
 
-def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
-    return ", ".join(names[:FEW]) + more
-
-
 def _channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict[str, int]:
     """Channel of each column that is one."""
     if mapping.channels:
         missing = [name for name in mapping.channels if name not in names]
         if missing:
             raise DataFormatError(
-                f"no columns {_some(missing)}; the columns are: {_some(names)}", path
+                f"no columns {first_few(missing, FEW)}; the columns are: {first_few(names, FEW)}",
+                path,
             )
         return dict(mapping.channels)
     found = {name: NUMBER.fullmatch(name) for name in names}
     strange = [name for name, match in found.items() if match is None]
     if strange or not found:
         raise DataFormatError(
-            f"columns without a channel's number: {_some(strange) or 'none at all'}; name them in "
-            "the mapping (time, label_column, channels ...)",
+            f"columns without a channel's number: {first_few(strange, FEW) or 'none at all'}; name "
+            "them in the mapping (time, label_column, channels ...)",
             path,
         )
     numbers = {name: int(match[1][:DIGITS]) for name, match in found.items() if match is not None}
@@ -336,15 +335,9 @@ def _take(held: array[float], row: list[str], columns: list[int], number: int, p
     """Put the numbers of a sample behind those of the samples before."""
     try:
         held.extend([float(row[k]) for k in columns])
-    except ValueError:
-        for k in columns:
-            try:
-                float(row[k])
-            except ValueError:
-                raise DataFormatError(
-                    f"sample {number} holds {row[k]!r}, no number", path
-                ) from None
-        raise
+    except ValueError as error:  # "could not convert string to float: 'abc'"
+        word = str(error).partition(": ")[2]
+        raise DataFormatError(f"sample {number} holds {word}, no number", path) from None
 
 
 def _events(
@@ -435,3 +428,79 @@ def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Pa
         tuple(map(str, arrays.get("people", ()))),
         None if stretches is None else stretches.astype(np.int64),
     )
+
+
+ERROR = 43_000  # values from here on are a sensor's error codes
+LEAD = 2  # number and time before the values of a line
+
+
+def read_cyskin_text(path: Path) -> list[Recording]:
+    """Read what CySkin's own programs write, with a mapping that names its skin.
+
+    One sample a line, in either of two forms:
+
+    1. The first line holds the ids of all channels; each further line a number, the time [s] and a
+       value a channel.
+    2. No such line: each line holds a number and the time [s], then an id and its value in turn.
+
+    Values fall into 0 to 20,002; more is an error of a sensor, read as nothing.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, no mapping, or lines that do not fit together (says which).
+    """
+    check_file(path, "a CySkin recording", MAX_BYTES)
+    mapping = needed_mapping(path)
+    try:
+        with path.open(encoding="utf-8") as file:
+            lines = (
+                (number, line.split())
+                for number, line in enumerate(file, 1)
+                if line.strip() and not line.startswith("#")
+            )
+            begin = list(islice(lines, 2))
+            if len(begin) < 2:
+                raise DataFormatError("no samples", path)
+            width = len(begin[0][1])
+            heads = all(word.isascii() and word.isdigit() for word in begin[0][1])
+            heads = heads and len(begin[1][1]) == width + LEAD
+            samples = chain(begin[heads:], lines)
+            rows = _numbers(samples, width + LEAD * heads, path)
+    except UnicodeDecodeError as error:
+        raise DataFormatError(f"not a text file ({error.reason})", path) from None
+    if heads:
+        channels = [min(int(word[:DIGITS]), MAX_CHANNEL + 1) for word in begin[0][1]]
+        values = rows[:, LEAD:]
+    else:
+        pairs = rows[:, LEAD:]
+        if pairs.shape[1] == 0 or pairs.shape[1] % 2 or (pairs[:, ::2] != pairs[0, ::2]).any():
+            raise DataFormatError(
+                "neither a line of ids and then samples, nor samples of ids and values in turn",
+                path,
+                begin[0][0],
+            )
+        if not ((pairs[0, ::2] >= 0) & (pairs[0, ::2] <= MAX_CHANNEL)).all():
+            raise DataFormatError("ids that are no numbers of taxels", path, begin[0][0])
+        channels, values = pairs[0, ::2].astype(np.int64).tolist(), pairs[:, 1::2]
+    label = mapping.label_of(path)
+    table = ChannelTable(
+        rows[:, 1],
+        np.where(values >= ERROR, 0.0, values),
+        np.array(channels, np.int64),
+        np.full(len(rows), 0 if label else -1),
+        (label,) if label else (),
+    )
+    return [recording_of(table, mapping, path)]
+
+
+def _numbers(lines: Iterable[tuple[int, list[str]]], width: int, path: Path) -> np.ndarray:
+    found = array("d")  # a word takes ten times the memory of its number
+    for number, words in lines:
+        if len(words) != width:
+            raise DataFormatError(f"{len(words)} words, expected {width}", path, number)
+        try:
+            found.extend(map(float, words))
+        except ValueError as error:
+            raise DataFormatError(str(error), path, number) from None
+    return np.frombuffer(found).reshape(-1, width)

@@ -46,8 +46,6 @@ class PressedSkin:
         [s].
     classes : (f,) int or None
         Number of fingers of each file.
-    hands : tuple of (t,) bool, or None
-        Which samples are of a hand.
     unplaced, unrecorded : int
         Columns without a taxel, and taxels without a column.
     """
@@ -56,7 +54,6 @@ class PressedSkin:
     files: tuple[NDArray[np.uint8], ...]
     times: tuple[FloatArray, ...]
     classes: IntArray | None
-    hands: tuple[NDArray[np.bool_], ...] | None
     unplaced: int
     unrecorded: int
 
@@ -98,13 +95,11 @@ def read_pressed(arrays: Path, patch: Path) -> PressedSkin:
         raise DataFormatError(
             f"file_class of shape {classes.shape} for {len(rows)} files; 0 or more each", arrays
         )
-    hands = _each(held, "hand", count, arrays, np.zeros(count)) > 0 if "hand" in held else None
     return PressedSkin(
         skin,
         tuple(above_rest(raw[own]) for own in rows),
         tuple(times[own] for own in rows),
         None if classes is None else classes.astype(np.int64),
-        None if hands is None else tuple(hands[own] for own in rows),
         len(unplaced),
         int((columns < 0).sum()),
     )

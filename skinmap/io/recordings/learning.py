@@ -19,9 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError, OutputError
-from skinmap.io.recordings.marked_events import part_events, taxel_columns
-from skinmap.io.recordings.recorded_stream import BLOCK, MarkedTouch, RecordedStream, StreamInfo
-from skinmap.touch.recording import Recording, rows_of
+from skinmap.io.recordings.recorded_stream import (
+    BLOCK,
+    PartEvents,
+    RecordedStream,
+    StreamInfo,
+    part_events,
+    taxel_columns,
+    touches_of,
+)
+from skinmap.touch.recording import Recording
 from skinmap.touch.true_motion import TrueMotion
 
 FORMAT = "skinmap-arrays-1"
@@ -89,11 +96,16 @@ def write_hdf5(track: RecordedStream, path: Path) -> None:
                 file.attrs[key] = plain
             for name, array in arrays_of(track, path):
                 kind = h5py.string_dtype() if array.dtype.kind == "U" else array.dtype
+                packing = "gzip" if array.ndim and array.size > BLOCK else None
                 content = array.astype(object) if array.dtype.kind == "U" else array
-                file.create_dataset(name, data=content, dtype=kind, compression=_packing(array))
+                file.create_dataset(name, data=content, dtype=kind, compression=packing)
                 disk.check()
+            count = len(track.times)
+            packed = {"compression": "gzip", "compression_opts": GZIP, "shuffle": True}
             for part, width in zip(track.parts, track.info.widths, strict=True):
-                _values(file, f"{part}/values", track, width)
+                how = {**packed, "chunks": (min(BLOCK, count), width)} if count else {}
+                kind = track.values[:1].dtype
+                file.create_dataset(f"{part}/values", (count, width), kind, **how)
             for rows, values in track.blocks():
                 for part in track.parts:
                     file[f"{part}/values"][rows] = values[:, track.columns(part)]
@@ -159,23 +171,6 @@ class _Disk:
         return getattr(self._file, name)
 
 
-def _values(file: Any, name: str, track: RecordedStream, width: int) -> None:
-    count = len(track.times)
-    file.create_dataset(
-        name,
-        (count, width),
-        track.values[:1].dtype,
-        chunks=(min(BLOCK, count), width) if count else None,
-        compression="gzip" if count else None,
-        compression_opts=GZIP if count else None,
-        shuffle=bool(count),
-    )
-
-
-def _packing(array: NDArray[Any]) -> str | None:
-    return "gzip" if array.ndim and array.size > BLOCK else None
-
-
 def write_npz(track: RecordedStream, path: Path) -> None:
     """Write a compressed NPZ; the whole recording is in memory meanwhile."""
     arrays = dict(arrays_of(track, path))
@@ -201,9 +196,9 @@ def recordings_of_arrays(arrays: Any, path: Path) -> list[Recording]:
     DataFormatError
         Another format, or raw values.
     """
-    told = json.loads(str(arrays["about"]))
-    if told["format"] != FORMAT or told["kind"] != "pressure":
-        raise DataFormatError(f"holds {told['kind']} values as {told['format']!r}", path)
+    told = _about(arrays, path)
+    if told["kind"] != "pressure":
+        raise DataFormatError(f"holds {told['kind']} values", path)
     found = []
     for part in map(str, told["parts"]):
         count = int(told["samples"].get(part, len(arrays["times"])))
@@ -212,19 +207,13 @@ def recordings_of_arrays(arrays: Any, path: Path) -> list[Recording]:
         columns = taxel_columns(channels, values.shape[1], part, path)
         if values.dtype != np.uint8:
             raise DataFormatError(f"pressures of {part!r} are {values.dtype}, not uint8", path)
-        motions = [_motion(arrays, part, k) for k in range(len(arrays[f"{part}/labels"]))]
         found.append(
             Recording(
                 part,
                 arrays["times"][:count],
                 values[:count, columns],
-                arrays[f"{part}/events"][:count],
-                tuple(map(str, arrays[f"{part}/labels"])),
-                arrays[f"{part}/subjects"],
-                arrays.get(f"{part}/owners", None),
-                sessions=_words(arrays, f"{part}/sessions"),
-                people=_words(arrays, f"{part}/people"),
-                motions=tuple(motions) if any(motions) else (),
+                fingerprint=str(told["fingerprints"].get(part, "")),
+                **_events(arrays, part, count).known(),
             )
         )
     return found
@@ -244,9 +233,7 @@ def track_of_arrays(arrays: Any, path: Path) -> RecordedStream:
     DataFormatError
         Another format, or arrays whose lengths differ.
     """
-    told = json.loads(str(arrays["about"]))
-    if told["format"] != FORMAT:
-        raise DataFormatError(f"format {told['format']!r}, expected {FORMAT!r}", path)
+    told = _about(arrays, path)
     parts = tuple(map(str, told["parts"]))
     times = arrays["times"]
     values = [arrays[f"{part}/values"] for part in parts]
@@ -270,26 +257,39 @@ def track_of_arrays(arrays: Any, path: Path) -> RecordedStream:
         ),
         times,
         np.concatenate(values, axis=1),
-        touches=tuple(touch for part in parts for touch in _marks(arrays, part)),
+        touches=tuple(
+            touch for part in parts for touch in touches_of(part, _events(arrays, part, len(times)))
+        ),
         joints=joints,
         angles=angles,
         samples=told["samples"],
     )
 
 
-def _marks(arrays: Any, part: str) -> Iterator[MarkedTouch]:
-    events = arrays[f"{part}/events"]
-    labels = _words(arrays, f"{part}/labels")
+def _about(arrays: Any, path: Path) -> dict[str, Any]:
+    told: dict[str, Any] = json.loads(str(arrays["about"]))
+    if told["format"] != FORMAT:
+        raise DataFormatError(f"format {told['format']!r}, expected {FORMAT!r}", path)
+    return told
+
+
+def _events(arrays: Any, part: str, count: int) -> PartEvents:
+    """Of the first samples of a part."""
+    labels, sessions, people = (
+        tuple(map(str, arrays.get(f"{part}/{name}", ())))
+        for name in ("labels", "sessions", "people")
+    )
     nobody = ("",) * len(labels)
-    sessions = _words(arrays, f"{part}/sessions") or nobody
-    people = _words(arrays, f"{part}/people") or nobody
-    said = zip(labels, sessions, people, rows_of(events, len(labels)), strict=True)
-    for event, (label, session, person, rows) in enumerate(said):
-        if len(rows):
-            yield MarkedTouch(
-                part, event, label, int(rows[0]), int(rows[-1]), session=session, person=person,
-                motion=_motion(arrays, part, event),
-            )  # fmt: skip
+    motions = tuple(_motion(arrays, part, event) for event in range(len(labels)))
+    return PartEvents(
+        arrays[f"{part}/events"][:count],
+        labels,
+        arrays[f"{part}/subjects"],
+        arrays.get(f"{part}/owners", None),
+        sessions or nobody,
+        people or nobody,
+        motions if any(motions) else (),
+    )
 
 
 def _motion(arrays: Any, part: str, event: int) -> TrueMotion | None:
@@ -298,7 +298,3 @@ def _motion(arrays: Any, part: str, event: int) -> TrueMotion | None:
     if start + "way" not in arrays:
         return None
     return TrueMotion.from_arrays({name: arrays[start + name] for name in names})
-
-
-def _words(arrays: Any, name: str) -> tuple[str, ...]:
-    return tuple(map(str, arrays.get(name, ())))

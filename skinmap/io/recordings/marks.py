@@ -13,9 +13,8 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, InvalidArrayError
-from skinmap.io.recordings.marked_events import part_events
-from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream
-from skinmap.io.text import parse_floats, read_text
+from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, part_events
+from skinmap.io.text import CsvRows, parse_floats, read_text
 from skinmap.touch.labels import JOIN, UNNAMED, check_label
 from skinmap.touch.recording import Recording
 
@@ -64,7 +63,7 @@ class Marks:
                 f"a touch of samples {one.first} to {one.last} cannot be split at {row}"
             )
         number = 1 + max(other.event for other in self.touches if other.part == one.part)
-        whole = replace(one, owners=None, motion=None)
+        whole = replace(one, owners=None, motion=None, channels=())
         later = replace(whole, event=number, first=row)
         return self._with(place, replace(whole, last=row - 1), later)
 
@@ -82,7 +81,7 @@ class Marks:
             raise InvalidArrayError(f"no later touch of {one.part!r} to join with")
         last = max(one.last, self.touches[later[0]].last)
         rest = tuple(t for k, t in enumerate(self.touches) if k not in (place, later[0]))
-        return Marks((*rest, replace(one, last=last, owners=None, motion=None)))
+        return Marks((*rest, replace(one, last=last, owners=None, motion=None, channels=())))
 
     def _with(self, place: int, *others: MarkedTouch) -> Marks:
         return Marks((*self.touches[:place], *others, *self.touches[place + 1 :]))
@@ -201,7 +200,7 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
         No such file, missing columns, and of a line: no number, an unknown part, an end before
         its beginning, no sample, a label that nobody can use, or a touch that overlaps another.
     """
-    reader = csv.reader(io.StringIO(read_text(path)))
+    reader = CsvRows(read_text(path))
     try:
         return Marks(tuple(_checked(reader, path, before, times, parts)))
     except csv.Error as error:
@@ -240,6 +239,7 @@ def _checked(
         subject = 0 if old is None else old.subject
         same = old is not None and (old.first, old.last) == (one.first, one.last)
         motion = old.motion if old is not None and same else None
+        channels = old.channels if old is not None and same else ()
         own = spans.setdefault(one.part, [])
         place = bisect_left(own, (one.first, one.last))
         for first, last in own[max(place - 1, 0) : place + 1]:  # those beside it in time
@@ -251,7 +251,9 @@ def _checked(
         if (one.part, event) in taken:
             event, free = free, free + 1
         taken.add((one.part, event))
-        yield replace(one, event=event, owners=owners, subject=subject, motion=motion)
+        yield replace(
+            one, event=event, owners=owners, subject=subject, motion=motion, channels=channels
+        )
 
 
 def _marked(
@@ -280,13 +282,4 @@ def remarked(recording: Recording, marks: Marks, path: Path) -> Recording:
     """A recording with other marks."""
     own = [one for one in marks.touches if one.part == recording.part]
     found = part_events(own, len(recording.times), recording.pressures.shape[1], path)
-    return replace(
-        recording,
-        events=found.events,
-        labels=found.labels,
-        subjects=found.subjects,
-        owners=found.owners,
-        sessions=found.sessions,
-        people=found.people,
-        motions=found.motions,
-    )
+    return replace(recording, **found.known())

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from skinmap.errors import MissingFileError, UnknownNameError
-from skinmap.io.recordings import touch_files
+from skinmap.io.mcap.reading import read_track
 from skinmap.io.recordings.mapping import find_mapping
 from skinmap.io.recordings.touch_files import SUFFIXES, load_recordings
+from skinmap.io.robots.manifest import builtin_named
 from skinmap.io.text import is_file
 from skinmap.registry import Registry
 from skinmap.touch.recording import Recording
@@ -20,8 +21,7 @@ recording_readers: Registry[RecordingReader] = Registry(
     built_in={
         "table": "skinmap.io.recordings.channel_table:read_table",
         "arrays": "skinmap.io.recordings.channel_table:read_arrays",
-        "cyskin": "skinmap.io.recordings.cyskin_text:read_cyskin_text",
-        "cost": "skinmap.io.recordings.cost:read_cost",
+        "cyskin": "skinmap.io.recordings.channel_table:read_cyskin_text",
     },
 )
 # Formats of others say nothing of their skin: a mapping file beside them names it.
@@ -82,4 +82,9 @@ def recorded_robot(path: Path) -> str:
     mapping = None if suffix == ".mcap" else find_mapping(path)
     if mapping is not None:
         return mapping.robot
-    return touch_files.recorded_robot(path) if suffix in SUFFIXES else ""
+    if suffix == ".mcap":
+        track = read_track(path)
+        return track.manifest or builtin_named(track.info.robot) or ""
+    if suffix == ".npz":
+        return next((one.robot for one in load_recordings(path) if one.robot), "")
+    return ""

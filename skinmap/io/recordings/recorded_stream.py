@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
-from skinmap.errors import InvalidArrayError, SkinWarning, UnknownNameError
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, UnknownNameError
 from skinmap.skin.taxels import TaxelTable
+from skinmap.touch.recording import Recording
 from skinmap.touch.true_motion import TrueMotion
 
 Kind = Literal["raw", "pressure"]
@@ -132,6 +133,8 @@ class MarkedTouch:
         When it was recorded, and who touched, in words; empty where nobody said.
     motion : TrueMotion, optional
         Its true way, presses and speed, where they are known.
+    channels : tuple of int
+        Places of its taxels in the live vector of the part; empty where nobody noted them.
     """
 
     part: str
@@ -144,6 +147,7 @@ class MarkedTouch:
     session: str = ""
     person: str = ""
     motion: TrueMotion | None = None
+    channels: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,3 +292,110 @@ def warn_of_loss(track: RecordedStream, path: Path) -> RecordedStream:
             stacklevel=3,
         )
     return track
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PartEvents:
+    """Event of each sample (t,), and of each event what is known of it; see `Recording`."""
+
+    events: IntArray
+    labels: tuple[str, ...]
+    subjects: IntArray
+    owners: IntArray | None
+    sessions: tuple[str, ...]
+    people: tuple[str, ...]
+    motions: tuple[TrueMotion | None, ...]  # empty where none is known
+
+    def known(self) -> dict[str, Any]:
+        """As `Recording` takes them."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+
+def touches_of(part: str, of: Recording | PartEvents) -> list[MarkedTouch]:
+    """Where each event begins and ends; more than once where it was interrupted."""
+    events = of.events
+    changes = np.flatnonzero(np.diff(events, prepend=-1, append=-1))
+    return [
+        MarkedTouch(
+            part,
+            event,
+            of.labels[event],
+            first,
+            after - 1,
+            int(of.subjects[event]),
+            _owners(of, event),
+            of.sessions[event],
+            of.people[event],
+            of.motions[event] if of.motions else None,
+        )
+        for first, after in zip(changes[:-1].tolist(), changes[1:].tolist(), strict=True)
+        if (event := int(events[first])) >= 0
+    ]
+
+
+def _owners(of: Recording | PartEvents, event: int) -> dict[str, list[int]] | None:
+    if of.owners is None:
+        return None
+    owners = of.owners[event]
+    return {
+        str(one): np.flatnonzero(owners == one).tolist()
+        for one in range(int(owners.max(initial=-1)) + 1)
+    }
+
+
+def taxel_columns(
+    channels: NDArray[Any] | None, width: int, part: str, path: Path
+) -> IntArray | slice:
+    """Columns of a part's taxels among its values: all, or their channels in the live vector.
+
+    Raises
+    ------
+    DataFormatError
+        Fewer values than the taxels need.
+    """
+    if channels is None or len(channels) == width:
+        return slice(None)
+    if int(np.max(channels, initial=-1)) >= width:
+        raise DataFormatError(f"{width} channels of {part!r}, its taxels need more", path)
+    return np.asarray(channels, np.int64)
+
+
+def part_events(touches: Sequence[MarkedTouch], count: int, taxels: int, path: Path) -> PartEvents:
+    """Events of the first samples of a part.
+
+    Raises
+    ------
+    DataFormatError
+        Owners that are no taxels.
+    """
+    numbers = sorted({touch.event for touch in touches if touch.first <= touch.last < count})
+    place = {number: row for row, number in enumerate(numbers)}
+    events = np.full(count, -1)
+    labels, sessions, people = ([""] * len(numbers) for _ in range(3))
+    motions: list[TrueMotion | None] = [None] * len(numbers)
+    subjects = np.zeros(len(numbers), np.int64)
+    joined = any(touch.owners for touch in touches)
+    owners = np.full((len(numbers), taxels), -1) if joined else None
+    for touch in touches:
+        if touch.event not in place or not 0 <= touch.first <= touch.last < count:
+            continue
+        row = place[touch.event]
+        span = events[touch.first : touch.last + 1]
+        span[span < 0] = row  # what began first keeps its samples
+        labels[row], subjects[row] = touch.label, touch.subject
+        sessions[row], people[row], motions[row] = touch.session, touch.person, touch.motion
+        if owners is not None:
+            owners[row] = _owner_row(touch.owners or {}, taxels, path)
+    known = tuple(motions) if any(motions) else ()
+    words = tuple(labels), tuple(sessions), tuple(people)
+    return PartEvents(events, words[0], subjects, owners, *words[1:], known)
+
+
+def _owner_row(owners: Mapping[str, list[int]], taxels: int, path: Path) -> IntArray:
+    row = np.full(taxels, -1)
+    for name, members in owners.items():
+        try:
+            row[np.asarray(members, np.int64)] = int(name)
+        except (ValueError, IndexError, TypeError, OverflowError):
+            raise DataFormatError(f"owner {name!r} of a touch is damaged", path) from None
+    return row

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from skinmap.errors import DataFormatError
-from skinmap.io.recordings.mcap_recording import McapRecording
+from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.ros2.bag import METADATA
@@ -42,24 +40,5 @@ def write_rosbag2(track: RecordedStream, folder: Path) -> None:
         model=robot,
         points_hz=float("inf"),
     )
-    try:
-        for row, time in enumerate(track.times.tolist()):
-            if track.joints:
-                angles = dict(zip(track.joints, track.angles[row].tolist(), strict=True))
-                recording.add_angles(time, {k: v for k, v in angles.items() if np.isfinite(v)})
-            recording.add(track.kind, time, track.values[row : row + 1][0])
-        for touch in track.touches:
-            if touch.first <= touch.last:
-                recording.mark(
-                    touch.part,
-                    touch.event,
-                    touch.label,
-                    began=float(track.times[touch.first]),
-                    ended=float(track.times[touch.last]),
-                    subject=touch.subject,
-                    owners=touch.owners,
-                    motion=touch.motion,
-                )
-    finally:
-        recording.close()
+    recording.add_all(track)
     (folder / METADATA).write_text(recording.bag_metadata())

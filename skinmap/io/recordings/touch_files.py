@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.archive import open_arrays
-from skinmap.arrays import FloatArray
 from skinmap.errors import (
     DAMAGED_ARCHIVE,
     DataFormatError,
@@ -18,20 +17,19 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
-from skinmap.io.recordings.marked_events import part_events, taxel_columns, touches_of
-from skinmap.io.recordings.mcap_recording import McapRecording
-from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.mcap.reading import read_track
+from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.recorded_stream import (
-    MarkedTouch,
     RecordedStream,
     StreamInfo,
-    measured_rate,
+    part_events,
+    taxel_columns,
+    touches_of,
     warn_of_loss,
 )
 from skinmap.io.robots.manifest import builtin_named
 from skinmap.io.text import is_file
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import Skin
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording
 
@@ -92,22 +90,6 @@ def _load_npz(path: Path) -> list[Recording]:
             raise
         raise DataFormatError(f"not a Skinmap recording: {error}", path) from error
     return archive.load_recordings(path)
-
-
-def recorded_robot(path: Path) -> str:
-    """What `load_robot` loads the robot of a recording by; empty where the file does not say.
-
-    Raises
-    ------
-    MissingFileError, DataFormatError
-        No such file, or a damaged one.
-    """
-    if path.suffix.lower() == ".mcap":
-        track = read_track(path)
-        return track.manifest or builtin_named(track.info.robot) or ""
-    if path.suffix.lower() == ".npz":
-        return next((one.robot for one in load_recordings(path) if one.robot), "")
-    return ""
 
 
 def check_suffix(path: Path) -> None:
@@ -173,32 +155,19 @@ def save_recordings(
 
 
 def _save_mcap(recordings: Sequence[Recording], path: Path, robot: Robot | None) -> None:
-    longest = _longest(recordings)
-    skins: dict[str, Skin] = {}
-    if robot is not None:
-        skins = {one.part: robot.skin(one.part) for one in recordings}
+    track = track_of(recordings, path)
     file = McapRecording(
         path,
-        parts=[one.part for one in recordings],
-        widths={"pressure": [one.pressures.shape[1] for one in recordings]},
-        rate=measured_rate(longest.times),
+        parts=track.parts,
+        widths={"pressure": track.info.widths},
+        rate=track.info.rate,
         robot="" if robot is None else robot.name,
         manifest="" if robot is None else robot.origin,
-        skins=skins,
-        samples={one.part: len(one.times) for one in recordings},
+        skins={} if robot is None else {part: robot.skin(part) for part in track.parts},
+        samples=track.samples,
         chunk_seconds=SAVED_CHUNK,
     )
-    marks = sorted(
-        (mark for one in recordings for mark in touches_of(one)), key=lambda mark: mark.last
-    )
-    try:
-        for row, time in enumerate(longest.times.tolist()):
-            values = np.concatenate([_row(one, row) for one in recordings])
-            file.add("pressure", time, values)
-            while marks and marks[0].last == row:
-                _write_mark(file, marks.pop(0), longest.times)
-    finally:
-        file.close()
+    file.add_all(track)
 
 
 def _longest(recordings: Sequence[Recording]) -> Recording:
@@ -236,31 +205,10 @@ def track_of(recordings: Sequence[Recording], path: Path) -> RecordedStream:
         StreamInfo(path.name, parts, widths, 0.0, fingerprints=known),
         longest.times,
         values,
-        touches=tuple(touch for one in recordings for touch in touches_of(one)),
+        touches=tuple(touch for one in recordings for touch in touches_of(one.part, one)),
         samples={one.part: len(one.times) for one in recordings},
         manifest=next((one.robot for one in recordings if one.robot), ""),
     )
-
-
-def _write_mark(file: McapRecording, touch: MarkedTouch, times: FloatArray) -> None:
-    file.mark(
-        touch.part,
-        touch.event,
-        touch.label,
-        began=float(times[touch.first]),
-        ended=float(times[touch.last]),
-        subject=touch.subject,
-        owners=touch.owners,
-        session=touch.session,
-        person=touch.person,
-        motion=touch.motion,
-    )
-
-
-def _row(recording: Recording, row: int) -> NDArray[np.uint8]:
-    if row < len(recording.pressures):
-        return recording.pressures[row]
-    return np.zeros(recording.pressures.shape[1], np.uint8)
 
 
 def recordings_of(track: RecordedStream, path: Path) -> list[Recording]:
@@ -291,15 +239,9 @@ def recordings_of(track: RecordedStream, path: Path) -> list[Recording]:
                 part,
                 track.times[:count],
                 columns,
-                marked.events,
-                marked.labels,
-                marked.subjects,
-                marked.owners,
                 robot=track.manifest or builtin_named(track.info.robot) or "",
-                sessions=marked.sessions,
-                people=marked.people,
                 fingerprint=track.info.fingerprints.get(part, ""),
-                motions=marked.motions,
+                **marked.known(),
             )
         )
     return found

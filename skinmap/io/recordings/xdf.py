@@ -31,6 +31,9 @@ BOUNDARY = bytes.fromhex("43A546DCCBF5410FB30ED5467383CBE4")
 HEADER, STREAM, SAMPLES, CLOCK, MARK, FOOTER = 1, 2, 3, 4, 5, 6
 SIZES = {"int8": 1, "int16": 2, "int32": 4, "int64": 8, "float32": 4, "double64": 8}
 MAX_BYTES = 2 * 2**30  # it is held in memory
+MAX_UNFOLDED = 512 * 2**20  # of a compressed file, which may come from anywhere
+MAX_RATIO = 100  # of a compressed file; recordings of sensors reach 10
+PIECE = 2**20  # unfolded at once
 MAX_CHANNELS = 1_000_000
 # What pyxdf may raise for contents that make no sense.
 DAMAGED = (ValueError, LookupError, TypeError, ArithmeticError, RuntimeError, EOFError,
@@ -87,21 +90,25 @@ def read_xdf(path: Path, *, robot: Robot | None = None) -> RecordedStream:
     return _track(chosen, robot, sound, path)
 
 
-def _bytes(path: Path) -> bytes:
+def _bytes(path: Path) -> bytes | bytearray:
     check_file(path, "an XDF recording", MAX_BYTES)
     with path.open("rb") as file:
         if path.suffix.lower() != ".xdfz":
             return file.read()
+        most = min(MAX_UNFOLDED, max(PIECE, MAX_RATIO * path.stat().st_size))
+        data = bytearray()
         try:
-            data = gzip.GzipFile(fileobj=file).read(MAX_BYTES + 1)
+            unfolded = gzip.GzipFile(fileobj=file)
+            while piece := unfolded.read(PIECE):
+                data += piece
+                if len(data) > most:
+                    raise DataFormatError(f"unfolds to more than {most / 2**20:.0f} MB", path)
         except (OSError, EOFError, zlib.error) as error:
             raise DataFormatError(f"not a compressed XDF file: {error}", path) from None
-    if len(data) > MAX_BYTES:
-        raise DataFormatError(f"unfolds to more than {MAX_BYTES / 2**30:.0f} GB", path)
     return data
 
 
-def _sound_chunks(data: bytes, path: Path) -> _Sound:
+def _sound_chunks(data: bytes | bytearray, path: Path) -> _Sound:
     """Collect the chunks that are whole and consistent."""
     if data[: len(MAGIC)] != MAGIC:
         raise DataFormatError("an empty file" if not data else "not an XDF file", path)
@@ -116,7 +123,7 @@ def _sound_chunks(data: bytes, path: Path) -> _Sound:
             sound.damage.append(f"unreadable from byte {offset}")
             offset = following + len(BOUNDARY) if following >= 0 else len(data)
             continue
-        body = data[found[1] : end]
+        body = bytes(data[found[1] : end])
         try:
             if _keep(body, sound):
                 sound.data.write(b"\x08" + struct.pack("<Q", len(body)) + body)
@@ -127,7 +134,7 @@ def _sound_chunks(data: bytes, path: Path) -> _Sound:
     return sound
 
 
-def _length(data: bytes, offset: int) -> tuple[int, int] | None:
+def _length(data: bytes | bytearray, offset: int) -> tuple[int, int] | None:
     """A number of variable length and where it ends; None where there is none."""
     size = data[offset] if offset < len(data) else 0
     if size not in (1, 4, 8) or offset + 1 + size > len(data):
@@ -220,7 +227,7 @@ def _parts(streams: list[Any], robot: Robot | None, path: Path) -> dict[str, Any
 
 
 def _described(stream: Any) -> StreamInfo | None:
-    """Skin described by a stream (see `skinmap.live.network.lsl_description`), or None."""
+    """Skin described by a stream (see `skinmap.live.network.lsl_settings`), or None."""
     try:
         skin = stream["info"]["desc"][0]["skinmap"][0]
         rows = [

@@ -6,7 +6,7 @@ import importlib
 import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace as replace_fields
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,15 +24,16 @@ from skinmap.errors import (
     UnknownNameError,
 )
 from skinmap.geometry.mesh import TriangleMesh
-from skinmap.io.robots.mesh_file import MeshBody, read_mesh
-from skinmap.io.robots.urdf import UrdfBody
-from skinmap.io.taxels.pieces import joined, placed, with_ids
+from skinmap.geometry.rigid import transform_directions, transform_points
+from skinmap.io.robots.mesh_file import read_mesh
+from skinmap.io.robots.urdf import MeshBody, UrdfBody
+from skinmap.io.taxels.cyskin import has_channel, modules_of
 from skinmap.io.taxels.readers import read_taxels
-from skinmap.io.text import is_file, read_text
+from skinmap.io.text import MAX_CHANNEL, is_file, parse_whole, read_text
 from skinmap.io.units import UNITS
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.robot import AUTO, Body, Part, Robot
-from skinmap.skin.taxels import TaxelTable
+from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.validation import checked, toml_table
 
 MODEL_PACKAGES = ("icub-models",)
@@ -74,7 +75,7 @@ class _Part(msgspec.Struct, forbid_unknown_fields=True):
     link: str
     taxels: str | None = None
     format: str | None = None
-    units: str = "m"
+    units: str | None = None
     module: str | None = None
     drawing: str | None = None
     frame: str = AUTO
@@ -150,7 +151,7 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     """
     builtin = _builtin_manifests()
     if str(robot) in builtin:
-        return replace_fields(read_manifest(builtin[str(robot)]), origin=str(robot))
+        return replace(read_manifest(builtin[str(robot)]), origin=str(robot))
     path = Path(robot)
     if path.suffix == ".toml" or is_file(path):
         return read_manifest(path, allow_outside=allow_outside)
@@ -198,7 +199,7 @@ def beside(manifest: Path, name: str, inside: Path | None) -> Path:
     path = manifest.parent / name
     if inside is not None and not path.resolve().is_relative_to(inside):
         raise ForbiddenPathError(
-            f"{manifest} names {name!r}, outside its own folder; allow it with --allow-outside"
+            f"{manifest} names {name!r}, outside its own folder; SKINMAP_ALLOW_OUTSIDE=1 allows it"
         )
     return path
 
@@ -235,7 +236,7 @@ def _part(entry: _Part, path: Path, inside: Path | None) -> Part:
     return Part(
         entry.name,
         entry.link,
-        _reader(pieces, files, entry.format, path, inside, _metres(entry.units)),
+        _reader(pieces, files, entry.format, path, inside, _metres(entry.units or "m")),
         layout,
         entry.frame,
         None if entry.drawing is None else beside(path, entry.drawing, inside),
@@ -243,6 +244,7 @@ def _part(entry: _Part, path: Path, inside: Path | None) -> Part:
         ring=entry.ring,
         cover=entry.cover_mm * 1e-3,
         cover_mesh=_cover(entry, path, inside),
+        unit="inch" if entry.units == "in" else entry.units,
     )
 
 
@@ -295,9 +297,9 @@ def _reader(
     numbers = [None if piece.ids is None else beside(path, piece.ids, inside) for piece in pieces]
     poses = [_transform(piece.pose, path) for piece in pieces]
 
-    def read() -> TaxelTable:
+    def read(metres: float = scale) -> TaxelTable:
         tables = [
-            placed(read_taxels(file, format), scale, T_link_piece)
+            placed(read_taxels(file, format), metres, T_link_piece)
             for file, T_link_piece in zip(files, poses, strict=True)
         ]
         named = [
@@ -349,3 +351,53 @@ def _package_model(urdf: str, manifest: Path) -> Path:
     if model not in module.get_robot_names():
         raise UnknownNameError(f"model in {package}", model, module.get_robot_names())
     return Path(module.get_model_file(model))
+
+
+def placed(table: TaxelTable, scale: float, T_link_piece: FloatArray) -> TaxelTable:
+    """A table in metres, carried to where its piece stands."""
+    return replace(
+        table,
+        positions=transform_points(T_link_piece, table.positions * scale),
+        normals=transform_directions(T_link_piece, table.normals),
+    )
+
+
+def with_ids(table: TaxelTable, path: Path) -> TaxelTable:
+    """A table with the ids of a file, one whole number a taxel in the order of the channels.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, another number of ids, or something that is no whole number.
+    """
+    ids: list[int] = []
+    for line, text in enumerate(read_text(path).splitlines(), start=1):
+        ids += parse_whole(text.split(), path, line, most=MAX_CHANNEL)
+    if len(ids) != len(table):
+        raise DataFormatError(f"{len(ids)} ids for {len(table)} taxels", path)
+    numbers = np.array(ids, np.int64)
+    wired = has_channel(numbers)
+    # Copies of one shape are wired in different ways: the boards go by the ids, not by the shape.
+    modules = modules_of(numbers, wired, table.positions)
+    return replace(table, modules=modules, ids=np.where(wired, numbers, NO_ID))
+
+
+def joined(tables: Sequence[TaxelTable]) -> TaxelTable:
+    """One table of several pieces: channels and modules of each follow on those before it."""
+    channel = module = 0
+    channels, modules = [], []
+    for table in tables:
+        channels.append(table.channels + channel)
+        modules.append(np.unique(table.modules, return_inverse=True)[1].ravel() + module)
+        channel, module = int(channels[-1].max()) + 1, int(modules[-1].max()) + 1
+    known = all(len(table.ids) for table in tables)
+    return TaxelTable(
+        np.concatenate(channels),
+        np.concatenate(modules),
+        np.concatenate([table.positions for table in tables]),
+        np.concatenate([table.normals for table in tables]),
+        np.concatenate([table.representative for table in tables]),
+        tables[0].link,
+        np.concatenate([table.ids for table in tables]) if known else np.zeros(0, np.int64),
+        np.repeat(np.arange(len(tables)), [len(table) for table in tables]),
+    )

@@ -1,4 +1,4 @@
-"""Mesh files of links, through trimesh and as binary PLY, and a body that is one mesh file.
+"""Mesh files of links, through trimesh and as binary PLY.
 
 What a file unfolds to is bounded before anything is made of it: GLB and COLLADA name a mesh once
 and show it at any number of places, and GLB has arrays of zeros that are not in the file. Without a
@@ -10,19 +10,18 @@ from __future__ import annotations
 import json
 import struct
 import warnings
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.cache import Ingredient, cached
-from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.disk_cache import Ingredient, cached
+from skinmap.errors import DataFormatError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.io.safe_xml import local_name, read_xml
-from skinmap.io.text import check_file, is_file
-from skinmap.skin.joints import Joint
+from skinmap.io.text import check_file
 
 # trimesh reads more, archives and scene formats among them, that may name or unpack other files.
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".dae", ".glb", ".gltf", ".off")
@@ -30,18 +29,19 @@ MAX_MESH_BYTES = 512 * 2**20
 # Kept once read: files that say all themselves (a .gltf names others). Small ones too: what reads
 # them takes half a second to import.
 WHOLE = (".stl", ".obj", ".ply", ".dae", ".glb", ".off")
-LINK = "body"  # of a body that is one mesh file
 MAX_UNFOLDED = 1_000_000  # vertices, or as many as the file has bytes
 MAX_PLACES = 10_000  # at which meshes are shown: the largest link has some hundred screws
 GLB_HEAD = struct.Struct("<12xI4x")  # of the file and of its first chunk, which is JSON
 
 
 def check_gltf(path: Path) -> None:
-    """Refuse a .glb or .gltf whose arrays claim more numbers than a mesh may have.
+    """Refuse a .glb or .gltf that claims more numbers than a mesh may have, or names other files.
 
     Raises
     ------
     DataFormatError
+        Too many numbers, or a buffer or picture that is neither in the file itself nor a file of at
+        most 512 MB beside it.
     """
     length = path.stat().st_size
     with path.open("rb") as file:
@@ -49,6 +49,15 @@ def check_gltf(path: Path) -> None:
             (length,) = GLB_HEAD.unpack(file.read(GLB_HEAD.size))
         head = json.loads(file.read(min(length, path.stat().st_size)))
     _check(max((int(one["count"]) for one in head.get("accessors", ())), default=0), path)
+    for one in (*head.get("buffers", ()), *head.get("images", ())):
+        uri = str(one.get("uri", "data:"))
+        if uri.startswith("data:"):
+            continue
+        named = path.parent / uri
+        plain = all(Path(name).name == name for name in (uri, unquote(uri)))
+        if not plain or named.resolve().parent != path.parent.resolve():
+            raise DataFormatError(f"names {uri!r}, which is not a file beside it", path)
+        check_file(named, f"a part of {path.name}", MAX_MESH_BYTES)
 
 
 def check_collada(root: Any, path: Path) -> None:
@@ -182,75 +191,3 @@ def write_mesh(mesh: TriangleMesh, path: Path) -> None:
     faces["count"], faces["corners"] = 3, mesh.faces
     vertices = mesh.vertices.astype("<f4").tobytes()
     path.write_bytes("\n".join(header).encode("ascii") + b"\n" + vertices + faces.tobytes())
-
-
-class MeshBody:
-    """One link called "body", without joints.
-
-    Parameters
-    ----------
-    path : Path
-        A mesh file that trimesh reads (STL, OBJ, PLY, DAE, GLB, ...).
-    scale : float
-        Metres a unit of the file.
-
-    Raises
-    ------
-    MissingFileError
-        No such file; whether it is a mesh shows when it is asked for.
-    """
-
-    def __init__(self, path: Path, *, scale: float = 1.0) -> None:
-        if not is_file(path):
-            raise MissingFileError(path, "a mesh file")
-        self.path, self.scale = path, scale
-
-    @property
-    def links(self) -> tuple[str, ...]:
-        """The one link."""
-        return (LINK,)
-
-    @property
-    def visible_links(self) -> tuple[str, ...]:
-        """The one link."""
-        return (LINK,)
-
-    @property
-    def joints(self) -> dict[str, tuple[float, float]]:
-        """No joints."""
-        return {}
-
-    @property
-    def sliding_joints(self) -> frozenset[str]:
-        """None: there are no joints."""
-        return frozenset()
-
-    @property
-    def tree(self) -> dict[str, Joint]:
-        """No joint above the one link."""
-        return {}
-
-    def poses(self, angles: Mapping[str, float]) -> dict[str, FloatArray]:
-        """The identity (4, 4) for the one link.
-
-        Raises
-        ------
-        UnknownNameError
-            Any joint: there are none.
-        """
-        for name in angles:
-            raise UnknownNameError("joint", name, ())
-        return {LINK: np.eye(4)}
-
-    def mesh(self, link: str) -> TriangleMesh:
-        """The mesh [m].
-
-        Raises
-        ------
-        UnknownNameError, DataFormatError
-            Another link, or a file that is no mesh.
-        """
-        if link != LINK:
-            raise UnknownNameError("link", link, self.links)
-        vertices, faces = read_mesh(self.path)
-        return TriangleMesh(vertices * self.scale, faces)

@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, InvalidMeshError, SkinError
-from skinmap.geometry.triangles import unit
-from skinmap.skin.joints import Joint
+from skinmap.geometry.tangents import tangent_frames
+from skinmap.skin.joints import Joint, joint_transform
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import build_surface
@@ -141,7 +141,7 @@ def _joint(robot: Robot, joint: Joint, body: ET.Element, report: MjcfReport) -> 
     origin = joint.T_parent_joint
     moves = joint.kind != "fixed" and joint.driver
     if joint.kind != "fixed" and not joint.driver and joint.offset:
-        origin = origin @ _moved(joint, joint.offset)  # mimics a joint that stands still
+        origin = joint_transform(joint, joint.offset)  # mimics a joint that stands still
     body.set("pos", _text(origin[:3, 3]))
     body.set("quat", _text(Rotation.from_matrix(origin[:3, :3]).as_quat(scalar_first=True)))
     if not moves:
@@ -159,15 +159,6 @@ def _joint(robot: Robot, joint: Joint, body: ET.Element, report: MjcfReport) -> 
     if joint.driver == joint.name and np.isfinite([low, high]).all() and low < high:
         attributes["range"] = _text([low * length, high * length])
     ET.SubElement(body, "joint", attributes)
-
-
-def _moved(joint: Joint, value: float) -> FloatArray:
-    moved = np.eye(4)
-    if joint.kind == "slides":
-        moved[:3, 3] = joint.axis * value
-    else:
-        moved[:3, :3] = Rotation.from_rotvec(unit(joint.axis) * value).as_matrix()
-    return moved
 
 
 def _inertia(robot: Robot, link: str, moves: bool, body: ET.Element, report: MjcfReport) -> None:
@@ -258,6 +249,8 @@ def _skin(skin: Skin, body: ET.Element, asset: ET.Element, sensors: ET.Element) 
         faces = build_surface(skin).faces
     except InvalidMeshError as error:
         raise InvalidMeshError(f"part {skin.part!r} as MJCF: {error}") from error
+    # The normal and two tangents, which MuJoCo measures slip along.
+    axes = np.concatenate([skin.normals[:, None], tangent_frames(skin.normals)], axis=1)
     name = skin.part
     ET.SubElement(
         asset,
@@ -265,7 +258,7 @@ def _skin(skin: Skin, body: ET.Element, asset: ET.Element, sensors: ET.Element) 
         name=name,
         inertia="shell",  # open, perhaps flat: no volume
         vertex=_text(skin.positions.ravel()),
-        normal=_text(_axes(skin.normals).ravel()),
+        normal=_text(axes.ravel()),
         face=" ".join(map(str, faces.ravel().tolist())),
     )
     ET.SubElement(body, "geom", {"class": "taxels"}, name=name, mesh=name)
@@ -277,13 +270,6 @@ def _skin(skin: Skin, body: ET.Element, asset: ET.Element, sensors: ET.Element) 
         plate = f"{name} plate {number}"
         ET.SubElement(asset, "mesh", name=plate, vertex=_text(_solid(corners).ravel()))
         ET.SubElement(body, "geom", {"class": "plate"}, type="mesh", mesh=plate)
-
-
-def _axes(normals: FloatArray) -> FloatArray:
-    """(n, 3, 3) normal and two tangents of each taxel, which MuJoCo measures slip along."""
-    helper = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = unit(np.cross(normals, helper))
-    return np.stack([normals, first, np.cross(normals, first)], axis=1)
 
 
 def plates(skin: Skin) -> list[IntArray]:

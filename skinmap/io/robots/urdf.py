@@ -21,12 +21,13 @@ from skinmap.errors import (
     UnknownNameError,
 )
 from skinmap.geometry.mesh import TriangleMesh
-from skinmap.geometry.rigid import check_transform, transform_points
+from skinmap.geometry.rigid import check_transform, rpy_matrix, transform_points
 from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import is_file, parse_floats
-from skinmap.skin.joints import Joint, Kind
+from skinmap.skin.joints import Joint, Kind, joint_transform
 
+BODY = "body"  # the link of a body that is one mesh file
 SECTIONS = 48  # of a cylinder: 0.2 % of the radius off the round
 # A humanoid has some hundred links, ten deep. Poses take the cube of a chain's length.
 MAX_LINKS, MAX_DEPTH = 2_000, 200
@@ -162,7 +163,7 @@ class UrdfBody:
         if self.inside is not None and not path.resolve().is_relative_to(self.inside):
             raise ForbiddenPathError(
                 f"{self.path} names the mesh {name!r}, outside {self.inside}; "
-                "allow it with --allow-outside"
+                "SKINMAP_ALLOW_OUTSIDE=1 allows it"
             )
         return path
 
@@ -178,6 +179,30 @@ class UrdfBody:
         if not is_file(path):
             raise MissingFileError(path, "a mesh that the URDF names")
         return path
+
+
+class MeshBody(UrdfBody):
+    """One link called "body", without joints.
+
+    Parameters
+    ----------
+    path : Path
+        A mesh file that trimesh reads (STL, OBJ, PLY, DAE, GLB, ...).
+    scale : float
+        Metres a unit of the file.
+
+    Raises
+    ------
+    MissingFileError
+        No such file; whether it is a mesh shows when it is asked for.
+    """
+
+    def __init__(self, path: Path, *, scale: float = 1.0) -> None:
+        if not is_file(path):
+            raise MissingFileError(path, "a mesh file")
+        self.path, self.scale, self.inside = path, scale, None
+        self._links = {BODY: Link((Shape("mesh", np.eye(4), np.array([scale]), path.name),))}
+        self._tree, self._moved = {}, []
 
 
 def shape_mesh(shape: Shape) -> tuple[FloatArray, IntArray]:
@@ -368,19 +393,6 @@ def read_joints(root: Any) -> tuple[dict[str, Joint], list[Movable]]:
     return joints, moved
 
 
-def joint_transform(joint: Joint, angle: float) -> FloatArray:
-    """T_parent_link (4, 4) at a joint's own angle [rad or m]."""
-    move = np.eye(4)
-    if joint.kind == "slides":
-        move[:3, 3] = angle * joint.axis
-    elif joint.kind == "turns":
-        x, y, z = joint.axis / np.linalg.norm(joint.axis)
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        # Rodrigues' formula.
-        move[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
-    return np.asarray(joint.T_parent_joint @ move)
-
-
 def _link(element: Any) -> Link:
     shapes = tuple(_shape(visual) for visual in children(element, "visual"))
     said = children(element, "inertial")
@@ -449,14 +461,7 @@ def _origin(element: Any) -> FloatArray:
     said = children(element, "origin")
     if said:
         place[:3, 3] = _numbers(said[0].get("xyz", "0 0 0"))
-        (a, b, c), (sa, sb, sc) = (
-            f(_numbers(said[0].get("rpy", "0 0 0"))) for f in (np.cos, np.sin)
-        )
-        place[:3, :3] = [
-            [b * c, c * sa * sb - a * sc, sa * sc + a * c * sb],
-            [b * sc, a * c + sa * sb * sc, a * sb * sc - c * sa],
-            [-sb, b * sa, a * b],
-        ]
+        place[:3, :3] = rpy_matrix(_numbers(said[0].get("rpy", "0 0 0")).tolist())
     return place
 
 

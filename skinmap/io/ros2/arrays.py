@@ -13,10 +13,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.io.ros2.cdr import LITTLE_ENDIAN
-
 Number = Literal["UInt8", "Float32"]
 DTYPES: dict[Number, np.dtype[Any]] = {"UInt8": np.dtype("u1"), "Float32": np.dtype("<f4")}
+LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 LABEL = b"channel\0"
 # One dimension, its label, size and stride, the offset of the data and their number.
 HEAD = struct.Struct(f"<4sII{len(LABEL)}sIIII")

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
-from skinmap.imports import import_optional
 from skinmap.io.recordings.dumper import together
 from skinmap.io.recordings.recorded_stream import (
     Kind,
@@ -25,7 +24,7 @@ from skinmap.io.recordings.recorded_stream import (
     measured_rate,
     seconds_of,
 )
-from skinmap.io.ros2.messages import cloud_points
+from skinmap.io.ros2.messages import points_of
 from skinmap.io.text import read_text
 from skinmap.validation import checked, toml_table
 
@@ -94,8 +93,6 @@ def read_bag(bag: Path) -> RecordedStream:
         No mapping, or a bag or mapping that does not follow its format (says where).
     UnknownNameError
         A topic or field that the bag has not (says which there are).
-    MissingLibraryError
-        The package `rosbags` is not installed.
     """
     mapping = read_bag_mapping(mapping_of(bag))
     read = _read_topics(bag, mapping)
@@ -147,16 +144,16 @@ Sampled = tuple[FloatArray, NDArray[Any]]
 
 def _read_topics(bag: Path, mapping: _Mapping) -> dict[str, Sampled]:
     """Times (t,) [s] and values (t, channels) by part."""
-    need = "reading bags of ROS 2 needs rosbags: pip install 'skinmap[ros]'"
-    types = import_optional("rosbags.typesys", need)
-    highlevel = import_optional("rosbags.highlevel", need)
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     found: dict[str, tuple[list[int], list[NDArray[Any]]]] = {
         one.name: ([], []) for one in mapping.part
     }
     try:
         # Bags of before 2023 hold no definitions: those of Humble are the standard ones.
-        humble = types.get_typestore(types.Stores.ROS2_HUMBLE)
-        with highlevel.AnyReader([bag], default_typestore=humble) as reader:
+        humble = get_typestore(Stores.ROS2_HUMBLE)
+        with AnyReader([bag], default_typestore=humble) as reader:
             topics = {one.topic for one in reader.connections}
             for one in mapping.part:
                 if one.topic not in topics:
@@ -210,15 +207,7 @@ def _row(message: Any, one: _Topic, bag: Path) -> NDArray[Any]:
 
 
 def _cloud_row(message: Any, one: _Topic, bag: Path) -> NDArray[Any]:
-    fields = [(str(f.name), int(f.offset), int(f.datatype), int(f.count)) for f in message.fields]
-    points = cloud_points(
-        fields,
-        ">" if message.is_bigendian else "<",
-        int(message.point_step),
-        int(message.row_step),
-        (int(message.height), int(message.width)),
-        np.asarray(message.data).tobytes(),
-    )
+    points = points_of(message)
     names = points.dtype.names or ()
     if one.field not in names:
         raise UnknownNameError(f"field in {one.topic} of {bag.name}", str(one.field), names)

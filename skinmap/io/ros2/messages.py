@@ -12,11 +12,20 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import MessageError
-from skinmap.io.ros2.cdr import HEAD, CdrReader, CdrWriter
+from skinmap.io.ros2.message_types import (
+    build,
+    header,
+    nanoseconds_of,
+    read,
+    time_message,
+    write,
+)
 
 FLOAT32 = 7
 # How `sensor_msgs/PointField` numbers its types.
 FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", FLOAT32: "f4", 8: "f8"}
+MAX_TEXT = 1 << 24  # bytes of a text; a robot's description is the longest
+HEAD, STAMP = 4, struct.Struct("<iI")  # where a message begins that has a header, and its time
 MAX_FIELDS = 64  # of a cloud; lidars with a dozen are the richest
 SPHERE, WORDS = 2, 9  # kinds of markers
 ADD, DELETE = 0, 2
@@ -28,14 +37,20 @@ WHITE = (1.0, 1.0, 1.0, 1.0)
 
 def text_message(text: str) -> bytes:
     """A `std_msgs/String`."""
-    message = CdrWriter()
-    message.text(text)
-    return message.done()
+    return write("std_msgs/String", text)
 
 
-def read_text(message: bytes) -> str:
-    """The text of a `std_msgs/String`."""
-    return CdrReader(message).text()
+def read_text(data: bytes) -> str:
+    """The text of a `std_msgs/String`.
+
+    Raises
+    ------
+    MessageError
+        Another message, or a text above 16 MB.
+    """
+    if len(data) > MAX_TEXT:
+        raise MessageError(f"a text of {len(data)} bytes, at most {MAX_TEXT} are read")
+    return str(read("std_msgs/String", data).data)
 
 
 def transforms_message(
@@ -54,38 +69,34 @@ def transforms_message(
     """
     from scipy.spatial.transform import Rotation
 
-    message = CdrWriter()
-    message.put("I", len(pairs))
     turns = Rotation.from_matrix(T_parent_child[:, :3, :3]).as_quat() if pairs else []
     rows = zip(pairs, T_parent_child[:, :3, 3].tolist(), np.asarray(turns).tolist(), strict=True)
-    for (parent, child), place, turn in rows:
-        message.header(stamp, parent)
-        message.text(child)
-        message.put("d", *place, *turn)
-    return message.done()
+    transforms = [
+        build(
+            "geometry_msgs/TransformStamped",
+            header(stamp, parent),
+            child,
+            build(
+                "geometry_msgs/Transform",
+                build("geometry_msgs/Vector3", *place),
+                build("geometry_msgs/Quaternion", *turn),
+            ),
+        )
+        for (parent, child), place, turn in rows
+    ]
+    return write("tf2_msgs/TFMessage", transforms)
 
 
 def joints_message(stamp: int, angles: Mapping[str, float]) -> bytes:
     """A `sensor_msgs/JointState` of positions [rad or m]."""
-    message = CdrWriter()
-    message.header(stamp, "")
-    message.put("I", len(angles))
-    for name in angles:
-        message.text(name)
-    values = np.array(list(angles.values()), "<f8")
-    message.sequence(values.tobytes(), len(values), 8)
-    message.put("I", 0)
-    message.put("I", 0)
-    return message.done()
+    values, none = np.array(list(angles.values()), np.float64), np.zeros(0)
+    return write("sensor_msgs/JointState", header(stamp, ""), list(angles), values, none, none)
 
 
-def read_joints(message: bytes) -> dict[str, float]:
+def read_joints(data: bytes) -> dict[str, float]:
     """The positions in a `sensor_msgs/JointState` by joint."""
-    reader = CdrReader(message)
-    reader.header()
-    names = [reader.text() for _ in range(reader.get("I"))]
-    values = np.frombuffer(reader.sequence(8), f"{reader.order}f8")
-    return dict(zip(names, values.tolist(), strict=False))
+    told = read("sensor_msgs/JointState", data)
+    return dict(zip(told.name, told.position.tolist(), strict=False))
 
 
 class Cloud:
@@ -103,21 +114,17 @@ class Cloud:
     def __init__(self, frame: str, positions: FloatArray, field: str) -> None:
         names = ["x", "y", "z", field]
         kind = np.dtype([(name, "<f4") for name in names])
-        head = CdrWriter()
-        head.header(0, frame)
-        head.put("I", 1, len(positions), len(names))
-        for place, name in enumerate(names):
-            head.text(name)
-            head.put("I", 4 * place)
-            head.put("B", FLOAT32)
-            head.put("I", 1)
-        head.put("B", 0)
-        size = kind.itemsize * len(positions)
-        head.put("I", kind.itemsize, size)
-        head.sequence(bytes(size), size, 1)
-        start = len(head) - size
-        head.put("B", 1)
-        self._message = bytearray(head.done())
+        fields = [
+            build("sensor_msgs/PointField", name, 4 * place, FLOAT32, 1)
+            for place, name in enumerate(names)
+        ]
+        count, step = len(positions), kind.itemsize
+        data = np.zeros(count * step, np.uint8)
+        self._message = bytearray(
+            write("sensor_msgs/PointCloud2", header(0, frame), 1, count, fields, False, step,
+                  count * step, data, True)
+        )  # fmt: skip
+        start = len(self._message) - 1 - len(data)  # behind the points: whether all are finite
         self._points = np.frombuffer(self._message, kind, len(positions), start)
         self._field = field
         self.move(positions)
@@ -129,8 +136,8 @@ class Cloud:
 
     def message(self, stamp: int, values: NDArray[Any]) -> bytes:
         """The cloud with values (n,) at a time [ns]."""
-        whole, rest = divmod(stamp, 1_000_000_000)
-        struct.pack_into("<iI", self._message, HEAD, min(whole, 2**31 - 1), rest)
+        when = time_message(stamp)
+        STAMP.pack_into(self._message, HEAD, when.sec, when.nanosec)
         self._points[self._field] = values
         return bytes(self._message)
 
@@ -153,7 +160,7 @@ class ReadCloud:
     points: NDArray[Any]
 
 
-def read_cloud(message: bytes) -> ReadCloud:
+def read_cloud(data: bytes) -> ReadCloud:
     """Read a `sensor_msgs/PointCloud2`.
 
     Raises
@@ -161,49 +168,29 @@ def read_cloud(message: bytes) -> ReadCloud:
     MessageError
         Another message, or one whose sizes contradict each other.
     """
-    reader = CdrReader(message)
-    stamp, frame = reader.header()
-    height, width, count = (reader.get("I") for _ in range(3))
-    if count > MAX_FIELDS:
-        raise MessageError(f"a cloud of {count} fields, at most {MAX_FIELDS} are read")
-    told = [
-        (reader.text(), reader.get("I"), reader.get("B"), reader.get("I")) for _ in range(count)
-    ]
-    order = ">" if reader.get("B") else "<"
-    step, row_step = reader.get("I"), reader.get("I")
-    data = reader.sequence(1)
-    return ReadCloud(stamp, frame, cloud_points(told, order, step, row_step, (height, width), data))
+    cloud = read("sensor_msgs/PointCloud2", data)
+    if len(cloud.fields) > MAX_FIELDS:
+        raise MessageError(f"a cloud of {len(cloud.fields)} fields, at most {MAX_FIELDS} are read")
+    return ReadCloud(nanoseconds_of(cloud.header), cloud.header.frame_id, points_of(cloud))
 
 
-def cloud_points(
-    fields: Sequence[tuple[str, int, int, int]],
-    order: str,
-    step: int,
-    row_step: int,
-    shape: tuple[int, int],
-    data: bytes,
-) -> NDArray[Any]:
-    """The points (n,) of a cloud as a structured array.
-
-    Parameters
-    ----------
-    fields : sequence of (str, int, int, int)
-        Name, offset, type and count of each.
-    order : {"<", ">"}
-        Of the bytes.
-    step, row_step : int
-        Bytes from point to point and from row to row.
-    shape : (int, int)
-        Rows, and points in one.
-    data : bytes
+def points_of(cloud: Any) -> NDArray[Any]:
+    """The points (n,) of a `sensor_msgs/PointCloud2` as a structured array.
 
     Raises
     ------
     MessageError
         Fields that do not fit into a point, or points that are not there.
     """
-    kinds = [(name, at, FIELD_TYPES.get(code, ""), count) for name, at, code, count in fields]
-    held = [(name, at, order + kind) for name, at, kind, count in kinds if kind and count == 1]
+    order = ">" if cloud.is_bigendian else "<"
+    step, row_step = int(cloud.point_step), int(cloud.row_step)
+    height, width = int(cloud.height), int(cloud.width)
+    data = np.asarray(cloud.data).tobytes()
+    known = [
+        (str(f.name), int(f.offset), FIELD_TYPES.get(int(f.datatype), ""), int(f.count))
+        for f in cloud.fields
+    ]
+    held = [(name, at, order + kind) for name, at, kind, count in known if kind and count == 1]
     try:
         kind = np.dtype(
             {
@@ -213,7 +200,6 @@ def cloud_points(
                 "itemsize": step,
             }
         )
-        height, width = shape
         if height * width == 0:
             return np.zeros(0, kind)
         row = width * step
@@ -250,20 +236,18 @@ def markers_message(stamp: int, touches: Sequence[TouchMarker], gone: Sequence[i
     gone : sequence of int
         Numbers of touches whose marks are to be taken away.
     """
-    message = CdrWriter()
-    message.put("I", 2 * (len(touches) + len(gone)))
+    marks = []
     for one in touches:
         above = one.centre + np.array([0.0, 0.0, WORD_HEIGHT])
-        _marker(message, stamp, one.link, "touch", one.identity, SPHERE, ADD, one.centre)
-        _marker(message, stamp, one.link, "name", one.identity, WORDS, ADD, above, one.name)
+        marks.append(_marker(stamp, one.link, "touch", one.identity, SPHERE, ADD, one.centre))
+        marks.append(_marker(stamp, one.link, "name", one.identity, WORDS, ADD, above, one.name))
     for identity in gone:
         for space, kind in (("touch", SPHERE), ("name", WORDS)):
-            _marker(message, stamp, "", space, identity, kind, DELETE, np.zeros(3))
-    return message.done()
+            marks.append(_marker(stamp, "", space, identity, kind, DELETE, np.zeros(3)))
+    return write("visualization_msgs/MarkerArray", marks)
 
 
 def _marker(
-    message: CdrWriter,
     stamp: int,
     frame: str,
     space: str,
@@ -272,24 +256,34 @@ def _marker(
     action: int,
     place: FloatArray,
     words: str = "",
-) -> None:
+) -> Any:
     """One `visualization_msgs/Marker`, field by field."""
     size = WORD_SIZE if kind == WORDS else TOUCH_SIZE
-    message.header(stamp, frame)
-    message.text(space)
-    message.put("i", identity, kind, action)
-    message.put("d", *place.tolist(), 0.0, 0.0, 0.0, 1.0, size, size, size)
-    message.put("f", *(WHITE if kind == WORDS else RED))
-    message.put("i", 0)  # lifetime: until it is taken away
-    message.put("I", 0)
-    message.put("B", 1)  # moves with its link
-    message.put("I", 0, 0)  # points, colours
-    message.text("")  # texture and its image
-    message.header(0, "")
-    message.text("")
-    message.put("I", 0, 0)  # bytes of the image, coordinates on it
-    message.text(words)
-    message.text("")  # mesh and its file
-    message.text("")
-    message.put("I", 0)
-    message.put("B", 0)
+    nothing = np.zeros(0, np.uint8)
+    pose = build(
+        "geometry_msgs/Pose",
+        build("geometry_msgs/Point", *place.tolist()),
+        build("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0),
+    )
+    return build(
+        "visualization_msgs/Marker",
+        header(stamp, frame),
+        space,
+        identity,
+        kind,
+        action,
+        pose,
+        build("geometry_msgs/Vector3", size, size, size),
+        build("std_msgs/ColorRGBA", *(WHITE if kind == WORDS else RED)),
+        build("builtin_interfaces/Duration", 0, 0),  # until it is taken away
+        True,  # moves with its link
+        [],  # points, colours
+        [],
+        "",  # texture and its image
+        build("sensor_msgs/CompressedImage", header(0, ""), "", nothing),
+        [],
+        words,
+        "",  # mesh and its file
+        build("visualization_msgs/MeshFile", "", nothing),
+        False,
+    )

@@ -28,7 +28,9 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.text import MAX_CHANNEL, check_file, read_text
+from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
+from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
 from skinmap.validation import checked
 
 VERSION = "2"
@@ -459,3 +461,13 @@ def columns_of(recorded: Sequence[int] | IntArray, table: TaxelTable) -> tuple[I
     known = (once[row] == table.ids) & (table.ids != NO_ID) if len(once) else np.zeros(0, bool)
     columns[known] = first[count == 1][row[known]]
     return columns, np.setdiff1d(once, table.ids), twice
+
+
+def cyskin_surface(path: Path, meshing: str | None = None) -> SurfaceMesh:
+    """The skin of a CySkin file with its own triangles, or with ours by a meshing method."""
+    found, table = read_cyskin(path), read_cyskin_taxels(path)
+    hint = found.normals if found.normals.any() else None
+    skin = skin_from_table(table, None, path.stem, table.link, hint=hint)
+    if meshing is not None:
+        return build_surface(skin, method=meshing)
+    return build_surface(skin, faces=found.faces)

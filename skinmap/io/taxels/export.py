@@ -6,7 +6,6 @@ Numbers are written with as many digits as their bits need. CSV, our own format,
 
 from __future__ import annotations
 
-import base64
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
@@ -196,54 +195,6 @@ def write_ply(table: TaxelTable, path: Path) -> None:
         "end_header",
     ]
     path.write_bytes("\n".join(header).encode("ascii") + b"\n" + rows.tobytes())
-
-
-def write_vtp(table: TaxelTable, path: Path) -> None:
-    """Write VTK polydata (XML, base64): one vertex a taxel, with channel, module and Normals.
-
-    Raises
-    ------
-    OutputError
-        No taxel.
-    """
-    _check_not_empty(table)
-    n = len(table)
-    root = ET.Element(
-        "VTKFile",
-        type="PolyData",
-        version="1.0",
-        byte_order="LittleEndian",
-        header_type="UInt64",
-    )
-    piece = ET.SubElement(
-        ET.SubElement(root, "PolyData"), "Piece", NumberOfPoints=str(n), NumberOfVerts=str(n)
-    )
-    data = ET.SubElement(piece, "PointData", Scalars="channel", Normals="Normals")
-    data_array(data, "channel", table.channels)
-    data_array(data, "module", table.modules)
-    data_array(data, "Normals", table.normals)
-    data_array(ET.SubElement(piece, "Points"), "Points", table.positions)
-    cells = ET.SubElement(piece, "Verts")
-    data_array(cells, "connectivity", np.arange(n))
-    data_array(cells, "offsets", np.arange(1, n + 1))
-    ET.indent(root)
-    ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
-
-
-def data_array(parent: ET.Element, name: str, values: np.ndarray) -> None:
-    """Add values (n,) or (n, c) to a VTK XML element, as base64 with their size before them."""
-    whole = values.dtype.kind == "i"
-    content = values.astype("<i8" if whole else "<f8").tobytes()
-    element = ET.SubElement(
-        parent,
-        "DataArray",
-        type="Int64" if whole else "Float64",
-        Name=name,
-        NumberOfComponents=str(values.shape[1] if values.ndim == 2 else 1),
-        format="binary",
-    )
-    size = np.array([len(content)], "<u8").tobytes()
-    element.text = base64.b64encode(size + content).decode("ascii")
 
 
 def _check_not_empty(table: TaxelTable) -> None:

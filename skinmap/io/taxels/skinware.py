@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError
+from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.text import MAX_CHANNEL, parse_whole, read_text
 from skinmap.skin.taxels import TaxelTable
 
@@ -22,29 +22,24 @@ TYPE, UID, LINK = 0, 1, 9
 NANOMETRES = 1e9
 
 
-def read_skinware(
-    path: Path, *, link: int | None = None, sensor_type: int | None = None
-) -> TaxelTable:
+def read_skinware(path: Path) -> TaxelTable:
     """Read the taxels of one link and type; the channel of a taxel is its uid.
-
-    Parameters
-    ----------
-    path : Path
-        The database.
-    link, sensor_type : int, optional
-        Which ones, where the file holds several.
 
     Raises
     ------
     DataFormatError
-        Wrong count, column count or number (says which line), or several links or types while
-        none was asked for: their taxels share no frame, or no numbering.
-    UnknownNameError
-        A link or type that the file lacks.
+        Wrong count, column count or number (says which line), or several links or types: their
+        taxels share no frame, or no numbering.
     """
     rows = _rows(path)
-    for column, wanted, word in ((TYPE, sensor_type, "type"), (LINK, link, "link")):
-        rows = _chosen(rows, column, wanted, word, path)
+    for column, word in ((TYPE, "type"), (LINK, "link")):
+        known = np.unique(rows[:, column])
+        if len(known) > 1:
+            raise DataFormatError(
+                f"holds several {word}s, make a file of each: "
+                f"{', '.join(str(value) for value in known[:20])}",
+                path,
+            )
     try:
         return TaxelTable(
             rows[:, UID],
@@ -86,18 +81,3 @@ def _rows(path: Path) -> IntArray:
     if len(rows) != count:
         raise DataFormatError(f"says {count} taxels, holds {len(rows)}", path, count_line)
     return rows
-
-
-def _chosen(rows: IntArray, column: int, wanted: int | None, word: str, path: Path) -> IntArray:
-    known = np.unique(rows[:, column])
-    if wanted is None:
-        if len(known) > 1:
-            raise DataFormatError(
-                f"holds several {word}s, read them one by one: "
-                f"{', '.join(str(value) for value in known[:20])}",
-                path,
-            )
-        return rows
-    if wanted not in known:
-        raise UnknownNameError(f"{word} in {path}", str(wanted), (str(value) for value in known))
-    return rows[rows[:, column] == wanted]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.errors import DataFormatError, InvalidArrayError
-from skinmap.io.text import MAX_CHANNEL, parse_floats, read_text
+from skinmap.io.text import MAX_CHANNEL, CsvRows, parse_floats, read_text
 from skinmap.skin.taxels import TaxelTable
 
 COLUMNS = ("channel", "module", "x", "y", "z", "nx", "ny", "nz")
@@ -39,14 +39,19 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     DataFormatError
         As for `read_csv`.
     """
-    reader = csv.reader(text.splitlines(keepends=True))
+    reader = CsvRows(text)
     values = array("d")  # a list of lists would take ten times the file's size
     try:
         header = next(reader, None)
         names = tuple(cell.strip() for cell in header or ())
         if names not in (COLUMNS, (*COLUMNS, *COVARIANCE)):
             came = ",".join(header)[:200] if header is not None else "an empty file"
-            raise DataFormatError(f"expected the header {','.join(COLUMNS)}, got {came!r}", path, 1)
+            raise DataFormatError(
+                f"expected the header {','.join(COLUMNS)} (zeros for what is not known), got "
+                f"{came!r}",
+                path,
+                1,
+            )
         for row in reader:
             if row:
                 values.extend(_numbers(row, len(names), path, reader.line_num)[: len(COLUMNS)])

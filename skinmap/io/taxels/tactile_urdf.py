@@ -9,7 +9,6 @@ no room for: `module`, and `normal` with every bit (see `skinmap.io.taxels.expor
 
 from __future__ import annotations
 
-import math
 import warnings
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,9 @@ from skinmap.errors import (
     DataFormatError,
     InvalidArrayError,
     SkinWarning,
-    UnknownNameError,
     unknown_name,
 )
+from skinmap.geometry.rigid import rpy_matrix
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import MAX_CHANNEL, parse_floats, parse_whole
 from skinmap.skin.taxels import TaxelTable
@@ -33,33 +32,20 @@ ORDERS = {"row-major": True, "col-major": False, "column-major": False}
 SAME_DIRECTION = 1e-6  # between rpy and our exact normal; both come from the same numbers
 
 
-def read_tactile_urdf(path: Path, *, sensor: str | None = None) -> TaxelTable:
-    """Read the taxels of one sensor, in the frame of its link.
-
-    Parameters
-    ----------
-    path : Path
-        The URDF file.
-    sensor : str, optional
-        Which one, where there are several.
+def read_tactile_urdf(path: Path) -> TaxelTable:
+    """Read the taxels of the one sensor of a URDF, in the frame of its link.
 
     Raises
     ------
     DataFormatError
-        No URDF, no tactile sensor, several while none was named, or one that is wrong.
-    UnknownNameError
-        A sensor that the file lacks.
+        No URDF, no tactile sensor, several (see `read_tactile_sensors`), or one that is wrong.
     """
     tables = read_tactile_sensors(path)
-    if sensor is None:
-        if len(tables) > 1:
-            raise DataFormatError(
-                f"holds several tactile sensors, name one: {', '.join(tables)}", path
-            )
-        return next(iter(tables.values()))
-    if sensor not in tables:
-        raise UnknownNameError(f"tactile sensor in {path}", sensor, tables)
-    return tables[sensor]
+    if len(tables) > 1:
+        raise DataFormatError(
+            f"holds several tactile sensors, make a file of each: {', '.join(tables)}", path
+        )
+    return next(iter(tables.values()))
 
 
 def read_tactile_sensors(path: Path) -> dict[str, TaxelTable]:
@@ -111,7 +97,7 @@ def _sensor(element: Any, tactile: Any, path: Path, most: int) -> TaxelTable:
     origin = children(element, "origin")
     shift, rpy = _pose(origin[0], path) if origin else ([0.0] * 3, [0.0] * 3)
     if any(shift) or any(rpy):  # the identity is left out: it would cost the sign of zeros
-        rotation = _rotation(rpy)
+        rotation = rpy_matrix(rpy)
         positions, normals = positions @ rotation.T + shift, normals @ rotation.T
     try:
         return TaxelTable(channels, modules, positions, normals, link=link)
@@ -131,7 +117,7 @@ def _taxels(elements: list[Any], path: Path) -> tuple[IntArray, IntArray, FloatA
         if channels[row] < 0:
             raise DataFormatError(f"idx starts at 0, got {channels[row]}", path, line)
         positions[row], rpy = _pose(element, path)
-        normals[row] = _rotation(rpy)[:, 2]
+        normals[row] = rpy_matrix(rpy)[:, 2]
         if element.get("normal") is not None:
             exact = np.array(_numbers(element, "normal", 3, path))
             length = float(np.linalg.norm(exact))
@@ -178,18 +164,6 @@ def _numbers(
             f"{name} needs {count} numbers, got {len(words)}", path, element.sourceline
         )
     return parse_floats(words, path, element.sourceline)
-
-
-def _rotation(rpy: list[float]) -> FloatArray:
-    """(3, 3) of roll, pitch, yaw [rad] about fixed x, y, z: Rz(yaw) Ry(pitch) Rx(roll)."""
-    (sr, sp, sy), (cr, cp, cy) = ([f(angle) for angle in rpy] for f in (math.sin, math.cos))
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
 
 
 def _warn(message: str, path: Path, element: Any) -> None:

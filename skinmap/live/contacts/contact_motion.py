@@ -19,15 +19,14 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.geometry.proximity import median_spacing
+from skinmap.geometry.tangents import tangent_frames
 from skinmap.live.contacts.followed_contact import DRAWING, Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import Skin
 from skinmap.summary import Summary
-from skinmap.touch.contacts import ACTIVE
-from skinmap.touch.flat_flow import FlatFlow
-from skinmap.touch.motion_features import presses
+from skinmap.touch.contacts.motion_features import presses
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 
-Method = Literal["places", "flow"]
 Triple = tuple[float, float, float]
 Heading = Literal["still", "up", "down", "round left", "round right", "to and fro"]
 WINDOW = 0.2  # a velocity is taken from the places of so long at least [s]
@@ -135,8 +134,6 @@ class RolledWay:
     ----------
     spacing : float
         Of the taxels [m].
-    window : float
-        Of the velocity, at least [s].
 
     Attributes
     ----------
@@ -146,8 +143,8 @@ class RolledWay:
         While it moved, the last ones, and their errors [m/s].
     """
 
-    def __init__(self, spacing: float, window: float = WINDOW) -> None:
-        self.spacing, self.window = spacing, window
+    def __init__(self, spacing: float) -> None:
+        self.spacing = spacing
         self._passed = 0.0  # of the smoothed way [m]
         self._last = (0.0, 0.0)
         self.gone = [0.0, 0.0]  # up and to the right, in sum [m]
@@ -169,7 +166,7 @@ class RolledWay:
         """Follow the centre [m] of a touch whose skin faces along a normal."""
         self._heaviest = max(self._heaviest, load)
         if not self._ways:
-            self._axes = _any_axes(normal)
+            self._axes = tangent_frames(np.array(normal)).tolist()
             self._centre, self._normal = centre, normal
         elif load < DRAWING * self._heaviest:
             return  # what lets go draws no way
@@ -239,15 +236,6 @@ class RolledWay:
                 self._moved |= speed > error
         return self._velocity
 
-    def set_velocity(self, velocity: FloatArray) -> None:
-        """Give the velocity (3,) that was measured otherwise; its error is that of the places."""
-        speed = float(np.linalg.norm(velocity))
-        _, error = self._slope()
-        self._velocity = velocity, error
-        if speed > STILL and math.isfinite(error):
-            self.speeds.append((speed, error))
-            self._moved |= speed > error
-
     @property
     def speed(self) -> float:
         """While it moved evenly [m/s]; 0 where it stayed.
@@ -285,7 +273,7 @@ class RolledWay:
         """Column of the first place that a velocity is taken from; it only moves on."""
         ways, first = self._ways, self._first
         now, way = ways[-1] if ways else (0.0, 0.0)
-        early, near = now - self.window, way - PITCHES * self.spacing
+        early, near = now - WINDOW, way - PITCHES * self.spacing
         while first < len(ways) and (
             ways[first][0] < now - LONGEST or (ways[first][0] < early and ways[first][1] < near)
         ):
@@ -348,40 +336,16 @@ def dot(one: Triple, other: Triple) -> float:
     return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
 
 
-def _any_axes(normal: Triple) -> tuple[Triple, Triple]:
-    """Two unit vectors across a normal and each other."""
-    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
-    first = np.cross(normal, helper)
-    first /= np.linalg.norm(first)
-    one, other = first.tolist(), np.cross(normal, first).tolist()
-    return (one[0], one[1], one[2]), (other[0], other[1], other[2])
-
-
 class MotionBook:
     """The motion of each touch.
 
     Parameters
     ----------
     skin : JoinedSkin
-    window : float
-        A velocity is taken from the places of so long at least [s].
-    method : {"places", "flow"}
-        From the way of the centre, or from the optical flow of the pressures on the flat map.
-
-    Raises
-    ------
-    MissingLibraryError
-        Flow without OpenCV.
     """
 
-    def __init__(
-        self, skin: JoinedSkin, *, window: float = WINDOW, method: Method = "places"
-    ) -> None:
-        self.skin, self.window = skin, window
-        self._flow: list[FlatFlow] | None = None
-        if method == "flow":
-            self._flow = [FlatFlow(one) for one in skin.skins.values()]
-        self._past: dict[int, deque[tuple[float, FloatArray]]] = {}
+    def __init__(self, skin: JoinedSkin) -> None:
+        self.skin = skin
         self.ways: dict[int, RolledWay] = {}
         skins = [one.skin for one in skin.skins.values()]
         self._spacing = [median_spacing(one.positions) for one in skins]
@@ -402,8 +366,6 @@ class MotionBook:
             centre, normal = self.middle(index, pressures[index])
             load = sum(one.load for one in members)
             self.add(time, number, members[0].part, centre, normal, load)
-            if self._flow is not None:
-                self._add_flow(time, number, members, pressures, np.array(centre))
 
     def _with_faint(self, taxels: IntArray, pressures: FloatArray) -> IntArray:
         """The taxels of a contact, and those beside them that feel too little to be part of it.
@@ -441,7 +403,7 @@ class MotionBook:
         """Take the centre [m], mean normal and load of what is followed at a time [s]."""
         way = self.ways.get(number)
         if way is None:
-            way = self.ways[number] = RolledWay(self._spacing[part], self.window)
+            way = self.ways[number] = RolledWay(self._spacing[part])
         before = way.at
         way.add(time, centre, normal, load)
         step = way.step_to(before)
@@ -449,30 +411,6 @@ class MotionBook:
             up, right = self._axes_at(part, normal)
             way.gone[0] += dot(step, up)
             way.gone[1] += dot(step, right)
-
-    def _add_flow(
-        self,
-        time: float,
-        number: int,
-        members: Sequence[Track],
-        pressures: FloatArray,
-        centre: FloatArray,
-    ) -> None:
-        """Take the velocity of a touch from the flow since a window ago."""
-        part = members[0].part
-        columns = self.skin.slices[self.skin.parts[part]]
-        own = np.zeros(len(self.skin))
-        for one in members:
-            own[one.taxels] = pressures[one.taxels]
-        past = self._past.setdefault(number, deque(maxlen=PLACES))
-        past.append((time, own[columns]))
-        while len(past) > 2 and time - past[1][0] >= self.window:
-            past.popleft()
-        seconds = time - past[0][0]
-        if self._flow is None or seconds < 0.5 * self.window:
-            return
-        found = self._flow[part].velocity(past[0][1], past[-1][1], seconds, centre)
-        self.ways[number].set_velocity(found)
 
     def motion(
         self,
@@ -517,12 +455,10 @@ class MotionBook:
     def drop(self, number: int) -> None:
         """Forget a touch that is over."""
         self.ways.pop(number, None)
-        self._past.pop(number, None)
 
     def forget(self) -> None:
         """The clock began anew."""
         self.ways.clear()
-        self._past.clear()
 
     def _axes_at(self, part: int, normal: Triple) -> tuple[Triple, Triple]:
         """Unit directions in the skin: up, and to the right as one sees who looks at it."""
@@ -538,7 +474,7 @@ class MotionBook:
             size = math.hypot(*flat)
             if size >= STEEP:
                 return flat[0] / size, flat[1] / size, flat[2] / size
-        return _any_axes(normal)[0]
+        return tuple(tangent_frames(np.array(normal))[0].tolist())
 
 
 def recorded_course(book: MotionBook, samples: NDArray[np.uint8], rate: float) -> Course:

@@ -26,7 +26,7 @@ from skinmap.live.contacts.followed_contact import (
 )
 from skinmap.live.contacts.sample_contacts import RELEASE, Components, measure
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.touch.contacts import ACTIVE
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 
 BRIDGE = 0.1  # a contact that is not felt for so long is over [s]
 LOOK = 0.25  # between two looks at a contact for a saddle: it must be there twice [s]

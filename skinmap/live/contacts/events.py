@@ -81,6 +81,8 @@ class TouchEvent(Summary):
         better.
     early_after : float
         How long after its beginning that name stood [s].
+    channels : tuple of int
+        Places of its taxels in the live vector of its part, without stuck ones.
     """
 
     identity: int
@@ -103,6 +105,7 @@ class TouchEvent(Summary):
     period: float = float("nan")
     early: str = ""
     early_after: float = float("nan")
+    channels: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, centre=np.asarray(self.centre, np.float64))

@@ -44,6 +44,12 @@ class NamedTouch(Summary):
         Where its centre has been, oldest first, along the surface, in the link's frame [m].
     motion : Motion or None
         Which way it moves and how fast, its way and rhythm; None of one that is not followed.
+
+    Examples
+    --------
+    >>> import numpy as np, skinmap
+    >>> skinmap.live.NamedTouch("torso", np.array([3, 4]), np.zeros(3), "poke", 0.9)
+    NamedTouch(label=poke, confidence=0.90, part=torso, taxels=2)
     """
 
     part: str

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.touch.contacts import ACTIVE
+from skinmap.touch.contacts.rest import LOW
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.rest import LOW
 
 SPIKE = 0.5  # of its pressure: a single active taxel is a spike unless some beside it read as much
 WITNESSES = 3  # as many, or all that there are

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.live.contacts.contact_motion import WINDOW, Method, MotionBook
+from skinmap.live.contacts.contact_motion import MotionBook
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.robot_skin import JoinedSkin
+from skinmap.touch.contacts.rest import felt
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
-from skinmap.touch.rest import felt
 from skinmap.touch.true_motion import TrueMotion
 
 STROKES = ("stroke", "slide")
@@ -45,13 +45,7 @@ class StrokeError:
     within: float
 
 
-def stroke_errors(
-    skin: PreparedSkin,
-    recording: Recording,
-    *,
-    window: float = WINDOW,
-    method: Method = "places",
-) -> list[StrokeError]:
+def stroke_errors(skin: PreparedSkin, recording: Recording) -> list[StrokeError]:
     """Follow every stroke of 5 cm or more, sample by sample, as live; all contacts are its own."""
     joined, rest = JoinedSkin({skin.skin.part: skin}), recording.rest()
     found = []
@@ -60,7 +54,7 @@ def stroke_errors(
         if label not in STROKES or truth is None or truth.length < LEAST:
             continue
         rows = felt(samples, rest, skin.geometry.beside).astype(np.float64)
-        found.append(_followed(joined, recording.times[own], rows, truth, window, method))
+        found.append(_followed(joined, recording.times[own], rows, truth))
     return found
 
 
@@ -69,10 +63,8 @@ def _followed(
     times: FloatArray,
     rows: FloatArray,
     truth: TrueMotion,
-    window: float,
-    method: Method,
 ) -> StrokeError:
-    tracker, book = ContactTracker(joined), MotionBook(joined, window=window, method=method)
+    tracker, book = ContactTracker(joined), MotionBook(joined)
     seen: list[FloatArray] = []
     for time, pressures in zip(times.tolist(), rows, strict=True):
         tracker.update(time, pressures)

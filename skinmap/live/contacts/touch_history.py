@@ -8,20 +8,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from skinmap.arrays import FloatArray
-from skinmap.classify.classifier import NO_CONTACT, Prediction
-from skinmap.classify.rejection import UNKNOWN
-from skinmap.live.contacts.contact_motion import WINDOW, Method, Motion, MotionBook
+from skinmap.arrays import BoolArray, FloatArray
+from skinmap.classifiers.classifier import NO_CONTACT, Prediction
+from skinmap.classifiers.sets.rejection import UNKNOWN
+from skinmap.live.contacts.contact_motion import Motion, MotionBook
 from skinmap.live.contacts.events import TouchEvent
 from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.contacts.named_touch import UNNAMED, NamedTouch
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.touch.contacts import POOL_SHARE
+from skinmap.touch.contacts.skin_geometry import POOL_SHARE
 
 EVENTS = 1000  # touches that are over and wait to be taken at most
 PAUSE = 0.5  # between two presses of a pat or of taps at most [s]
 BEAT = 0.45  # a longer press is none of a pat [s]
 TOGETHER = 0.1  # the fingers of a hand that pats land within this time [s]
+STUCK = 0.5  # of its taxels: a touch with so many stuck ones was none
 SAME_PLACE = 0.04  # where the next press of a pat lands [m]
 UNSURE = (UNKNOWN, NO_CONTACT, UNNAMED)
 NOBODY = Prediction(UNNAMED, float("nan"))
@@ -29,13 +30,17 @@ NOBODY = Prediction(UNNAMED, float("nan"))
 
 @dataclass(eq=False, slots=True)
 class Entry:
-    """A touch that lasts, see `TouchEvent`; its largest load, and whether it still bears half."""
+    """A touch that lasts, see `TouchEvent`; its largest load, and whether it still bears half.
+
+    `felt` are the taxels (n,) of its part that were touched so far; what is `stuck` was no touch.
+    """
 
     identity: int
     part: int
     began: float
     seen: float
     centre: FloatArray
+    felt: BoolArray
     area: float = 0.0
     peak: float = 0.0
     length: float = 0.0
@@ -48,6 +53,7 @@ class Entry:
     pressed_at: float = float("nan")  # when the last of them began
     released_at: float = float("nan")  # and when the one before was over
     named_at: float = float("nan")  # since when its name has stood
+    stuck: bool = False
 
     @property
     def period(self) -> float:
@@ -62,13 +68,13 @@ class TouchBook:
     Parameters
     ----------
     skin : JoinedSkin
-    window, method
-        Of the motion, see `MotionBook`.
 
     Attributes
     ----------
     ended : deque of TouchEvent
         Touches that are over, oldest first; whoever reads takes them out.
+    withdrawn : deque of TouchEvent
+        The same of what turned out to be stuck taxels.
     motions, pieces : MotionBook
         How each moves, and each of several contacts of one.
     paused : dict of int to Entry
@@ -80,17 +86,15 @@ class TouchBook:
         Gives a touch that is over its last name.
     """
 
-    def __init__(
-        self, skin: JoinedSkin, *, window: float = WINDOW, method: Method = "places"
-    ) -> None:
+    def __init__(self, skin: JoinedSkin) -> None:
         self.skin = skin
-        self.motions = MotionBook(skin, window=window, method=method)
-        self.pieces = MotionBook(skin, window=window)
+        self.motions, self.pieces = MotionBook(skin), MotionBook(skin)
         self.entries: dict[int, Entry] = {}
         self.paused: dict[int, Entry] = {}
         self.parted: dict[int, int] = {}
         self.revise: Callable[[Entry], Prediction | None] = lambda _: None
         self.ended: deque[TouchEvent] = deque(maxlen=EVENTS)
+        self.withdrawn: deque[TouchEvent] = deque(maxlen=EVENTS)
 
     def update(
         self,
@@ -99,11 +103,13 @@ class TouchBook:
         swallowed: Mapping[int, int] | None = None,
         *,
         time: float = float("inf"),
+        pressures: FloatArray | None = None,
     ) -> list[int]:
         """Take the contacts of the next sample; the numbers of touches that are over now.
 
         `swallowed` contacts were part of another one from the beginning. Without a `time` [s] no
-        press waits for the next one.
+        press waits for the next one. By their `pressures` (N,) the motion of contacts is followed,
+        once a sample.
         """
         if not tracks and not self.entries and not self.paused:
             return []
@@ -146,14 +152,26 @@ class TouchBook:
             if not time - entry.seen <= PAUSE:
                 del self.paused[number]
                 over.append(self._end(entry))
+        if pressures is not None:
+            groups = _by_touch(tracks)
+            self.motions.update(time, groups, pressures)
+            several = [one for own in groups.values() if len(own) > 1 for one in own]
+            self.pieces.update(time, {one.identity: [one] for one in several}, pressures)
         return over
 
-    def follow(self, time: float, tracks: Sequence[Track], pressures: FloatArray) -> None:
-        """Follow the motion of the contacts of a sample with pressures (N,)."""
-        groups = _by_touch(tracks)
-        self.motions.update(time, groups, pressures)
-        several = [one for own in groups.values() if len(own) > 1 for one in own]
-        self.pieces.update(time, {one.identity: [one] for one in several}, pressures)
+    def forget(self) -> None:
+        """End all touches: the clock began anew."""
+        self.update([])
+        self.motions.forget()
+        self.pieces.forget()
+
+    def withdraw(self, stuck: BoolArray) -> None:
+        """Take back the touches that last and consist of taxels (N,) found to be stuck."""
+        for entry in (*self.entries.values(), *self.paused.values()):
+            hangs = entry.felt & stuck[self.skin.slices[self.skin.parts[entry.part]]]
+            entry.stuck |= bool(hangs.sum() >= STUCK * entry.felt.sum())
+            if not entry.stuck:
+                entry.felt &= ~hangs
 
     @property
     def lasting(self) -> dict[int, int]:
@@ -199,8 +217,8 @@ class TouchBook:
                 one.touch = new
             began, contacts = entry.pressed_at, {one.identity for one in own}
             self.entries[new] = Entry(
-                new, entry.part, began, entry.seen, own[0].centre, peak=own[0].peak,
-                pressed_at=began, contacts=contacts,
+                new, entry.part, began, entry.seen, own[0].centre, self._none(entry.part),
+                peak=own[0].peak, pressed_at=began, contacts=contacts,
             )  # fmt: skip
             self.parted[number] = new
             self.motions.join(number, new)
@@ -215,10 +233,10 @@ class TouchBook:
     def _end(self, entry: Entry) -> int:
         early, since = entry.name.label, min(entry.named_at, entry.seen) - entry.began
         entry.early = (early, since) if early not in UNSURE else ("", float("nan"))
-        last = self.revise(entry)
+        last = None if entry.stuck else self.revise(entry)
         if last is not None:
             entry.name = last
-        self.ended.append(self._event(entry))
+        (self.withdrawn if entry.stuck else self.ended).append(self._event(entry))
         self.motions.drop(entry.identity)
         for contact in entry.contacts:
             self.pieces.drop(contact)
@@ -229,6 +247,8 @@ class TouchBook:
         touches, contacts = [], []
         for number, members in _by_touch(tracks).items():
             entry = self.entries[number]
+            if entry.stuck:
+                continue
             whole = self.motions.motion(
                 number, entry.part, members[0].normal, presses=entry.presses,
                 period=entry.period,
@@ -284,8 +304,9 @@ class TouchBook:
         entry = self.entries.get(track.touch)
         if entry is None:
             entry = self.entries[track.touch] = Entry(
-                track.touch, track.part, track.began, track.seen, track.centre
-            )
+                track.touch, track.part, track.began, track.seen, track.centre,
+                self._none(track.part),
+            )  # fmt: skip
             entry.pressed_at = track.began
         if track.seen > entry.seen or not entry.contacts:
             entry.centre, entry.seen = track.centre, track.seen
@@ -294,6 +315,10 @@ class TouchBook:
         if track.stroke is not None:
             entry.length = max(entry.length, track.stroke.length)
         entry.contacts.add(track.identity)
+        entry.felt[track.taxels - self.skin.starts[track.part]] = True
+
+    def _none(self, part: int) -> BoolArray:
+        return np.zeros(len(self.skin.skins[self.skin.parts[part]]), bool)
 
     @staticmethod
     def _fold(entry: Entry, into: Entry) -> None:
@@ -304,6 +329,7 @@ class TouchBook:
         into.length = max(into.length, entry.length)
         into.heaviest = max(into.heaviest, entry.heaviest)
         into.contacts |= entry.contacts
+        into.felt |= entry.felt
 
     def _event(self, entry: Entry) -> TouchEvent:
         gone = self.motions.course(entry.identity)
@@ -327,6 +353,7 @@ class TouchBook:
             entry.presses,
             entry.period,
             *entry.early,
+            tuple(self.skin.skins[self.skin.parts[entry.part]].skin.channels[entry.felt].tolist()),
         )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from skinmap.errors import InvalidArrayError, OutputError, UnreachableError
 from skinmap.imports import import_optional
-from skinmap.io.ros2.definitions import HASHES, dds_name
+from skinmap.io.ros2.message_types import dds_name, type_hash
 from skinmap.live.network.addresses import HERE, Address, parse_address
 
 PORT = 7447  # of the router that ROS 2 expects on each machine
@@ -76,14 +76,14 @@ def domain() -> int:
 
 def key_of(topic: str, kind: str) -> str:
     """The key of a topic of one of the types that we write."""
-    return f"{domain()}{topic}/{dds_name(kind)}/{HASHES[kind]}"
+    return f"{domain()}{topic}/{dds_name(kind)}/{type_hash(kind)}"
 
 
 def token_of(session: str, number: int, topic: str, kind: str, *, latched: bool) -> str:
     """The key by which a publisher shows itself in ROS 2's graph."""
     return (
         f"@ros2_lv/{domain()}/{session}/0/{number}/MP/%/%/skinmap/{topic.replace('/', '%')}/"
-        f"{dds_name(kind)}/{HASHES[kind]}/{LATCHED_QOS if latched else QOS}"
+        f"{dds_name(kind)}/{type_hash(kind)}/{LATCHED_QOS if latched else QOS}"
     )
 
 

@@ -13,35 +13,34 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import OutputError
 from skinmap.imports import import_optional
-from skinmap.io.ros2.definitions import definition, full_name
+from skinmap.io.ros2.message_types import definition, full_name
 from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES, taxel_columns
-from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.live.network.addresses import HERE, Address, parse_address, warn_if_open
 from skinmap.live.network.messages import KINDS
-from skinmap.live.publishing.publisher import Publisher, Topic
+from skinmap.live.publishing.publish import Publisher, Topic
 from skinmap.live.publishing.ros2_topics import Ros2Topics, stamps
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import build_surface
 
 PORT = 8765  # where Foxglove looks first
-SCENE_HZ = 15.0  # a screen shows no more of triangles, and they are the most to send
 BACKLOG = 4096  # messages kept for a client who reads too slowly
 REPEAT, REPEATS = 1.0, 3  # after someone subscribed, what is said once comes again [s, times]
-NS = 1_000_000_000
+# A part is shown 15 times a second at most [ns]: a screen shows no more of triangles, and they are
+# the most to send.
+PERIOD = int(0.999 * 1_000_000_000 / 15.0)
 KEPT = (*LATCHED, TF)
 SAMPLES = "std_msgs/Float32MultiArray"
 LIFT = 0.002  # taxels lie 0.5 to 1 mm inside the body's mesh [m]
-LEVELS = 256
+LEVELS, REDDEST = 256, 255.0
 AT_ONCE = 800  # taxels coloured with one sample: more would delay the next one (5 us each)
-TOUCH_SIZE, WORD_SIZE, WORD_LIFT = 0.015, 0.03, 0.03  # [m]
 # From untouched to hardest pressed: grey, yellow, red.
 RAMP = np.array([[0.55, 0.57, 0.60], [0.98, 0.80, 0.25], [0.86, 0.15, 0.12]])
 
 
 class FoxglovePublisher(Publisher):
-    """A WebSocket server; see docs/foxglove.md for its topics and parameters.
+    """A WebSocket server; see docs/foxglove.md for its topics.
 
     Parameters
     ----------
@@ -73,7 +72,6 @@ class FoxglovePublisher(Publisher):
         self._context = foxglove.Context()
         self._channels: dict[str, Any] = {}
         self._lock = threading.Lock()
-        self._settings: dict[str, float] = {"colour_max": 255.0, "scene_hz": SCENE_HZ}
         self._scene = None if robot is None else SkinScene(robot, info, self._context)
         self._closed = False
         self._kept: dict[str, bytes] = {}  # what is said once, for who comes late
@@ -88,7 +86,6 @@ class FoxglovePublisher(Publisher):
                 name=f"Skinmap: {info.robot or info.name}",
                 host="0.0.0.0" if where.host == "*" else where.host,
                 port=where.port,
-                capabilities=[foxglove.Capability.Parameters],
                 server_listener=_listener(self),
                 context=self._context,
                 message_backlog_size=BACKLOG,
@@ -101,18 +98,6 @@ class FoxglovePublisher(Publisher):
         """Where the server listens."""
         return int(self._server.port)
 
-    def parameters(self) -> dict[str, Any]:
-        """What clients are told, and may set where it is a number."""
-        told = {"robot": self.info.robot, "parts": ", ".join(self.info.parts)}
-        return {**told, "channels": float(self.info.channels), **self._settings}
-
-    def set_parameter(self, name: str, value: Any) -> None:
-        """Take a client's number; anything else is left alone."""
-        good = isinstance(value, int | float) and np.isfinite(value) and 0 < value <= 1e6
-        if name in self._settings and good:
-            self._settings[name] = float(value)
-            self.show_all()
-
     def show_all(self) -> None:
         """Send the whole scene with the next sample: a client has connected."""
         if self._scene is not None:
@@ -123,8 +108,6 @@ class FoxglovePublisher(Publisher):
         """Send a moment, with the robot's pose, and touches with their names."""
         if not moment.stale:
             self._topics.moment(moment)
-            if self._scene is not None:
-                self._scene.touches(stamps(np.array([moment.time]))[0], moment.touches)
         super().send(moment)
 
     def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
@@ -132,8 +115,7 @@ class FoxglovePublisher(Publisher):
         self._repeat()
         stamp = stamps(times)[-1]
         if self._scene is not None and topic == self.info.kind:
-            period = int(0.999 * NS / self._settings["scene_hz"])
-            self._scene.skin(stamp, values[-1], self._settings["colour_max"], period)
+            self._scene.skin(stamp, values[-1])
 
     def _send_text(self, topic: Topic, time: float, text: str) -> None:
         self._topics.text(topic, time, text)
@@ -171,25 +153,11 @@ class FoxglovePublisher(Publisher):
 
 def _listener(publisher: FoxglovePublisher) -> Any:
     """What the server calls, in threads of its own."""
-    from foxglove.websocket import Parameter, ServerListener
+    from foxglove.websocket import ServerListener
 
     class Listener(ServerListener):
         def on_subscribe(self, client: Any, channel: Any) -> None:
             publisher.show_all()
-
-        def on_get_parameters(
-            self, client: Any, param_names: list[str], request_id: str | None = None
-        ) -> list[Any]:
-            told = publisher.parameters()
-            chosen = param_names or list(told)
-            return [Parameter(name, value=told[name]) for name in chosen if name in told]
-
-        def on_set_parameters(
-            self, client: Any, parameters: list[Any], request_id: str | None = None
-        ) -> list[Any]:
-            for one in parameters:
-                publisher.set_parameter(one.name, one.get_value())
-            return self.on_get_parameters(client, [one.name for one in parameters])
 
     return Listener()
 
@@ -203,7 +171,6 @@ class SkinScene:
 
         self._messages, self._robot = messages, robot
         self._skin = SceneUpdateChannel("/skin/scene", context=context)
-        self._touches = SceneUpdateChannel("/skin/touches", context=context)
         columns = taxel_columns(robot, info.parts, info.widths)
         counts = [len(robot.skin(part)) for part in info.parts]
         ends = np.cumsum(counts)
@@ -217,7 +184,6 @@ class SkinScene:
         self._shades = [messages.Color(r=r, g=g, b=b, a=1.0) for r, g, b in shades.tolist()]
         self._shown: dict[str, NDArray[np.int64]] = {}
         self._shown_at: dict[str, int] = {}
-        self._marked: set[int] = set()
         self._lock = threading.Lock()
 
     def forget(self) -> None:
@@ -225,7 +191,7 @@ class SkinScene:
         with self._lock:
             self._shown = {}
 
-    def skin(self, stamp: int, values: NDArray[Any], colour_max: float, period: int) -> None:
+    def skin(self, stamp: int, values: NDArray[Any]) -> None:
         """Show a sample (channels,): parts with other colours, the longest shown first.
 
         Parameters
@@ -233,19 +199,16 @@ class SkinScene:
         stamp : int
             [ns].
         values : (channels,) array
-        colour_max : float
-            Counts of the reddest colour.
-        period : int
-            A part is shown as often at most [ns].
+            Counts; 255 is the reddest colour.
         """
         changed, room = [], AT_ONCE
         for part in sorted(self._columns, key=lambda one: self._shown_at.get(one, 0)):
             columns, last = self._columns[part], self._shown_at.get(part)
             if room <= 0:
                 break
-            if last is not None and part in self._shown and 0 <= stamp - last < period:
+            if last is not None and part in self._shown and 0 <= stamp - last < PERIOD:
                 continue
-            share = np.asarray(values[columns], np.float64) * ((LEVELS - 1) / colour_max)
+            share = np.asarray(values[columns], np.float64) * ((LEVELS - 1) / REDDEST)
             levels = np.rint(share).clip(0, LEVELS - 1).astype(np.int64)
             with self._lock:
                 if part in self._shown and np.array_equal(self._shown[part], levels):
@@ -256,19 +219,6 @@ class SkinScene:
             changed.append(self._sheet(stamp, part, levels))
         if changed:
             self._skin.log(self._messages.SceneUpdate(entities=changed))
-
-    def touches(self, stamp: int, touches: Sequence[NamedTouch]) -> None:
-        """Show touches with their names; those that ended are taken away."""
-        messages = self._messages
-        now = {one.identity for one in touches}
-        gone = [
-            messages.SceneEntityDeletion(id=f"touch {identity}")
-            for identity in sorted(self._marked - now)
-        ]
-        entities = [self._mark(stamp, one) for one in touches]
-        if gone or entities:
-            self._touches.log(messages.SceneUpdate(entities=entities, deletions=gone))
-        self._marked = now
 
     def _sheet(self, stamp: int, part: str, levels: NDArray[np.int64]) -> Any:
         messages = self._messages
@@ -283,34 +233,6 @@ class SkinScene:
             id=f"skin {part}",
             frame_locked=True,
             triangles=[triangles],
-        )
-
-    def _mark(self, stamp: int, touch: NamedTouch) -> Any:
-        messages = self._messages
-        x, y, z = touch.centre.tolist()
-        size = messages.Vector3(x=TOUCH_SIZE, y=TOUCH_SIZE, z=TOUCH_SIZE)
-        red = messages.Color(r=0.94, g=0.25, b=0.16, a=0.9)
-        turn = messages.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
-        place = messages.Pose(position=messages.Vector3(x=x, y=y, z=z), orientation=turn)
-        above = messages.Pose(
-            position=messages.Vector3(x=x, y=y, z=z + WORD_LIFT), orientation=turn
-        )
-        words = f"{touch.label} {touch.confidence:.0%}"
-        return messages.SceneEntity(
-            timestamp=_time(stamp, messages),
-            frame_id=self._robot.part(touch.part).link,
-            id=f"touch {touch.identity}",
-            frame_locked=True,
-            spheres=[messages.SpherePrimitive(pose=place, size=size, color=red)],
-            texts=[
-                messages.TextPrimitive(
-                    pose=above,
-                    billboard=True,
-                    font_size=WORD_SIZE,
-                    color=messages.Color(r=1.0, g=1.0, b=1.0, a=1.0),
-                    text=words,
-                )
-            ],
         )
 
     def _lifted(self, part: str) -> list[Any]:

@@ -12,9 +12,15 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import OutputError, SkinWarning
-from skinmap.live.network.lsl_description import TEXT_TYPE, TYPE, describe
-from skinmap.live.network.lsl_settings import keep_on_loopback, load_lsl, split_scope
-from skinmap.live.publishing.publisher import Publisher, Topic
+from skinmap.live.network.lsl_settings import (
+    TEXT_TYPE,
+    TYPE,
+    describe,
+    keep_on_loopback,
+    load_lsl,
+    split_scope,
+)
+from skinmap.live.publishing.publish import Publisher, Topic
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.robot import Robot
 

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import json
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Literal, Protocol, Self
 
-from skinmap.errors import UnknownNameError
-from skinmap.live.publishing.publisher import Publisher, Topic
-from skinmap.live.sources.source import Source, SourceEnded, StreamInfo
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import SkinMismatchError, UnknownNameError
+from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.live.moment import Moment
+from skinmap.live.network.messages import VERSION
+from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 
@@ -62,6 +70,11 @@ def open_publisher(
     robot : Robot, optional
         What Foxglove and ROS 2 draw.
 
+    Returns
+    -------
+    Publisher
+        Open; `send(moment)` and `send_block(block)` publish, `close()` ends it.
+
     Raises
     ------
     UnknownNameError
@@ -70,6 +83,16 @@ def open_publisher(
         A port that is in use, or a name that another stream has.
     MissingLibraryError
         A package that the way needs is not installed.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> source = skinmap.open_source("sim", robot=robot, parts=["torso"], speed=float("inf"))
+    >>> publisher = skinmap.live.open_publisher("lsl:example", source.info)
+    >>> publisher.send_block(source.read(30.0))
+    >>> publisher.close()
+    >>> source.close()
     """
     way, _, address = spec.partition(":")
     wanted: Sequence[Topic] = (info.kind, "contacts", "labels") if topics is None else topics
@@ -89,3 +112,145 @@ def stream(source: Source, publisher: Publisher) -> None:
             return
         if block is not None:
             publisher.send_block(block)
+
+
+Topic = Literal["raw", "pressure", "contacts", "labels"]
+TOPICS: tuple[Topic, ...] = ("raw", "pressure", "contacts", "labels")
+
+
+class Publisher(ABC):
+    """Sends what it is given, with or without listeners.
+
+    Parameters
+    ----------
+    info : StreamInfo
+        Of the samples.
+    topics : sequence of {"raw", "pressure", "contacts", "labels"}
+        What to send of a moment.
+    """
+
+    def __init__(self, info: StreamInfo, topics: Sequence[Topic]) -> None:
+        for topic in topics:
+            if topic not in TOPICS:
+                raise UnknownNameError("topic", topic, TOPICS)
+        self.info, self.topics = info, tuple(dict.fromkeys(topics))
+        self.sent = 0
+        self._contacts: tuple[NamedTouch, ...] = ()
+        self._labels: tuple[tuple[Any, ...], ...] = ()
+
+    def send(self, moment: Moment) -> None:
+        """Send a moment: its samples, contacts while there are any, labels when they change.
+
+        Raises
+        ------
+        SkinMismatchError
+            A part of the stream is missing, or has another number of taxels.
+        """
+        if moment.stale:
+            return
+        times = np.array([moment.time])
+        if "raw" in self.topics and moment.raw:
+            self.send_samples("raw", times, self._row(moment.raw))
+        if "pressure" in self.topics:
+            self.send_samples("pressure", times, self._row(moment.pressures))
+        if "contacts" in self.topics and (moment.touches or self._contacts):
+            self._send_text("contacts", moment.time, contacts_json(moment))
+        self._contacts = moment.touches
+        named = tuple(
+            (one.part, one.identity, one.label, _number(round(one.confidence, 2)))
+            for one in moment.touches
+        )
+        if "labels" in self.topics and named != self._labels:
+            self._send_text("labels", moment.time, labels_json(moment))
+        self._labels = named
+
+    def send_block(self, block: Block) -> None:
+        """Send samples as a source gave them."""
+        self.send_samples(self.info.kind, block.times, block.values)
+
+    def send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
+        """Send samples (k, channels); uint8 goes as it is, other types as float32.
+
+        Raises
+        ------
+        SkinMismatchError
+            Another number of channels than the stream declares.
+        """
+        if values.ndim != 2 or values.shape[1] != self.info.channels:
+            raise SkinMismatchError(
+                f"{values.shape[-1]} values in a sample, "
+                f"stream {self.info.name!r} has {self.info.channels} channels"
+            )
+        self._send_samples(topic, times, values)
+        self.sent += len(values)
+
+    @abstractmethod
+    def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None: ...
+
+    @abstractmethod
+    def _send_text(self, topic: Topic, time: float, text: str) -> None: ...
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give threads and sockets back; may be called twice."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _row(self, values: Any) -> NDArray[Any]:
+        missing = [part for part in self.info.parts if part not in values]
+        if missing:
+            raise SkinMismatchError(f"stream {self.info.name!r} misses {', '.join(missing)}")
+        return np.concatenate([np.asarray(values[part]) for part in self.info.parts])[None]
+
+
+def contacts_json(moment: Moment) -> str:
+    """Contacts of a moment, without names."""
+    contacts = [
+        {
+            "part": one.part,
+            "identity": one.identity,
+            "began_s": _number(one.began),
+            "taxels": one.taxels.tolist(),
+            "centre_m": _numbers(one.centre),
+            "normal": None if one.normal is None else _numbers(one.normal),
+            "area_m2": _number(one.area),
+            "peak": _number(one.peak),
+            "mean": _number(one.mean),
+            "force_n": None if one.force is None else _number(one.force),
+            "path_m": None if one.path is None else [_numbers(row) for row in one.path],
+        }
+        for one in moment.touches
+    ]
+    return _text({"skinmap": VERSION, "time_s": _number(moment.time), "contacts": contacts})
+
+
+def labels_json(moment: Moment) -> str:
+    """Names of the touches of a moment."""
+    labels = [
+        {
+            "part": one.part,
+            "identity": one.identity,
+            "label": one.label,
+            "confidence": _number(one.confidence),
+            "began_s": _number(one.began),
+        }
+        for one in moment.touches
+    ]
+    return _text({"skinmap": VERSION, "time_s": _number(moment.time), "labels": labels})
+
+
+def _text(found: dict[str, Any]) -> str:
+    return json.dumps(found, allow_nan=False, separators=(",", ":"))
+
+
+def _number(value: float) -> float | None:
+    """Seven digits are more than any of it deserves; JSON has no NaN."""
+    return float(f"{value:.10g}") if np.isfinite(value) else None
+
+
+def _numbers(values: NDArray[Any]) -> list[float | None]:
+    return [_number(float(value)) for value in values]

@@ -26,7 +26,7 @@ from skinmap.live.network.zenoh_ros2 import (
     parse_zenoh,
     token_of,
 )
-from skinmap.live.publishing.publisher import Publisher, Topic
+from skinmap.live.publishing.publish import Publisher, Topic
 from skinmap.live.publishing.ros2_topics import TEXT, Ros2Topics
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.robot import Robot

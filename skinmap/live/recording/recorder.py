@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 from skinmap.errors import SkinError, SkinMismatchError
-from skinmap.io.recordings.mcap_recording import POINTS_HZ, McapRecording
-from skinmap.io.recordings.mcap_writer import CHUNK_SECONDS
+from skinmap.io.mcap.writing import CHUNK_SECONDS, POINTS_HZ, McapRecording
 from skinmap.io.ros2.messages import TouchMarker
 from skinmap.live.bounded_queue import BoundedQueue, QueueEnded
 from skinmap.live.sources.source import Block, Kind, StreamInfo
@@ -261,7 +262,9 @@ class Recorder:
     def _next_file(self) -> None:
         self._file.close()
         first = self.files[0]
-        path = first.with_name(f"{first.stem}_{len(self.files) + 1:04d}{first.suffix}")
+        numbers = count(len(self.files) + 1)
+        names = (first.with_name(f"{first.stem}_{k:04d}{first.suffix}") for k in numbers)
+        path = next(path for path in names if not path.exists())  # of an earlier recording
         self._file = self._open(path)
         self.files.append(path)
 
@@ -288,3 +291,8 @@ class Recorder:
             model=self._robot,
             points_hz=self._points_hz,
         )
+
+
+def continued(path: Path) -> list[Path]:
+    """The files that a recorder went on with after `path`, and those of an earlier recording."""
+    return sorted(path.parent.glob(f"{glob.escape(path.stem)}_[0-9][0-9][0-9][0-9]{path.suffix}"))

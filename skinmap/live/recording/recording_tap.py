@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 from skinmap.errors import OutputError, UnknownNameError
-from skinmap.live.recording.recorder import Recorder
+from skinmap.live.recording.recorder import Recorder, continued
 from skinmap.live.sources.open_source import open_source, resolve_robot
 from skinmap.live.sources.source import Block, Relay, Source, SourceEnded, blocks
 from skinmap.skin.robot import Robot
@@ -29,9 +28,6 @@ class RecordingTap(Relay):
         Seconds to wait for a slow disk before samples are dropped.
     seconds : float, optional
         Ends after these, in the source's clock.
-    one_by_one : bool
-        Whether samples that came together are given one after the other, so that whoever works
-        on them has a result for each.
     """
 
     def __init__(
@@ -41,11 +37,8 @@ class RecordingTap(Relay):
         *,
         patience: float = 1.0,
         seconds: float | None = None,
-        one_by_one: bool = False,
     ) -> None:
         super().__init__(source)
-        self._one_by_one = one_by_one
-        self._waiting: deque[Block] = deque()
         self.recorder, self._patience = recorder, patience
         self._seconds = float("inf") if seconds is None else seconds
         self._end = float("inf")
@@ -54,17 +47,6 @@ class RecordingTap(Relay):
 
     def read(self, timeout: float) -> Block | None:
         """What the source gives, recorded."""
-        if self._waiting:
-            return self._waiting.popleft()
-        block = self._record(timeout)
-        if block is None or not self._one_by_one:
-            return block
-        for row in range(1, len(block)):
-            rows = slice(row, row + 1)
-            self._waiting.append(Block(block.times[rows], block.values[rows], block.arrived))
-        return Block(block.times[:1], block.values[:1], block.arrived)
-
-    def _record(self, timeout: float) -> Block | None:
         if self._ended:
             raise SourceEnded
         block = self.source.read(timeout)
@@ -158,12 +140,15 @@ def record(
     file = Path(path)
     if file.suffix.lower() != ".mcap":
         raise UnknownNameError("format to record in for files ending in", file.suffix, [".mcap"])
-    if file.exists() and not replace:
-        raise OutputError(f"{str(file)!r} exists already")
+    for path in (file, *continued(file)):
+        if path.exists() and not replace:
+            raise OutputError(f"{str(path)!r} exists already")
     loaded = resolve_robot(robot)
     opened = isinstance(source, str | Path)
     origin = open_source(source, robot=loaded) if isinstance(source, str | Path) else source
     try:
+        for path in continued(file):
+            path.unlink()  # of the recording that is replaced
         with closing(Recorder(file, origin.info, robot=loaded)) as recorder:
             for _ in blocks(RecordingTap(origin, recorder, patience=PATIENCE, seconds=seconds)):
                 pass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.errors import SkinMismatchError
+from skinmap.errors import SkinMismatchError, SkinWarning
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import StreamInfo
 
@@ -20,7 +21,10 @@ MARGIN = 4.0  # counts above the noise at rest that make a touch; as `calibratio
 WINDOW = 100  # samples of the rest that are kept, whatever the rate
 FREE = 2.5  # time constant of a free baseline [s]: a press rises quicker than drift by far
 RELEASED = 0.25  # of a touch's height: a fall below it is the end of the touch
+PATIENT = 20  # looks, four in a window, after which a channel that was never calm speaks, too
+WIDER = 2.0  # times its noise at its calmest: what such a channel must exceed before `MARGIN`
 WALK = 0.05  # most that a baseline drifts by itself [counts/s]
+SAME_RATE = 0.05  # share by which a stream's rate may differ from that of a calibration
 MIDDLE = 128.0  # raw values that rest above it fall under load, as those of the iCub do
 
 
@@ -28,7 +32,8 @@ MIDDLE = 128.0  # raw values that rest above it fall under load, as those of the
 class Response(Protocol):
     """A response calibration of one part, `calibration.ResponseCalibration` for one.
 
-    One with `track()` is asked for a tracker first, which goes with every block.
+    One with `track(rate)` is asked for a tracker first, which goes with every block; its `rate` is
+    that of the samples it was made of.
     """
 
     def apply(self, samples: FloatArray) -> FloatArray:
@@ -42,13 +47,21 @@ class PartResponse:
     ----------
     response : Response
         A dataclass with a `gain` answers in loads [N]; counts are the answers of the same without.
+    rate : float
+        Samples a second of the stream, 0 where unknown.
+
+    Attributes
+    ----------
+    health : (n,) str
+        State of each taxel when it was calibrated; empty where the response does not state it.
     """
 
-    def __init__(self, response: Any) -> None:
+    def __init__(self, response: Any, rate: float) -> None:
         gain = getattr(response, "gain", None)
         counts = response if gain is None else dataclasses.replace(response, gain=None)
-        self._counts = _Followed(counts)
-        self._loads = None if gain is None else _Followed(response)
+        self.health = getattr(response, "health", np.zeros(0, np.str_))
+        self._counts = _Followed(counts, rate)
+        self._loads = None if gain is None else _Followed(response, rate)
 
     def apply(self, samples: NDArray[Any]) -> tuple[FloatArray, FloatArray | None]:
         """Pressures (t, n) in counts, and loads (t, n) [N] where calibrated."""
@@ -60,9 +73,10 @@ class PartResponse:
 class _Followed:
     """A response with its tracker."""
 
-    def __init__(self, response: Any) -> None:
+    def __init__(self, response: Any, rate: float) -> None:
         self._response = response
-        self._extra = {"tracker": response.track()} if hasattr(response, "track") else {}
+        tracks = hasattr(response, "track")
+        self._extra = {"tracker": response.track(rate or None)} if tracks else {}
 
     def apply(self, block: FloatArray) -> FloatArray:
         return np.asarray(self._response.apply(block, **self._extra), np.float64)
@@ -72,7 +86,9 @@ class RestBaseline:
     """Pressures of n raw channels from what they send untouched, without a calibration.
 
     A taxel speaks once it has been calm for two seconds: its baseline is the median of that
-    time, its threshold the 95th percentile of the noise and 4 counts. While free, the baseline
+    time, its threshold the 95th percentile of the noise and 4 counts. One that was not calm in
+    twelve seconds speaks by the calmest two of them, is less sensitive, and counts as noisy.
+    While free, the baseline
     follows the reading; while touched it stands, however long. A touch ends when the reading
     falls below a quarter of its height; what then remains and can have drifted is taken over.
 
@@ -82,6 +98,11 @@ class RestBaseline:
         Part of each channel: the sign is found for each part.
     rate : float
         Samples a second.
+
+    Attributes
+    ----------
+    noisy : (n,) bool
+        Channels that were never calm.
     """
 
     def __init__(self, group: NDArray[np.int64], rate: float) -> None:
@@ -94,6 +115,10 @@ class RestBaseline:
         self.sign = np.zeros(n, np.float32)
         self.baseline = np.zeros(n, np.float32)
         self.threshold = np.full(n, np.inf, np.float32)
+        self.noisy: BoolArray = np.zeros(n, bool)
+        self._looks = self.changes = 0  # at noise, and of which channels speak
+        # Of the calmest window so far: the 5th, 50th and 95th percentile of each channel.
+        self._calmest = np.full((3, n), [[-np.inf], [0.0], [np.inf]])
         self._height = np.zeros(n, np.float32)
         self._held = np.zeros(n, np.float32)
 
@@ -194,17 +219,23 @@ class RestBaseline:
         if self._seen < WINDOW * self._keep:
             return
         waiting = np.flatnonzero(~self.ready)
-        low, middle, high = np.percentile(self._window[:, waiting], [5, 50, 95], axis=0)
-        calm = high - low <= CALM
-        rows = waiting[calm]
-        self.baseline[rows] = middle[calm]
+        found = np.percentile(self._window[:, waiting], [5, 50, 95], axis=0)
         for part in np.unique(self._group[waiting]).tolist():
             own = self._group == part
-            of_part = middle[own[waiting]]
             if not self.sign[own].any():
-                self.sign[own] = -1.0 if np.median(of_part) > MIDDLE else 1.0
-        noise = np.where(self.sign[rows] > 0, high[calm] - middle[calm], middle[calm] - low[calm])
-        self.threshold[rows] = noise + MARGIN
+                falls = np.median(found[1, own[waiting]]) > MIDDLE
+                self.sign[own] = -1.0 if falls else 1.0
+        calmer = np.ptp(found, axis=0) < np.ptp(self._calmest[:, waiting], axis=0)
+        self._calmest[:, waiting[calmer]] = found[:, calmer]
+        self._looks += 1
+        calm = np.ptp(found, axis=0) <= CALM
+        rows = waiting if self._looks >= PATIENT else waiting[calm]
+        self.noisy[waiting[~calm]] = self._looks >= PATIENT
+        low, middle, high = self._calmest[:, rows]
+        self.changes += len(rows) > 0
+        noise = np.where(self.sign[rows] > 0, high - middle, middle - low)
+        self.baseline[rows] = middle
+        self.threshold[rows] = noise * np.where(self.noisy[rows], WIDER, 1.0) + MARGIN
         if self.ready.all():
             self._seen = -1
             self._window = self._window[:0]
@@ -236,7 +267,8 @@ class Responses:
         for part, response in (responses or {}).items():
             if part in skin.slices and self._raw:
                 check_response(response, skin, part)
-                self._own[part] = PartResponse(response)
+                _warn_of_rate(response, info.rate, part)
+                self._own[part] = PartResponse(response, info.rate)
         rest = [skin.slices[part] for part in skin.parts if part not in self._own]
         self._rest = np.concatenate(
             [np.zeros(0, np.int64), *(np.arange(rows.start, rows.stop) for rows in rest)]
@@ -244,6 +276,24 @@ class Responses:
         self._baseline: RestBaseline | None = None
         if self._raw and len(self._rest):
             self._baseline = RestBaseline(skin.part_of[self._rest], info.rate)
+
+    @property
+    def changes(self) -> int:
+        """How often what `states` says has changed."""
+        return 0 if self._baseline is None else self._baseline.changes
+
+    def states(self) -> dict[str, BoolArray]:
+        """(N,) taxels that are `stuck`, `noisy`, `dead` or `unheard`, as far as is known here."""
+        names = ("stuck", "noisy", "dead", "unheard")
+        found = {name: np.zeros(len(self._skin), bool) for name in names}
+        if self._baseline is not None:
+            found["noisy"][self._rest] = self._baseline.noisy
+            found["unheard"][self._rest] = ~self._baseline.ready
+        for part, response in self._own.items():
+            for name in names[:3]:
+                if len(response.health):
+                    found[name][self._skin.slices[part]] = response.health == name
+        return found
 
     def apply(self, samples: NDArray[Any]) -> tuple[NDArray[Any], FloatArray | None]:
         """Pressures (t, N) [counts] and forces (t, N) [N] for samples (t, N) in dense rows.
@@ -266,6 +316,17 @@ class Responses:
                     forces = np.full(samples.shape, np.nan)
                 forces[:, rows] = loads
         return pressures, forces
+
+
+def _warn_of_rate(response: Any, rate: float, part: str) -> None:
+    calibrated = float(getattr(response, "rate", rate))
+    if rate > 0 and abs(rate - calibrated) > SAME_RATE * calibrated:
+        warnings.warn(
+            f"the response of {part!r} was calibrated at {calibrated:g} samples a second, the "
+            f"stream has {rate:g}: its noise may differ; calibrate again",
+            SkinWarning,
+            stacklevel=3,
+        )
 
 
 def check_response(response: Any, skin: JoinedSkin, part: str) -> None:

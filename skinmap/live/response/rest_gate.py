@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import BoolArray, FloatArray
+from skinmap.arrays import BoolArray
 from skinmap.live.response.pressures import REST, WINDOW
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.touch.contacts import ACTIVE
-from skinmap.touch.rest import Rest, felt, find_rest, usual_rest
+from skinmap.touch.contacts.rest import felt, find_rest, usual_rest
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 
 FROZEN = (
     1.0  # a taxel that moves by no more than this while it is high has no finger on it [counts]
 )
 TWICE = 2  # windows in which it must be frozen
 NEVER = 5  # windows after which a taxel that was never seen at rest is stuck
+SOME = 16  # one taxel of so many stands for the skin where a few are learnt
 PRESSED_FLAT = 250.0  # a reading at the end of the range stands still under a finger, too [counts]
 
 
@@ -25,9 +27,10 @@ class RestGate:
     """Lets touches of a joined skin of N taxels pass, and nothing else.
 
     Each taxel's levels are learnt in the first two seconds in which it is seen at rest; before,
-    they are the usual ones. A taxel is stuck while it stands still above the level of a touch for
-    four seconds, for two if it was never seen at rest, or if it is never seen at rest for ten; one
-    reading at rest sets it free.
+    they are the usual ones. What is high before it was first seen at rest is not a touch: it may
+    hang. A taxel is stuck while it stands still above the level of a touch for four seconds, for
+    two if it was never seen at rest, or if it is never seen at rest for ten; one reading at rest
+    sets it free.
 
     Parameters
     ----------
@@ -46,13 +49,13 @@ class RestGate:
         self._known: BoolArray = np.zeros(n, bool)
         self._high = np.zeros(n, np.int64)  # windows that a taxel has been high without a break
         self._still = np.zeros(n, np.int64)  # and has stood still
+        self._mute: BoolArray = np.ones(n, bool)  # stuck, or not seen at rest yet
         self.rest = usual_rest(n)
+        self.changes = 0  # of what `states` says
 
     def apply(self, pressures: NDArray[Any]) -> NDArray[Any]:
         """The pressures (t, N) [counts] with 0 wherever nothing is touched."""
-        if self.rest.stuck.any():
-            self._set_free(pressures)
-        found = felt(pressures, self.rest, self.skin.beside)
+        found = felt(self._without_mute(pressures), self.rest, self.skin.beside)
         start = -self._seen % self._every
         for row in range(start, len(pressures), self._every):
             place = (self._seen + row) // self._every % WINDOW
@@ -62,24 +65,28 @@ class RestGate:
         self._seen += len(pressures)
         return found
 
-    def health(self) -> dict[str, dict[str, list[int]]]:
-        """Channels that are stuck or noisy, by part; parts without any are left out."""
-        found = {}
-        for part, rows in self.skin.slices.items():
-            channels = self.skin.skins[part].skin.channels
-            own = {
-                "stuck": channels[self.rest.stuck[rows]].tolist(),
-                "noisy": channels[self.rest.noisy[rows]].tolist(),
-            }
-            if any(own.values()):
-                found[part] = own
-        return found
+    def states(self) -> dict[str, BoolArray]:
+        """(N,) taxels that are `stuck`, `noisy`, or `unheard`: high and never yet seen at rest."""
+        stuck = self.rest.stuck
+        return {"stuck": stuck, "noisy": self.rest.noisy, "unheard": self._mute & ~stuck}
 
-    def _set_free(self, pressures: NDArray[Any]) -> None:
-        free = self.rest.stuck & (pressures.min(axis=0) <= ACTIVE)
-        if free.any():
-            self._high[free] = self._still[free] = 0
-            self.rest = _with(self.rest, stuck=self.rest.stuck & ~free)
+    def _without_mute(self, pressures: NDArray[Any]) -> NDArray[Any]:
+        """The pressures (t, N) with 0 wherever a taxel has not been seen at rest, or is stuck."""
+        columns = np.flatnonzero(self._mute)
+        if len(columns) == 0:
+            return pressures
+        free = np.logical_or.accumulate(pressures[:, columns] <= ACTIVE, axis=0)
+        pressures = np.array(pressures)
+        pressures[:, columns] = np.where(free, pressures[:, columns], 0)
+        freed = columns[free[-1]] if len(free) else columns[:0]
+        if len(freed):
+            self._mute[freed] = False
+            self._high[freed] = self._still[freed] = 0
+            stuck = self.rest.stuck.copy()
+            stuck[freed] = False
+            self.rest = replace(self.rest, stuck=stuck)
+            self.changes += 1
+        return pressures
 
     def _learn(self) -> None:
         """Take what a full window says: levels of taxels seen at rest, and who is stuck."""
@@ -88,20 +95,19 @@ class RestGate:
         still = held & (high - low <= FROZEN) & (high < PRESSED_FLAT)
         self._high = np.where(held, self._high + 1, 0)
         self._still = np.where(still, self._still + 1, 0)
-        stuck = (self._still >= TWICE) | (~self._known & (still | (self._high >= NEVER)))
-        rest = _with(self.rest, stuck=self.rest.stuck | stuck)
-        if not self._known.all():
-            found = find_rest(self._window)
-            fresh = ~self._known & ~found.stuck
-            levels = {
-                name: np.where(fresh, getattr(found, name), getattr(rest, name))
-                for name in ("offset", "begins", "goes_on")
-            }
-            rest = _with(rest, **levels)
-            self._known |= fresh
+        stuck = (self._still >= TWICE) | (self._mute & (still | (self._high >= NEVER)))
+        rest = replace(self.rest, stuck=self.rest.stuck | stuck)
+        self._mute |= stuck
+        waiting = ~self._known & ~held  # what was high throughout shows no rest
+        if waiting.any():
+            waiting[::SOME] = True  # for the noise that is usual on this skin
+            columns = np.flatnonzero(waiting)
+            found = find_rest(self._window[:, columns])
+            fresh = ~self._known[columns] & ~found.stuck
+            levels = {name: getattr(rest, name).copy() for name in ("offset", "begins", "goes_on")}
+            for name, values in levels.items():
+                values[columns[fresh]] = getattr(found, name)[fresh]
+            rest = replace(rest, **levels)
+            self._known[columns[fresh]] = True
         self.rest = rest
-
-
-def _with(rest: Rest, **changes: FloatArray | BoolArray) -> Rest:
-    names = ("offset", "begins", "goes_on", "stuck")
-    return Rest(**{name: changes.get(name, getattr(rest, name)) for name in names})
+        self.changes += 1

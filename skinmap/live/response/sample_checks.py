@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,9 +14,12 @@ from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.source import Block, StreamInfo
 
 RANGE = (0.0, 255.0)  # counts
-LATE = 1.0  # a clock that goes back by more was set anew [s]
+JUMP = 1.0  # a clock that goes on by so much more than time passed was set anew [s]
+LATE = 0.1  # a live clock that goes back by more, and by more than `ORDER` periods, as well [s]
+ORDER = 5.0
 LATER = 0.75  # periods that a sample may come late before one is missed
 FORGIVE = 0.9  # a clock that is off by a few percent must not add up to missed samples
+logger = logging.getLogger(__name__)
 
 
 class SampleChecks:
@@ -32,7 +36,7 @@ class SampleChecks:
 
     def __init__(self, info: StreamInfo, counts: Counts, *, seekable: bool) -> None:
         self._info, self._counts, self._seekable = info, counts, seekable
-        self._last = float("nan")
+        self._last = self._arrived = float("nan")
         self._behind = 0.0  # periods that samples are late by now
         self._good: NDArray[Any] = np.zeros(info.channels, np.float64)
 
@@ -45,15 +49,22 @@ class SampleChecks:
             setattr(self._counts, name, getattr(self._counts, name) + len(block))
             return
         values = self._mended(block.values)
+        passed, self._arrived = block.arrived - self._arrived, block.arrived
+        # What is missing takes time; where none has passed here, only the clock went on.
+        jumped = len(block) > 0 and block.times[-1] - self._last > passed + JUMP
         rows: list[int] = []
         anew = False
         for row, time in enumerate(block.times.tolist()):
-            verdict = self._verdict(time)
+            verdict = self._verdict(time, jumped or self._seekable)
             if verdict == "anew":
                 if rows:
                     yield anew, block.times[rows], values[rows]
                 rows, anew = [], True
                 self._counts.restarts += 1
+                if not self._seekable:
+                    logger.warning(
+                        "the clock of %r stepped by %.3g s", self._info.name, time - self._last
+                    )
             if verdict != "drop":
                 rows.append(row)
                 self._last = time
@@ -62,8 +73,11 @@ class SampleChecks:
         elif rows:
             yield anew, block.times[rows], values[rows]
 
-    def _verdict(self, time: float) -> str:
-        """What becomes of a sample of this time: "use", "drop", or "anew": first of a new run."""
+    def _verdict(self, time: float, jumps: bool) -> str:
+        """What becomes of a sample of this time: "use", "drop", or "anew": first of a new run.
+
+        `jumps` where a long step is one of the clock, not of samples that are missing.
+        """
         step = time - self._last
         rate = self._info.rate
         if step != step:  # NaN: the first one
@@ -72,12 +86,12 @@ class SampleChecks:
             self._counts.repeated += 1
             return "drop"
         if step < 0:
-            if self._seekable or step < -LATE:
+            if self._seekable or -step > max(LATE, ORDER / rate if rate > 0 else 0.0):
                 self._behind = 0.0
                 return "anew"
             self._counts.late += 1
             return "drop"
-        if self._seekable and step > LATE and step * rate > 1.5:
+        if jumps and step > JUMP and step * rate > 1.5:
             self._behind = 0.0
             return "anew"
         if rate > 0:

@@ -47,6 +47,14 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
     ------
     BrokenPluginError
         Which promise is broken, and how.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> def made():
+    ...     return skinmap.open_source("sim", robot=robot, parts=["torso"], speed=float("inf"))
+    >>> skinmap.live.check_source(made)
     """
     try:
         made = make()

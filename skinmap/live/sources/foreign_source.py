@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from skinmap.errors import BrokenPluginError
 from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import Block, Seekable, Source, StreamInfo
+from skinmap.live.sources.source import Block, Seekable, Source
 
 NEEDED = ("info", "read", "close")
-OPTIONAL = ("counts", "last_seen", "alive", "speed", "angles_at")
 LED = ("speed", "loop", "duration", "position", "seek")  # what a recording has
 
 
@@ -35,75 +33,41 @@ def as_source(found: Any) -> Source:
     return _ForeignSource(found)
 
 
+def _theirs(name: str) -> Any:
+    """A member that is the foreign source's own, or that of `Source` where it has none."""
+
+    def get(self: _ForeignSource) -> Any:
+        return getattr(
+            self.found if hasattr(self.found, name) else super(_ForeignSource, self), name
+        )
+
+    return property(get, lambda self, value: setattr(self.found, name, value))
+
+
 class _ForeignSource(Source):
     """Adapter of a foreign source; where it lacks a member, the default of `Source` answers."""
 
     def __init__(self, found: Any) -> None:
+        self.found = found
         super().__init__(found.info)
-        self._found = found
-        self._has = {name for name in OPTIONAL if hasattr(found, name)}
+
+    info, last_seen, alive, speed = map(_theirs, ("info", "last_seen", "alive", "speed"))
+    angles_at = _theirs("angles_at")
 
     def read(self, timeout: float) -> Block | None:
-        block: Block | None = self._found.read(timeout)
+        block: Block | None = self.found.read(timeout)
         return block
 
     def close(self) -> None:
-        self._found.close()
-
-    @property
-    def info(self) -> StreamInfo:
-        info: StreamInfo = self._found.info
-        return info
+        self.found.close()
 
     @property
     def counts(self) -> Counts:
-        theirs = self._found.counts if "counts" in self._has else None
+        theirs = getattr(self.found, "counts", None)
         return theirs if isinstance(theirs, Counts) else super().counts
-
-    @property
-    def last_seen(self) -> float:
-        return float(self._found.last_seen) if "last_seen" in self._has else super().last_seen
-
-    @property
-    def alive(self) -> bool:
-        return bool(self._found.alive) if "alive" in self._has else super().alive
-
-    @property
-    def speed(self) -> float:
-        return float(self._found.speed) if "speed" in self._has else super().speed
-
-    def angles_at(self, time: float) -> Mapping[str, float]:
-        angles: Mapping[str, float]
-        angles = self._found.angles_at(time) if "angles_at" in self._has else {}
-        return angles
 
 
 class _ForeignRecording(_ForeignSource, Seekable):
     """Adapter of a foreign recording."""
 
-    @property
-    def speed(self) -> float:
-        return float(self._found.speed)
-
-    @speed.setter
-    def speed(self, speed: float) -> None:
-        self._found.speed = speed
-
-    @property
-    def loop(self) -> bool:
-        return bool(self._found.loop)
-
-    @loop.setter
-    def loop(self, loop: bool) -> None:
-        self._found.loop = loop
-
-    @property
-    def duration(self) -> float:
-        return float(self._found.duration)
-
-    @property
-    def position(self) -> float:
-        return float(self._found.position)
-
-    def seek(self, seconds: float) -> None:
-        self._found.seek(seconds)
+    speed, loop, duration, position, seek = map(_theirs, LED)

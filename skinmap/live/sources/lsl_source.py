@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from skinmap.errors import MessageError, SkinMismatchError, UnknownNameError, UnreachableError
-from skinmap.live.network.lsl_description import read_description
-from skinmap.live.network.lsl_settings import load_lsl, split_scope
+from skinmap.live.network.lsl_settings import load_lsl, read_description, split_scope
 from skinmap.live.sources.part_filter import follow
 from skinmap.live.sources.receiver import SILENT
 from skinmap.live.sources.skins import check_skin

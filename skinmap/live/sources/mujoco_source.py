@@ -23,7 +23,7 @@ from skinmap.physics.simulation import LONG_ON_SKIN, ON_SKIN, TRIES, place_at
 from skinmap.physics.spring_bed import SpringBed, spring_bed
 from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
-from skinmap.touch.sensing import Sensing, Sensors
+from skinmap.touch.simulation.sensing import Sensing, Sensors
 
 ABOVE = 6e-3  # pressers come from so far above the skin [m]
 REMEMBERED = 1000  # touches in `truth`, and poses kept for who draws them

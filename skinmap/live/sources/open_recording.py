@@ -58,6 +58,11 @@ def open_recording(
     kind : {"raw", "pressure"}, optional
         Which values of an MCAP recording that has both; pressures by default.
 
+    Returns
+    -------
+    Playback
+        Its `read(timeout)` gives blocks of samples (k, channels) when they are due.
+
     Raises
     ------
     MissingFileError, DataFormatError
@@ -66,6 +71,16 @@ def open_recording(
         A suffix that no reader has, or a part that is not in it.
     SkinMismatchError
         A recording of another skin than the robot's.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> touches = skinmap.simulate(robot.skin("torso"), gestures=["poke"], per_gesture=1, rng=0)
+    >>> skinmap.save_recordings(touches, "touches.mcap", robot=robot)
+    >>> source = skinmap.live.open_recording("touches.mcap", robot=robot, speed=float("inf"))
+    >>> source.read(1.0).values.shape[1] == len(robot.skin("torso"))
+    True
     """
     path = Path(path)
     if path.suffix.lower() == ".npz" or path.suffix.lower() in FOREIGN:
@@ -111,7 +126,7 @@ def open_track(
     if is_bag(path) or (suffix == ".mcap" and mapping_of(path).is_file()):
         return read_bag(path)
     if suffix == ".mcap":
-        from skinmap.io.recordings.mcap_track import read_track
+        from skinmap.io.mcap.reading import read_track
 
         return read_track(path, kind=kind)
     if suffix in FOREIGN or suffix == ".npz":

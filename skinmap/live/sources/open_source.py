@@ -143,7 +143,7 @@ def _simulated(
 ) -> Source:
     from skinmap.io.robots.manifest import load_robot
     from skinmap.live.sources.simulator import SimulatedSource
-    from skinmap.touch.gestures import FOUR, GESTURES, TIME
+    from skinmap.touch.simulation.gestures import FOUR, GESTURES, TIME
 
     raw, names = address == "raw", tuple(address.split(",")) if address not in ("", "raw") else FOUR
     unknown = [name for name in names if name not in (*GESTURES, *TIME)]

@@ -14,6 +14,7 @@ from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.source import Block, Relay, Source, SourceEnded
 
 MAX_BYTES = 64_000_000  # kept for a slow reader: 3.7 s of a whole iCub at 1 kHz in float32
+OVERHEAD = 512  # bytes of a block beside its numbers: narrow ones weigh little else
 POLL = 0.1  # the thread looks so often whether it is to stop [s]
 SILENT = 0.8  # without a sign of life, a source counts as dead: well within a second [s]
 LATE = 2.0  # periods after the one before, from which a block counts as late
@@ -27,13 +28,24 @@ class Receiver(Relay):
     source : Source
         Read from the thread only, and closed with this.
     most_bytes : int
-        Values kept for a slow reader; the oldest samples go first.
+        Kept for a slow reader, blocks with all that they weigh; the oldest samples go first.
 
     Notes
     -----
     Samples are handed on as they came: who uses them looks at them (`SampleChecks`).
     `read` gives all that was kept, `newest` the last sample alone. What a source raises is raised
     again by whoever reads.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> source = skinmap.open_source("sim", robot=robot, parts=["torso"], speed=float("inf"))
+    >>> receiver = skinmap.live.Receiver(source)
+    >>> block = receiver.read(30.0)
+    >>> len(block) > 0, block.values.shape[1] == source.info.channels
+    (True, True)
+    >>> receiver.close()
     """
 
     def __init__(self, source: Source, *, most_bytes: int = MAX_BYTES) -> None:
@@ -125,7 +137,7 @@ class Receiver(Relay):
         late = rate > 0 and block.arrived - self._arrived > LATE / rate
         self._arrived = block.arrived
         self._count(received=len(block), delayed=int(late))
-        gone = self._kept.push(block, block.values.nbytes)
+        gone = self._kept.push(block, block.values.nbytes + block.times.nbytes + OVERHEAD)
         self._count(dropped=sum(map(len, gone)))
 
     def _count(

@@ -18,9 +18,9 @@ from skinmap.live.bounded_queue import BoundedQueue
 from skinmap.live.sources.source import SIMULATION, Block, Kind, Source, SourceEnded, StreamInfo
 from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
-from skinmap.touch.gestures import FOUR
-from skinmap.touch.sensing import Sensing
-from skinmap.touch.simulator import (
+from skinmap.touch.simulation.gestures import FOUR
+from skinmap.touch.simulation.sensing import Sensing
+from skinmap.touch.simulation.simulator import (
     GAP,
     MISSES,
     SUBJECTS,
@@ -30,8 +30,8 @@ from skinmap.touch.simulator import (
     place,
     prepare,
 )
-from skinmap.touch.subjects import Subject, draw_subjects
-from skinmap.touch.variety import DEFAULT, draw_sensing
+from skinmap.touch.simulation.subjects import Subject, draw_subjects
+from skinmap.touch.simulation.variety import DEFAULT, draw_sensing
 
 REST = 240  # what an iCub's taxel sends untouched; less is harder [counts]
 CHUNK = 0.25  # samples are made so far in one go [s]
@@ -81,7 +81,7 @@ class Touching:
     sensing : Sensing, optional
         Of all parts; drawn for each as the variety says by default.
     variety : float
-        See `skinmap.touch.variety`.
+        See `skinmap.touch.simulation.variety`.
     gestures : sequence of str
     together : int
         Touches at once, each on its own part.
@@ -306,7 +306,7 @@ class SimulatedSource(MadeSource):
     sensing : Sensing, optional
         How taxels answer, at its own rate; drawn for each part as the variety says by default.
     variety : float
-        How far touches are drawn at random, see `skinmap.touch.variety`.
+        How far touches are drawn at random, see `skinmap.touch.simulation.variety`.
     seconds : float
         It ends after so long; never by default.
     """

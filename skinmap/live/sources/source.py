@@ -77,6 +77,25 @@ class Source(ABC):
     Parameters
     ----------
     info : StreamInfo
+        Skin, channels, rate and clock.
+
+    Examples
+    --------
+    >>> import time
+    >>> import numpy as np
+    >>> from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
+    >>> class Ten(Source):
+    ...     left = 10
+    ...     def read(self, timeout):
+    ...         if not self.left:
+    ...             raise SourceEnded
+    ...         self.left -= 1
+    ...         return Block(np.array([-0.1 * self.left]), np.zeros((1, 3)), time.perf_counter())
+    ...     def close(self):
+    ...         self.left = 0
+    >>> source = Ten(StreamInfo("ten", ("palm",), (3,), 10.0))
+    >>> source.read(1.0).values.shape, source.alive
+    ((1, 3), True)
     """
 
     def __init__(self, info: StreamInfo) -> None:
@@ -136,7 +155,30 @@ class Source(ABC):
 
 
 class Seekable(Source):
-    """A source that can be led through time: a recording."""
+    """A source that can be led through time: a recording.
+
+    Attributes
+    ----------
+    speed : float
+        How many times faster than recorded; `inf` gives all at once, 0 halts.
+    loop : bool
+        Whether it starts again at its end.
+    duration, position : float
+        Length, and place of the sample that comes next, from the beginning [s].
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> touches = skinmap.simulate(robot.skin("torso"), gestures=["poke"], per_gesture=1, rng=0)
+    >>> skinmap.save_recordings(touches, "touches.mcap", robot=robot)
+    >>> source = skinmap.live.open_recording("touches.mcap", speed=float("inf"))
+    >>> isinstance(source, skinmap.live.Seekable)
+    True
+    >>> source.seek(0.2)
+    >>> round(source.position, 3)
+    0.2
+    """
 
     @property
     def seekable(self) -> bool:
@@ -187,6 +229,21 @@ class Relay(Source):
     Attributes
     ----------
     source : Source
+        The other one.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> class Halved(skinmap.live.Relay):
+    ...     def read(self, timeout):
+    ...         block = self.source.read(timeout)
+    ...         return block and type(block)(block.times, block.values // 2, block.arrived)
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> source = skinmap.open_source("sim", robot=robot, parts=["torso"], speed=float("inf"))
+    >>> half = Halved(source)
+    >>> half.info == source.info
+    True
+    >>> half.close()
     """
 
     def __init__(self, source: Source) -> None:

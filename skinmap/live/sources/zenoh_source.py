@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.errors import MessageError, SkinMismatchError, UnknownNameError, UnreachableError
-from skinmap.io.ros2.cdr import CdrReader
-from skinmap.io.ros2.definitions import dds_name
+from skinmap.io.ros2.message_types import dds_name, read
 from skinmap.io.ros2.messages import read_cloud, read_text
 from skinmap.live.network.addresses import warn_if_open
 from skinmap.live.network.messages import unpack_info
@@ -39,12 +38,10 @@ WAIT = 3.0  # for a first message [s]
 QUEUED = 1000  # samples kept here between two reads: 20 s at 50 Hz
 CLOUD = dds_name("sensor_msgs/PointCloud2")
 ARRAYS = {
-    dds_name(f"std_msgs/{name}MultiArray"): kind
-    for name, kind in {
-        "Float32": "f4", "Float64": "f8", "UInt8": "u1", "UInt16": "u2", "Int16": "i2",
-        "Int32": "i4", "UInt32": "u4",
-    }.items()
-}  # fmt: skip
+    dds_name(kind): kind
+    for name in ("Float32", "Float64", "UInt8", "UInt16", "Int16", "Int32", "UInt32")
+    for kind in [f"std_msgs/{name}MultiArray"]
+}
 
 
 class ZenohSource(Source):
@@ -83,6 +80,7 @@ class ZenohSource(Source):
         self._came: queue.Queue[tuple[float, str, bytes, bytes]] = queue.Queue(QUEUED)
         self._numbers: dict[bytes, int] = {}
         self._closed = False
+        self._stamped: bool | None = None  # whether messages have times of the sender
         self._beats = time.perf_counter()
         self._session = open_session(where.address, listen=False)
         try:
@@ -123,7 +121,7 @@ class ZenohSource(Source):
         if not found:
             return None
         self._last_seen = arrived
-        times = np.maximum.accumulate([stamp for stamp, _ in found])
+        times = np.array([stamp for stamp, _ in found])  # they may step back: `SampleChecks`
         return Block(times, np.array([values for _, values in found]), arrived)
 
     def close(self) -> None:
@@ -150,7 +148,12 @@ class ZenohSource(Source):
             self._counts.lost += number - before - 1
         self._numbers[sender] = number
         moment = stamp or sent
-        return (moment / 1e9 if moment else arrived), values
+        if self._stamped is None:  # one clock for all of them: the sender's, or ours
+            self._stamped = moment > 0
+        if self._stamped and not moment:
+            self._counts.refused += 1
+            return None
+        return (moment / 1e9 if self._stamped else arrived), values
 
     def _subscribe(self, topic: str, callback: Any) -> Any:
         return self._session.declare_subscriber(f"{domain()}{topic}/*/*", callback)
@@ -225,14 +228,7 @@ def values_of(kind: str, message: bytes, field: str = "") -> tuple[int, NDArray[
         return cloud.stamp, _plain(np.asarray(cloud.points[field or names[-1]]))
     if kind not in ARRAYS:
         raise MessageError(f"messages of type {kind}; clouds and arrays are read")
-    reader = CdrReader(message)
-    for _ in range(reader.get("I")):
-        reader.text()
-        reader.get("I")
-        reader.get("I")
-    reader.get("I")
-    form = np.dtype(f"{reader.order}{ARRAYS[kind]}")
-    return 0, _plain(np.frombuffer(reader.sequence(form.itemsize), form))
+    return 0, _plain(np.asarray(read(ARRAYS[kind], message).data))
 
 
 def _plain(values: NDArray[Any]) -> NDArray[Any]:

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import skinmap
-from skinmap.classify.protocols.cross_patch import (
+from skinmap.classifiers.protocols.cross_patch import (
     check_carries_over,
-    leave_one_out,
+    cut_patches,
+    score_patches,
     summarise,
-    transfer,
+    touch_patches,
 )
-from skinmap.classify.protocols.patches import cut_patches, touch_patches
 from skinmap.errors import InvalidArrayError, UnknownNameError
 
 THREE = ("poke", "full_finger", "three_finger")
@@ -25,7 +25,7 @@ def patches():
 
 @pytest.fixture(scope="module")
 def scores(patches):
-    return leave_one_out(patches, names=NAMES, seed=1)
+    return score_patches(patches, names=NAMES, seed=1)
 
 
 def test_patches_share_out_the_taxels_of_a_part(patches):
@@ -40,31 +40,31 @@ def test_patches_share_out_the_taxels_of_a_part(patches):
 def test_each_patch_is_tested_by_what_was_trained_on_the_others(patches, scores):
     for own in scores:
         assert list(own) == [patch.name for patch in patches]
-        assert [own[patch.name]["touches"] for patch in patches] == [
+        assert [own[patch.name].touches for patch in patches] == [
             len(patch.touches) for patch in patches
         ]
-    left_out = transfer(patches[:2], patches[2:], names=NAMES, seed=1)
+    left_out = score_patches(patches[2:], patches[:2], names=NAMES, seed=1)
     for own, alone in zip(scores, left_out, strict=True):
         assert own["right_leg_lower"] == alone["right_leg_lower"]
 
 
 def test_rows_sum_up_patches_and_classes(patches, scores):
     row = summarise("contact-geometry", [scores[0], scores[0]])
-    assert (row["features"], row["classifier"]) == ("contact-geometry", "RbfMachine")
-    assert row["mean"] == pytest.approx(np.mean(list(row["per_patch"].values())))
-    assert row["worst"] == min(row["per_patch"].values()) == row["per_patch"][row["worst_patch"]]
-    assert row["std"] == 0.0  # the same scores twice
-    assert row["touches"] == 2 * sum(len(patch.touches) for patch in patches)
-    right = sum(own["accuracy"] * own["touches"] for own in scores[0].values())
+    assert (row.features, row.classifier) == ("contact-geometry", "RbfMachine")
+    assert row.mean == pytest.approx(np.mean(list(row.per_patch.values())))
+    assert row.worst == min(row.per_patch.values()) == row.per_patch[row.worst_patch]
+    assert row.std == 0.0  # the same scores twice
+    assert row.touches == 2 * sum(len(patch.touches) for patch in patches)
+    right = sum(own.accuracy * own.touches for own in scores[0].values())
     counts = {label: sum(t.label == label for p in patches for t in p.touches) for label in THREE}
-    assert sum(row["per_class"][label] * counts[label] for label in THREE) == pytest.approx(right)
-    assert row["mean"] > 0.8  # three gestures; at full size 0.95 and more
-    assert summarise("histogram", [scores[1]])["classifier"] == "IntersectionSVC"
+    assert sum(row.per_class[label] * counts[label] for label in THREE) == pytest.approx(right)
+    assert row.mean > 0.8  # three gestures; at full size 0.95 and more
+    assert summarise("histogram", [scores[1]]).classifier == "IntersectionSVC"
 
 
 def test_leaving_out_refuses_one_patch_and_classifiers_of_one_skin(patches):
     with pytest.raises(InvalidArrayError, match="needs two patches, got 1"):
-        leave_one_out(patches[:1], seed=0)
+        score_patches(patches[:1], seed=0)
     with pytest.raises(InvalidArrayError, match="'raw-rbf' learns the taxels of one part"):
         check_carries_over(["contact-geometry", "raw-rbf"])
     with pytest.raises(UnknownNameError, match="no classifier 'oracle'"):

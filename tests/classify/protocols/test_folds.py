@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classify.protocols.folds import make_folds, recalls
+from skinmap.classifiers.protocols.folds import make_folds, recalls
 from skinmap.errors import InvalidArrayError
 
 EVENTS = np.repeat(np.arange(24), 5)

@@ -3,9 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classify.protocols.carry_over import evaluate_carry_over
-from skinmap.classify.protocols.kaspar import PAPER, SAMPLES, paper_rows
-from skinmap.classify.protocols.samples import (
+from skinmap.classifiers.protocols import kaspar
+from skinmap.classifiers.protocols.carry_over import evaluate_carry_over
+from skinmap.classifiers.protocols.kaspar import PAPER, SAMPLES, paper_rows, sweep_radius_and_words
+from skinmap.classifiers.protocols.samples import (
     LITERAL,
     ROTATED,
     count_votes,
@@ -14,9 +15,8 @@ from skinmap.classify.protocols.samples import (
     resample,
     structures_of,
 )
-from skinmap.classify.protocols.sweep import sweep_radius_and_words
 from skinmap.errors import InvalidArrayError
-from skinmap.touch.contacts import ACTIVE
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 
 SMALL = dict.fromkeys(("poke", "full_finger", "three_finger", "whole_hand"), 240)
 
@@ -27,10 +27,10 @@ def drawn(kaspar_skin):
 
 
 def test_paper_rows_are_the_published_figures():
-    means = [round(100 * row["mean"], 1) for row in paper_rows()]
+    means = [round(100 * row.mean, 1) for row in paper_rows()]
     # 10 %, raw: the published classes have the mean 93.125, which the paper rounds to 93.1.
     assert means == [86.8, 74.1, 95.5, 93.1]
-    assert [tuple(row["per_class"]) for row in paper_rows()] == [tuple(SAMPLES)] * len(PAPER)
+    assert [tuple(row.per_class) for row in paper_rows()] == [tuple(SAMPLES)] * len(PAPER)
 
 
 def test_drawn_samples_are_as_many_as_asked_for_and_in_contact(drawn):
@@ -75,33 +75,29 @@ def test_carry_over_pairs_all_patches_that_a_hand_fits(kaspar_skin):
     found = evaluate_carry_over(
         {part: kaspar_skin(part) for part in parts}, seeds=[0], samples=SMALL, percent=20
     )
-    assert found["left_out"] == ["right_cheek"]
-    pairs = [(row["features"], row["trained_on"], row["tested_on"]) for row in found["rows"]]
+    assert found.left_out == ["right_cheek"]
+    pairs = [(row.features, row.trained_on, row.tested_on) for row in found.rows]
     assert len(set(pairs)) == len(pairs) == 3 * 2 * 2
-    ours, _, literal = found["summary"]
-    assert (ours["features"], literal["features"]) == ("histogram", "histogram, literal")
+    ours, _, literal = found.summary
+    assert (ours.features, literal.features) == ("histogram", "histogram, literal")
     for row in (ours, literal):
-        assert row["difference"] == pytest.approx(row["other"] - row["same"])
-        assert row["worst"] <= row["other"]
+        assert row.difference == pytest.approx(row.other - row.same)
+        assert row.worst <= row.other
     # Chance is 0.25; at full size the first is 0.85 and more, the second 0.3 lower.
-    assert ours["other"] > literal["other"]
-    assert ours["other"] > 0.5
+    assert ours.other > literal.other
+    assert ours.other > 0.5
 
 
-def test_sweep_has_a_row_for_each_radius_and_number_of_words(kaspar_skin):
-    rows = sweep_radius_and_words(
-        kaspar_skin("right_hand"),
-        seeds=[0],
-        radii=[0.0055, 0.008],
-        words=[2, 4],
-        samples=SMALL,
-        percent=20,
-    )
-    assert [(row["radius_mm"], row["words"]) for row in rows] == [
+def test_sweep_has_a_row_for_each_radius_and_number_of_words(kaspar_skin, monkeypatch):
+    monkeypatch.setattr(kaspar, "RADII", (0.0055, 0.008))
+    monkeypatch.setattr(kaspar, "WORD_COUNTS", (2, 4))
+    skin = kaspar_skin("right_hand")
+    rows = sweep_radius_and_words(skin, seeds=[0], samples=SMALL, percent=20)
+    assert [(row.radius_mm, row.words) for row in rows] == [
         (5.5, 2), (5.5, 4), (8.0, 2), (8.0, 4),
     ]  # fmt: skip
     for row in rows:
-        assert row["bins"] == row["structures"] * (row["words"] - 1)  # rest dropped
-        assert 0.0 < row["mean"] <= 1.0
-    assert rows[2]["structures"] == 4  # a 12-pad tiling has four with rotation
-    assert rows[0]["neighbours"] < rows[2]["neighbours"]
+        assert row.bins == row.structures * (row.words - 1)  # rest dropped
+        assert 0.0 < row.mean <= 1.0
+    assert rows[2].structures == 4  # a 12-pad tiling has four with rotation
+    assert rows[0].neighbours < rows[2].neighbours

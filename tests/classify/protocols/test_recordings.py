@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skinmap.classify.protocols.recordings import evaluate_recordings
+from skinmap.classifiers.protocols.recordings import evaluate_recordings
 from skinmap.cli.collection import collect
 from skinmap.cli.evaluate.recordings import judged_touches
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import save_recordings
 from skinmap.touch.recording import Recording
-from skinmap.touch.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate
 
 PART = "left_forearm"
 
@@ -33,31 +33,33 @@ def judged(path, recording, *only):
 
 
 def test_recordings_give_a_row_for_each_classifier_and_kind_of_folds(touches):
-    found = evaluate_recordings(
+    table, flattered, skipped = evaluate_recordings(
         touches, names=["contact-geometry", "raw-intersection"], seeds=[0], folds=4
     )
-    assert [(row["classifier"], row["folds"]) for row in found["table"]] == [
+    assert [(row.classifier, row.folds) for row in table] == [
         ("contact-geometry", "plain"), ("contact-geometry", "event"),
         ("raw-intersection", "plain"), ("raw-intersection", "event"),
     ]  # fmt: skip
-    means = {(row["classifier"], row["folds"]): row["mean"] for row in found["table"]}
+    means = {(row.classifier, row.folds): row.mean for row in table}
     assert means["contact-geometry", "event"] >= 0.8  # 24 touches to learn from
-    leak = {row["classifier"]: row["points"] for row in found["leak"]}
+    leak = {row.classifier: row.points for row in flattered}
     for name in leak:
         expected = 100 * (means[name, "plain"] - means[name, "event"])
         assert leak[name] == pytest.approx(expected)
     # Raw values have seen the other samples of the very touch that they are asked for.
     assert leak["raw-intersection"] > 10.0
-    assert found["skipped"] == {}
+    assert skipped == {}
 
 
 def test_what_cannot_run_is_skipped_with_its_reason_only_where_nobody_asked(prepared, touches):
     other = prepared("right_leg_lower")
     moved = [replace(t, skin=other, samples=np.zeros((3, 380), np.uint8)) for t in touches[:8]]
     both = [*touches, *moved]
-    found = evaluate_recordings(both, names=["raw-rbf"], seeds=[0], folds=2, optional=True)
-    assert found["table"] == []
-    assert "raw values need touches of one part" in found["skipped"]["raw-rbf"]
+    table, _, skipped = evaluate_recordings(
+        both, names=["raw-rbf"], seeds=[0], folds=2, optional=True
+    )
+    assert table == []
+    assert "raw values need touches of one part" in skipped["raw-rbf"]
     with pytest.raises(InvalidArrayError, match="raw-rbf: raw values need touches of one part"):
         evaluate_recordings(both, names=["raw-rbf"], seeds=[0], folds=2)
 

@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
-from skinmap.classify.protocols.kaspar import evaluate_kaspar
-from skinmap.errors import InvalidArrayError, UnreachableError
-from skinmap.parallel.run import run_tasks, task_rng
-from skinmap.parallel.workers import Workers
+from skinmap.classifiers.protocols.kaspar import evaluate_kaspar
+from skinmap.errors import UnreachableError
+from skinmap.parallel import Workers, run_tasks, task_rng
+from skinmap.report.result import plain
 
 SMALL = dict.fromkeys(("poke", "full_finger", "three_finger", "whole_hand"), 240)
 
@@ -48,19 +48,19 @@ def test_a_dask_cluster_gives_the_table_of_one_job(kaspar_skin, by_one):
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
     ) as cluster:
-        workers = Workers("dask", address=cluster.scheduler_address)
+        workers = Workers(jobs=cluster.scheduler_address)
         assert table(kaspar_skin("right_hand"), workers) == by_one
 
 
 def test_the_table_has_every_row_once(by_one):
-    keys = [(row["percent"], row["folds"], row["features"], row["classifier"]) for row in by_one]
+    keys = [(row.percent, row.folds, row.features, row.classifier) for row in by_one]
     assert len(set(keys)) == len(keys) == 10
     for row in by_one:
-        assert set(row["per_class"]) == set(SMALL)
-        assert row["mean"] == pytest.approx(np.mean(list(row["per_class"].values())))
-        assert row["samples"] == 4 * 48
-        assert 0.25 <= row["mean"] <= 1.0  # four gestures: chance
-    json.dumps(by_one)
+        assert set(row.per_class) == set(SMALL)
+        assert row.mean == pytest.approx(np.mean(list(row.per_class.values())))
+        assert row.samples == 4 * 48
+        assert 0.25 <= row.mean <= 1.0  # four gestures: chance
+    json.dumps(plain(by_one))
 
 
 def test_nobody_at_the_address_is_said_within_seconds():
@@ -70,14 +70,7 @@ def test_nobody_at_the_address_is_said_within_seconds():
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
         start = time.monotonic()
         with pytest.raises(UnreachableError, match=f"no Dask scheduler answers at '{address}'"):
-            run_tasks(math.factorial, [1], workers=Workers("dask", address=address))
+            run_tasks(math.factorial, [1], workers=Workers(jobs=address))
         assert time.monotonic() - start < 60.0  # not a measurement: it must come to an end
     with pytest.raises(UnreachableError, match="expected an address like"):
-        run_tasks(math.factorial, [1], workers=Workers("dask", address="nonsense://nowhere"))
-
-
-def test_workers_refuse_half_a_choice():
-    with pytest.raises(InvalidArrayError, match="needs its address"):
-        Workers("dask")
-    with pytest.raises(InvalidArrayError, match="needs the backend dask"):
-        Workers(address="tcp://localhost:8786")
+        run_tasks(math.factorial, [1], workers=Workers(jobs="nonsense://nowhere"))

@@ -13,8 +13,8 @@ import numpy as np
 from calibration.commands.batch import read_batch
 from calibration.commands.options import PatchFiles
 from calibration.commands.patch_task import PatchTask, load_link
-from calibration.files.anchor_table import read_anchor_table
 from calibration.files.tables import (
+    read_anchor_table,
     read_anchors,
     read_board,
     read_numbers,
@@ -22,11 +22,11 @@ from calibration.files.tables import (
     read_points,
     read_touches,
 )
-from skinmap.cli.flatten.seam import read_cuts
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.io.flat_maps.drawing import read_drawing
+from skinmap.io.flat_maps.seams import read_cuts
+from skinmap.io.flat_maps.sources import read_tactile_maps
 from skinmap.io.flat_maps.surface_files import write_obj_with_uv
-from skinmap.io.flat_maps.tactile_maps import read_tactile_maps
 from skinmap.io.robots.manifest import data_folder, load_robot
 from skinmap.io.robots.mesh_file import read_mesh, write_mesh
 from skinmap.io.robots.urdf import UrdfBody
@@ -264,7 +264,7 @@ TARGETS = [
            read_icub, ("skinmap.io.taxels.icub.read_icub",)),
     Target("taxels-cyskin", "t.json", lambda: [cyskin()], walk_cyskin,
            ("skinmap.io.taxels.cyskin.read_cyskin", "skinmap.io.taxels.cyskin.read_cyskin_taxels",
-            "skinmap.io.flat_maps.tactile_maps.read_tactile_maps")),
+            "skinmap.io.flat_maps.sources.read_tactile_maps")),
     Target("taxels-skinware", "t", lambda: [skinware()], read_skinware,
            ("skinmap.io.taxels.skinware.read_skinware",)),
     Target("taxels-urdf", "t.urdf", lambda: [tactile()], read_tactile_urdf,
@@ -276,7 +276,7 @@ TARGETS = [
     Target("drawing", "d.ini", lambda: [DRAWING], read_drawing,
            ("skinmap.io.flat_maps.drawing.read_drawing",)),
     Target("seam", "s.txt", lambda: [b"0 9 40\n5,60 # back\n"], cuts,
-           ("skinmap.cli.flatten.seam.read_cuts",)),
+           ("skinmap.io.flat_maps.seams.read_cuts",)),
     Target("module-layout", "m.toml", lambda: [LAYOUT], lambda p: module_layout(str(p))),
     Target("module-layout-csv", "m.csv", lambda: [LAYOUT_CSV], lambda p: module_layout(str(p))),
     Target("manifest", "one.toml", lambda: [MANIFEST], walk_robot,
@@ -297,7 +297,7 @@ TARGETS = [
     Target("anchors", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchors),
            (f"{CAL}.read_anchors", f"{CAL}.read_table", f"{CAL}.read_cells"), ON_BOARD),
     Target("anchor-table", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchor_table),
-           ("calibration.files.anchor_table.read_anchor_table",), ON_BOARD),
+           ("calibration.files.tables.read_anchor_table",), ON_BOARD),
     Target("wrap", "a.csv", lambda: [ANCHORS.encode()],
            lambda p: PatchTask.load(PatchFiles(layout=p.with_name("board.csv"), units="mm",
                                                mesh=p.with_name("hand.ply"), anchors=p)),
@@ -305,7 +305,7 @@ TARGETS = [
     Target("touches", "t.csv", lambda: [TOUCHES.encode()], by_board(read_touches),
            (f"{CAL}.read_touches",), ON_BOARD),
     Target("points", "p.csv", lambda: [POINTS.encode()], read_points, (f"{CAL}.read_points",)),
-    Target("batch", "b.csv", lambda: [BATCH], lambda p: read_batch(p, "mm", 1.0),
+    Target("batch", "b.csv", lambda: [BATCH], lambda p: read_batch(p, "mm"),
            ("calibration.commands.batch.read_batch",)),
     Target("numbers", "n.csv", lambda: [b"1,2,3\n4,5,6\n"], lambda p: read_numbers(p, None),
            (f"{CAL}.read_numbers",)),

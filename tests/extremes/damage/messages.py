@@ -15,13 +15,13 @@ import numpy as np
 from skinmap import __version__
 from skinmap.errors import MessageError
 from skinmap.live.network.addresses import parse_address
-from skinmap.live.network.lsl_description import read_description
+from skinmap.live.network.lsl_settings import read_description
 from skinmap.live.network.messages import Header, pack_info, read_json, unpack_info
 from skinmap.live.sources.source import Source, StreamInfo
 from skinmap.live.sources.zmq_source import ZmqSource
 from skinmap.profile import read_profile
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.interaction.view_file import SavedView, load_view, save_view
+from viewer.interaction.view_file import SavedView, load_settings, load_view, save_view
 from viewer.layers import Layers
 from viewer.playing.player import Player
 from viewer.web.guard import Guard
@@ -51,9 +51,9 @@ method = "fast"
 seconds = 0.0062
 error = 0.81
 unit = "%"
-[calibrate]
-starts = 1
-wrap_detail_mm = 8.0
+[classify]
+words = 8
+radius_mm = 8.0
 """.encode()
 WISHES = [
     {"do": "drawn", "samples": math.inf}, {"do": "seek", "to": 10**400},
@@ -181,7 +181,7 @@ TARGETS = [
     Target("stream-description", "m", lambda: [DESCRIPTION], of_bytes(unpack_info),
            (f"{LIVE}.messages.read_json",)),
     Target("lsl-description", "m", lambda: [LSL], of_bytes(describe),
-           (f"{LIVE}.lsl_description.read_description",)),
+           (f"{LIVE}.lsl_settings.read_description",)),
     Target("page-wish", "m", lambda: [json.dumps(wish).encode() for wish in WISHES],
            of_bytes(obey)),
     Target("page-request", "m", lambda: [REQUEST], of_bytes(ask)),
@@ -190,4 +190,6 @@ TARGETS = [
     Target("profile", "p.toml", lambda: [PROFILE], read_profile, ("skinmap.profile.read_profile",)),
     Target("view", "view.json", lambda: [written(lambda p: save_view(VIEW, p))], load_view,
            ("viewer.interaction.view_file.load_view",)),
+    Target("view-settings", "view.json", lambda: [written(lambda p: save_view(VIEW, p))],
+           load_settings, ("viewer.interaction.view_file.load_settings",)),
 ]  # fmt: skip

@@ -18,26 +18,22 @@ from calibration.files.part_files import load_part_touches
 from calibration.files.plane_files import read_plane_evidence
 from calibration.files.probe_file import read_probes
 from calibration.files.robot_touches import load_robot_touches
-from calibration.response.response import ResponseCalibration
-from calibration.response.response_file import load_response, save_response
+from calibration.response import ResponseCalibration, load_response, save_response
 from skinmap import load_robot
-from skinmap.cache import Cache
-from skinmap.classify.check import planted_touches
-from skinmap.classify.classifier import classifiers
-from skinmap.classify.convolution import Network, load_network, network_bytes
-from skinmap.classify.model_file import load_classifier, save_classifier
+from skinmap.classifiers.check import planted_touches
+from skinmap.classifiers.classifier import classifiers
+from skinmap.classifiers.model_file import load_classifier, save_classifier
+from skinmap.disk_cache import Cache
 from skinmap.errors import DataFormatError
+from skinmap.io.mcap.reading import read_track, write_repaired
+from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.channel_table import read_arrays as read_channels
-from skinmap.io.recordings.channel_table import read_table
-from skinmap.io.recordings.cost import read_cost
+from skinmap.io.recordings.channel_table import read_cyskin_text, read_table
 from skinmap.io.recordings.cyskin_arrays import read_pressed
-from skinmap.io.recordings.cyskin_text import read_cyskin_text
 from skinmap.io.recordings.dumper import read_dump, read_log
 from skinmap.io.recordings.learning import write_npz
 from skinmap.io.recordings.mapping import read_mapping
 from skinmap.io.recordings.marks import Marks, read_marks
-from skinmap.io.recordings.mcap_recording import McapRecording
-from skinmap.io.recordings.mcap_track import read_track, write_repaired
 from skinmap.io.recordings.readers import read_recordings
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.recordings.xdf import read_xdf
@@ -45,7 +41,7 @@ from skinmap.io.ros2.bag import read_bag, read_bag_mapping
 from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.live.sources.zenoh_source import CLOUD, values_of
-from skinmap.parallel.workers import ResumeStore
+from skinmap.parallel import ResumeStore
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording, save_recordings
 
@@ -154,15 +150,6 @@ def model(name: str) -> bytes:
     return written(lambda path: save_classifier(found, path))
 
 
-def network() -> bytes:
-    rng = np.random.default_rng(0)
-    kernel, weight = rng.normal(size=(2, 1, 3, 3)), rng.normal(size=(2, 2 * 4 * 4))
-    zero = np.zeros(2, np.float32)
-    return network_bytes(Network(
-        (8, 8), (kernel.astype(np.float32),), (zero,), weight.astype(np.float32), zero, ("a", "b"),
-    ))  # fmt: skip
-
-
 def response() -> bytes:
     rng = np.random.default_rng(0)
     found = ResponseCalibration.fit(np.rint(20 + rng.normal(0, 1.2, (200, N))))
@@ -229,12 +216,6 @@ def cyskin(*, pairs: bool = False) -> bytes:
         for row, v in enumerate(values())
     ]
     return "\n".join([*([] if pairs else [" ".join(map(str, range(N)))]), *rows]).encode()
-
-
-def corpus_of_touch() -> bytes:
-    head = "gesture,variant,subject,frame," + ",".join(f"ch{k}" for k in range(1, 65))
-    rows = [f"{1 + row // 4},1,{1 + row % 2},{row % 4}," + "7," * 63 + "90" for row in range(8)]
-    return "\n".join([head, *rows]).encode()
 
 
 def marks(path: Path) -> Any:
@@ -334,9 +315,9 @@ TARGETS = [
     Target("recording-archive", "t.npz", lambda: [recording()], archive.load_recordings),
     *both("learning", "t.npz", lambda: [learning()], load_recordings),
     Target("mcap", "t.mcap", lambda: [mcap(), mcap("pressure")], samples,
-           ("skinmap.io.recordings.mcap_track.read_track",
-            "skinmap.io.recordings.mcap_track.read_head",
-            "skinmap.io.recordings.mcap_scan.read_chunk")),
+           ("skinmap.io.mcap.reading.read_track",
+            "skinmap.io.mcap.reading.read_head",
+            "skinmap.io.mcap.scan.read_chunk")),
     Target("mcap-touches", "t.mcap", lambda: [mcap("pressure")], load_recordings),
     Target("bag-mapping", "t.map.toml", lambda: [BAG_MAP], read_bag_mapping,
            ("skinmap.io.ros2.bag.read_bag_mapping",)),
@@ -353,16 +334,14 @@ TARGETS = [
     Target("log", "data.log", lambda: [dump()], read_log,
            ("skinmap.io.recordings.dumper.read_log",)),
     *both("model", "t.skinmodel", lambda: [model("histogram"), model("contact-geometry")],
-          load_classifier, ("skinmap.classify.model_file.load_classifier",
-           "skinmap.classify.model_file.read_model")),
-    *both("network", "t.npz", lambda: [network()], load_network,
-          ("skinmap.classify.convolution.load_network",)),
+          load_classifier, ("skinmap.classifiers.model_file.load_classifier",
+           "skinmap.classifiers.model_file.read_model")),
     *both("response", "t.npz", lambda: [response()], load_response,
           ("calibration.response.response_file.load_response",)),
     *both("self-touch", "A_B.npz", lambda: [self_touch()], lambda p: load_part_touches([p]),
           ("calibration.files.part_files.load_part_touches",
            "calibration.files.self_touch_files.read_touches",
-           "calibration.files.self_touch_files.read_members"), PARTS),
+           "calibration.files.mount_files.read_arrays"), PARTS),
     *both("robot-touches", "t.npz", lambda: [robot_touches()],
           lambda p: load_robot_touches([p], arm(), p.with_name("probes.toml")),
           ("calibration.files.robot_touches.load_robot_touches",), {"probes.toml": lambda: PROBES}),
@@ -398,9 +377,7 @@ TARGETS = [
           lambda p: read_pressed(p, p.with_name("skin.json")),
           ("skinmap.io.recordings.cyskin_arrays.read_pressed",), {"skin.json": patch}),
     Target("cyskin-text", "t.txt", lambda: [cyskin(), cyskin(pairs=True)], read_cyskin_text,
-           ("skinmap.io.recordings.cyskin_text.read_cyskin_text",), {"t.toml": lambda: MAPPING}),
-    Target("cost", "CoST.csv", lambda: [corpus_of_touch()], read_cost,
-           ("skinmap.io.recordings.cost.read_cost",)),
+           ("skinmap.io.recordings.channel_table.read_cyskin_text",), {"t.toml": lambda: MAPPING}),
     Target("marks", "t.csv", lambda: [MARKS], marks, ("skinmap.io.recordings.marks.read_marks",)),
     Target("resume", "r.npz", lambda: [kept_result()], resumed),
     Target("samples-npy", "s.npy", lambda: [npy()], lambda p: read_arrays(p, "samples")),

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from skinmap.classify.check import planted_touches
-from skinmap.classify.classifier import classifiers
-from skinmap.classify.descriptors import Touch
-from skinmap.classify.intersection import IntersectionSVC, intersection_kernel
+from skinmap.classifiers.check import planted_touches
+from skinmap.classifiers.classifier import classifiers
+from skinmap.classifiers.histograms.intersection import IntersectionSVC, intersection_kernel
 from skinmap.errors import InvalidArrayError, SkinMismatchError
-from skinmap.touch.simulator import simulate
-from viewer.layer import check_values
-from viewer.layers import Layers
+from skinmap.touch.simulation.simulator import simulate
+from viewer.layers import Layers, check_values
 
 from .law import Law, Outside
 from .shapes import bent_skin, prepared, press
@@ -58,7 +57,7 @@ def misnamed(name: str, change: Any) -> float:
     """Share of planted touches that get another name."""
     rng = np.random.default_rng(1)
     tested = [
-        Touch(one.skin, change(one.samples, rng), one.label) for one in planted_touches(12, rng=rng)
+        replace(one, samples=change(one.samples, rng)) for one in planted_touches(12, rng=rng)
     ]
     return float(np.mean([trained(name).predict(one).label != one.label for one in tested]))
 
@@ -157,7 +156,7 @@ CLASSIFY = [
             outside,
             unit,
         )
-        for name in ("contact-geometry", "histogram", "paper", "raw-rbf", "fusion")
+        for name in ("contact-geometry", "histogram", "paper", "raw-rbf")
         for axis, make, inside, outside, unit in (
             ("noise", noisy, (0.0, 2.0, 4.0), (), "counts"),
             ("dead taxels", dead, (0.0, 0.02, 0.05), (), "of the taxels"),

@@ -10,10 +10,10 @@ import numpy as np
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.live.contacts.sample_contacts import centre_of_pressure
 from skinmap.neighbours.structures import Structures, find_structures
-from skinmap.touch.codebook import Codebook, learn_codebook
-from skinmap.touch.contact_geometry import contact_geometry
-from skinmap.touch.contacts import find_contacts
-from skinmap.touch.votes import histograms
+from skinmap.touch.contacts.contact_geometry import contact_geometry
+from skinmap.touch.contacts.skin_geometry import find_contacts
+from skinmap.touch.histograms.codebook import Codebook, learn_codebook
+from skinmap.touch.histograms.votes import histograms
 
 from .law import Law, Outside
 from .shapes import PITCH, lattice, prepared, press

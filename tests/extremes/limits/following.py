@@ -7,8 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from calibration.response.gain import ReferenceLoads
-from calibration.response.response import DriftTracker, ResponseCalibration
+from calibration.response import DriftTracker, ReferenceLoads, ResponseCalibration
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.loop import TouchLoop

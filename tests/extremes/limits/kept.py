@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from calibration.response.response import ResponseCalibration
-from calibration.response.response_file import load_response, save_response
+from calibration.response import ResponseCalibration, load_response, save_response
 from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError
-from skinmap.io.recordings.mcap_recording import McapRecording
-from skinmap.io.recordings.mcap_track import read_track
+from skinmap.io.mcap.reading import read_track
+from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.parallel.workers import pack, unpack
 from skinmap.touch.recording import Recording, save_recordings

@@ -13,11 +13,11 @@ from skinmap.live.contacts.sample_contacts import centre_of_pressure
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
 from skinmap.surface.surface_mesh import build_surface
-from skinmap.touch.codebook import learn_codebook
-from skinmap.touch.contact_geometry import contact_geometry
-from skinmap.touch.contacts import find_contacts
+from skinmap.touch.contacts.contact_geometry import contact_geometry
+from skinmap.touch.contacts.skin_geometry import find_contacts
+from skinmap.touch.histograms.codebook import learn_codebook
+from skinmap.touch.histograms.votes import histograms
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.votes import histograms
 
 from .law import Law, Outside
 from .shapes import PITCH, bent_skin, lattice, prepared, press, with_holes

@@ -11,9 +11,9 @@ from skinmap.geometry.proximity import closest_on_mesh, median_spacing
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import jacobians, singular_values
 from skinmap.neighbours.offsets import neighbourhoods
+from skinmap.skin.cover import fit_to_mesh
 from skinmap.skin.layouts import BUILTIN
 from skinmap.skin.normals import repair_normals
-from skinmap.skin.registration import fit_to_mesh
 from skinmap.skin.repair import detect_unit
 
 from .law import Law, Outside

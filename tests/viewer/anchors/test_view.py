@@ -10,7 +10,7 @@ import trimesh
 from click.testing import CliRunner
 
 from calibration.commands.anchor_session import AnchorSession
-from calibration.commands.options import PatchOptions
+from calibration.commands.options import Outputs
 from calibration.files.tables import BoardTable
 from skinmap.cli.main import cli
 
@@ -47,9 +47,7 @@ def session(board, link):
 def view(opengl, session, tmp_path):
     from viewer.anchors.view import CalibrationView
 
-    made = CalibrationView(
-        session, window_size=(900, 600), options=PatchOptions(out=tmp_path / "out")
-    )
+    made = CalibrationView(session, window_size=(900, 600), output=Outputs(out=tmp_path / "out"))
     made.frame()
     yield made
     made.shut()
@@ -60,7 +58,7 @@ def hand(view):
     """Mouse and keys: events as a window's own interactor gets them."""
     from vtkmodules.vtkRenderingUI import vtkGenericRenderWindowInteractor
 
-    from viewer.anchors.window import Mouse
+    from viewer.anchors.view import Mouse
 
     interactor = vtkGenericRenderWindowInteractor()
     interactor.SetRenderWindow(view.window)
@@ -111,10 +109,10 @@ def test_clicks_on_board_and_link_become_anchors_and_a_patch(view, hand, places)
     assert np.median(missed) < 1.5e-3
     assert not session.stale
     assert view.status.actor.GetInput().startswith(str(session.found.status))
-    assert view.bar.title.actor.GetVisibility()
+    assert "predicted error" in view.legend.texts
     assert view.link.lines.mesh.n_cells == 3
     assert view.link.patch.mesh.n_cells == len(places)
-    assert view.board.following.mesh.n_cells == 6 * len(session.found.next_taxels)
+    assert view.board.following.mesh.n_cells == 12 * len(session.found.next_taxels)
 
 
 def test_a_point_may_come_first_and_a_drag_turns_the_link(view, hand, places):
@@ -177,7 +175,7 @@ def test_picture_shows_the_patch_and_forgets_it(view, places):
         pass
     view.solve_now()
     assert view.link.patch.mesh.n_cells == 0
-    assert not view.bar.title.actor.GetVisibility()
+    assert view.legend.texts == ()
 
 
 def test_collinear_anchors_are_said_in_the_picture(view, hand, places):
@@ -191,7 +189,7 @@ def test_collinear_anchors_are_said_in_the_picture(view, hand, places):
 
 
 def test_solver_beside_the_picture_takes_the_last_anchors(view, places):
-    from viewer.anchors.window import Beside
+    from viewer.anchors.view import Beside
 
     beside = Beside(view)
     for row in CORNERS:
@@ -259,7 +257,7 @@ def test_anchors_command_keeps_results_where_there_is_no_answer(
     out, picture = tmp_path / "out", tmp_path / "picture.png"
     out.mkdir()
     (out / "taxels.csv").write_text("kept")
-    words += ["--anchors", str(tmp_path / "anchors.csv"), "-o", str(out)]
+    words += ["--anchors", str(tmp_path / "anchors.csv"), "-o", str(out), "--force"]
     result = CliRunner().invoke(cli, ["anchors", *words, "--screenshot", str(picture)])
     assert result.exit_code == 3
     assert "2 anchors, at least 3" in result.output

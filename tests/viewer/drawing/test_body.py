@@ -72,7 +72,7 @@ def test_standing_pose_keeps_the_robot_upright_within_its_limits(icub):
 
 def test_links_have_fewer_triangles_the_coarser_the_detail(opengl, icub):
     from viewer.drawing.body.body_view import BodyView
-    from viewer.drawing.frame.plotter import new_plotter
+    from viewer.drawing.frame.canvas import new_plotter
 
     poses, counts = icub.body.poses(icub.pose), []
     for detail in (5.0, 15.0, 45.0):  # the mesh itself is as fine as 2 px

@@ -2,7 +2,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from viewer.drawing.skin.refinement import boundary_edges
-from viewer.drawing.touches.contours import outline
+from viewer.drawing.touches.outlines import outline
 
 
 def perimeter(ends):

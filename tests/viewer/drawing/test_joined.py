@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from viewer.drawing.skin import merged_sheets as joined
+from viewer.drawing.skin import skin_view as joined
 
 PARTS = ("torso", "left_arm")
 CALM = 3

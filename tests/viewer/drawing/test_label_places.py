@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from viewer.drawing.words.label_places import Coverage, inside, leaders, overlaps, place_boxes
+from viewer.drawing.words.labels import Coverage, inside, leaders, overlaps, place_boxes
 
 FRAME = (10.0, 10.0, 790.0, 590.0)
 

@@ -87,7 +87,7 @@ def test_an_older_mesh_put_in_the_place_of_a_newer_one_is_another_shape(opengl):
     """What is kept shows the newer one, which the older one may not cover."""
     import pyvista as pv
 
-    from viewer.drawing.frame.idle_actors import Resting
+    from viewer.drawing.frame.render_cache import Resting
 
     older, newer = pv.Plane(i_resolution=1, j_resolution=1), pv.Sphere()
     plotter = pv.Plotter(off_screen=True, window_size=(64, 64))
@@ -185,7 +185,7 @@ def test_memory_stays_flat_over_many_updates(at_rest, press):
 
 def test_cached_pictures_are_identical_when_still_colours_are_kept(at_rest, press):
     """Colours that stay for a while move into the kept picture, and come out of it again."""
-    from viewer.drawing.frame.idle_actors import IDLE
+    from viewer.drawing.frame.render_cache import IDLE
 
     scene = at_rest
     rest(scene)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skinmap.live.moment import Moment
-from viewer.export.thinned_moments import Excerpt
+from viewer.playing.recent_moments import Excerpt
 
 
 def test_excerpt_is_spread_over_all_that_passed():

@@ -42,8 +42,7 @@ def test_gltf_holds_links_and_taxels_at_their_places_and_colours(touched, tmp_pa
 
 
 def test_exports_into_no_folder_are_refused(touched, tmp_path):
-    from viewer.export.gltf import write_gltf
-    from viewer.export.html_page import write_html
+    from viewer import write_gltf, write_html
 
     for write, name in ((write_gltf, "a.glb"), (write_html, "a.html")):
         with pytest.raises(OutputError, match="cannot write"):

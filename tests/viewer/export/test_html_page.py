@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from skinmap.live.moment import Moment
-from viewer.export.html_page import write_html
+from viewer import write_html
 from viewer.web.files import joined_scripts, page_files
 from viewer.web.packing import unpack
 

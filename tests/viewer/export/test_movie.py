@@ -7,7 +7,7 @@ import pytest
 
 import viewer.export.movie
 from skinmap.errors import InvalidArrayError, OutputError
-from viewer.export.movie import write_movie
+from viewer import write_movie
 
 
 def pictures(count, size=(64, 80)):

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viewer.interaction.lasso import Lasso, inside
 from viewer.interaction.mouse import Mouse, Pace
-from viewer.interaction.selection import Selection, reached
+from viewer.interaction.selection import Lasso, Selection, inside, reached
 
 SQUARE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
 

@@ -14,7 +14,7 @@ from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.live.sources.source import Seekable, SourceEnded, StreamInfo
-from viewer.playing.player import Player
+from viewer import Player
 from viewer.playing.recent_moments import LENGTH, MEMORY, MINUTE, History, Timeline, size, small
 
 DEADLINE = 10.0  # far beyond what any machine needs: a test that waits so long has failed
@@ -309,7 +309,7 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
     """Through playback and touch loop: what is sought and stepped to is that very sample."""
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.playback import Playback
-    from viewer.playing.playable import Stepwise
+    from viewer.playing.player import Stepwise
 
     n = len(icub.skin("left_hand"))
     count = 400
@@ -344,7 +344,7 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
 
 def test_one_by_one_passes_no_sample_over():
     from skinmap.live.sources.playback import Playback
-    from viewer.playing.playable import Stepwise
+    from viewer.playing.player import Stepwise
 
     values = np.arange(300, dtype=np.float32)[:, None]
     info = StreamInfo("numbers", ("arm",), (1,), RATE)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from skinmap.live.moment import Moment
-from viewer.playing.frame_deadline import OLDEST, PATIENCE, Punctual
 from viewer.playing.recent_moments import Outlet
+from viewer.window import OLDEST, PATIENCE, Punctual
 
 PERIOD = 0.02
 

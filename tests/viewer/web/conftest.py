@@ -10,8 +10,7 @@ import pytest
 
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from viewer.layers import Layers
-from viewer.playing.player import Player
+from viewer import Layers, Player
 from viewer.web.guard import LIVE
 from viewer.web.server import WebServer, serve
 

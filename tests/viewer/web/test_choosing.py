@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from viewer.interaction.describe import describe
-from viewer.interaction.lasso import inside
-from viewer.interaction.picking import Pick
-from viewer.layers import Layers
+from viewer import Layers
+from viewer.interaction.describe import describe, lines
+from viewer.interaction.selection import inside
 from viewer.web.server import WebServer
 
 PLACE = """(taxel) => {
@@ -58,8 +57,7 @@ def test_the_box_at_a_taxel_says_what_the_window_s_says(tab, moments, prepared, 
     tab.page.mouse.move(*on_map(tab, taxel))
     tab.wait("#hover:has-text('structure'):not(:has-text('being found'))")
     layers = Layers({part: prepared(part) for part in ("torso", "left_arm")})
-    pick, shown = Pick("torso", taxel, "map"), layers.get(layer)
-    expected = describe(pick, prepared("torso"), moments[1], shown, layers.get("structures"))
+    expected = lines(describe(layers, "torso", taxel, moments[1], shown=layer))
     said = tab.page.locator("#hover").inner_text().split("\n")
     assert [line.replace("-0.00", "0.00") for line in expected] == said
     assert tab.page.locator("#hover-ring").is_visible()

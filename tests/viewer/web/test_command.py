@@ -76,7 +76,7 @@ def command(opengl) -> Iterator[Callable[..., Child]]:
 
 
 def view(*words: str) -> tuple[str, ...]:
-    return ("view", "icub", "--web", "--links", "skin", *SKIN, *words)
+    return ("view", "icub", "--web", *SKIN, *words)
 
 
 def end(child: Child, tab) -> None:

@@ -16,9 +16,8 @@ from skinmap.cli.main import cli
 from skinmap.live.publishing.publish import open_publisher
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.fingerprint import fingerprint
-from viewer.playing.player import Player
 from viewer.view_options import Look, Session
-from viewer.web.serving import served, wait
+from viewer.web.server import served, wait
 
 PART = "left_foot"
 RATE = 50.0
@@ -99,9 +98,8 @@ def test_a_recording_is_played_and_gets_its_names(session, open_tab, tmp_path):
     recording = tmp_path / "touches.npz"
     words = ["simulate", "icub", "--part", PART, "--per-gesture", "3", "-o", str(recording)]
     assert CliRunner().invoke(cli, words).exit_code == 0
-    playing = session(str(recording))
-    playing.loop = True
-    with served(playing, Look(links="skin"), print) as (server, _):
+    with served(session(str(recording)), Look(links="skin"), print) as (server, player):
+        player.loop = True
         tab = open_tab(server.url)
         tab.wait(".label:has-text('%')")  # a name with its confidence
         assert float(tab.page.locator("#time").get_attribute("max")) > 5
@@ -114,7 +112,7 @@ def test_what_becomes_of_a_live_stream_is_told_and_the_page_stays(
     session, publish, open_tab, address
 ):
     publish()
-    with served(session(address), Look(links="skin"), print) as (server, player):
+    with served(session(address), Look(links="skin"), print) as (server, _):
         tab = open_tab(server.url)
         tab.wait(".label")
         tab.wait("#time:enabled")  # what was seen can be led through
@@ -137,7 +135,7 @@ def test_what_becomes_of_a_live_stream_is_told_and_the_page_stays(
         assert np.ptp(tab.pixels()) > 50
 
         said: list[str] = []
-        wait(player, 0.2, said.append)
+        wait(server.hub, 0.2, said.append)
         (line,) = said
         assert "the source failed" in line
         assert "Ctrl-C" in line
@@ -148,8 +146,9 @@ def test_what_becomes_of_a_live_stream_is_told_and_the_page_stays(
         tab.context.close()
 
 
-def test_a_player_that_only_ends_is_waited_for_without_a_word(moments):
+def test_a_player_that_only_ends_is_waited_for_without_a_word(start):
     said: list[str] = []
-    with Player(list(moments)) as player:
-        wait(player, 0.1, said.append)
+    hub = start().hub
+    hub.player.play()
+    wait(hub, 0.1, said.append)
     assert said == []

@@ -15,8 +15,7 @@ from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.playing.player import Player
-from viewer.web.server import serve
+from viewer import Player, serve
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "robot"
 FRAMES = 30

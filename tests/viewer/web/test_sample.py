@@ -7,12 +7,12 @@ import pytest
 
 from skinmap.live.moment import Moment
 from viewer.drawing.touches.outlines import outline_touch
+from viewer.interaction.describe import describe
 from viewer.layers import LAYERS, Layers
 from viewer.web.packing import unpack
 from viewer.web.sample import (
     UNKNOWN,
     SampleWriter,
-    describe,
     layer_message,
     table_rows,
     taxel_bytes,
@@ -59,7 +59,9 @@ def test_table_rows_keep_both_ends():
 
 
 def test_write_sends_a_byte_for_each_taxel_in_the_order_of_the_scene(scene, layers, moments):
-    header, arrays = unpack(SampleWriter(scene).write(moments[1], layers.get("pressure"), {}))
+    header, arrays = unpack(
+        SampleWriter(scene, layers).write(moments[1], layers.get("pressure"), {})
+    )
     counts = np.concatenate([moments[1].pressures[part] for part in PARTS])
     assert arrays["values"].dtype == np.uint8
     assert np.array_equal(arrays["values"] > 0, counts > 0)
@@ -67,7 +69,9 @@ def test_write_sends_a_byte_for_each_taxel_in_the_order_of_the_scene(scene, laye
 
 
 def test_write_sends_the_outline_that_the_window_draws(scene, layers, moments):
-    header, arrays = unpack(SampleWriter(scene).write(moments[1], layers.get("pressure"), {}))
+    header, arrays = unpack(
+        SampleWriter(scene, layers).write(moments[1], layers.get("pressure"), {})
+    )
     layer, touch = scene.layers["torso"], moments[1].touches[0]
     layer.pressures = moments[1].pressures["torso"]
     expected = outline_touch(layer, touch).points(layer.points)
@@ -81,7 +85,7 @@ def test_write_sends_the_outline_that_the_window_draws(scene, layers, moments):
 
 
 def test_write_without_a_moment_says_that_nothing_is_known(scene, layers):
-    header, arrays = unpack(SampleWriter(scene).write(None, layers.get("pressure"), {}))
+    header, arrays = unpack(SampleWriter(scene, layers).write(None, layers.get("pressure"), {}))
     assert (arrays["values"] == UNKNOWN).all()
     assert header["touches"] == []
 
@@ -89,7 +93,7 @@ def test_write_without_a_moment_says_that_nothing_is_known(scene, layers):
 def test_write_places_links_by_the_moment_s_angles(icub, scene, layers, moments):
     joint = next(iter(icub.body.joints))
     low, high = icub.body.joints[joint]
-    writer = SampleWriter(scene)
+    writer = SampleWriter(scene, layers)
     moment = Moment(0.0, moments[0].pressures, angles={joint: (low + high) / 2})
     _, arrays = unpack(writer.write(moment, layers.get("pressure"), {}))
     expected = icub.body.poses({**icub.pose, joint: (low + high) / 2})
@@ -101,14 +105,14 @@ def test_write_places_links_by_the_moment_s_angles(icub, scene, layers, moments)
 def test_write_tells_of_angles_out_of_range_and_keeps_the_pose(icub, scene, layers, moments):
     joint = next(iter(icub.body.joints))
     moment = Moment(0.0, moments[0].pressures, angles={joint: 99.0})
-    header, arrays = unpack(SampleWriter(scene).write(moment, layers.get("pressure"), {}))
+    header, arrays = unpack(SampleWriter(scene, layers).write(moment, layers.get("pressure"), {}))
     assert joint in header["problem"]
     assert "poses" not in arrays
 
 
 def test_describe_names_the_taxel(scene, layers, moments):
     taxel = int(moments[1].touches[0].taxels[0])
-    found = describe(scene, layers, "torso", taxel, moments[1])
+    found = describe(layers, "torso", taxel, moments[1])
     skin = scene.skins["torso"].skin
     assert found["channel"] == skin.channels[taxel]
     assert found["module"] == skin.modules[taxel]
@@ -131,4 +135,4 @@ def test_describe_names_the_taxel(scene, layers, moments):
 )
 def test_describe_refuses_what_is_not_there(scene, layers, part, taxel, message):
     with pytest.raises((LookupError, ValueError), match=message):
-        describe(scene, layers, part, taxel, None)
+        describe(layers, part, taxel, None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,7 +10,7 @@ import numpy as np
 import pyvista as pv
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import UnknownNameError
+from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.triangles import cross_products, unit
 from skinmap.skin.robot import Robot
@@ -21,6 +21,9 @@ CELL = 4e-3  # of meshes for a screen that is not known [m]
 COHERENT = 0.75  # length of a group's mean normal: below, its triangles face several ways
 AWAY = -0.3  # component along a cell's main axis from which a triangle belongs to its other wall
 SIDES = 7  # one for smooth groups, and the six ways to face along an axis
+
+SLACK = np.radians(1.0)  # encoders may read that far beyond a limit without being wrong
+SLIDING_SLACK = 1e-3  # the same where a joint slides [m]
 
 
 def drawable(mesh: TriangleMesh, *, cell: float = CELL) -> pv.PolyData:
@@ -161,3 +164,33 @@ def _distinct(faces: IntArray) -> IntArray:
     size = int(faces.max(initial=0)) + 1
     key = (turned[:, 0] * size + turned[:, 1]) * size + turned[:, 2]
     return np.asarray(turned[np.unique(key, return_index=True)[1]])
+
+
+def posed(robot: Robot, angles: Mapping[str, float]) -> dict[str, FloatArray]:
+    """T_root_link (4, 4) of every link; joints not named stand as in the robot's natural pose.
+
+    Raises
+    ------
+    UnknownNameError
+        A joint that the body lacks.
+    InvalidArrayError
+        An angle that is not finite or beyond the joint's limits; names it, and both in degrees.
+    """
+    limits, slides = robot.body.joints, robot.body.sliding_joints
+    for joint, angle in angles.items():
+        if joint not in limits:
+            raise UnknownNameError("joint", joint, limits)
+        low, high = limits[joint]
+        slack = SLIDING_SLACK if joint in slides else SLACK
+        if not low - slack <= angle <= high + slack:  # false for NaN
+            raise InvalidArrayError(
+                f"joint {joint!r} cannot be at {readable(angle, sliding=joint in slides)}: its "
+                f"limits are {readable(low, sliding=joint in slides)} to "
+                f"{readable(high, sliding=joint in slides)}"
+            )
+    return robot.body.poses({**robot.pose, **angles})
+
+
+def readable(angle: float, *, sliding: bool = False) -> str:
+    """A joint's angle [rad] in degrees; where it slides its way [m] in millimetres."""
+    return f"{1e3 * angle:.1f} mm" if sliding else f"{np.degrees(angle):.1f} degrees"

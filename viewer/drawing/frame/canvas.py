@@ -2,43 +2,38 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import FloatArray
 from skinmap.flat.flat_map import FlatMap
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
 from skinmap.skin.robot import Robot
+from viewer.colours import BACKGROUND, rgb
 from viewer.drawing.body.bare_body import Links
-from viewer.drawing.body.body_view import GOOD_PX, BodyView
-from viewer.drawing.frame.camera import Margins
-from viewer.drawing.frame.framing import Framing, Mode
-from viewer.drawing.frame.idle_actors import Resting
-from viewer.drawing.frame.plotter import new_plotter, place_panel
-from viewer.drawing.frame.render_cache import RenderCache
+from viewer.drawing.body.body_view import BodyView
+from viewer.drawing.frame.camera import Framing, Margins, Mode
+from viewer.drawing.frame.render_cache import RenderCache, Resting
 from viewer.drawing.panel.flat_panel import FlatPanel
-from viewer.drawing.skin.merged_sheets import JoinedSheets
 from viewer.drawing.skin.skin_layer import SkinLayer
-from viewer.drawing.skin.skin_view import SkinView, signs_of
+from viewer.drawing.skin.skin_view import JoinedSheets, SkinView, signs_of
 from viewer.drawing.skin.taxel_drawing import ColourTable, TaxelDrawing
-from viewer.drawing.touches.contact_courses import ContactCourses
-from viewer.drawing.touches.contour_cache import EVERY, KeptContours
-from viewer.drawing.touches.rings import Rings
+from viewer.drawing.touches.touch_marks import KeptContours, Rings
 from viewer.drawing.touches.touch_view import TouchView
-from viewer.drawing.touches.traces import History
-from viewer.drawing.words.label_places import Box
+from viewer.drawing.words.labels import Box
 from viewer.drawing.words.legend import Legend
 from viewer.drawing.words.status import Status
 from viewer.drawing.words.text_lines import Line
-from viewer.layer import Layer
-from viewer.layers import Layers
+
+if TYPE_CHECKING:
+    from viewer.scene import Scene
 
 ARROWS = "arrows: out of the skin at a touch, longer the harder; along it where it moves"
 TURN_STEP = 5.0  # how far the camera turns from one frame to the next [deg]
@@ -47,6 +42,10 @@ FOOT = 1.6  # free below the body [font heights]
 COARSE_PX = 7.0  # spacing of taxels below which a sheet with fewer triangles looks the same [px]
 LEAST_FONT, FONTS = 11, 52  # smallest letters [px]; how many stand above each other
 WIDTHS = 40  # heights of letters that a picture is wide at least: names are not cut
+
+BODY_SHARE = 0.68  # of the window's width; the rest is the panel
+BODY_RISE = 0.62  # of its height, where the panel stands below the body
+TALL = 0.95  # windows that are narrower than this, in their heights, have the panel below
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +62,6 @@ class Drawing:
         Without a window.
     camera : {"auto", "still", "free"}
         Whether the camera turns by itself to show touches, keeps its view, or obeys the mouse.
-    detail : float
-        Links are drawn with vertices so far apart [px], in a picture of the whole robot.
-    contour_rate : float
-        How often the contours of touches are found anew, at most [1/s]; with each sample by
-        default.
     cached : bool, optional
         Whether what rests is kept from picture to picture; where software draws by default.
     """
@@ -76,43 +70,7 @@ class Drawing:
     window_size: tuple[int, int] = (1400, 900)
     off_screen: bool = True
     camera: Mode = "auto"
-    detail: float = GOOD_PX
-    contour_rate: float = EVERY
     cached: bool | None = None
-
-
-class Shown(Protocol):
-    """What a canvas asks of the scene that it draws.
-
-    Attributes
-    ----------
-    robot : Robot
-    data : Layers
-    layer : Layer
-    style : str
-    moment : Moment
-    touches : tuple of NamedTouch
-    selection : mapping of str to (k,) int
-        Selected taxels by part; parts without any are left out.
-    title : str or None
-        None for robot, taxels and touches.
-    history : History
-    courses : ContactCourses
-    plot : str
-        What the panel plots: the chosen "taxels", or a course of the contacts.
-    """
-
-    robot: Robot
-    data: Layers
-    layer: Layer
-    style: str
-    moment: Moment
-    touches: tuple[NamedTouch, ...]
-    selection: Mapping[str, IntArray]
-    title: str | None
-    history: History
-    courses: ContactCourses
-    plot: str
 
 
 class Canvas:
@@ -140,12 +98,12 @@ class Canvas:
     ) -> None:
         self.layers, self.poses = layers, poses
         self.changed, self._moved, self._unsure = True, False, True
-        self._foot, self.contours = FOOT, KeptContours(how.contour_rate)
+        self._foot, self.contours = FOOT, KeptContours()
         self.font_px = font_for(*how.window_size)
         self.plotter = new_plotter(how.window_size, how.off_screen, panel=bool(maps))
         self.renderer = self.plotter.renderer
         self.table = ColourTable()
-        self.body = BodyView(self.plotter, robot, how.links, poses, tuple(layers), how.detail)
+        self.body = BodyView(self.plotter, robot, how.links, poses, tuple(layers))
         self.skins = {
             part: SkinView(
                 self.plotter,
@@ -174,6 +132,7 @@ class Canvas:
         )
         self.cache = self._new_cache(how.cached)
         self._aimed: tuple[tuple[str, str, int], ...] = ()
+        self._signed = -1  # version of the taxels' health that signs are drawn for
         self._seen: tuple[object, ...] = ()
 
     def _new_cache(self, cached: bool | None) -> RenderCache:
@@ -221,7 +180,7 @@ class Canvas:
         self.framing.move()
         self.changed = self._moved = True
 
-    def draw(self, scene: Shown, step: float, *, samples: int = 0) -> NDArray[np.uint8]:
+    def draw(self, scene: Scene, step: float, *, samples: int = 0) -> NDArray[np.uint8]:
         """One picture (h, w, 3) to keep, smoothed by so many samples per pixel."""
         self.update(scene, step)
         if samples and self.framing.settle():
@@ -244,7 +203,7 @@ class Canvas:
         picture = vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
         return np.ascontiguousarray(picture)
 
-    def update(self, scene: Shown, step: float) -> None:
+    def update(self, scene: Scene, step: float) -> None:
         """Bring everything up to date; `step` [deg] limits the camera's turn."""
         self._resize()
         self._choose_sheets()
@@ -298,16 +257,18 @@ class Canvas:
         self.changed |= coarse != drawing.coarse
         drawing.coarse = coarse
 
-    def _show_skins(self, scene: Shown) -> None:
+    def _show_skins(self, scene: Scene) -> None:
         layer, moment = scene.layer, scene.moment
         self.table.use(layer, faded=moment.stale and layer.live and not layer.categories)
-        changed = 0
+        changed, version = 0, scene.data.watch.version
         for part, view in self.skins.items():
             values = layer.values(part, moment)
-            if view.show(layer, scene.style, values):
-                changed += 1
+            news = view.show(layer, scene.style, values)
+            changed += news
+            if news or version != self._signed:
                 view.signs = signs_of(scene.data, part, values)
                 view.drawing.sign(*view.signs)
+        self._signed = version
         if self.joined.choose(changed):
             # Nothing moves, though other actors show the same: no coarse picture in between.
             self.cache.forget()
@@ -316,20 +277,21 @@ class Canvas:
             self.panel.colour(layer, scene.style, view.field, view.values)
             self.panel.drawing.sign(*view.signs)
         nothing = all(view.empty for view in self.skins.values())
-        marked = sum(len(view.signs[0]) for view in self.skins.values())
+        marked = Counter(name for view in self.skins.values() for name in view.signs[1])
         notes = [layer.missing] if nothing else []
         if not nothing and layer.live:
             notes += absent(part for part, view in self.skins.items() if view.empty)
         if any(touch.normal is not None for touch in scene.touches):
             notes.append(ARROWS)
         if marked and not nothing and layer.name != "health":
+            states = ", ".join(f"{count:,} {name}" for name, count in marked.items())
             why = "not calibrated, or " if layer.name == "uncertainty" else ""
-            notes.append(f"{marked:,} taxels with a sign: {why}not to be trusted")
+            notes.append(f"with a sign, {why}not to be trusted: {states}")
         self.legend.show(layer, self.font_px, notes, faded=moment.stale and layer.live)
 
-    def _show_touches(self, scene: Shown) -> None:
+    def _show_touches(self, scene: Scene) -> None:
         touches = scene.touches
-        self.contours.begin(scene.moment.time)
+        self.contours.forget()
         self.touch_view.show(touches, self.poses, faded=scene.moment.stale)
         names = tuple((touch.part, touch.label, touch.identity) for touch in touches)
         if names != self._aimed:
@@ -339,20 +301,20 @@ class Canvas:
             self.panel.show_touches(touches, scene.moment.time, faded=scene.moment.stale)
         self.heading.write(self._summary(scene) if scene.title is None else scene.title)
 
-    def _show_selection(self, scene: Shown) -> None:
+    def _show_selection(self, scene: Scene) -> None:
         rings = [
             (self.layers[part].places, taxels, self.poses[self.layers[part].skin.link])
             for part, taxels in scene.selection.items()
         ]
         self.rings.show(rings)
         if self.panel is not None:
-            course = scene.plot if scene.plot != "taxels" else None
-            self.panel.show_selection(scene.selection, plotted=course is not None)
+            taxels = scene.plot == "taxels"
+            self.panel.show_selection(scene.selection, plotted=not taxels)
             self.panel.fit(self.font_px)
-            if course is None:
-                self.panel.show_traces(scene.selection, scene.history)
-            else:
-                self.panel.show_courses(scene.courses, course)
+            if not taxels:
+                self.panel.show_courses(scene.past.moments(), scene.plot)
+            elif scene.selection:
+                self.panel.show_traces(scene.past.moments(), scene.selection)
 
     def _avoided(self) -> list[Box]:
         """Where labels are better not."""
@@ -360,7 +322,7 @@ class Canvas:
         right = self.heading.right() + 2.0 * font
         return [self.legend.box, (0.0, height - 4.8 * font, right, height)]
 
-    def _summary(self, scene: Shown) -> str:
+    def _summary(self, scene: Scene) -> str:
         taxels = sum(len(layer.skin) for layer in self.layers.values())
         count = len(scene.touches)
         touches = "1 touch" if count == 1 else f"{count} touches"
@@ -379,3 +341,43 @@ def absent(parts: Iterable[str]) -> list[str]:
 def font_for(width: int, height: int) -> int:
     """Height of letters in a picture so wide and high [px]."""
     return max(LEAST_FONT, round(min(height / FONTS, width / WIDTHS)))
+
+
+def new_plotter(window_size: tuple[int, int], off_screen: bool, *, panel: bool) -> pv.Plotter:
+    """A plotter without anything in it; its active renderer is the body's.
+
+    No anti-aliasing and an even background: both cost more than the body in software rendering.
+    """
+    plotter = pv.Plotter(
+        shape=(1, 2) if panel else (1, 1),
+        off_screen=off_screen,
+        window_size=list(window_size),
+        border=False,
+        lighting="none",
+    )
+    window: Any = plotter.render_window
+    window.SetMultiSamples(0)
+    if panel:
+        place_panel(plotter)
+        plotter.renderers[1].InteractiveOff()  # the mouse turns the body, not the flat map
+    for renderer in plotter.renderers:
+        renderer.camera.is_set = True  # we place them: PyVista must not when the window opens
+    plotter.subplot(0, 0)
+    plotter.renderer.SetBackground(*rgb(BACKGROUND))
+    plotter.add_light(pv.Light(light_type="headlight", intensity=0.8))
+    fill = pv.Light(light_type="camera light", intensity=0.35)
+    fill.position = (-0.6, 1.2, 1.0)  # from above the left shoulder of who looks
+    plotter.add_light(fill)
+    return plotter
+
+
+def place_panel(plotter: pv.Plotter) -> None:
+    """Put the panel beside the body, or below it in a tall window."""
+    width, height = plotter.window_size
+    if width < TALL * height:
+        body, panel = (0.0, 1.0 - BODY_RISE, 1.0, 1.0), (0.0, 0.0, 1.0, 1.0 - BODY_RISE)
+    else:
+        body, panel = (0.0, 0.0, BODY_SHARE, 1.0), (BODY_SHARE, 0.0, 1.0, 1.0)
+    for renderer, place in zip(plotter.renderers, (body, panel), strict=True):
+        if renderer.GetViewport() != place:
+            renderer.SetViewport(*place)

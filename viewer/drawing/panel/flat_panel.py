@@ -11,21 +11,28 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.live.moment import Moment
 from viewer.colours import FAINT, PANEL, RIM, TRACES, class_colour
 from viewer.colours import faded as pale
+from viewer.drawing.frame.camera import look_down
 from viewer.drawing.frame.polydata import make_lines
 from viewer.drawing.panel.touch_list import TouchList
 from viewer.drawing.skin.draw_positions import Places, flat_places, raised
 from viewer.drawing.skin.refinement import boundary_edges
 from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.skin.taxel_drawing import ColourTable, TaxelDrawing
-from viewer.drawing.touches.contact_courses import ContactCourses
-from viewer.drawing.touches.contour_cache import KeptContours
-from viewer.drawing.touches.rings import Rings
-from viewer.drawing.touches.touch_marks import Ground, TouchMarks, centre_on, motion_line, trail_on
-from viewer.drawing.touches.traces import History, TracePlot, round_up
+from viewer.drawing.touches.touch_marks import (
+    Ground,
+    KeptContours,
+    Rings,
+    TouchMarks,
+    centre_on,
+    motion_line,
+    trail_on,
+)
+from viewer.drawing.touches.traces import TracePlot, courses, round_up, traces
 from viewer.drawing.words.text_lines import Line, small_font
-from viewer.layer import Layer
+from viewer.layers import Layer
 
 SIDE = 0.07  # free at both sides, in widths of the panel
 HEAD = 4.2  # of the panel, above the map [font heights]
@@ -165,12 +172,7 @@ class FlatPanel:
         self._fitted = key
         place = np.array([(box[0] + box[2]) / 2, (box[1] + box[3]) / 2])
         middle = (least + most) / 2 - (place - np.array([width, height]) / 2) * metres
-        camera = self.renderer.GetActiveCamera()
-        camera.SetFocalPoint(middle[0], middle[1], 0.0)
-        camera.SetPosition(middle[0], middle[1], 1.0)
-        camera.SetViewUp(0.0, 1.0, 0.0)
-        camera.SetParallelScale(height * metres / 2)
-        camera.SetClippingRange(0.5, 1.5)
+        look_down(self.renderer, middle, metres)
         self._write_around(middle, metres, low)
         return metres
 
@@ -229,25 +231,23 @@ class FlatPanel:
         if not self._plotted:
             self.plot.hide()
 
-    def show_courses(self, courses: ContactCourses, course: str) -> None:
+    def show_courses(self, moments: Sequence[Moment], course: str) -> None:
         """Draw how the contacts went over the last seconds."""
-        times, values, names, unit = courses.show(course, len(TRACES))  # type: ignore[arg-type]
+        times, values, names, unit = courses(moments, course, len(TRACES))  # type: ignore[arg-type]
         known = values[np.isfinite(values)]
         top = round_up(float(known.max())) if len(known) else 1.0
         title = "largest pressure" if unit == "counts" else course
         self.plot.show(times, values, names, f"contacts: {title}, {unit}", top=top)
 
-    def show_traces(self, selection: Mapping[str, IntArray], history: History) -> None:
+    def show_traces(self, moments: Sequence[Moment], selection: Mapping[str, IntArray]) -> None:
         """Draw the pressures of the selected taxels over the last seconds.
 
         Those of the part shown, or of another where none is selected there; of many their mean
         and their largest.
         """
-        if not selection:
-            return
         part = self.part if self.part in selection else next(iter(selection))
         taxels = selection[part]
-        times, values = history.traces(part, taxels)
+        times, values = traces(moments, part, taxels)
         title = f"{part.replace('_', ' ')}, counts"
         if len(taxels) <= len(TRACES):
             channels = self.layers[part].skin.channels[taxels]

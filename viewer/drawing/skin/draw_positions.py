@@ -10,6 +10,7 @@ import pyvista as pv
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.proximity import median_spacing
+from skinmap.geometry.tangents import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.surface.surface_mesh import SurfaceMesh
 from viewer.drawing.frame.polydata import make_mesh
@@ -185,16 +186,8 @@ def hexagons(centres: FloatArray, normals: FloatArray, radius: float) -> pv.Poly
 
 def polygons(centres: FloatArray, normals: FloatArray, radius: float, corners: int) -> pv.PolyData:
     """Regular polygons (n of them) around centres (n, 3), facing their normals (n, 3) [m]."""
-    right, up = tangents(normals)
     angle = np.arange(corners) * 2 * np.pi / corners
-    ring = np.cos(angle)[:, None] * right[:, None] + np.sin(angle)[:, None] * up[:, None]
+    ring = np.column_stack([np.cos(angle), np.sin(angle)]) @ tangent_frames(normals)
     points = centres[:, None] + radius * ring
     faces = np.arange(corners * len(centres)).reshape(-1, corners)
     return make_mesh(points.reshape(-1, 3), faces)
-
-
-def tangents(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors (n, 3) across each normal (n, 3)."""
-    least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    right = unit(np.cross(normals, least))
-    return right, np.cross(normals, right)

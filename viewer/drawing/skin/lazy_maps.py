@@ -9,41 +9,27 @@ from skinmap.touch.prepared_skin import PreparedSkin
 
 
 class LazyMaps(Mapping[str, FlatMap]):
-    """Flat maps of prepared skins, each made when first looked at."""
+    """Flat maps of prepared skins, or of another such mapping, each made when first looked at."""
 
-    def __init__(self, skins: Mapping[str, PreparedSkin]) -> None:
+    def __init__(
+        self,
+        skins: Mapping[str, PreparedSkin] | Mapping[str, FlatMap],
+        parts: Iterable[str] | None = None,
+    ) -> None:
         self._skins = skins
-
-    def __getitem__(self, part: str) -> FlatMap:
-        return self._skins[part].flat
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._skins)
-
-    def __contains__(self, part: object) -> bool:
-        return part in self._skins  # without making it
-
-    def __len__(self) -> int:
-        return len(self._skins)
-
-
-class SomeMaps(Mapping[str, FlatMap]):
-    """Those flat maps of some parts that there are; none is looked at here."""
-
-    def __init__(self, maps: Mapping[str, FlatMap], parts: Iterable[str]) -> None:
-        self._maps = maps
-        self._parts = tuple(part for part in parts if part in maps)
+        self._parts = [part for part in (skins if parts is None else parts) if part in skins]
 
     def __getitem__(self, part: str) -> FlatMap:
         if part not in self._parts:
             raise KeyError(part)
-        return self._maps[part]
+        found = self._skins[part]
+        return found if isinstance(found, FlatMap) else found.flat
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._parts)
 
     def __contains__(self, part: object) -> bool:
-        return part in self._parts
+        return part in self._parts  # without making it
 
     def __len__(self) -> int:
         return len(self._parts)

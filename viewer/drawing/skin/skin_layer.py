@@ -16,7 +16,7 @@ from skinmap.surface.surface_mesh import SurfaceMesh
 from viewer.drawing.frame.polydata import make_mesh
 from viewer.drawing.skin.draw_positions import LIFT, Places, body_places
 from viewer.drawing.skin.refinement import FineSurface, boundary_edges, refine
-from viewer.layer import check_values
+from viewer.layers import check_values
 
 LINE_LIFT = 0.9e-3  # outlines above the sheet [m]
 BACK = 1.0e-3  # the sheet's back below its front [m]
@@ -41,10 +41,12 @@ class SkinLayer:
         Its edge alone, as coarse as the taxels: for while the picture moves.
     border : (b, 2) int
         Border edges of the sheet.
+    beside : (n, n) sparse
+        Mean of each taxel and of those beside it.
     soft : (v, n) sparse
         As `fine.smooth`, each taxel averaged with its neighbours first: for calm outlines.
     pressures : (n,) float
-        What is felt now, 0 to 255 counts; NaN where nothing is known.
+        What is felt now, 0 to 255 counts; NaN where nothing is known, as of mute taxels.
     """
 
     mesh: SurfaceMesh
@@ -53,6 +55,7 @@ class SkinLayer:
     shell: pv.PolyData
     edge: pv.PolyData
     border: IntArray
+    beside: csr_array
     soft: csr_array
     pressures: FloatArray
 
@@ -86,6 +89,7 @@ def build_layer(mesh: SurfaceMesh, *, levels: int = 1) -> SkinLayer:
     """Sheet, edge and marks for one part's surface mesh."""
     fine = refine(mesh, levels)
     places = body_places(mesh, fine)
+    beside = neighbour_mean(mesh)
     return SkinLayer(
         mesh,
         fine,
@@ -93,7 +97,8 @@ def build_layer(mesh: SurfaceMesh, *, levels: int = 1) -> SkinLayer:
         underside(places.points, fine, mesh),
         underside(places.points, fine, mesh, quick=True),
         boundary_edges(fine.faces),
-        fine.smooth @ neighbour_mean(mesh),
+        beside,
+        fine.smooth @ beside,
         np.zeros(len(mesh.skin)),
     )
 

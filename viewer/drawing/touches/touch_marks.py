@@ -14,14 +14,14 @@ from vtkmodules.util.numpy_support import numpy_to_vtk
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_directions, transform_points
+from skinmap.geometry.tangents import tangent_frames
 from skinmap.live.contacts.named_touch import NamedTouch
-from viewer.colours import class_colour, rgb
+from viewer.colours import INK, TRACES, class_colour, rgb
 from viewer.drawing.frame.polydata import make_mesh
-from viewer.drawing.skin.draw_positions import LIFT, Places, tangents
+from viewer.drawing.skin.draw_positions import LIFT, Places
 from viewer.drawing.skin.refinement import boundary_edges
 from viewer.drawing.skin.skin_layer import LINE_LIFT, SkinLayer
-from viewer.drawing.touches.contours import outline
-from viewer.drawing.touches.outlines import OutlineLayer
+from viewer.drawing.touches.outlines import OutlineLayer, outline, touch_field
 
 SHORT, LONG = 0.03, 0.07  # of arrows, for the lightest and the hardest press [m]
 SHAFT, HEAD, HEAD_LENGTH = 1.2e-3, 3.6e-3, 11e-3  # radii and length [m]
@@ -36,6 +36,11 @@ JUMP = 0.03  # [m]: on the flat map what is so near on the skin and so far there
 FINE = 16  # pieces that a step of a trail across a seam is cut into
 TORN = 3.0  # how much longer than on the skin a piece must become to be the one across
 CENTRE = 4e-3  # radius of the centre of pressure on the flat map [m]
+
+RING_SIDES = 12
+INNER, OUTER = 1.2, 1.65  # in radii of a disc
+RING_HALO = 0.22  # white on both sides of the ring, in radii of a disc
+RISE = 5e-4  # above the discs [m]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -202,8 +207,7 @@ def arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArra
     share = np.clip(touch.peak / 255.0, 0.0, 1.0) if np.isfinite(touch.peak) else 0.5
     length = SHORT + round(float(share), 2) * (LONG - SHORT)
     points, faces = solid_arrow(length)
-    right, up = tangents(touch.normal[None])
-    axes = np.stack([right[0], up[0], touch.normal])
+    axes = np.vstack([tangent_frames(touch.normal), touch.normal])
     start = transform_points(pose, (touch.centre + (LIFT + LINE_LIFT) * touch.normal)[None])
     return [(start + transform_directions(pose, points @ axes), faces, class_colour(touch.label))]
 
@@ -255,3 +259,88 @@ def solid_arrow(length: float) -> tuple[FloatArray, IntArray]:
     faces += [np.stack([k + SIDES, k + 2 * SIDES, n + 2 * SIDES], 1)]
     faces += [np.stack([k + 2 * SIDES, n + 2 * SIDES, np.full(SIDES, 3 * SIDES)], 1)]
     return points, np.concatenate(faces)
+
+
+class KeptContours:
+    """Fields of the touches shown, from which body and flat map take their contours.
+
+    They are found once for both: a contour takes a sparse product over its part, whatever surface
+    it is drawn on.
+    """
+
+    def __init__(self) -> None:
+        self._fields: dict[int, tuple[FloatArray, float]] = {}
+
+    def forget(self) -> None:
+        """Turn to the touches of another moment."""
+        self._fields.clear()
+
+    def of(
+        self,
+        ground: Ground,
+        layer: SkinLayer,
+        touch: NamedTouch,
+        touches: Sequence[NamedTouch],
+        lift: float,
+    ) -> FloatArray:
+        """(k, 2, 3) contour of one of the touches on a surface, in its frame [m]."""
+        row = next(k for k, one in enumerate(touches) if one is touch)
+        if row not in self._fields:
+            self._fields[row] = touch_field(layer, touch, touches)
+        return contour_on(ground, *self._fields[row], lift)
+
+
+class Rings:
+    """All rings of one renderer: one mesh."""
+
+    def __init__(self, plotter: pv.Plotter) -> None:
+        self.mesh = pv.PolyData()
+        self.actor = pv.Actor(mapper=pv.DataSetMapper(self.mesh))
+        self.actor.mapper.SetScalarModeToUseCellData()
+        self.actor.prop.lighting = False
+        plotter.add_actor(self.actor, reset_camera=False, render=False)
+
+    def show(self, parts: Sequence[tuple[Places, IntArray, FloatArray]]) -> None:
+        """Ring taxels (k,) of parts placed by poses (4, 4), and no others."""
+        points, colours = [], []
+        for places, taxels, pose in parts:
+            rows = np.flatnonzero(np.isin(places.taxels, taxels))
+            order = np.searchsorted(taxels, places.taxels[rows])
+            for inner, outer, rise, white in (
+                (INNER - RING_HALO, OUTER + RING_HALO, RISE, True),
+                (INNER, OUTER, 2 * RISE, False),
+            ):
+                centres = places.centres[rows] + rise * places.facing[rows]
+                quads = ring_quads(
+                    centres, places.facing[rows], inner * places.disc, outer * places.disc
+                )
+                turned = transform_points(pose, quads.reshape(-1, 3))
+                points.append(turned.reshape(-1, 4, 3))
+                tint = np.full((len(rows), 3), 1.0) if white else trace_colours(order, len(taxels))
+                colours.append(np.repeat(tint, RING_SIDES, axis=0))
+        if not points and self.mesh.n_cells == 0:
+            return
+        self.mesh.Initialize()
+        if not points:
+            return
+        corners = np.concatenate(points)
+        ringed = make_mesh(corners.reshape(-1, 3), np.arange(4 * len(corners)).reshape(-1, 4))
+        tints: NDArray[np.uint8] = np.rint(np.concatenate(colours) * 255).astype(np.uint8)
+        ringed.GetCellData().SetScalars(numpy_to_vtk(tints, deep=True))
+        self.mesh.ShallowCopy(ringed)
+
+
+def trace_colours(order: IntArray, count: int) -> FloatArray:
+    """(k, 3) the colour of each selected taxel's trace; ink where there are too many of them."""
+    if count > len(TRACES):
+        return np.tile(rgb(INK), (len(order), 1))
+    return np.array([rgb(TRACES[k]) for k in order.tolist()]).reshape(-1, 3)
+
+
+def ring_quads(centres: FloatArray, normals: FloatArray, inner: float, outer: float) -> FloatArray:
+    """(k RING_SIDES, 4, 3) quadrilaterals of rings around centres (k, 3) [m]."""
+    angle = np.arange(RING_SIDES + 1) * 2 * np.pi / RING_SIDES
+    way = np.column_stack([np.cos(angle), np.sin(angle)]) @ tangent_frames(normals)
+    near, far = centres[:, None] + inner * way, centres[:, None] + outer * way
+    quads = np.stack([near[:, :-1], far[:, :-1], far[:, 1:], near[:, 1:]], axis=2)
+    return quads.reshape(-1, 4, 3)

@@ -12,15 +12,19 @@ from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.colours import class_colour
 from viewer.colours import faded as pale
-from viewer.drawing.frame.camera import Target, project
-from viewer.drawing.frame.framing import Framing
+from viewer.drawing.frame.camera import Framing, Target, project
 from viewer.drawing.panel.touch_list import caption
 from viewer.drawing.skin.draw_positions import LIFT
 from viewer.drawing.skin.skin_layer import LINE_LIFT, SkinLayer
-from viewer.drawing.touches.contour_cache import KeptContours
-from viewer.drawing.touches.touch_marks import Ground, TouchMarks, arrow, motion_arrow, trail_on
-from viewer.drawing.words.label_places import Box
-from viewer.drawing.words.labels import Label, LabelLayer
+from viewer.drawing.touches.touch_marks import (
+    Ground,
+    KeptContours,
+    TouchMarks,
+    arrow,
+    motion_arrow,
+    trail_on,
+)
+from viewer.drawing.words.labels import Box, Label, LabelLayer
 
 LABELS = 8  # at most, of the largest touches: more cannot be read at one look
 

@@ -1,67 +1,73 @@
-"""Pressures of the last seconds: kept in a fixed room, drawn for the selected taxels."""
+"""How taxels and contacts went over the last seconds: numbers out of moments, drawn as lines."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import Literal, get_args
 
 import numpy as np
-import pyvista as pv
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import numpy_to_vtk
-from vtkmodules.vtkCommonDataModel import vtkCellArray
-from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer
+from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.arrays import FloatArray, IntArray
-from viewer.colours import FAINT, INK, TRACES, rgb
-from viewer.drawing.words.label_places import Box
+from skinmap.live.moment import Moment
+from viewer.colours import FAINT, INK, TRACES
+from viewer.drawing.words.labels import Box
+from viewer.drawing.words.shapes import Shape, Shapes, tint
 from viewer.drawing.words.text_lines import Line, small_font
 
-SECONDS = 10.0  # that are kept
-SAMPLES = 500  # of each taxel: 50 a second
-ROOM = 8_000_000  # values kept at most, 2 bytes each: larger skins are sampled more rarely
+Course = Literal["force", "area", "speed"]
+COURSES: tuple[Course, ...] = get_args(Course)
+UNITS = {"force": "N", "area": "mm2", "speed": "mm/s"}
+SECONDS, SAMPLES = 10.0, 500  # that are plotted: 50 a second
+PAST = 0.1  # a speed is taken over so long [s]: centres jump from taxel to taxel
 TOP = 255.0  # counts at the upper end of the axis
 
 
-class History:
-    """Pressures of all taxels over the last seconds; never grows.
+def traces(moments: Sequence[Moment], part: str, taxels: IntArray) -> tuple[FloatArray, FloatArray]:
+    """(t,) times [s] and (t, k) pressures [counts] of some taxels; NaN where none came."""
+    silent = np.full(len(taxels), np.nan)
+    rows = [m.pressures[part][taxels] if part in m.pressures else silent for m in moments]
+    values = np.array(rows, np.float64).reshape(len(moments), len(taxels))
+    return np.array([moment.time for moment in moments]), values
 
-    Parameters
-    ----------
-    sizes : mapping of str to int
-        Taxels of each part.
-    seconds : float
-        How far it reaches back.
+
+def courses(
+    moments: Sequence[Moment], course: Course, most: int
+) -> tuple[FloatArray, FloatArray, list[str], str]:
+    """Times (t,) [s], values (t, k), names of the k contacts felt last, and the unit.
+
+    Where no force is known, the largest pressure stands in its place.
     """
+    rows = [{(touch.part, touch.identity): touch for touch in m.touches} for m in moments]
+    seen = dict.fromkeys(key for row in reversed(rows) for key in row)
+    keys = list(seen)[:most]
+    times = np.array([moment.time for moment in moments])
+    table = np.full((len(times), len(keys), 6), np.nan)
+    for k, row in enumerate(rows):
+        for column, key in enumerate(keys):
+            if (touch := row.get(key)) is not None:
+                force = np.nan if touch.force is None else touch.force
+                table[k, column] = force, touch.peak, 1e6 * touch.area, *touch.centre
+    names = [part.replace("_", " ") for part, _ in keys]
+    if course == "area":
+        return times, table[..., 2], names, UNITS["area"]
+    if course == "speed":
+        return times, speeds(times, table[..., 3:]), names, UNITS["speed"]
+    if np.isfinite(table[..., 0]).any():
+        return times, table[..., 0], names, UNITS["force"]
+    return times, table[..., 1], names, "counts"
 
-    def __init__(self, sizes: Mapping[str, int], *, seconds: float = SECONDS) -> None:
-        count = max(sum(sizes.values()), 1)
-        self.samples = int(np.clip(ROOM // count, 2, SAMPLES))
-        self.step = seconds / self.samples
-        self._times = np.full(self.samples, np.nan)
-        # Half floats hold whole counts exactly.
-        self._values = {p: np.full((self.samples, n), np.nan, np.float16) for p, n in sizes.items()}
-        self._next = 0
-        self._last = float("nan")
 
-    def add(self, time: float, pressures: Mapping[str, NDArray[Any]]) -> None:
-        """Keep a sample, unless the last one kept is too young."""
-        if not np.isfinite(time) or 0.0 <= time - self._last < 0.9 * self.step:
-            return
-        if time < self._last:  # a recording that was led back: what came later is not true yet
-            self._times[:] = np.nan
-        row = self._next
-        self._next, self._last = (row + 1) % self.samples, time
-        self._times[row] = time
-        for part, kept in self._values.items():
-            values = pressures.get(part)
-            kept[row] = np.nan if values is None else values
-
-    def traces(self, part: str, taxels: IntArray) -> tuple[FloatArray, FloatArray]:
-        """(t,) times [s] and (t, k) pressures [counts] of some taxels, oldest first."""
-        order = np.roll(np.arange(self.samples), -self._next)
-        order = order[np.isfinite(self._times[order])]
-        return self._times[order], self._values[part][np.ix_(order, taxels)].astype(np.float64)
+def speeds(times: FloatArray, centres: FloatArray) -> FloatArray:
+    """(t, k) speeds [mm/s] of centres (t, k, 3) [m] at times (t,) [s]; NaN where none is known."""
+    if not len(times):
+        return np.zeros(centres.shape[:2])
+    before = np.maximum(np.searchsorted(times, times - PAST - 1e-9), 0)
+    gap = times - times[before]
+    way = np.linalg.norm(centres - centres[before], axis=2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(1e3 * way / np.where(gap > 0, gap, np.nan)[:, None])
 
 
 class TracePlot:
@@ -70,15 +76,8 @@ class TracePlot:
     def __init__(self, renderer: vtkRenderer) -> None:
         self.renderer = renderer
         self.box: Box = (0.0, 0.0, 1.0, 1.0)
-        self._shapes = pv.PolyData()
-        mapper = vtkPolyDataMapper2D()
-        mapper.SetInputData(self._shapes)
-        mapper.SetScalarModeToUseCellData()
-        self.actor = vtkActor2D()
-        self.actor.SetMapper(mapper)
-        self.actor.GetProperty().SetLineWidth(1.6)
-        self.actor.GetPositionCoordinate().SetCoordinateSystemToViewport()
-        renderer.AddViewProp(self.actor)
+        self._shapes = Shapes(renderer, 1.6)
+        self.actor = self._shapes.actor
         self._ticks = [Line(renderer, (0.0, 0.0), 12, colour=FAINT) for _ in range(4)]
         self._names = [Line(renderer, (0.0, 0.0), 12, bold=True) for _ in range(len(TRACES) + 1)]
         self._font_px = 12
@@ -138,26 +137,14 @@ class TracePlot:
 
     def _draw(self, times: FloatArray, shares: FloatArray) -> None:
         x0, y0, x1, y1 = self.box
-        paths = [np.array([[x0, y1], [x0, y0], [x1, y0]])]
-        tints = [rgb(FAINT)]
+        paths: list[Shape] = [(np.array([[x0, y1], [x0, y0], [x1, y0]]), tint(FAINT))]
         if len(times):
             x = x1 + (times - times[-1]) / SECONDS * (x1 - x0)
             y = y0 + np.clip(shares, 0.0, 1.0) * (y1 - y0)
             for column, colour in zip(y.T, TRACES, strict=False):
                 for run in _runs(np.isfinite(column) & (x >= x0)):
-                    paths.append(np.column_stack([x[run], column[run]]))
-                    tints.append(rgb(colour))
-        flat = np.concatenate(paths)
-        self._shapes.Initialize()
-        self._shapes.points = np.column_stack([flat, np.zeros(len(flat))]).astype(np.float32)
-        cells, start = vtkCellArray(), 0
-        for path in paths:
-            cells.InsertNextCell(len(path), range(start, start + len(path)))
-            start += len(path)
-        self._shapes.SetLines(cells)
-        colours = np.rint(np.array(tints) * 255).astype(np.uint8)
-        self._shapes.GetCellData().SetScalars(numpy_to_vtk(colours, deep=True))
-        self._shapes.Modified()
+                    paths.append((np.column_stack([x[run], column[run]]), tint(colour)))
+        self._shapes.draw(paths)
 
 
 def round_up(value: float) -> float:

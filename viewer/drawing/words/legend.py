@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pyvista as pv
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import numpy_to_vtk
-from vtkmodules.vtkCommonDataModel import vtkCellArray
-from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer
+from vtkmodules.vtkRenderingCore import vtkRenderer
 
-from skinmap.arrays import FloatArray
-from viewer.colours import FAINT, INK, rgb
-from viewer.drawing.skin.symbols import SIGNS, sign_quads
-from viewer.drawing.skin.taxel_drawing import fade
-from viewer.drawing.words.label_places import Box
+from viewer.colours import FAINT, INK
+from viewer.drawing.skin.taxel_drawing import SIGNS, fade, sign_quads
+from viewer.drawing.words.labels import Box
+from viewer.drawing.words.shapes import Shape, Shapes, rectangle, tint
 from viewer.drawing.words.text_lines import Line, small_font
-from viewer.layer import Layer
+from viewer.layers import Layer
 
 LEFT, BOTTOM = 1.5, 3.4  # of the legend [font heights]
 LENGTH, THICK = 13.5, 0.85  # of the bar
@@ -26,7 +22,6 @@ WIDE = 9.0  # longer lines are broken: beside them stands the body
 ROW = 1.55  # between two categories
 CLIPPED = ("uncertainty", "distortion")  # their values go beyond the limits
 BAR_STEPS = 64
-Quad = tuple[FloatArray, NDArray[np.uint8]]
 
 
 class Legend:
@@ -40,14 +35,7 @@ class Legend:
         self._used, self._font_px = 0, 12
         self._ruler = Line(renderer, (0.0, 0.0), 12)
         self._ruler.write("")
-        self._shapes = pv.PolyData()
-        mapper = vtkPolyDataMapper2D()
-        mapper.SetInputData(self._shapes)
-        mapper.SetScalarModeToUseCellData()
-        self.actor = vtkActor2D()
-        self.actor.SetMapper(mapper)
-        self.actor.GetPositionCoordinate().SetCoordinateSystemToViewport()
-        renderer.AddViewProp(self.actor)
+        self._shapes = Shapes(renderer)
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -91,10 +79,17 @@ class Legend:
             self._write(text, left, bottom - (1.2 + 1.3 * row) * font_px, small, FAINT)
         for line in self._lines[self._used :]:
             line.write("")
-        draw(self._shapes, quads)
+        self._shapes.draw(polygons=quads)
         right = max(line.right() for line in self._lines[: self._used])
         low = bottom - (1.2 + 1.3 * len(below)) * font_px
         self.box = (left, low, right + font_px, top + 0.4 * font_px)
+
+    def hide(self) -> None:
+        """Explain nothing."""
+        self._shown, self._used = (), 0
+        self._shapes.draw()
+        for line in self._lines:
+            line.write("")
 
     def _broken(self, text: str, font_px: int, *, bold: bool = False) -> list[str]:
         """A text in lines of at most `WIDE` heights of the large letters, broken between words."""
@@ -118,16 +113,15 @@ class Legend:
 
     def _bar(
         self, layer: Layer, table: NDArray[np.uint8], left: float, bottom: float, font: int
-    ) -> tuple[list[Quad], float]:
+    ) -> tuple[list[Shape], float]:
         """A ladder of the table's colours, its values at the right of it."""
         thick = THICK * font
         length = min(LENGTH * font, SHARE * float(self.renderer.GetSize()[1]))
-        ink = np.rint(rgb(FAINT) * 255).astype(np.uint8)
-        quads = [(_rectangle(left - 1, bottom - 1, thick + 2, length + 2), ink)]
+        quads: list[Shape] = [(rectangle(left - 1, bottom - 1, thick + 2, length + 2), tint(FAINT))]
         rows = np.linspace(0, len(table) - 1, BAR_STEPS).round().astype(int)
         step = length / BAR_STEPS
         for k, row in enumerate(rows):
-            quads.append((_rectangle(left, bottom + k * step, thick, step), table[row, :3]))
+            quads.append((rectangle(left, bottom + k * step, thick, step), table[row, :3]))
         low, high = layer.limits
         for share in (0.0, 0.5, 1.0):
             value = low + share * (high - low)
@@ -139,21 +133,20 @@ class Legend:
 
     def _categories(
         self, layer: Layer, table: NDArray[np.uint8], left: float, bottom: float, font: int
-    ) -> tuple[list[Quad], float]:
+    ) -> tuple[list[Shape], float]:
         """A swatch and a name for each category, the first on top."""
-        quads: list[Quad] = []
-        ink, side = np.rint(rgb(INK) * 255).astype(np.uint8), 1.0 * font
-        faint, white = np.rint(rgb(FAINT) * 255).astype(np.uint8), np.full(3, 255, np.uint8)
+        quads: list[Shape] = []
+        side = 1.0 * font
         count = len(layer.categories)
         for row, (name, colour) in enumerate(zip(layer.categories, table, strict=True)):
             y = bottom + (count - 1 - row) * ROW * font
-            quads.append((_rectangle(left - 1, y - 1, side + 2, side + 2), faint))
-            quads.append((_rectangle(left, y, side, side), colour[:3]))
+            quads.append((rectangle(left - 1, y - 1, side + 2, side + 2), tint(FAINT)))
+            quads.append((rectangle(left, y, side, side), colour[:3]))
             if layer.name == "health" and name in SIGNS:
                 middle = np.array([left, y]) + side / 2
-                for grown, tint in ((0.12, white), (0.0, ink)):
+                for grown, ink in ((0.12, "#ffffff"), (0.0, INK)):
                     signs = middle + 0.5 * side * sign_quads(name, grown)
-                    quads += [(quad, tint) for quad in signs]
+                    quads += [(quad, tint(ink)) for quad in signs]
             self._write(name, left + 1.6 * side, y + 0.98 * font, font)
         return quads, bottom + count * ROW * font + 0.9 * font
 
@@ -168,25 +161,3 @@ class Legend:
         line.style(font_px, bold=bold)
         line.move(x, y)
         line.write(text, colour)
-
-
-def _rectangle(left: float, bottom: float, width: float, height: float) -> FloatArray:
-    x = np.array([left, left + width, left + width, left])
-    y = np.array([bottom, bottom, bottom + height, bottom + height])
-    return np.column_stack([x, y])
-
-
-def draw(mesh: pv.PolyData, quads: Sequence[Quad]) -> None:
-    """Rebuild a mesh in picture coordinates from quadrilaterals (4, 2) [px] and their colours."""
-    mesh.Initialize()
-    if not quads:
-        return
-    flat = np.concatenate([corners for corners, _ in quads])
-    mesh.points = np.column_stack([flat, np.zeros(len(flat))])
-    cells = vtkCellArray()
-    for start in range(0, len(flat), 4):
-        cells.InsertNextCell(4, range(start, start + 4))
-    mesh.SetPolys(cells)
-    tints = np.array([colour for _, colour in quads]).astype(np.uint8)
-    mesh.GetCellData().SetScalars(numpy_to_vtk(tints, deep=True))
-    mesh.Modified()

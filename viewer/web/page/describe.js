@@ -1,6 +1,7 @@
 // What is known of one taxel, in the words of the window's box (viewer/interaction/describe.py).
 
 import { words } from "./dom.js";
+import { SIGNS } from "./signs.js";
 
 const MANY = 8; // neighbours that are listed by number
 const PLAIN = ["pressure", "raw", "structures", "patches"]; // layers whose value is told anyway
@@ -20,6 +21,7 @@ export function facts(about) {
     felt.map(([name, value], k) => [name, number(value, 4) + (k + 1 === felt.length ? " counts" : "")]),
   ];
   if (shown && !PLAIN.includes(shown.name)) lines.push([[shown.title, value(shown)]]);
+  if (shown?.name !== "health" && about.health in SIGNS) lines.push([["health", about.health]]);
   if (about.structure !== null) lines.push([["structure", about.structure]]);
   for (const touch of about.touches) lines.push([["in", touch]]);
   return lines.filter((line) => line.length);

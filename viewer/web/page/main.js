@@ -93,7 +93,7 @@ class Page {
   markAll() {
     this.marks.showChosen(this.chosen, true);
     if (!this.sample) return;
-    this.marks.showSigns(this.sample.arrays.values, true);
+    this.marks.showSigns(this.sample, true);
     this.marks.showTouches(this.sample);
   }
 
@@ -127,7 +127,7 @@ class Page {
     this.flat.setValues(arrays.values, values);
     this.traces.history.add(header.time ?? NaN, arrays.felt ?? arrays.values);
     this.traces.courses.add(header);
-    this.marks.showSigns(arrays.values);
+    this.marks.showSigns(message);
     this.marks.showTouches(message);
     this.controls.sampleCame(header);
     this.writing ??= setTimeout(() => this.write(), WRITE);
@@ -138,9 +138,9 @@ class Page {
   write() {
     this.writing = null;
     this.controls.sampleChanged(this.sample.header);
-    const { values } = this.sample.arrays, { parts } = this.header;
+    const { values } = this.sample.arrays, { touches, signs } = this.sample.header, { parts } = this.header;
     const silent = parts.filter(({ taxels: [first, count] }) => values.subarray(first, first + count).every((code) => code === UNKNOWN));
-    this.controls.words.showNotes(silent, parts, this.sample.header.touches.length > 0);
+    this.controls.words.showNotes(silent, parts, touches.length > 0, signs);
     this.traces.show(this.flat.part);
     this.hover.ask();
     if (this.picked >= 0) this.link.ask({ do: "pick", ...this.taxel(this.picked) });

@@ -93,10 +93,10 @@ export class Marks {
     return (x, y) => place(model, [0, 1, 2].map((i) => points[3 * number + i] + size * (x * right[i] + y * ahead[i]) + LIFT * up[i])).slice(0, 3);
   }
 
-  // Signs on taxels whose values mean nothing: those known to the scene, and those that sent nothing
+  // Signs on taxels whose values mean nothing: those that the sample names, and those that sent nothing
   // where others of their part did.
-  showSigns(codes, moved = false) {
-    const said = new Map(this.header.signs);
+  showSigns({ header: { signs = {} }, arrays: { values: codes } }, moved = false) {
+    const said = new Map(Object.entries(signs).flatMap(([name, numbers]) => numbers.map((number) => [number, name])));
     for (const { taxels: [first, count] } of this.header.parts) {
       const own = codes.subarray(first, first + count);
       if (own.every((code) => code === 255)) continue;

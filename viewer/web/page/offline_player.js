@@ -86,8 +86,8 @@ export class Film {
   show(number) {
     this.now = number;
     const moment = this.moments[number], arrays = { values: this.arrays[moment.values[this.layer]] };
-    const felt = this.arrays[moment.felt.pressure];
-    arrays.felt = Uint8Array.from(arrays.values, (_, k) => (felt && Number.isFinite(felt[k]) ? Math.round((felt[k] * TOP) / FULL) : UNKNOWN));
+    const felt = this.arrays[moment.felt.pressure], shown = this.arrays[moment.values.pressure]; // not of mute taxels
+    arrays.felt = Uint8Array.from(shown, (code, k) => (felt && code !== UNKNOWN ? Math.round((felt[k] * TOP) / FULL) : UNKNOWN));
     if (moment.poses) arrays.poses = this.arrays[moment.poses];
     for (const { outline } of moment.touches) {
       arrays[outline] = this.arrays[outline];

@@ -1,4 +1,4 @@
-// Signs that say what a colour cannot, as the window has them (viewer/drawing/skin/symbols.py): lines
+// Signs that say what a colour cannot, as the window has them (viewer/drawing/skin/taxel_drawing.py): lines
 // in a circle of radius 1.
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -10,6 +10,7 @@ export const SIGNS = {
   stuck: closed([-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]),
   saturated: closed([-0.75, -0.5], [0.75, -0.5], [0, 0.8]),
   noisy: [[[-0.75, -0.35], [-0.3, 0.4]], [[-0.3, 0.4], [0.25, -0.4]], [[0.25, -0.4], [0.75, 0.35]]],
+  unheard: [[[-0.6, 0], [0.6, 0]]],
   stale: [rising],
 };
 

@@ -53,7 +53,7 @@ export class Words {
     if (!about.stale) Object.assign(this, { fresh: performance.now(), fitted: state.unfit });
     if (lost) said.push("the graphics card lost the picture; it is drawn anew when the card is back");
     else if (!this.open) said.push(this.why || "not connected; trying again");
-    else if (state.error) said.push(`the source failed: ${state.error}`);
+    else if (state.error) said.push(state.error);
     else if (this.problem || about.problem) said.push(this.problem || about.problem);
     else if (about.stale) {
       const unfit = state.unfit - this.fitted;
@@ -92,8 +92,8 @@ export class Words {
     }));
   }
 
-  // Why nothing is seen of a layer, or of some parts; what the lines at touches are.
-  showNotes(silent, parts, touched) {
+  // Why nothing is seen of a layer, or of some parts; what the lines at touches and the signs are.
+  showNotes(silent, parts, touched, signs = {}) {
     const none = silent.length === parts.length, notes = [];
     if (none) notes.push(this.missing);
     else if (silent.length && this.live) {
@@ -101,6 +101,8 @@ export class Words {
       notes.push(`grey: not in this source: ${named}`);
     }
     if (touched) notes.push(ARROWS);
+    const marked = Object.entries(signs).map(([name, numbers]) => `${numbers.length.toLocaleString("en")} ${name}`);
+    if (marked.length && !none) notes.push(`with a sign, not to be trusted: ${marked.join(", ")}`);
     $("bar-missing").replaceChildren(...notes.map((note) => made("span", note)));
   }
 
@@ -140,7 +142,7 @@ export class Words {
   showTaxel(about) {
     const rows = facts(about).map((line) => line.slice(0, 2).map(([name, text]) => [name || "part", text]));
     rows.splice(2, 0, [["taxel", about.taxel], ["link", about.link]]);
-    if (about.health !== null) rows.push([["health", about.health]]);
+    if (about.health !== null && !(about.health in SIGNS)) rows.push([["health", about.health]]);
     const cell = ([name, text], _, { length }) => [made("dt", name), made("dd", text, { className: length < 2 ? "wide" : "" })];
     $("pick-about").replaceChildren(...rows.flatMap((row) => row.flatMap(cell)));
     $("pick").hidden = false;

@@ -1,6 +1,6 @@
 """Make this example again: a simulated person pokes a right forearm with modules 3 and 7 swapped.
 
-python docs/examples/board/wiring/make_wiring.py
+PYTHONPATH=. python docs/examples/board/wiring/make_wiring.py
 """
 
 from __future__ import annotations
@@ -12,23 +12,19 @@ from pathlib import Path
 import numpy as np
 
 import skinmap
-from calibration.files.asked_places import write_places
-from calibration.wiring.boards import Wiring, boards_of
-from calibration.wiring.doctor import Doctor
-from calibration.wiring.faults import parse_fault
-from calibration.wiring.person import Patient, Person
-from calibration.wiring.touches import Baseline, make_touch
+from benchmarks.calibration.person import Patient, Person
+from calibration.wiring import Baseline, Doctor, Fault, Wiring, boards_of, make_touch
 from skinmap.io.recordings.touch_files import save_recordings
 from skinmap.touch.recording import Recording
 
-PART, FAULT, POKES, SEED = "right_forearm", "swap:3,7", 16, 4
+PART, SWAPPED, POKES, SEED = "right_forearm", (3, 7), 16, 4
 
 
 def main(folder: Path) -> None:
     """Write the recording, the places that were asked for, and the truth."""
     robot = skinmap.load_robot("icub")
     boards = boards_of(robot, PART)
-    fault = parse_fault(FAULT, boards)
+    fault = Fault("swapped_modules", tuple(np.searchsorted(boards.numbers, SWAPPED).tolist()))
     sources = fault.apply(Wiring.as_mapped(boards), boards).sources(boards)
     person = Person(Patient(robot.skin(PART)), np.random.default_rng(SEED), sources)
     doctor = Doctor.of(boards)
@@ -45,7 +41,10 @@ def main(folder: Path) -> None:
     times = np.arange(len(values)) / 50.0
     recording = Recording(PART, times, values, marks, ("poke",) * POKES)
     save_recordings([recording], folder / "pokes.mcap", robot=robot)
-    write_places(paths, folder / "places.csv")
+    places = ["touch,x,y,z"]
+    for number, path in enumerate(paths, start=1):
+        places += [f"{number}," + ",".join(map(repr, point)) for point in path.tolist()]
+    (folder / "places.csv").write_text("\n".join(places) + "\n", encoding="utf-8")
     truth = {"part": PART, "kind": fault.kind, "modules": fault.numbers(boards), "simulated": True}
     (folder / "truth.json").write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
 

@@ -1,0 +1,172 @@
+"""A simulated person who touches a skin where asked, as well as people do.
+
+Contacts are those of `skinmap.touch` (Hertz pads in the log map, Gaussian foam), not the doctor's
+own model of a touch; spikes, dead taxels and gross misses are added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.log_map import log_map
+from skinmap.geometry.proximity import nearest_first
+from skinmap.geometry.tangents import tangent_frames
+from skinmap.skin.skin import Skin
+from skinmap.touch.simulation.gestures import poke
+from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing
+from skinmap.touch.simulation.simulator import Stage, prepare, touch_loads
+
+REACH = 0.13  # of the log map round a place [m]
+POKE, PACE = 12, 0.13  # samples of a poke; speed of a stroke [m/s], sampled at 50 Hz
+
+
+@dataclass(frozen=True, slots=True)
+class Clumsiness:
+    """What goes wrong when people touch.
+
+    Attributes
+    ----------
+    place : float
+        Error of a place, standard deviation an axis [m].
+    misses : float
+        Chance of a touch somewhere else.
+    spikes : float
+        Chance that a channel jumps within one sample.
+    gains : tuple of float
+        Range of the spread of a skin's gains.
+    dead : tuple of float
+        Range of the share of dead taxels.
+    """
+
+    place: float = 4e-3
+    misses: float = 0.01
+    spikes: float = 1e-4
+    gains: tuple[float, float] = (0.15, 0.40)
+    dead: tuple[float, float] = (0.01, 0.02)
+
+
+class Patient:
+    """One skin, prepared once; people and faults come and go."""
+
+    def __init__(self, skin: Skin) -> None:
+        self.skin = skin
+        self.stage: Stage = prepare(skin, rng=np.random.default_rng(0))
+        self._maps: dict[int, tuple[FloatArray, FloatArray]] = {}
+
+    def around(self, taxel: int) -> tuple[FloatArray, FloatArray]:
+        """Log map (n, 2) round a taxel, and its axes (2, 3)."""
+        if taxel not in self._maps:
+            axes = tangent_frames(self.skin.normals[taxel])
+            uv, _ = log_map(
+                self.skin.positions, self.skin.normals, self.stage.graph, taxel, REACH, frame=axes
+            )
+            self._maps[taxel] = uv, axes
+        return self._maps[taxel]
+
+    def laid(self, place: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+        """Log map about a place near the skin, axes, and the nearest taxel."""
+        taxel = int(np.argmin(np.linalg.norm(self.skin.positions - place, axis=1)))
+        uv, axes = self.around(taxel)
+        return uv - axes @ (place - self.skin.positions[taxel]), axes, taxel
+
+
+class Person:
+    """Touches a patient's skin where asked, as well as people do.
+
+    Parameters
+    ----------
+    patient : Patient
+    rng : numpy.random.Generator
+    sources : (n,) int, optional
+        Taxel whose answer each channel really carries, -1 for none: the planted fault.
+    clumsiness : Clumsiness
+    noise : float
+        Of a sample [counts].
+    """
+
+    def __init__(
+        self,
+        patient: Patient,
+        rng: np.random.Generator,
+        sources: IntArray | None = None,
+        *,
+        clumsiness: Clumsiness | None = None,
+        noise: float = 1.2,
+    ) -> None:
+        self.patient, self.rng = patient, rng
+        self.clumsiness = Clumsiness() if clumsiness is None else clumsiness
+        n = len(patient.skin)
+        self.sources = np.arange(n) if sources is None else np.asarray(sources)
+        spread = rng.uniform(*self.clumsiness.gains)
+        self.gains = np.exp(rng.normal(0.0, spread, n))
+        self.dead = rng.random(n) < rng.uniform(*self.clumsiness.dead)
+        self.sensing = Sensing(noise=noise)
+        self.baseline = rng.normal(0.0, 0.5, n)
+        self.hand = float(rng.uniform(0.75, 1.0))
+        self.force = float(np.exp(rng.normal(0.0, 0.15)))
+
+    def poke(self, place: FloatArray) -> NDArray[np.uint8]:
+        """Samples (t, n) of a poke at a place (3,), with its error."""
+        uv, _, _ = self.patient.laid(self._aim(place))
+        uv = uv - self.rng.normal(0.0, self.clumsiness.place, 2)
+        load = touch_loads(self.patient.stage, poke(self.rng, self.hand), uv).sum(axis=0)
+        course = np.minimum(1.0, np.linspace(0.0, 3.0, POKE))[:, None]
+        return self._sense(course * course[::-1] * load)
+
+    def stroke(self, path: FloatArray) -> NDArray[np.uint8]:
+        """Samples of a fingertip led along a path (p, 3), with errors at both ends."""
+        middle = path[len(path) // 2]
+        missed = self._aim(middle)
+        taxel = int(np.argmin(np.linalg.norm(self.patient.skin.positions - missed, axis=1)))
+        uv, axes = self.patient.around(taxel)
+        if missed is middle:
+            line = np.array([_lay(self.patient, taxel, uv, point) for point in path])
+        else:
+            line = (path - middle) @ axes.T
+        share = np.linspace(0.0, 1.0, len(line))[:, None]
+        ends = self.rng.normal(0.0, self.clumsiness.place, (2, 2))
+        line = line + ends[0] * (1.0 - share) + ends[1] * share
+        length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+        steps = max(12, round(length / (PACE * self.rng.uniform(0.8, 1.6)) * 50))
+        pace = np.linspace(0.0, 1.0, steps) ** np.exp(self.rng.normal(0.0, 0.15))
+        pads = poke(self.rng, self.hand)
+        loads = np.zeros((steps, len(uv)))
+        for row, at in enumerate(pace):
+            spot = [np.interp(at, share[:, 0], line[:, axis]) for axis in (0, 1)]
+            close = np.flatnonzero(np.abs(uv - spot).max(axis=1) < 30e-3)
+            if len(close):
+                shifted = uv[close] - spot
+                loads[row, close] = touch_loads(self.patient.stage, pads, shifted).sum(axis=0)
+        wobble = np.exp(np.cumsum(self.rng.normal(0.0, 0.05, steps)))[:, None]
+        return self._sense(loads * wobble)
+
+    def rest(self, samples: int) -> NDArray[np.uint8]:
+        """Samples untouched."""
+        return self._sense(np.zeros((samples, len(self.gains))))
+
+    def _aim(self, place: FloatArray) -> FloatArray:
+        if self.rng.random() >= self.clumsiness.misses:
+            return place
+        return self.patient.skin.positions[int(self.rng.integers(len(self.gains)))]
+
+    def _sense(self, loads: FloatArray) -> NDArray[np.uint8]:
+        counts = FULL_SCALE * self.force * loads * self.gains
+        counts = counts + self.baseline + self.rng.normal(0.0, self.sensing.noise, counts.shape)
+        counts[:, self.dead] = 0.0
+        sent = np.where(self.sources >= 0, counts[:, self.sources], 0.0)
+        spikes = self.rng.random(sent.shape) < self.clumsiness.spikes
+        sent[spikes] = self.rng.uniform(20.0, 255.0, int(spikes.sum()))
+        return np.asarray(np.rint(np.clip(sent, 0.0, 255.0)), np.uint8)
+
+
+def _lay(patient: Patient, taxel: int, uv: FloatArray, point: FloatArray) -> FloatArray:
+    """Where a point of the skin lies in the log map of a taxel: as its nearest taxels do."""
+    away = np.linalg.norm(patient.skin.positions - point, axis=1)
+    away = np.where(np.isfinite(uv[:, 0]), away, np.inf)
+    near = nearest_first(away)[:3]
+    weight = 1.0 / (away[near] + 1e-4)
+    return np.asarray((weight[:, None] * uv[near]).sum(axis=0) / weight.sum())

@@ -1,0 +1,21 @@
+"""Names of the room, from where they are defined: `skinmap/lazy.py` loads them on first use."""
+
+from calibration.response.gain import Gain as Gain
+from calibration.response.gain import ReferenceLoads as ReferenceLoads
+from calibration.response.gain import fit_gain as fit_gain
+from calibration.response.response import DriftTracker as DriftTracker
+from calibration.response.response import Health as Health
+from calibration.response.response import ResponseCalibration as ResponseCalibration
+from calibration.response.response_file import load_response as load_response
+from calibration.response.response_file import save_response as save_response
+
+__all__ = [
+    "DriftTracker",
+    "Gain",
+    "Health",
+    "ReferenceLoads",
+    "ResponseCalibration",
+    "fit_gain",
+    "load_response",
+    "save_response",
+]

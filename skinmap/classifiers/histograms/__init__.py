@@ -1,0 +1,1 @@
+"""The kernel machine of the histograms, evaluated fast."""

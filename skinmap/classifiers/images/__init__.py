@@ -1,0 +1,1 @@
+"""Classifiers of contact images: bags of visual words and a convolutional network."""

@@ -1,0 +1,774 @@
+"""Rows and results of the protocols of `skinmap evaluate`: what they measured, field by field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from msgspec import UNSET, UnsetType
+
+Kind = Literal["plain", "event"]
+Meaning = Literal["yes", "no", "doubtful"]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Evaluated:
+    """What one protocol measured.
+
+    Attributes
+    ----------
+    protocol, robot
+        What was measured, and where.
+    files
+        Names inside `--out`.
+    """
+
+    protocol: str
+    robot: str
+    files: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Simulated(Evaluated):
+    """On simulated touches.
+
+    Attributes
+    ----------
+    accuracy_is
+        Where the touches come from.
+    variety
+        How far touches and sensors were drawn at random, 0 to 1; 0 are pads of fixed sizes on clean
+        sensors.
+    seeds
+        Of the repetitions.
+    """
+
+    accuracy_is: Literal["simulated"] = "simulated"
+    variety: float
+    seeds: list[int]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SimulatedGestures(Simulated):
+    """On so many simulated touches of each gesture.
+
+    Attributes
+    ----------
+    gestures, per_gesture
+        To tell apart, and touches of each on each part or patch, in each physics.
+    """
+
+    gestures: list[str]
+    per_gesture: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RealSkin(Evaluated):
+    """On samples of a real skin.
+
+    Attributes
+    ----------
+    taxels
+        Of the skin.
+    archive, patch
+        Files of the samples and of the skin.
+    accuracy_is
+        Where the touches come from.
+    unplaced, unrecorded
+        Channels without a place, and taxels without a channel.
+    """
+
+    taxels: int
+    archive: str
+    patch: str
+    accuracy_is: Literal["real"] = "real"
+    unplaced: int
+    unrecorded: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class AccuracyRow:
+    """One classifier under one kind of cross-validation.
+
+    Attributes
+    ----------
+    percent
+        kaspar: share of the samples that was drawn.
+    folds
+        Plain as published, or by touch event, so that no event is in both halves.
+    features, classifier
+        What it reads, and what decides.
+    per_class
+        Share named right, by label.
+    mean
+        Of the classes.
+    std
+        Of the mean over the seeds; not of published figures.
+    samples, touches
+        That were tested: samples (kaspar), touch events (recordings).
+    """
+
+    percent: int | UnsetType = UNSET
+    folds: Kind
+    features: str
+    classifier: str
+    per_class: dict[str, float]
+    mean: float
+    std: float | UnsetType = UNSET
+    samples: int | UnsetType = UNSET
+    touches: int | UnsetType = UNSET
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CarrySummary:
+    """How well some features carry over between patches.
+
+    Attributes
+    ----------
+    features
+        What is read.
+    same, other
+        Accuracy on the patch trained on and on the others; null where there is none.
+    difference
+        Other less same; null without others.
+    worst
+        Accuracy of the worst pair of patches; null without others.
+    worst_pair
+        Trained on and tested on; empty without others.
+    """
+
+    features: str
+    same: float | None
+    other: float | None
+    difference: float | None
+    worst: float | None
+    worst_pair: list[str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CarryRow:
+    """One pair of patches.
+
+    Attributes
+    ----------
+    features
+        What is read.
+    trained_on, tested_on
+        The patches.
+    taxels
+        Of both.
+    accuracy
+        Share named right, by event.
+    """
+
+    features: str
+    trained_on: str
+    tested_on: str
+    taxels: list[int]
+    accuracy: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CarryOver:
+    """Training on one patch, testing on another with other numbers of taxels.
+
+    Attributes
+    ----------
+    percent
+        Share of the samples that was drawn.
+    summary
+        By features.
+    rows
+        Pair by pair.
+    left_out
+        Parts on which not every touch can be simulated.
+    """
+
+    percent: int
+    summary: list[CarrySummary]
+    rows: list[CarryRow]
+    left_out: list[str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SweepRow:
+    """Histograms with one radius and number of codewords.
+
+    Attributes
+    ----------
+    radius_mm, words
+        Of a neighbourhood, and codewords of a structure.
+    structures, neighbours, bins
+        How many there are, of most taxels, and of the histogram.
+    mean, std
+        Mean of the classes, and its spread over the seeds.
+    """
+
+    radius_mm: float
+    words: int
+    structures: int
+    neighbours: int
+    bins: int
+    mean: float
+    std: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class KasparResult(Simulated):
+    """The protocol `kaspar`.
+
+    Attributes
+    ----------
+    part, taxels
+        What was measured, and where.
+    places
+        Where people touch.
+    samples
+        Of each gesture.
+    table
+        Features and classifiers.
+    paper
+        The published figures.
+    carry_over
+        Between patches.
+    sweep
+        Of radius and codewords; empty without `--set sweep=yes` or `--out`.
+    """
+
+    protocol: Literal["kaspar"] = "kaspar"
+    part: str
+    taxels: int
+    places: str
+    samples: dict[str, int]
+    table: list[AccuracyRow]
+    paper: list[AccuracyRow]
+    carry_over: CarryOver
+    sweep: list[SweepRow]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SplitSpread:
+    """Mean of the diagonal of the confusion matrix over the splits.
+
+    Attributes
+    ----------
+    mean, min, max
+        0 to 1.
+    """
+
+    mean: float
+    min: float
+    max: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MethodResult:
+    """One method of the protocol `baxter`.
+
+    Attributes
+    ----------
+    missing
+        Which library is not installed; then there is nothing else.
+    mean, min, max
+        Mean of the diagonal over the splits, by touch.
+    plain
+        The same for splits as published.
+    tuning
+        What was tried: settings and their mean.
+    k
+        bovw: codewords.
+    network, learning_rate, epochs
+        cnn: its size and training.
+    C, gamma
+        raw_rbf: penalty and width.
+    """
+
+    missing: str | UnsetType = UNSET
+    mean: float | UnsetType = UNSET
+    min: float | UnsetType = UNSET
+    max: float | UnsetType = UNSET
+    plain: SplitSpread | UnsetType = UNSET
+    tuning: list[dict[str, Any]] | UnsetType = UNSET
+    k: int | UnsetType = UNSET
+    network: str | UnsetType = UNSET
+    learning_rate: float | UnsetType = UNSET
+    epochs: int | UnsetType = UNSET
+    C: float | UnsetType = UNSET
+    gamma: float | UnsetType = UNSET
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Confusion:
+    """Mean confusion matrices: rows are what a touch was, columns what it was named.
+
+    Attributes
+    ----------
+    labels
+        Of rows and columns.
+    bovw, cnn, raw_rbf
+        Of each method that ran.
+    """
+
+    labels: list[str]
+    bovw: list[list[float]] | UnsetType = UNSET
+    cnn: list[list[float]] | UnsetType = UNSET
+    raw_rbf: list[list[float]] | UnsetType = UNSET
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BaxterResult(Evaluated):
+    """The protocol `baxter`.
+
+    Attributes
+    ----------
+    part, taxels
+        What was measured, and where.
+    accuracy_is, simulated
+        Where the touches come from.
+    variety
+        How far touches and sensors were drawn at random, 0 to 1.
+    bovw, cnn, raw_rbf
+        Bags of visual words, a network, raw values; those that were asked for.
+    confusion
+        By method.
+    images, touches, repeats
+        How many; a repeat is a split into 70 and 30 %.
+    seed
+        Of all randomness.
+    network
+        The paper's size, or a smaller one.
+    paper
+        The published figures, by method.
+    """
+
+    protocol: Literal["baxter"] = "baxter"
+    part: str
+    taxels: int
+    accuracy_is: Literal["simulated"] = "simulated"
+    variety: float
+    bovw: MethodResult | UnsetType = UNSET
+    cnn: MethodResult | UnsetType = UNSET
+    raw_rbf: MethodResult | UnsetType = UNSET
+    confusion: Confusion
+    images: int
+    touches: int
+    repeats: int
+    seed: int
+    network: str
+    paper: dict[str, dict[str, float]]
+    simulated: Literal[True] = True
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PatchesRow:
+    """One classifier on patches that it was not trained on.
+
+    Attributes
+    ----------
+    features, classifier
+        What it reads, and what decides.
+    mean, std
+        Share named right, and its spread over the seeds.
+    worst, worst_patch
+        On the patch that it does worst on.
+    per_patch, per_class
+        By patch, and by gesture.
+    unknown
+        Share that the classifier would leave unnamed.
+    touches
+        That were tested.
+    """
+
+    features: str
+    classifier: str
+    mean: float
+    std: float
+    worst: float
+    worst_patch: str
+    per_patch: dict[str, float]
+    per_class: dict[str, float]
+    unknown: float
+    touches: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CrossPatchResult(SimulatedGestures):
+    """The protocol `cross-patch`.
+
+    Attributes
+    ----------
+    train_robot
+        Robot trained on; null: all other patches of the same.
+    patches
+        Taxels by patch.
+    rows
+        By classifier.
+    """
+
+    protocol: Literal["cross-patch"] = "cross-patch"
+    train_robot: str | None
+    patches: dict[str, int]
+    rows: list[PatchesRow]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PhysicsRow:
+    """A classifier trained on one physics and tested on one, on other parts.
+
+    Attributes
+    ----------
+    trained_on, tested_on
+        Ours, a variant of MuJoCo, or all of both but what is tested on.
+    mean, per_class
+        Share named right: mean of the gestures, and each.
+    ece
+        Expected calibration error of the confidences.
+    held, set_size
+        Share of the touches whose set of names, promised for 0.9 of them, holds the true one, and
+        names in a set; null for classifiers without sets.
+    confusion
+        Touches of each gesture by the name they were given.
+    """
+
+    trained_on: str
+    tested_on: str
+    mean: float
+    per_class: dict[str, float]
+    ece: float
+    held: float | None
+    set_size: float | None
+    confusion: dict[str, dict[str, int]]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PhysicsResult(SimulatedGestures):
+    """The protocol `physics`.
+
+    Attributes
+    ----------
+    parts
+        What was measured, and where; mirror images are left out.
+    classifier
+        What names.
+    frozen
+        The variant that nothing is trained or tuned on.
+    rows
+        By training and test.
+    """
+
+    protocol: Literal["physics"] = "physics"
+    parts: list[str]
+    classifier: str
+    frozen: str
+    rows: list[PhysicsRow]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SeenRow:
+    """A classifier of touches in time, trained on other parts and other people.
+
+    Attributes
+    ----------
+    features
+        What it looks at: contact geometry alone, and motion.
+    tested_on
+        Ours, or a variant of MuJoCo.
+    seen
+        Share of each touch that it was shown.
+    mean, per_class
+        Share named right: mean of the gestures, and each.
+    confusion
+        Touches of each gesture by the name they were given.
+    """
+
+    features: str
+    tested_on: str
+    seen: float
+    mean: float
+    per_class: dict[str, float]
+    confusion: dict[str, dict[str, int]]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StrokesRow:
+    """How wrong the motion of strokes of 5 cm or more is, in the median.
+
+    Attributes
+    ----------
+    physics
+        Ours, or a variant of MuJoCo.
+    strokes
+        How many.
+    speed
+        Error of the speed as a share of it; this and the others are null without strokes.
+    speed_bias
+        The same with its sign, or null.
+    direction_deg
+        Angle between velocities and true ones, or null.
+    length
+        Error of the length of the way, as a share of it, or null.
+    within
+        Share of the velocities that are wrong by no more than twice their stated error, or null.
+    """
+
+    physics: str
+    strokes: int
+    speed: float | None
+    speed_bias: float | None
+    direction_deg: float | None
+    length: float | None
+    within: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TimeResult(SimulatedGestures):
+    """The protocol `time`.
+
+    Attributes
+    ----------
+    parts
+        What was measured, and where; mirror images are left out.
+    per_gesture
+        Touches of each on each part; of MuJoCo's a quarter.
+    rows
+        By features, physics and share seen.
+    strokes
+        Direction and speed, by physics.
+    presses_right
+        Share of taps and pats whose presses were counted right, by physics; null without any.
+    still_alone, still_together
+        Share of the four still gestures named right by a classifier of these alone, and of all.
+    gained_points
+        By motion, of whole touches.
+    half_seen
+        Accuracy on half of a touch, as a share of that on all of it.
+    skipped
+        What was left out, and why.
+    """
+
+    protocol: Literal["time"] = "time"
+    parts: list[str]
+    rows: list[SeenRow]
+    strokes: list[StrokesRow]
+    presses_right: dict[str, float | None]
+    still_alone: float
+    still_together: float
+    gained_points: float
+    half_seen: float
+    skipped: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CountRow:
+    """A way to count fingers.
+
+    Attributes
+    ----------
+    method
+        What counts.
+    exact, within_one
+        Share of the recordings that it was not fitted on.
+    spread
+        Standard deviation of `exact` over the repetitions.
+    control, control_within_one
+        The same on the first samples of each recording, before it is touched.
+    confusion
+        Recordings of each number of fingers (rows) by the number counted.
+    """
+
+    method: str
+    exact: float
+    within_one: float
+    spread: float
+    control: float
+    control_within_one: float
+    confusion: list[list[float]]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FingersResult(RealSkin):
+    """The protocol `fingers`: real fingers, counted.
+
+    Attributes
+    ----------
+    recordings
+        By number of fingers.
+    majority
+        Share of the most frequent number.
+    seeds
+        Of the repetitions.
+    first_samples
+        Of the control.
+    narrow_mm, finger_mm
+        Spread across one finger at most, and what each further one adds: chosen on a third of the
+        recordings, median over the repetitions.
+    live
+        Contacts of the live tracker in the heaviest sample; nothing is fitted.
+    width
+        Without training: two lengths from a third of the recordings, judged on the others.
+    chosen, chosen_numbers
+        The same where the third chooses which number of contact geometry counts, too: nothing of
+        the rule is known from the recordings that judge it. And what it chose, of each seed.
+    trained
+        Extra trees on contact geometry, a region of the skin left out in turn.
+    """
+
+    protocol: Literal["fingers"] = "fingers"
+    recordings: dict[str, int]
+    majority: float
+    seeds: list[int]
+    first_samples: int
+    narrow_mm: float
+    finger_mm: float
+    live: CountRow
+    width: CountRow
+    chosen: CountRow
+    chosen_numbers: list[str]
+    trained: CountRow
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HandsResult(RealSkin):
+    """The protocol `hands`: real hands on a skin.
+
+    Attributes
+    ----------
+    flips, edge_error_percent
+        Of the flat map that contact images lie on.
+    samples, grasping
+        All, and those with more than 30 active taxels.
+    contacts_median, contacts_quartiles
+        Contacts of the live tracker in samples that grasp.
+    pieces_median
+        Connected active taxels in the same samples, specks and all.
+    single_taxels
+        Contacts of one taxel, mean of these samples.
+    quiet_contacts
+        Contacts in samples with three active taxels at most: the control; null without any.
+    """
+
+    protocol: Literal["hands"] = "hands"
+    flips: int
+    edge_error_percent: float
+    samples: int
+    grasping: int
+    contacts_median: float
+    contacts_quartiles: list[float]
+    pieces_median: float
+    single_taxels: float
+    quiet_contacts: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LeakRow:
+    """How much plain folds flatter a classifier.
+
+    Attributes
+    ----------
+    classifier, points
+        Its name, and percentage points.
+    """
+
+    classifier: str
+    points: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LeftOutRow:
+    """One classifier, judged on groups of touches that it did not learn from.
+
+    Attributes
+    ----------
+    classifier
+        Its name.
+    left_out
+        event: touches dealt out whatever group they are of; else session, person, place or part.
+    groups
+        How many groups there are.
+    per_class
+        Share named right, by label.
+    mean
+        Of the classes; null where nothing could be left out.
+    right
+        Share of all touches named right; null likewise.
+    chance
+        Share of the most frequent label.
+    control, first
+        Share named right by the same classifier of what the skin read before the touches, and of
+        the first samples; null where it sees nothing there.
+    raw
+        Of what the skin read before the touches, by a linear classifier of raw values; null where
+        there is nothing.
+    meaning
+        Whether the figure says something of touches; null where there is none.
+    verdict
+        The same in one line; or why there is no figure.
+    """
+
+    classifier: str
+    left_out: str
+    groups: int
+    chance: float
+    per_class: dict[str, float] = field(default_factory=dict)
+    mean: float | None = None
+    right: float | None = None
+    control: float | None = None
+    first: float | None = None
+    raw: float | None = None
+    meaning: Meaning | None = None
+    verdict: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RecordingsResult(Evaluated):
+    """Recordings, cross-validated.
+
+    Attributes
+    ----------
+    parts
+        What was measured, and where.
+    recordings
+        The files.
+    folds, seeds
+        Of the cross-validation.
+    touches
+        Events by label.
+    table
+        By classifier and kind of folds.
+    leak
+        By classifier.
+    left_out
+        With --leave-out: what is left of the figures, and their controls.
+    sessions, people
+        Touches of each; people who are not named are left out.
+    warnings
+        What classifiers may have learnt instead of the touches.
+    skipped
+        Classifiers that were left out, and why.
+    """
+
+    protocol: Literal["recordings"] = "recordings"
+    parts: list[str]
+    recordings: list[str]
+    folds: int
+    seeds: list[int]
+    touches: dict[str, int]
+    table: list[AccuracyRow]
+    leak: list[LeakRow]
+    left_out: list[LeftOutRow] = field(default_factory=list)
+    sessions: dict[str, int]
+    people: dict[str, int]
+    warnings: list[str]
+    skipped: dict[str, str]
+
+
+EvaluateResult = (
+    KasparResult
+    | CrossPatchResult
+    | PhysicsResult
+    | RecordingsResult
+    | BaxterResult
+    | TimeResult
+    | FingersResult
+    | HandsResult
+)

@@ -1,1 +1,0 @@
-"""Evaluation protocols: the papers' tables, transfer between patches and robots, recordings."""

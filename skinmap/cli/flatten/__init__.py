@@ -1,1 +1,0 @@
-"""`skinmap flatten`: its options, its work, its result."""

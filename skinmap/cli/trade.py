@@ -1,0 +1,296 @@
+"""`skinmap trade`: speed against accuracy on a user's own skin and machine."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from skinmap import __version__
+from skinmap.commands.options import (
+    open_robot,
+    out_folder,
+    outside_option,
+    part_option,
+    prints,
+)
+from skinmap.commands.overwriting import protect
+from skinmap.commands.progress import progress
+from skinmap.commands.retired import retired
+from skinmap.profile import FORMAT, PROFILE, Value
+from skinmap.report.present import present
+from skinmap.report.result import significant
+from skinmap.report.table import Table
+from skinmap.trade.measured import Point, Recommended, TaskRow, TradeResult, Unmeasured, describe
+from skinmap.trade.task import defaults, tasks
+
+if TYPE_CHECKING:
+    from skinmap.trade.task import TradeTask
+
+ALL = "all"
+
+
+@click.command("trade")
+@click.argument("robot", default="icub", metavar="[ROBOT]")
+@outside_option
+@part_option
+@click.option(
+    "--task",
+    "names",
+    metavar="TASK",
+    multiple=True,
+    default=(ALL,),
+    show_default=True,
+    help="What to measure: flatten, classify, fidelity, a plug-in, or all.",
+)
+@click.option(
+    "--max-ms",
+    multiple=True,
+    metavar="[TASK=]X",
+    help="The time there is, instead of one sample of a stream; may be repeated.",
+)
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, 1000),
+    default=3,
+    show_default=True,
+    help="Repetitions, each with touches of its own.",
+)
+@out_folder("a plot a task, profile.toml and report.html")
+@retired(
+    budget_ms="write --max-ms",
+    max_error="read the errors in the table, and give --max-ms the time of the one you want",
+    check="run trade again and compare",
+    seed="touches are drawn by the numbers of --seeds, from 0",
+)
+@prints(TradeResult)
+def command(
+    robot: str,
+    parts: tuple[str, ...],
+    names: tuple[str, ...],
+    max_ms: tuple[str, ...],
+    seeds: int,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Measure what each setting costs and how wrong it is, and recommend one for each task.
+
+    Recommended is the least error within the time there is: one sample of a stream, or what the
+    default takes where that is longer. It is never worse than the default unless a limit asks
+    for that. A limit counts for every task measured, or for one: --max-ms flatten=20. With
+    --out the recommendation is written as profile.toml, which other commands take as --profile.
+
+    \b
+    Example:  skinmap trade icub --part right_forearm --out trade
+              skinmap trade icub --part torso --task flatten --max-ms 20 --json
+    """
+    if out is not None:  # a profile that is in use changes by no accident
+        protect(out / PROFILE, data=True)
+    chosen, lost = _tasks(names)
+    limits = _limits(max_ms, chosen)
+    result = work(chosen, limits, robot, parts, range(seeds), lost, out)
+    present(
+        result,
+        lines,
+        as_json=as_json,
+        out=out,
+        write=lambda stage: write(result, stage),
+        page=lambda stage: report(result, stage),
+        number=significant,  # a touch may take 50 microseconds
+    )
+
+
+def work(
+    tasks: Mapping[str, TradeTask],
+    limits: Mapping[str, float],
+    robot: str,
+    parts: tuple[str, ...],
+    seeds: range,
+    lost: Sequence[Unmeasured] = (),
+    out: Path | None = None,
+) -> TradeResult:
+    """Measure every setting of every task, and choose one of each.
+
+    Raises
+    ------
+    SkinError
+        Nothing could be measured, or no setting keeps a limit.
+    """
+    from skinmap.errors import SkinError
+    from skinmap.trade.front import pareto
+    from skinmap.trade.measuring import measure
+
+    loaded, wanted = open_robot(robot, parts)
+    points: list[Point] = []
+    failed = list(lost)
+    recommended: dict[str, Recommended] = {}
+    with progress(sum(map(_count, tasks.values())) * len(seeds), "trade") as advance:
+        measured = {
+            name: measure(task, loaded, wanted, seeds=seeds, progress=advance)
+            for name, task in tasks.items()
+        }
+    for name, (own, unmeasured) in measured.items():
+        failed += unmeasured
+        points += [replace(one, pareto=on) for one, on in zip(own, pareto(own), strict=True)]
+        if own:
+            recommended[name] = _recommended(tasks[name], own, limits.get(name))
+    if not points:
+        said = "; ".join(f"{one.task}: {one.reason}" for one in failed[:3])
+        raise SkinError(f"nothing could be measured: {said}")
+    return TradeResult(
+        robot=robot,
+        parts=list(wanted),
+        seed=seeds.start,
+        seeds=len(seeds),
+        tasks=[
+            TaskRow(
+                task=one.name, work=one.work, unit=one.unit, truth=one.truth, knobs=list(one.knobs)
+            )
+            for one in tasks.values()
+        ],
+        points=points,
+        recommended=recommended,
+        failed=failed,
+        profile=None if out is None else str(out / PROFILE),
+    )
+
+
+def _recommended(task: TradeTask, points: Sequence[Point], seconds: float | None) -> Recommended:
+    from skinmap.trade.front import recommend
+
+    one, why = recommend(points, defaults(task.knobs), seconds)
+    return Recommended(
+        setting=one.setting, seconds=one.seconds, error=one.error, unit=one.unit, why=why
+    )
+
+
+def _tasks(names: tuple[str, ...]) -> tuple[dict[str, TradeTask], list[Unmeasured]]:
+    """The tasks asked for by name, and plug-ins that do not load."""
+    from importlib.metadata import entry_points
+
+    from skinmap.profile import TASKS
+
+    if ALL not in names:
+        return {name: tasks.get(name) for name in dict.fromkeys(names)}, []
+    known = tasks.names()
+    lost = [point.name for point in entry_points(group=TASKS) if point.name not in known]
+    reason = "its plug-in does not load"
+    failures = [Unmeasured(task=name, setting=None, reason=reason) for name in lost]
+    return {name: tasks.get(name) for name in known}, failures
+
+
+def _count(task: TradeTask) -> int:
+    """How many settings a task has; 0 where it fails to answer, which is reported later."""
+    try:
+        return len(task.settings())
+    except Exception:  # noqa: BLE001 - a plug-in's fault, which `measure` reports
+        return 0
+
+
+def _limits(words: tuple[str, ...], tasks: Mapping[str, TradeTask]) -> dict[str, float]:
+    """The time of each task [s]; `TASK=X` wins over a bare X, wherever it stands."""
+    from skinmap.errors import UnknownNameError
+
+    common: dict[str, float] = {}
+    own: dict[str, float] = {}
+    for word in words:
+        name, mark, number = word.rpartition("=")
+        try:
+            value = float(number) / 1e3
+        except ValueError:
+            value = math.nan
+        if not 0.0 < value < math.inf:
+            raise click.UsageError(f"--max-ms must be a number above 0, or TASK=X, got {word!r}")
+        if mark and name not in tasks:
+            raise UnknownNameError("task (of --max-ms)", name, tasks)
+        if mark:
+            own[name] = value
+        else:
+            common = dict.fromkeys(tasks, value)
+    return common | own
+
+
+def lines(result: TradeResult) -> Iterator[str | Table]:
+    """For people: every setting by its time, the front and the recommendation marked."""
+    from skinmap.trade.plot import chosen_of, points_by_time
+
+    for task in result.tasks:
+        points = points_by_time(result, task.task)
+        if not points:
+            continue
+        chosen = chosen_of(points, result.recommended[task.task])
+        yield f"{task.task}: time of {task.work}; error in {task.unit}, {task.truth}"
+        rows = [
+            [
+                "=>" if one is chosen else "*" if one.pareto else "",
+                describe(one.setting),
+                1e3 * one.seconds,
+                None if one.seconds_spread is None else 1e3 * one.seconds_spread,
+                one.error,
+                one.error_spread,
+            ]
+            for one in points
+        ]
+        yield Table(["", "setting", "ms", "±", task.unit, "±"], rows)
+        why = result.recommended[task.task].why
+        yield f"recommended ({why}): {describe(chosen.setting)}: {chosen.cost}\n"
+    for lost in result.failed:
+        where = "" if lost.setting is None else f" {describe(lost.setting)}"
+        yield f"not measured: {lost.task}{where}: {lost.reason}"
+
+
+def write(result: TradeResult, stage: Path) -> Iterator[str]:
+    """Write a plot of each task and the profile into a folder; their names."""
+    from skinmap.trade.plot import trade_figure
+
+    for task in result.tasks:
+        if task.task in result.recommended:
+            path = stage / f"{task.task}.png"
+            trade_figure(result, task, path)
+            yield path.name
+    (stage / PROFILE).write_text(profile_text(result), encoding="utf-8")
+    yield PROFILE
+
+
+def report(result: TradeResult, stage: Path) -> str:
+    """The page, with the plots that were written."""
+    from skinmap.report.image import media
+    from skinmap.report.page import lines_page
+
+    plots = [media(stage / f"{name}.png", name) for name in result.recommended]
+    title = f"{Path(result.robot).name}: speed against accuracy"
+    return lines_page(title, lines(result), plots)
+
+
+def profile_text(result: TradeResult) -> str:
+    """The profile as TOML: `[profile]`, then a table a task, each with its `predicted` figures."""
+    head: dict[str, Value] = {
+        "format": FORMAT,
+        "skinmap": __version__,
+        "robot": result.robot,
+        "part": ",".join(result.parts),
+        "machine": result.machine,
+        "seed": result.seed,
+        "seeds": result.seeds,
+    }
+    blocks: dict[str, Mapping[str, Value]] = {"profile": head}
+    for task, one in result.recommended.items():
+        blocks[task] = one.setting
+        blocks[f"{task}.predicted"] = {
+            "seconds": one.seconds, "error": one.error, "unit": one.unit
+        }  # fmt: skip
+    return "\n".join(
+        "\n".join([f"[{name}]", *(f"{key} = {_toml(v)}" for key, v in block.items()), ""])
+        for name, block in blocks.items()
+    )
+
+
+def _toml(value: Value) -> str:
+    """One value; a JSON string is a TOML string, and so are numbers and booleans."""
+    number = significant(value) if isinstance(value, float) else value
+    return json.dumps(number, ensure_ascii=False)

@@ -1,1 +1,0 @@
-"""`skinmap trade`: its options, its work, its result."""

@@ -1,0 +1,64 @@
+"""Options that were removed: for one release each answers with what to write instead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+F = TypeVar("F", bound=Callable[..., Any])
+NO_PROFILE = "a profile holds no setting of this command"
+
+
+class RetiredOption(click.Option):
+    """A hidden option that takes anything and only answers; it does not count as an option."""
+
+
+def retired(**instead: str) -> Callable[[F], F]:
+    """Options that a command no longer has.
+
+    Parameters
+    ----------
+    instead : str
+        For each name (`points_hz` for `--points-hz`) one line: how to get the same now, or why
+        nothing takes its place.
+
+    Returns
+    -------
+    callable
+        A decorator for a command.
+
+    Examples
+    --------
+    >>> import click
+    >>> from click.testing import CliRunner
+    >>> @click.command()
+    ... @retired(backend="write --jobs tcp://HOST:PORT")
+    ... def sweep() -> None:
+    ...     pass
+    >>> CliRunner().invoke(sweep, ["--backend", "dask"]).output.splitlines()[-1]
+    'Error: --backend was removed: write --jobs tcp://HOST:PORT'
+    """
+
+    def answer(_: click.Context, param: click.Parameter, value: tuple[str, ...]) -> None:
+        if value:
+            raise click.UsageError(f"{param.opts[0]} was removed: {instead[str(param.name)]}")
+
+    def add(command: F) -> F:
+        for name in instead:
+            command = click.option(
+                f"--{name.replace('_', '-')}",
+                name,
+                cls=RetiredOption,
+                hidden=True,
+                expose_value=False,
+                is_eager=True,
+                multiple=True,
+                is_flag=False,
+                flag_value="given",  # so that a word behind it is optional
+                callback=answer,
+            )(command)
+        return command
+
+    return add

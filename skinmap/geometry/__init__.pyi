@@ -1,0 +1,19 @@
+from skinmap.geometry.distances import bridged_graph, path_distances
+from skinmap.geometry.log_map import log_map
+from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.proximity import closest_on_mesh, median_spacing, nearest_first
+from skinmap.geometry.tangents import plane_turns, tangent_frames
+from skinmap.geometry.topology import loops_by_length
+
+__all__ = [
+    "TriangleMesh",
+    "bridged_graph",
+    "closest_on_mesh",
+    "log_map",
+    "loops_by_length",
+    "median_spacing",
+    "nearest_first",
+    "path_distances",
+    "plane_turns",
+    "tangent_frames",
+]

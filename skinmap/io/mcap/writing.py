@@ -1,0 +1,618 @@
+"""Writing recordings in MCAP so that whatever ends the process leaves a file that opens.
+
+The writer is that of the package `mcap`. Here it is told to close a chunk by age as well as by
+size; a chunk reaches the system in one write, and a write that fails is taken back. Our layout of
+the file is described in docs/recordings.md, the format at https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap import __version__
+from skinmap.arrays import FloatArray
+from skinmap.errors import OutputError, SkinMismatchError
+from skinmap.io.recordings.recorded_stream import Kind, MarkedTouch, RecordedStream, nanoseconds_of
+from skinmap.io.ros2.arrays import Number, array_type, encode
+from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata, qos_profile
+from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA
+from skinmap.io.ros2.message_types import definition, full_name
+from skinmap.io.ros2.messages import TouchMarker, joints_message, text_message
+from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED, TYPES, RobotTopics, RobotView
+from skinmap.io.taxels.table import write_csv
+from skinmap.skin.fingerprint import fingerprint
+from skinmap.skin.robot import Robot
+from skinmap.skin.skin import Skin
+from skinmap.skin.taxels import TaxelTable
+from skinmap.touch.true_motion import TrueMotion
+
+CHUNK_BYTES = 64 * 1024
+CHUNK_SECONDS = 0.1  # half of what may be lost; the other half is for a busy machine
+NS = 1_000_000_000
+MAGIC = b"\x89MCAP0\r\n"
+KEPT = 4  # of the newest writes whose places are known: a file ends where one of them began
+
+
+class McapWriter:
+    """Records of an MCAP file, in chunks that close by size or by age.
+
+    Parameters
+    ----------
+    file : binary file
+        Unbuffered (`open(path, "wb", buffering=0)`), at its beginning.
+    chunk_bytes : int
+        Uncompressed size that closes a chunk.
+    chunk_seconds : float
+        Age that closes a chunk, in messages' time and by the clock.
+    clock : callable
+        Seconds.
+
+    Notes
+    -----
+    An `OSError` (no space left) is passed on after the half-written record was taken back; then
+    only `finish` may follow. It ends the file in fifty bytes, at the cost of its last chunk where
+    even these do not fit.
+    """
+
+    def __init__(
+        self,
+        file: IO[bytes],
+        *,
+        chunk_bytes: int = CHUNK_BYTES,
+        chunk_seconds: float = CHUNK_SECONDS,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        from mcap.writer import Writer
+
+        self._sink, self._clock, self._age = _WholeWrites(file), clock, chunk_seconds
+        self._writer: Any = Writer(self._sink, chunk_size=chunk_bytes)  # type: ignore[arg-type]
+        self._span: tuple[int, int] | None = None  # of the open chunk's messages [ns]
+        self._began = 0.0
+        self._writer.start(profile="ros2", library=f"skinmap {__version__}")
+        self._sink.flush()
+
+    @property
+    def size(self) -> int:
+        """Bytes that the system has."""
+        return self._sink.size
+
+    def add_schema(self, name: str, encoding: str, data: bytes) -> int:
+        """Describe a kind of message; its number."""
+        from mcap.records import Schema
+
+        number = int(self._writer.register_schema(name, encoding, data))
+        self._say(Schema(number, data, encoding, name))
+        return number
+
+    def add_channel(
+        self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str] | None = None
+    ) -> int:
+        """Open a channel for messages of one kind; its number."""
+        from mcap.records import Channel
+
+        known = dict(metadata or {})
+        number = int(self._writer.register_channel(topic, encoding, schema, known))
+        self._say(Channel(number, topic, encoding, known, schema))
+        return number
+
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
+        """Write a table of words."""
+        self._writer.add_metadata(name, dict(content))
+        self._sink.flush()
+
+    def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
+        """Write a small file into this one."""
+        self._writer.add_attachment(0, 0, name, media_type, data)
+        self._sink.flush()
+
+    def add_message(self, channel: int, nanoseconds: int, data: bytes, sequence: int) -> None:
+        """Add a message to the open chunk; close the chunk if it is large or old enough."""
+        if self._span is None:
+            self._began, self._span = self._clock(), (nanoseconds, nanoseconds)
+        low, high = min(self._span[0], nanoseconds), max(self._span[1], nanoseconds)
+        self._span = (low, high)
+        self._writer.add_message(channel, nanoseconds, data, nanoseconds, sequence & 0xFFFFFFFF)
+        if self._sink.waiting or max(self.age, (high - low) / NS) >= self._age:
+            self.flush()
+
+    @property
+    def age(self) -> float:
+        """Seconds since the first message that is not yet in a closed chunk; 0 where none is."""
+        return 0.0 if self._span is None else self._clock() - self._began
+
+    def flush(self) -> None:
+        """Close the open chunk and give it to the system."""
+        self._span = None
+        self._writer.flush()
+
+    @property
+    def broken(self) -> bool:
+        """Whether the system refused a write: only `finish` may follow."""
+        return self._sink.broken
+
+    def finish(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        """End the file, with last tables of words and its index where there is room for them."""
+        if not self.broken:
+            try:
+                self.flush()
+                for name, content in (metadata or {}).items():
+                    self._writer.add_metadata(name, dict(content))
+                self._writer.finish()
+                self._sink.flush()
+                return
+            except OSError:
+                self._end_shortly()
+                raise
+        self._end_shortly()
+
+    def _say(self, record: Any) -> None:
+        """Write a description at once; the writer's own stands in a chunk, which may be lost."""
+        from mcap.data_stream import RecordBuilder
+
+        builder = RecordBuilder()
+        record.write(builder)
+        self._sink.write(builder.end())
+        self._sink.flush()
+
+    def _end_shortly(self) -> None:
+        """End without an index: readers then go through the file from its beginning."""
+        from mcap.data_stream import RecordBuilder
+        from mcap.records import DataEnd, Footer
+
+        builder = RecordBuilder()
+        DataEnd(0).write(builder)
+        Footer(0, 0, 0).write(builder)  # no checksum is asked for
+        end = builder.end() + MAGIC
+        while True:
+            self._sink.write(end)
+            try:
+                self._sink.flush()
+                return
+            except OSError:
+                if not self._sink.step_back():
+                    return  # not even a header fits: nothing was recorded
+
+
+class _WholeWrites:
+    """A file for `mcap.writer.Writer` that gets all that came between two flushes, or nothing."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._waiting = bytearray()
+        self._starts: list[int] = []
+        self.size = 0
+        self.broken = False
+
+    @property
+    def waiting(self) -> bool:
+        """Whether something was not yet given to the system."""
+        return bool(self._waiting)
+
+    def write(self, data: bytes) -> int:
+        self._waiting += data
+        return len(data)
+
+    def tell(self) -> int:
+        return self.size + len(self._waiting)
+
+    def flush(self) -> None:
+        rest = memoryview(bytes(self._waiting))
+        self._waiting.clear()
+        length = len(rest)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError:
+            self.broken = True
+            self._cut(self.size)
+            raise
+        self._starts = [*self._starts[1 - KEPT :], self.size]
+        self.size += length
+
+    def step_back(self) -> bool:
+        """Take the newest write back; False where its place is not known."""
+        if not self._starts:
+            return False
+        self._cut(self._starts.pop())
+        return True
+
+    def _cut(self, size: int) -> None:
+        self.size = size
+        self._file.truncate(size)
+        self._file.seek(size)
+
+
+FORMAT = "skinmap-mcap-2"
+METADATA = "skinmap"
+REPAIRED = "repaired_lost_seconds"  # in the head of a file that was made from a damaged one
+TOUCHES, MOTION = "/skin/touches", "/skin/motion"  # texts of JSON: docs/recordings.md
+POINTS_HZ = 1.0  # clouds of all taxels: 16 bytes a taxel, which hardly compress
+TOPICS: dict[tuple[Kind, Number], str] = {
+    ("raw", "UInt8"): "/skin/raw",
+    ("raw", "Float32"): "/skin/raw_float",
+    ("pressure", "UInt8"): "/skin/pressure",
+    ("pressure", "Float32"): "/skin/pressure_float",
+}
+TABLES = "skin/"  # attachments: skin/<part>.csv
+
+
+class McapRecording:
+    """One recording file that is being written.
+
+    Parameters
+    ----------
+    path : Path
+    parts : sequence of str
+        Whose values follow each other in a sample.
+    widths : mapping of kind to sequence of int
+        Columns of each part, for each kind of values that will be written.
+    rate : float
+        Nominal samples a second; 0 where they come when they like.
+    name, robot, manifest, clock : str
+    fingerprints : mapping of str to str
+        Of the skins, where no skin is given.
+    skins : mapping of str to Skin
+        Written into the file, so that it explains itself.
+    samples : mapping of str to int
+        How many of the first samples each part really has, where parts differ.
+    session, person : str
+        Of all touches that do not say otherwise.
+    chunk_seconds : float
+        Most that a killed process may lose.
+    model : Robot, optional
+        What ROS 2's tools draw: its description, transforms, and clouds of its taxels are written.
+    points_hz : float
+        Clouds a second at most; `inf` one with every sample, 0 none.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be made or written to.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        parts: Sequence[str],
+        widths: Mapping[Kind, Sequence[int]],
+        rate: float = 0.0,
+        name: str = "",
+        robot: str = "",
+        manifest: str = "",
+        clock: str = "recording",
+        fingerprints: Mapping[str, str] | None = None,
+        skins: Mapping[str, Skin] | None = None,
+        samples: Mapping[str, int] | None = None,
+        session: str = "",
+        person: str = "",
+        chunk_seconds: float = CHUNK_SECONDS,
+        model: Robot | None = None,
+        points_hz: float = POINTS_HZ,
+    ) -> None:
+        self.path = path
+        self.samples: dict[Kind, int] = dict.fromkeys(widths, 0)
+        self._widths = {kind: tuple(each) for kind, each in widths.items()}
+        self._parts = tuple(parts)
+        self._ids: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._facts: dict[str, TopicFacts] = {}
+        self._view: RobotView | None = None
+        known = dict(fingerprints or {})
+        known |= {part: fingerprint(skin) for part, skin in (skins or {}).items()}
+        head = {
+            "format": FORMAT,
+            "name": name,
+            "robot": robot,
+            "manifest": manifest,
+            "rate": repr(float(rate)),
+            "clock": clock,
+            "began": datetime.now(UTC).isoformat(timespec="seconds"),
+            "chunk_seconds": repr(chunk_seconds),
+            "parts": json.dumps(list(parts)),
+            "widths": json.dumps(self._widths),
+            "fingerprints": json.dumps(known),
+            "samples": json.dumps(dict(samples or {})),
+            "session": session,
+            "person": person,
+        }
+        self._head = head
+        try:
+            self._file = _alone(path)
+        except BlockingIOError:
+            raise OutputError(f"cannot write {str(path)!r}: another recorder writes it") from None
+        except OSError as error:
+            raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None
+        with self._disk():
+            self._writer = McapWriter(self._file, chunk_seconds=chunk_seconds)
+            self._writer.add_metadata(METADATA, head)
+            self._open_channels(model is not None)
+            for part, skin in (skins or {}).items():
+                self._writer.add_attachment(f"{TABLES}{part}.csv", "text/csv", table_of(skin))
+        self._shown: Kind = "pressure" if "pressure" in widths else "raw"
+        if model is not None:
+            topics = RobotTopics(model, self._parts, self._widths[self._shown], self._shown)
+            self._view = RobotView(topics, self._message, points_hz)
+
+    def _open_channels(self, shows_robot: bool) -> None:
+        # The head stands in the channels too: a damaged page at the beginning cannot take it all.
+        for (kind, number), topic in TOPICS.items():
+            if kind in self._widths:
+                self._open(topic, array_type(number), self._head)
+        self._open(TOUCHES, "std_msgs/String", {})
+        self._open(JOINT_STATES, TYPES[JOINT_STATES], {})
+        if shows_robot:
+            for topic, type_name in TYPES.items():
+                if topic != JOINT_STATES:
+                    self._open(topic, type_name, {})
+
+    def _open(self, topic: str, kind: str, words: Mapping[str, str]) -> None:
+        if kind not in self._schemas:
+            text = definition(kind)
+            self._schemas[kind] = self._writer.add_schema(full_name(kind), "ros2msg", text)
+        qos = {QOS_KEY: qos_profile(latched=topic in LATCHED)}
+        self._facts[topic] = TopicFacts(full_name(kind), latched=topic in LATCHED)
+        number = self._schemas[kind]
+        self._ids[topic] = self._writer.add_channel(topic, "cdr", number, {**words, **qos})
+
+    @property
+    def size(self) -> int:
+        """Bytes written."""
+        return self._writer.size
+
+    def add(self, kind: Kind, time: float, values: NDArray[Any]) -> None:
+        """Write one sample.
+
+        Parameters
+        ----------
+        kind : {"raw", "pressure"}
+        time : float
+            In the source's clock [s].
+        values : (channels,) array
+            Whole counts of 0 to 255 take a byte, other numbers four.
+
+        Raises
+        ------
+        SkinMismatchError
+            Another number of channels.
+        InvalidArrayError
+            A time that is none.
+        OutputError
+            No room; what was written stays readable.
+        """
+        channels = sum(self._widths[kind])
+        if np.shape(values) != (channels,):
+            raise SkinMismatchError(
+                f"{self.path.name}: {kind} values of shape {np.shape(values)}, the skin has "
+                f"{channels} channels"
+            )
+        number: Number = "UInt8" if whole_counts(values) else "Float32"
+        message, stamp = encode(values, number), nanoseconds_of(time)
+        self._message(TOPICS[kind, number], stamp, message, self.samples[kind])
+        self.samples[kind] += 1
+        if self._view is not None and kind == self._shown:
+            self._view.sample(stamp, values)
+
+    def add_angles(self, time: float, angles: Mapping[str, float]) -> None:
+        """Write joint angles [rad] that belong to the sample of a time [s]."""
+        stamp = nanoseconds_of(time)
+        self._message(JOINT_STATES, stamp, joints_message(stamp, angles), 0)
+        if self._view is not None:
+            self._view.angles(stamp, angles)
+
+    def show_touches(self, time: float, touches: Sequence[TouchMarker]) -> None:
+        """Write markers of what touches at a time [s]; those of before that ended are taken away.
+
+        Where the file shows no robot, nothing is written.
+        """
+        if self._view is not None:
+            self._view.touches(nanoseconds_of(time), touches)
+
+    def add_motion(self, time: float, touches: Sequence[Mapping[str, Any]]) -> None:
+        """Write how touches move at the time of a sample [s], as docs/recordings.md has it."""
+        if MOTION not in self._ids:
+            with self._disk():
+                self._open(MOTION, "std_msgs/String", {})
+        text = json.dumps({"touches": list(touches)}, separators=(",", ":"))
+        self._message(MOTION, nanoseconds_of(time), text_message(text), 0)
+
+    def mark(
+        self,
+        part: str,
+        event: int,
+        label: str,
+        *,
+        began: float,
+        ended: float | None = None,
+        subject: int = 0,
+        owners: Mapping[str, list[int]] | None = None,
+        session: str = "",
+        person: str = "",
+        motion: TrueMotion | None = None,
+        channels: Sequence[int] = (),
+    ) -> None:
+        """Mark a touch; what is said at its end counts more than what was said before.
+
+        Parameters
+        ----------
+        part : str
+        event : int
+            The same number from its beginning to its end.
+        label : str
+        began, ended : float
+            Times of its first and, once it has ended, its last sample [s].
+        subject : int
+            Who touched.
+        owners : mapping of str to list of int
+            Taxels of each touch that the label joins.
+        session, person : str
+            Where they are not those of the file.
+        motion : TrueMotion, optional
+            Its true way, presses and speed, where they are known.
+        channels : sequence of int
+            Places of its taxels in the live vector of the part, where they are known.
+        """
+        content: dict[str, Any] = {"part": part, "event": event, "label": label, "began_s": began}
+        content["subject"] = subject
+        if ended is not None:
+            content["ended_s"] = ended
+        if owners:
+            content["owners"] = owners
+        if channels:
+            content["channels"] = list(channels)
+        said = {"session": session, "person": person}
+        content |= {key: word for key, word in said.items() if word}
+        if motion is not None:
+            content["motion"] = {key: one.tolist() for key, one in motion.to_arrays().items()}
+        stamp = nanoseconds_of(began if ended is None else ended)
+        text = json.dumps(content, separators=(",", ":"))
+        self._message(TOUCHES, stamp, text_message(text), 0)
+
+    def add_all(self, track: RecordedStream) -> None:
+        """Write a whole recording, each touch once its last sample is there, and close the file."""
+        marks = [touch for touch in track.touches if touch.first <= touch.last]
+        marks.sort(key=lambda touch: touch.last, reverse=True)
+        try:
+            for row, time in enumerate(track.times.tolist()):
+                if track.joints:
+                    angles = zip(track.joints, track.angles[row].tolist(), strict=True)
+                    self.add_angles(time, {name: a for name, a in angles if np.isfinite(a)})
+                self.add(track.kind, time, track.values[row : row + 1][0])
+                while marks and marks[-1].last == row:
+                    stamp, text = touch_text(marks.pop(), track.times, self._head)
+                    self._message(TOUCHES, stamp, text_message(text), 0)
+        finally:
+            self.close()
+
+    def flush(self) -> None:
+        """Give everything to the system."""
+        with self._disk():
+            self._writer.flush()
+
+    @property
+    def age(self) -> float:
+        """Seconds that something has waited to be given to the system."""
+        return self._writer.age
+
+    def close(self) -> None:
+        """End the file; may be called twice.
+
+        Raises
+        ------
+        OutputError
+            No room for the end; what was written stays readable.
+        """
+        if self._file.closed:
+            return
+        try:
+            if self._view is not None and not self._writer.broken:
+                self._view.end()
+        finally:
+            self._finish()
+
+    def _finish(self) -> None:
+        try:
+            with self._disk():
+                self._writer.finish({BAG_METADATA: {BAG_KEY: self.bag_metadata()}})
+        finally:
+            self._file.close()
+
+    def bag_metadata(self) -> str:
+        """What rosbag2 keeps of a bag beside its messages, as YAML."""
+        return bag_metadata(self.path.name, self._facts)
+
+    def _message(self, topic: str, stamp: int, content: bytes, sample: int) -> None:
+        self._facts[topic].count(stamp)
+        with self._disk():
+            self._writer.add_message(self._ids[topic], stamp, content, sample)
+
+    def _disk(self) -> _Disk:
+        return _Disk(self.path)
+
+
+def touch_text(one: MarkedTouch, times: FloatArray, head: Mapping[str, str]) -> tuple[int, str]:
+    """Time stamp [ns] and content of the mark of a touch; what the head says holds for all."""
+    content: dict[str, Any] = {
+        "part": one.part,
+        "event": one.event,
+        "label": one.label,
+        "began_s": float(times[one.first]),
+        "ended_s": float(times[one.last]),
+        "subject": one.subject,
+    }
+    said = {"session": one.session, "person": one.person}
+    content |= {key: word for key, word in said.items() if word != head.get(key, "")}
+    if one.owners:
+        content["owners"] = dict(one.owners)
+    if one.channels:
+        content["channels"] = list(one.channels)
+    if one.motion is not None:
+        content["motion"] = {key: rows.tolist() for key, rows in one.motion.to_arrays().items()}
+    stamp = nanoseconds_of(content["ended_s"])
+    return stamp, json.dumps(content, separators=(",", ":"))
+
+
+class _Disk:
+    """Says which file the system refused to write, and why."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, OSError) and not isinstance(error, OutputError):
+            raise OutputError(
+                f"cannot go on writing {str(self._path)!r}: {error.strerror}; what was written "
+                f"stays readable"
+            ) from None
+
+
+def whole_counts(values: NDArray[Any]) -> bool:
+    """Whether values are whole and lie in 0..255, so that a byte holds each."""
+    if values.dtype == np.uint8:
+        return True
+    if not (values.min(initial=0) >= 0 and values.max(initial=0) <= 255):
+        return False  # NaN too
+    return bool((values == np.floor(values)).all())
+
+
+def table_of(skin: Skin) -> bytes:
+    """The taxels of a skin as our CSV."""
+    table = TaxelTable(skin.channels, skin.modules, skin.positions, skin.normals, link=skin.link)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "skin.csv"
+        write_csv(table, file)
+        return file.read_bytes()
+
+
+def _alone(path: Path) -> io.FileIO:
+    """A new file for this recorder alone; one that another recorder writes is left as it is.
+
+    Raises
+    ------
+    BlockingIOError, OSError
+        Another recorder writes it; the system refuses.
+    """
+    import fcntl
+
+    file = io.FileIO(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666), "r+")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        file.truncate(0)
+    except BaseException:
+        file.close()
+        raise
+    return file

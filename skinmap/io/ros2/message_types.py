@@ -1,0 +1,85 @@
+"""ROS 2's message types by rosbags: definitions, hashes, and messages as CDR.
+
+Types are named in short, `std_msgs/String`. rosbags is imported when a message is written or read.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+from skinmap.errors import MessageError
+
+
+@lru_cache
+def type_store() -> Any:
+    """Types of Jazzy; those that are used here are the same in Humble, but for constants."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def full_name(kind: str) -> str:
+    """The name as ROS 2 writes it: std_msgs/msg/String."""
+    return kind.replace("/", "/msg/")
+
+
+def dds_name(kind: str) -> str:
+    """The name as it stands in keys of rmw_zenoh: std_msgs::msg::dds_::String_."""
+    return kind.replace("/", "::msg::dds_::") + "_"
+
+
+@lru_cache
+def type_hash(kind: str) -> str:
+    """The hash of a type, as rmw_zenoh puts it into its keys."""
+    return str(type_store().hash_rihs01(full_name(kind)))
+
+
+@lru_cache
+def definition(kind: str) -> bytes:
+    """A message type as text, with all types that it holds (MCAP's encoding `ros2msg`)."""
+    text, _ = type_store().generate_msgdef(full_name(kind), ros_version=2)
+    return str(text).encode()
+
+
+def build(kind: str, *fields: Any) -> Any:
+    """A message, or a part of one, of the values of its fields in their order."""
+    return type_store().types[full_name(kind)](*fields)
+
+
+def time_message(nanoseconds: int) -> Any:
+    """A `builtin_interfaces/Time`; its seconds are an int32, so beyond 2038 they stop there."""
+    whole, rest = divmod(nanoseconds, 1_000_000_000)
+    return build("builtin_interfaces/Time", min(whole, 2**31 - 1), rest)
+
+
+def header(nanoseconds: int, frame: str) -> Any:
+    """A `std_msgs/Header`."""
+    return build("std_msgs/Header", time_message(nanoseconds), frame)
+
+
+def write(kind: str, *fields: Any) -> bytes:
+    """A message of the values of its fields as bytes, little-endian."""
+    found = build(kind, *fields)
+    return bytes(type_store().serialize_cdr(found, full_name(kind), little_endian=True))
+
+
+def read(kind: str, data: bytes) -> Any:
+    """A message out of its bytes.
+
+    Raises
+    ------
+    MessageError
+        Another message, or one that promises more than it holds.
+    """
+    from rosbags.serde import SerdeError
+
+    try:
+        return type_store().deserialize_cdr(data, full_name(kind))
+    except SerdeError as error:
+        raise MessageError(f"not a message of type {kind}: {error}") from error
+
+
+def nanoseconds_of(head: Any) -> int:
+    """Time [ns] of a `std_msgs/Header`."""
+    return int(head.stamp.sec) * 1_000_000_000 + int(head.stamp.nanosec)

@@ -1,0 +1,14 @@
+from skinmap.neighbours.offsets import Neighbourhoods, flat_map_directions, neighbourhoods
+from skinmap.neighbours.radius import auto_radius
+from skinmap.neighbours.structures import Prototypes, Structures, assign, find_structures
+
+__all__ = [
+    "Neighbourhoods",
+    "Prototypes",
+    "Structures",
+    "assign",
+    "auto_radius",
+    "find_structures",
+    "flat_map_directions",
+    "neighbourhoods",
+]

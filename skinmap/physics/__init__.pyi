@@ -1,0 +1,7 @@
+from skinmap.physics.simulation import simulate
+from skinmap.physics.variants import VARIANTS
+
+__all__ = [
+    "VARIANTS",
+    "simulate",
+]

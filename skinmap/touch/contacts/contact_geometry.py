@@ -1,0 +1,258 @@
+"""Contact geometry: lengths, areas and counts on the skin that name a touch on any robot.
+
+Every number is a length or area along the skin, a count or a share, so it means the same on
+any lattice, patch or robot.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.proximity import nearest_first
+from skinmap.touch.contacts.skin_geometry import ACTIVE, SkinGeometry, check_pressures, connected
+
+MM = 1e3
+CORE = 0.5  # the core of a touch: taxels with at least this share of the peak
+SUMMIT = 0.4  # and a summit stands at least so high
+HEAVY = 0.05  # contacts with less of the load do not count for distances
+STRONGEST = 256  # taxels at most that lengths are measured on
+FEATURES = (
+    "active_area_mm2",
+    "contacts",
+    "effective_contacts",
+    "length_mm",
+    "width_mm",
+    "largest_area_mm2",
+    "largest_length_mm",
+    "largest_width_mm",
+    "contact_distance_mm",
+    "largest_share",
+    "peak",
+    "mean",
+    "strongest_fifth_share",
+    "core_area_mm2",
+    "core_length_mm",
+    "core_width_mm",
+    "extent_length_mm",
+    "extent_width_mm",
+    "filled_share",
+    "summits",
+    "summit_distance_mm",
+    "radius_50_mm",
+    "radius_90_mm",
+    "border_share",
+    "even_length_mm",
+    "even_width_mm",
+    "widest_gap_mm",
+    "gaps_mm",
+)
+
+
+def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArray:
+    """The numbers named in `FEATURES` for pressures (n,) of 0 to 255 counts; zeros if untouched.
+
+    Lengths are taken in the plane that keeps the path distances along the skin best (classical
+    scaling), so they need no flat map. Areas count taxels at the edge of the skin in full.
+
+    Raises
+    ------
+    SkinMismatchError, InvalidArrayError
+        Pressures of another length than the skin, NaN or infinity.
+    """
+    pressures = check_pressures(pressures, geometry)
+    active = pressures > ACTIVE
+    index = np.flatnonzero(active)
+    if len(index) == 0:
+        return np.zeros(len(FEATURES))
+    load = pressures[index].astype(np.float64)
+    piece = connected(geometry.bridged, active, index)
+    index, load, piece = _strongest(index, load, piece)
+    distances = geometry.distances(index, index)
+    plane = skin_plane(geometry, index, load, distances)
+    areas = geometry.areas[index]
+    loads = np.bincount(piece, load)
+    share = loads / loads.sum()
+    largest = piece == np.argmax(loads)
+    core = load >= CORE * load.max()
+    total = load.sum()
+    whole = _spread(plane, load)
+    main = _spread(plane[largest], load[largest]) if len(loads) > 1 else whole
+    middle = _spread(plane[core], load[core])
+    extent = plane.max(axis=0) - plane.min(axis=0) + np.sqrt(areas.mean())
+    centre_distance = np.hypot(plane[:, 0], plane[:, 1])
+    order = np.argsort(centre_distance, kind="stable")
+    carried = load[order].cumsum() / total
+    radii = centre_distance[order][carried.searchsorted((0.5, 0.9 - 1e-12))]
+    strongest = np.sort(load)[::-1][: max(1, len(load) // 5)]
+    summits = _summits(geometry, active, index, load, pressures)
+    even = _spread(plane, areas)  # whatever the gains: each taxel as its skin
+    gaps = _gaps(distances, piece, len(loads))
+    return np.array(
+        [
+            areas.sum() * MM**2,
+            len(loads),
+            1.0 / (share**2).sum(),
+            whole[0] * MM,
+            whole[1] * MM,
+            areas[largest].sum() * MM**2,
+            main[0] * MM,
+            main[1] * MM,
+            _largest_gap(geometry, index, piece, load, share) * MM,
+            share.max(),
+            load.max(),
+            load.mean(),
+            strongest.sum() / total,
+            areas[core].sum() * MM**2,
+            middle[0] * MM,
+            middle[1] * MM,
+            extent[0] * MM,
+            extent[1] * MM,
+            areas.sum() / (extent[0] * extent[1]),
+            len(summits),
+            _farthest(geometry, summits) * MM,
+            radii[0] * MM,
+            radii[1] * MM,
+            load[geometry.border[index]].sum() / total,
+            even[0] * MM,
+            even[1] * MM,
+            gaps.max(initial=0.0) * MM,
+            gaps.sum() * MM,
+        ]
+    )
+
+
+def skin_plane(
+    geometry: SkinGeometry,
+    index: IntArray,
+    load: FloatArray,
+    distances: FloatArray | None = None,
+) -> FloatArray:
+    """(k, 2) places of taxels in the plane that keeps their paths along the skin best [m].
+
+    Classical scaling weighted by the load: the origin is the centre of the load and the axes are
+    its principal directions. Two steps of subspace iteration from the tangent plane find them.
+    """
+    points = geometry.mesh.vertices[index]
+    weight = load / load.sum()
+    if len(index) == 1:
+        return np.zeros((1, 2))
+    if distances is None:
+        distances = geometry.distances(index, index)
+    squared = distances**2
+    row = squared @ weight
+    centred = -0.5 * (squared - row[:, None] - row[None, :] + weight @ row)
+    root = np.sqrt(weight)
+    centred *= root[:, None] * root[None, :]
+    guess = root[:, None] * ((points - weight @ points) @ _tangents(geometry, index, weight))
+    basis = _orthonormal(guess)
+    for _ in range(2):
+        basis = _orthonormal(centred @ basis)
+    small = basis.T @ (centred @ basis)
+    turn = 0.5 * np.arctan2(2.0 * small[0, 1], small[0, 0] - small[1, 1])
+    c, s = np.cos(turn), np.sin(turn)
+    rotation = np.array([[c, -s], [s, c]])
+    size = np.sqrt(np.maximum(((small @ rotation) * rotation).sum(axis=0), 0.0))
+    return np.asarray(basis @ rotation * size / root[:, None])
+
+
+def _orthonormal(columns: FloatArray) -> FloatArray:
+    """(k, 2) the same plane by two unit columns; zero where there is no second direction."""
+    first, second = columns.T
+    first = first / max(np.sqrt(first @ first), 1e-300)
+    before = np.sqrt(second @ second)
+    second = second - (first @ second) * first
+    second -= (first @ second) * first  # once more: nearly parallel columns lose digits
+    after = np.sqrt(second @ second)
+    second = second / after if after > 1e-9 * before else np.zeros_like(second)
+    return np.column_stack([first, second])
+
+
+def _tangents(geometry: SkinGeometry, index: IntArray, weight: FloatArray) -> FloatArray:
+    """(3, 2) axes across the mean normal (Duff et al., JCGT 6(1), 2017)."""
+    x, y, z = weight @ geometry.mesh.skin.normals[index]
+    length = np.sqrt(x * x + y * y + z * z)
+    x, y, z = (x / length, y / length, z / length) if length > 0 else (0.0, 0.0, 1.0)
+    sign = 1.0 if z >= 0 else -1.0
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    return np.array([[1.0 + sign * x * x * a, b], [sign * b, sign + y * y * a], [-sign * x, -y]])
+
+
+def _strongest(
+    index: IntArray, load: FloatArray, piece: IntArray
+) -> tuple[IntArray, FloatArray, IntArray]:
+    """The strongest taxels where there are too many: a pressed torso must not stop the show."""
+    if len(index) <= STRONGEST:
+        return index, load, piece
+    keep = np.sort(np.argsort(-load, kind="stable")[:STRONGEST])
+    return index[keep], load[keep], np.unique(piece[keep], return_inverse=True)[1]
+
+
+def _spread(plane: FloatArray, load: FloatArray) -> FloatArray:
+    """(2,) standard deviations of a load along its two principal directions [m]."""
+    weight = load / load.sum()
+    away = plane - weight @ plane
+    (a, b), (_, c) = ((away * weight[:, None]).T @ away).tolist()
+    middle, half = 0.5 * (a + c), math.hypot(0.5 * (a - c), b)
+    return np.array([math.sqrt(middle + half), math.sqrt(max(middle - half, 0.0))])
+
+
+def _largest_gap(
+    geometry: SkinGeometry, index: IntArray, piece: IntArray, load: FloatArray, share: FloatArray
+) -> float:
+    """Largest path [m] between the load centres of contacts that carry 5 % or more."""
+    heavy = np.flatnonzero(share >= HEAVY)
+    if len(heavy) < 2:
+        return 0.0
+    centres = []
+    for contact in heavy:
+        own = piece == contact
+        members = index[own]
+        points = geometry.mesh.vertices[members]
+        away = points - np.average(points, axis=0, weights=load[own])
+        centres.append(members[nearest_first(np.linalg.norm(away, axis=1))[0]])
+    return _farthest(geometry, np.array(centres))
+
+
+def _gaps(distances: FloatArray, piece: IntArray, count: int) -> FloatArray:
+    """(count - 1,) free skin between contacts [m]: the shortest links that join them all (Prim)."""
+    if count < 2:
+        return np.zeros(0)
+    order = np.argsort(piece, kind="stable")
+    starts = np.searchsorted(piece[order], np.arange(count))
+    between = np.minimum.reduceat(distances[np.ix_(order, order)], starts, axis=0)
+    between = np.minimum.reduceat(between, starts, axis=1)
+    near, found = between[0].copy(), np.zeros(count - 1)
+    near[0] = np.inf
+    left = np.arange(count) > 0
+    for link in range(count - 1):
+        nearest = int(np.argmin(np.where(left, near, np.inf)))
+        found[link], left[nearest] = near[nearest], False
+        np.minimum(near, between[nearest], out=near)
+    return found
+
+
+def _farthest(geometry: SkinGeometry, taxels: IntArray) -> float:
+    """Largest path [m] between any two of some taxels."""
+    return float(geometry.distances(taxels, taxels).max()) if len(taxels) > 1 else 0.0
+
+
+def _summits(
+    geometry: SkinGeometry,
+    active: np.ndarray,
+    index: IntArray,
+    load: FloatArray,
+    pressures: FloatArray,
+) -> IntArray:
+    """Taxels pressed harder than all their neighbours, and with 40 % of the peak or more."""
+    one, other = geometry.bridged.T
+    both = active[one] & active[other]
+    lower = pressures[one] < pressures[other]
+    # Of equals, those further down the list give way: a plateau has one summit, not many.
+    lower |= (pressures[one] == pressures[other]) & (one > other)
+    beaten = np.zeros(len(active), bool)
+    beaten[one[both & lower]] = True
+    return index[~beaten[index] & (load >= SUMMIT * load.max())]

@@ -1,0 +1,1 @@
+"""Histograms of periodic structures: codebooks, and the votes of taxels for their words."""

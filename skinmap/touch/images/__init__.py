@@ -1,0 +1,1 @@
+"""Contact images: pressures on the flat map."""

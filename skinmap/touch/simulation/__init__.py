@@ -1,0 +1,1 @@
+"""Simulated touches: gestures, people, and how skin and sensors answer."""

@@ -1,0 +1,28 @@
+"""Options that were removed answer with one line."""
+
+from __future__ import annotations
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from skinmap.commands.retired import retired
+
+
+@click.command()
+@click.option("--jobs")
+@retired(backend="write --jobs tcp://HOST:PORT", split_sheets="sheets are always split")
+def sweep(jobs: str | None) -> None:
+    click.echo(f"jobs {jobs}")
+
+
+@pytest.mark.parametrize("words", [["--backend", "dask"], ["--backend"], ["--backend=dask"]])
+def test_retired_option_answers_with_what_to_write(words):
+    result = CliRunner().invoke(sweep, ["--jobs", "2", *words])
+    assert result.exit_code == 2
+    assert "--backend was removed: write --jobs tcp://HOST:PORT" in result.output
+
+
+def test_retired_options_are_hidden_and_cost_nothing_when_absent():
+    assert CliRunner().invoke(sweep, ["--jobs", "2"]).output == "jobs 2\n"
+    assert "--split-sheets" not in CliRunner().invoke(sweep, ["--help"]).output
