@@ -1,4 +1,4 @@
-"""Write the figures of README.md out of benchmarks/results, as the benchmarks printed them.
+"""Write the figures of README.md and docs/figures.md out of benchmarks/results, as printed.
 
 The text between the two comments `figures` and `end of figures` is made here, and in pages of docs
 the line below each comment `made: NAME`: at which commit a result was made, and whether the code
@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,14 +24,16 @@ from benchmarks.harness.origin import changed, today  # noqa: E402
 RESULTS = ROOT / "benchmarks" / "results"
 OLDER = 0.05  # of the code that ran for a result: what a page tells when it has changed
 MADE = re.compile(r"(<!-- made: ([a-z_, ]+) -->\n)[^\n]*\n")
+Section = tuple[Callable[[Path], list[str]], list[str]]
 BETWEEN = re.compile(r"(?<=<!-- figures: make figures -->\n).*?(?=<!-- end of figures -->)", re.S)
 
 
 def main() -> int:
     """Renew README.md and the pages that show results."""
     code = today()
-    page = ROOT / "README.md"
-    page.write_text(renewed(page.read_text(encoding="utf-8"), code), encoding="utf-8")
+    for name, sections in PAGES.items():
+        page = ROOT / name
+        page.write_text(renewed(page.read_text(encoding="utf-8"), code, sections), encoding="utf-8")
     for page in pages():
         page.write_text(dated(page.read_text(encoding="utf-8"), code), encoding="utf-8")
     return 0
@@ -63,7 +65,9 @@ def age(names: Sequence[str], code: frozenset[str], results: Path = RESULTS) -> 
     return f"Made: {'; '.join(told)}."
 
 
-def renewed(page: str, code: frozenset[str], results: Path = RESULTS) -> str:
+def renewed(
+    page: str, code: frozenset[str], sections: Mapping[str, Section], results: Path = RESULTS
+) -> str:
     """A page with the figures of the results in place of its own.
 
     Raises
@@ -73,13 +77,89 @@ def renewed(page: str, code: frozenset[str], results: Path = RESULTS) -> str:
     """
     made = "\n".join(
         line
-        for title, (rows, names) in SECTIONS.items()
-        for line in (f"### {title}", "", *rows(results), "", age(names, code, results), "")
+        for title, (rows, names) in sections.items()
+        for line in (
+            *([f"## {title}", ""] if title else []),
+            *rows(results),
+            "",
+            age(names, code, results),
+            "",
+        )
     )
     page, found = BETWEEN.subn(lambda _: f"\n{made}\n", page)
     if found != 1:
-        raise ValueError("README.md must have `figures: make figures` and `end of figures` once")
+        raise ValueError("a page needs `figures: make figures` and `end of figures` once")
     return page
+
+
+def decisive(results: Path) -> list[str]:
+    """The figures that decide, each with its judge and the control that shows it can fail."""
+    demo, pressed = _read(results, "demo"), _read(results, "evaluation_physics")
+    varied = _read(results, "evaluation_cross_patch_varied")
+    patches = next(row for row in varied["rows"] if row["features"] == "contact-geometry")
+    trained = [row for row in pressed["rows"] if row["trained_on"] == "ours"]
+    frozen = next(row for row in trained if row["tested_on"] == pressed["frozen"])
+    fingers = next(row for row in _read(results, "real_fingers")["named"] if row["variety"] == 1.0)
+    found, live = _area(results, "calibration"), _area(results, "live")
+    touches = [row for row in found["touch"] if not row.get("one_module")]
+    pokes = [row for row in _read(results, "calibration")["wiring"] if row["touch"] == "poke"]
+    healthy = next(row for row in pokes if row["what"] == "healthy")
+    kills, calm = live["recordings"]["kills"], live["live_50_hz"]
+    chance = f"chance: {100 / len(pressed['gestures']):.0f} %"
+    rows = [
+        (
+            "taxels laid flat on the iCub; flipped triangles",
+            f"{demo['meshed_taxels']:,} of {demo['taxels']:,}; {demo['flips']}",
+            "signed area of every triangle",
+            "maps folded on purpose are counted (a test)",
+        ),
+        (
+            "four gestures named on a patch left out; on the worst patch (simulated)",
+            f"{_share(patches['mean'])}; {_share(patches['worst'])}",
+            "touches of our simulator that vary",
+            chance,
+        ),
+        (
+            "the same gestures pressed by MuJoCo (simulated)",
+            f"{_share(frozen['mean'])}, calibration error {frozen['ece']:.2f}",
+            "a frozen variant of another physics",
+            chance,
+        ),
+        (
+            "one real finger named as one finger",
+            f"{_share(fingers['one_contact_of_one_finger'])} of "
+            f"{fingers['recordings_of_one_finger']} recordings",
+            "CySkin recordings of others; its thresholds were chosen on them",
+            f"{fingers['named_a_touch']:.0%} of {fingers['recordings_without_a_touch']} "
+            "recordings without a touch are named",
+        ),
+        (
+            "taxels of a patch placed by 32 touches of 1 mm (simulated)",
+            _error(_row(touches, touches=32)),
+            "true positions",
+            "wrong boards are refused ([calibration](docs/calibration.md))",
+        ),
+        (
+            "swapped or mute modules found by 12 to 28 pokes (simulated)",
+            f"{min(r['found_percent'] for r in pokes if r['what'] == 'all'):.0f} % or more",
+            "planted faults on three parts",
+            f"{healthy['false_alarms']} of {healthy['runs']} healthy skins reported",
+        ),
+        (
+            f"sample to label, {live['channels']:,} taxels at 50 Hz",
+            f"median {calm['latency_ms']['median']:.1f} ms, 99 % within "
+            f"{calm['latency_ms']['p99']:.1f} ms",
+            f"{calm['seconds'] / 60:.0f} min of a stream",
+            f"{calm['lost']} samples lost",
+        ),
+        (
+            f"{kills['count']} recorders killed at random moments",
+            f"{kills['opened']} files open",
+            "`kill -9`",
+            f"at most {kills['most_lost_s']:.1f} s lost",
+        ),
+    ]
+    return _table(("", "figure", "judge", "control"), rows)
 
 
 def skin(results: Path) -> list[str]:
@@ -388,7 +468,7 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
-SECTIONS = {
+SECTIONS: dict[str, Section] = {
     "The iCub, whole": (skin, ["demo", "geometry"]),
     "Touches named right": (
         names,
@@ -405,6 +485,13 @@ SECTIONS = {
     "New patches placed, and samples in real time": (places, ["calibration", "live"]),
     "Installed, without extras": (installed, ["installed"]),
 }
+
+DECISIVE = (
+    decisive,
+    ["demo", "evaluation_cross_patch_varied", "evaluation_physics", "real_fingers", "calibration",
+     "live"],
+)  # fmt: skip
+PAGES: dict[str, dict[str, Section]] = {"README.md": {"": DECISIVE}, "docs/figures.md": SECTIONS}
 
 if __name__ == "__main__":
     sys.exit(main())

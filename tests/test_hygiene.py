@@ -73,7 +73,7 @@ def test_commands_of_the_readme_exist():
 
     from skinmap.cli.main import cli
 
-    text = (ROOT / "README.md").read_text()
+    text = "".join((ROOT / name).read_text() for name in ("README.md", "docs/quickstart.md"))
     commands = set(re.findall(r"^\s*(?:\.venv/bin/)?skinmap (\w+)", text, flags=re.MULTILINE))
     assert {"demo", "inspect", "flatten", "structures", "simulate", "train", "classify"} <= commands
     for command in commands:

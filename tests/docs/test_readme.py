@@ -16,6 +16,7 @@ from skinmap.neighbours.structures import find_structures
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+MOST_LINES = 120  # of the README
 RESULTS = ROOT / "benchmarks" / "results"
 # A figure is of today where the code that ran for it is: a share of it may have changed, which the
 # page says. What was kept before the code was can only be made anew: their number may only fall.
@@ -41,14 +42,20 @@ def code():
 @pytest.fixture(scope="module")
 def shown(figures):
     """Names of the results that README and docs show."""
-    names = {name for _, own in figures.SECTIONS.values() for name in own}
+    names = {n for one in figures.PAGES.values() for _, own in one.values() for n in own}
     for page in figures.pages():
         names |= {n for one in figures.MADE.finditer(page.read_text()) for n in one[2].split(", ")}
     return sorted(names)
 
 
 def test_figures_are_those_of_the_results(figures, code):
-    assert figures.renewed(README, code) == README, "run `make figures`"
+    for name, sections in figures.PAGES.items():
+        page = (ROOT / name).read_text(encoding="utf-8")
+        assert figures.renewed(page, code, sections) == page, f"{name}: run `make figures`"
+
+
+def test_readme_is_short():
+    assert len(README.splitlines()) <= MOST_LINES
 
 
 def test_pages_tell_the_age_of_their_results(figures, code):
@@ -87,12 +94,12 @@ def test_age_is_told_as_it_is(figures, tmp_path):
 
 def test_figure_that_was_changed_by_hand_is_noticed(figures, code):
     other = README.replace("4,326 of 4,326", "4,325 of 4,326")
-    assert other != README == figures.renewed(other, code)
+    assert other != README == figures.renewed(other, code, figures.PAGES["README.md"])
 
 
 def test_page_without_the_place_for_figures_is_refused(figures, code):
     with pytest.raises(ValueError, match="once"):
-        figures.renewed("# Skinmap\n", code)
+        figures.renewed("# Skinmap\n", code, figures.SECTIONS)
 
 
 def test_no_other_figure_is_written_by_hand(figures):
@@ -123,7 +130,8 @@ def test_numbers_of_the_whole_icub_are_what_the_code_still_gives(icub, prepared)
 
 def test_every_make_target_named_in_a_line_exists():
     rules = (ROOT / "Makefile").read_text()
-    targets = re.findall(r"`make ([a-z-]+)`", README)
-    assert {"demo", "test", "docs", "bench", "gallery", "fuzz"} <= set(targets)
+    pages = [README, (ROOT / "docs" / "quickstart.md").read_text(encoding="utf-8")]
+    targets = re.findall(r"(?:`|^    )make ([a-z-]+)", "\n".join(pages), flags=re.MULTILINE)
+    assert {"demo", "test", "docs", "bench", "help"} <= set(targets)
     for target in targets:
         assert re.search(rf"^{target}:", rules, flags=re.MULTILINE), target
