@@ -66,7 +66,7 @@ def test_a_door_is_documented(room, name):
 @pytest.mark.parametrize(("room", "name"), DOORS)
 def test_the_example_of_a_door_runs(room, name, tmp_path, monkeypatch):
     if room in DRAWS:
-        from viewer.display import require_opengl
+        from skinmap.display import require_opengl
 
         require_opengl()
     monkeypatch.chdir(tmp_path)

@@ -79,7 +79,7 @@ def test_a_name_has_its_sections(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_its_example_runs(name, tmp_path, monkeypatch):
     if name in DRAWS:
-        from viewer.display import require_opengl
+        from skinmap.display import require_opengl
 
         require_opengl()
     if name in EXTRA and importlib.util.find_spec(EXTRA[name]) is None:

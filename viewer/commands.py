@@ -56,8 +56,8 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     \b
     Example:  skinmap demo --out demo --seed 1
     """
+    from skinmap.display import require_opengl
     from viewer.demo import STEPS, demo_lines, run_demo
-    from viewer.display import require_opengl
 
     require_opengl()
     robot, names = open_robot("icub", parts)
@@ -152,7 +152,7 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
         Bad input, in one line.
     """
     _check(options)
-    from viewer.display import require_opengl
+    from skinmap.display import require_opengl
 
     require_opengl()
     from viewer.inputs import checked_pose, checked_ranges, parse_address, read_token
@@ -215,8 +215,8 @@ def _session(options: Mapping[str, Any]) -> Any:
 
 def _check(options: Mapping[str, Any]) -> None:
     """What can be told to be wrong before anything is loaded."""
+    from skinmap.display import has_display
     from skinmap.errors import OutputError, UnknownNameError
-    from viewer.display import has_display
 
     if options["layer"] is not None and options["layer"] not in LAYERS:
         raise UnknownNameError("layer", options["layer"], LAYERS)

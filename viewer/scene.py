@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import IntArray
+from skinmap.display import require_opengl
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.output import staged_file
@@ -26,7 +27,6 @@ from skinmap.live.moment import Moment
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.display import require_opengl
 from viewer.drawing.body.bare_body import posed
 from viewer.drawing.frame.camera import Framing, View
 from viewer.drawing.frame.canvas import TURN_STEP, Canvas, Drawing

@@ -146,7 +146,7 @@ def _prepared(case: int) -> Callable[[], int]:
 
 def _shown(case: int) -> Callable[[], int]:
     import skinmap
-    from viewer.display import require_opengl
+    from skinmap.display import require_opengl
     from viewer.scene import Scene
 
     require_opengl()

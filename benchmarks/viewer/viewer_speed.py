@@ -33,7 +33,7 @@ Frame = Callable[[int], object]
 CHILD = """
 import json, resource, sys, time
 def memory(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-from viewer.display import require_opengl
+from skinmap.display import require_opengl
 require_opengl()
 import skinmap, skinmap.io.robots.manifest, skinmap.flat.flat_map, skinmap.surface.surface_mesh
 import lxml.etree, trimesh, igl, icub_models, pyvista.plotting
@@ -64,7 +64,7 @@ def measure(
     fresh : int
         Processes for a first picture.
     """
-    from viewer.display import require_opengl
+    from skinmap.display import require_opengl
 
     require_opengl()
     fresh = 1 if quick else fresh

@@ -1,4 +1,4 @@
-"""`skinmap info`: what a recording holds, and what it lacks."""
+"""`skinmap info`: a recording, or the installation."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from skinmap.cli.installation import InstallationInfo, installation, lines
 from skinmap.commands.options import open_robot, prints
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
@@ -71,23 +72,30 @@ class RecordingInfo:
 
 
 @click.command("info")
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", required=False, type=click.Path(path_type=Path))
 @click.option(
     "--robot",
     metavar="ROBOT",
     help="Robot whose skin it must be; it also names a dumper's folders.",
 )
 @retired(profile=NO_PROFILE)
-@prints(RecordingInfo)
-def command(recording: Path, robot: str | None, as_json: bool) -> None:
-    """Say what a recording holds: samples, rate, gaps, skin, and what was lost if it was cut off.
+@prints(RecordingInfo, InstallationInfo)
+def command(recording: Path | None, robot: str | None, as_json: bool) -> None:
+    """Describe a recording, or the installation.
 
-    RECORDING is MCAP, our .npz, XDF, a data.log or a folder of them. What can be had of a cut or
-    damaged file is collected without being asked.
+    RECORDING is MCAP, our .npz, XDF, a data.log or a folder of them: its samples, rate, gaps, skin,
+    and the time lost if it was cut off. A damaged file is read as far as possible.
+
+    Without RECORDING: versions, extras and how to install them, display, OpenGL and the cache.
 
     \b
     Example:  skinmap info touch.mcap --json
     """
+    if recording is None:
+        if robot is not None:
+            raise click.UsageError("--robot needs a RECORDING to check")
+        present(installation(), lines, as_json=as_json)
+        return
     result, touches, damage = work(recording, robot)
     present(result, lambda info: _lines(info, touches, damage), as_json=as_json)
 

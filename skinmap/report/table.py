@@ -56,7 +56,8 @@ class Table:
         for row in self.rows:
             drawn.add_row(*(visible(cell_text(cell)) for cell in row))
         # A pipe has no width; what is cut off there cannot be read at all.
-        console = Console() if Console().is_terminal else Console(width=WIDE)
+        width = None if Console().is_terminal else WIDE
+        console = Console(width=width, markup=False)  # names may hold brackets
         console.print(drawn)
 
     def html(self) -> str:

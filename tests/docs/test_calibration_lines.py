@@ -50,7 +50,7 @@ def test_line_runs(folder, words, tmp_path, monkeypatch):
         if word in ("-o", "--out", "--resume"):
             args[place + 1] = str(tmp_path / Path(args[place + 1]).name)
     if args[0] == "anchors":
-        from viewer.display import require_opengl
+        from skinmap.display import require_opengl
 
         require_opengl()
         if "--screenshot" not in args:  # a window: its picture instead

@@ -53,7 +53,7 @@ print(table.channels.tolist(), [round(x, 6) for x in table.positions[0].tolist()
 @pytest.mark.parametrize("script", TUTORIALS, ids=lambda path: path.stem)
 def test_tutorial_runs_and_draws_the_pictures_of_its_page(script, tmp_path, monkeypatch, capsys):
     if script.stem in ("see_touches_live", "see_a_stroke_live"):
-        from viewer.display import require_opengl
+        from skinmap.display import require_opengl
 
         require_opengl()
     monkeypatch.setattr(sys, "argv", [str(script), str(tmp_path)])

@@ -11,10 +11,10 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
+from skinmap.display import require_opengl
 from skinmap.errors import MissingLibraryError
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from viewer.display import require_opengl
 
 PARTS = ("torso", "left_arm")
 RATE, COUNT = 50.0, 200  # of the samples of a wandering press

@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
+from skinmap.display import WINDOW_CLASS, has_display, require_opengl, window_class
 from skinmap.errors import MissingLibraryError, OutputError
-from viewer.display import WINDOW_CLASS, has_display, require_opengl, window_class
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux only")
 
@@ -45,10 +45,10 @@ def test_window_class_follows_the_libraries_that_load(libraries, hidden, expecte
 
 @linux
 def test_require_opengl_sets_what_vtk_reads(monkeypatch):
-    monkeypatch.setattr("viewer.display.has_display", lambda: False)
+    monkeypatch.setattr("skinmap.display.has_display", lambda: False)
     require_opengl(loads=lambda name: True)
     assert os.environ[WINDOW_CLASS] == "vtkEGLRenderWindow"
-    monkeypatch.setattr("viewer.display.has_display", lambda: True)
+    monkeypatch.setattr("skinmap.display.has_display", lambda: True)
     require_opengl(window=True, loads=lambda name: True)
     assert WINDOW_CLASS not in os.environ
 
@@ -61,7 +61,9 @@ def test_has_display_is_false_without_a_server_that_answers(monkeypatch, display
 
 
 def test_display_is_asked_without_importing_vtk():
-    code = "import sys, viewer.display; print(any('vtk' in m or m == 'numpy' for m in sys.modules))"
+    code = (
+        "import sys, skinmap.display; print(any('vtk' in m or m == 'numpy' for m in sys.modules))"
+    )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert answer.stdout.strip() == "False", answer.stderr
 

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from skinmap.display import has_display
 from skinmap.live.moment import Moment
-from viewer.display import has_display
 
 
 def test_dragging_the_body_turns_the_camera_and_chooses_nothing(window, hands):

@@ -73,7 +73,7 @@ def anchors(files: PatchFiles, out: Path | None, screenshot: Path | None, as_jso
     \b
     Example:  skinmap anchors --layout board.csv --mesh link.stl -o out
     """
-    from viewer.display import has_display, require_opengl
+    from skinmap.display import has_display, require_opengl
 
     require_opengl()
     if screenshot is None and not has_display():

@@ -244,7 +244,7 @@ def test_anchors_command_writes_what_calibrate_wrap_writes(
 def test_anchors_command_needs_a_display_or_a_screenshot(
     opengl, tmp_path, board, link, places, monkeypatch
 ):
-    monkeypatch.setattr("viewer.display.has_display", lambda: False)
+    monkeypatch.setattr("skinmap.display.has_display", lambda: False)
     result = CliRunner().invoke(cli, ["anchors", *write(tmp_path, board, link, places)])
     assert result.exit_code == 2
     assert "no display here" in result.output
