@@ -1,10 +1,10 @@
 """Names of skinmap, from where they are defined: `skinmap/lazy.py` loads them on first use."""
 
+from calibration.mount.mount_wrench import fit_wrench as fit_wrench
 from calibration.mount.rigid_mount import MountFit as MountFit
 from calibration.mount.rigid_mount import fit_mount as fit_mount
 from calibration.mount.skin_contacts import SelfTouchFit as SelfTouchFit
 from calibration.mount.skin_contacts import self_touch as self_touch
-from calibration.mount.wrench import fit_wrench as fit_wrench
 from calibration.patch.patch_calibration import PatchCalibration as PatchCalibration
 from calibration.patch.touch import Touch as Touch
 from calibration.patch.touch import locate_by_touch as locate_by_touch
@@ -42,7 +42,7 @@ from skinmap.flat.flat_map import flatten as flatten
 from skinmap.io.recordings.touch_files import load_recordings as load_recordings
 from skinmap.io.recordings.touch_files import save_recordings as save_recordings
 from skinmap.io.robots.manifest import load_robot as load_robot
-from skinmap.live.contacts.events import TouchEvent as TouchEvent
+from skinmap.live.contacts.contact_events import TouchEvent as TouchEvent
 from skinmap.live.contacts.named_touch import NamedTouch as NamedTouch
 from skinmap.live.loop import TouchLoop as TouchLoop
 from skinmap.live.moment import Moment as Moment

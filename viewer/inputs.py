@@ -18,8 +18,8 @@ from skinmap.errors import (
     SkinMismatchError,
     UnreachableError,
 )
-from skinmap.io.taxels.readers import read_taxels
-from skinmap.io.taxels.table import COLUMNS, COVARIANCE
+from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE
 from skinmap.io.text import CsvRows, read_text
 from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.calibration.self_touch_rows import simulated_rows
+from calibration.mount.mount_wrench import fit_wrench
 from calibration.mount.rigid_mount import Loss, MountFit, fit_mount
-from calibration.mount.wrench import fit_wrench
 from calibration.response.response import ResponseCalibration
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_points

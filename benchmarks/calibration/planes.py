@@ -23,8 +23,8 @@ from calibration.mount.chains import Chain
 from calibration.mount.robot_chains import robot_chain
 from calibration.plane.contacts import Plane, PlaneContacts
 from calibration.plane.fit import PlaneFit, fit_plane
+from calibration.plane.jointed_robot import Pressing, candidates
 from calibration.plane.poses import Obstacle, pressing_poses
-from calibration.plane.robot import Pressing, candidates
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.robots.manifest import load_robot

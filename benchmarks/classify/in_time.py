@@ -20,7 +20,7 @@ from benchmarks.harness.record import write
 from benchmarks.live.live_speed import in_time_rows
 from skinmap import load_robot
 from skinmap.classifiers.protocols.physics import OURS
-from skinmap.cli.evaluate.in_time import strokes_row
+from skinmap.cli.evaluate.protocol_time import strokes_row
 from skinmap.errors import UnknownNameError
 from skinmap.live.contacts.contact_motion import MotionBook
 from skinmap.live.contacts.contact_tracker import ContactTracker

@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.commands.options import Outputs, PatchFiles
+from calibration.commands.calibration_options import Outputs, PatchFiles
 from calibration.commands.patch_task import PatchTask, SolvedPatch, load_link
 from calibration.commands.results import MM
 from calibration.files.tables import (
@@ -23,8 +23,8 @@ from calibration.files.tables import (
     read_board,
     write_anchor_table,
 )
-from calibration.patch.evidence import FEWEST
 from calibration.patch.patch_calibration import PatchCalibration
+from calibration.patch.patch_evidence import FEWEST
 from skinmap.arrays import FloatArray, IntArray, check_finite
 from skinmap.errors import InvalidArrayError, SkinError
 from skinmap.geometry.proximity import median_spacing

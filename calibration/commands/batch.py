@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import click
 import msgspec
 
-from calibration.commands.options import (
+from calibration.commands.calibration_options import (
     FILE,
     NO_EFFORT,
     NO_SEED,

@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from calibration.commands.options import Outputs, PatchFiles
+from calibration.commands.calibration_options import Outputs, PatchFiles
 from calibration.commands.results import MM, EvidenceRow, PatchResult, Spread, grade
 from calibration.files.tables import (
     Anchor,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.options import FILE, NO_SEED, Outputs, outputs
+from calibration.commands.calibration_options import FILE, NO_SEED, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, grade, judged
 from skinmap.commands.options import (
     Number,
@@ -235,7 +235,7 @@ def work(
 
     from calibration.files.plane_files import read_plane_evidence
     from calibration.plane.fit import fit_plane
-    from calibration.plane.robot import part_chains
+    from calibration.plane.jointed_robot import part_chains
 
     known = read_planes(planes)
     presses = read_plane_evidence(evidence, robot, parts)
@@ -286,7 +286,7 @@ def work(
 
 def _still(robot: Robot, evidence: PlaneEvidence) -> list[str]:
     """Words on joints without angles."""
-    from calibration.plane.robot import stood_still
+    from calibration.plane.jointed_robot import stood_still
 
     still = {
         joint: None
@@ -304,7 +304,7 @@ def _still(robot: Robot, evidence: PlaneEvidence) -> list[str]:
 def _proposed(robot: Robot, presses: PlaneEvidence, fit: PlaneFit) -> list[NextPress]:
     import numpy as np
 
-    from calibration.plane.robot import candidates, pressing
+    from calibration.plane.jointed_robot import candidates, pressing
 
     contacts, joints = presses.contacts, presses.joints
     setup = pressing(robot, tuple(contacts.active), joints, contacts)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.options import FILE, Outputs, outputs
+from calibration.commands.calibration_options import FILE, Outputs, outputs
 from calibration.commands.results import Calibrated, Spread, judged
 from skinmap.commands.options import open_robot, prints
 from skinmap.commands.progress import progress

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.options import FILE, NO_SEED, Outputs, mesh_option, outputs
+from calibration.commands.calibration_options import FILE, NO_SEED, Outputs, mesh_option, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, grade
 from skinmap.commands.options import prints, units_option
 from skinmap.commands.progress import progress

@@ -11,7 +11,7 @@ from calibration.files.self_touch_files import SelfTouchData
 from calibration.mount.chains import Chain
 from calibration.mount.skin_contacts import SelfTouchFit, pitch_of, taxel_covariance
 from calibration.patch.patch_calibration import Status
-from calibration.patch.status import COVERAGE, NEXT, weak_direction
+from calibration.patch.patch_status import COVERAGE, NEXT, weak_direction
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.rigid import transform_points
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from calibration.commands.options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
+from calibration.commands.calibration_options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Probe, grade, judged
 from skinmap.commands.options import open_robot, outside_option, prints
 from skinmap.commands.progress import progress
@@ -300,7 +300,7 @@ def _chain_rows(
 ) -> list[tuple[str, str]]:
     """Coverage, weakest direction and what to touch next of one chain, in words."""
     from calibration.commands.self_touch_words import placed, touched
-    from calibration.patch.status import weak_direction
+    from calibration.patch.patch_status import weak_direction
 
     _, places, covariance = placed(data.chains[name], fit)
     share = 100 * touched(data, fit, name).mean()

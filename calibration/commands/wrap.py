@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from calibration.commands.options import (
+from calibration.commands.calibration_options import (
     FILE,
     NO_EFFORT,
     NO_SEED,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
+from calibration.commands.calibration_options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, judged
 from skinmap.commands.options import Number, prints, units_option
 from skinmap.commands.progress import progress
@@ -118,9 +118,9 @@ def work(touches: WrenchTouches, how: dict[str, Any]) -> tuple[WrenchResult, Pla
     """Fit a mount to lines of force, and judge it."""
     import numpy as np
 
+    from calibration.mount.mount_wrench import fit_wrench, held_out_error
     from calibration.mount.rigid_mount import point_covariance
-    from calibration.mount.wrench import fit_wrench, held_out_error
-    from calibration.patch.status import weak_direction
+    from calibration.patch.patch_status import weak_direction
     from skinmap.geometry.proximity import median_spacing
     from skinmap.geometry.rigid import transform_points
 

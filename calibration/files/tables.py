@@ -15,7 +15,7 @@ from calibration.patch.touch import Touch
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError
 from skinmap.io.robots.mesh_file import MESH_SUFFIXES, read_mesh
-from skinmap.io.taxels.table import COLUMNS, COVARIANCE
+from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE
 from skinmap.io.text import MAX_CHANNEL, CsvRows, parse_floats, read_text
 
 CHANNEL = ("channel", "taxel")  # how a first column may be called

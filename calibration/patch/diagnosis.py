@@ -17,19 +17,19 @@ from threadpoolctl import threadpool_limits
 
 from calibration.patch.board import Board, make_board
 from calibration.patch.consistency import consistent
-from calibration.patch.evidence import (
+from calibration.patch.initial_guess import log_map_places, rigid_2d
+from calibration.patch.link_surface import Target, make_target
+from calibration.patch.minima import STARTS, find_minima
+from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
+from calibration.patch.patch_evidence import (
     Link,
     check_channels,
     check_layout,
     check_link,
     check_modules,
 )
-from calibration.patch.initial_guess import log_map_places, rigid_2d
-from calibration.patch.link_surface import Target, make_target
-from calibration.patch.minima import STARTS, find_minima
-from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
+from calibration.patch.patch_status import Names, judge
 from calibration.patch.sheet_model import Evidence
-from calibration.patch.status import Names, judge
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 
 ONE = 1  # start of each trial: it only has to be better than what came

@@ -11,8 +11,8 @@ from scipy.spatial.distance import pdist
 
 from calibration.patch.consistency import FEWEST
 from calibration.patch.diagnosis import lay
-from calibration.patch.evidence import Link, check_anchors, check_spread
 from calibration.patch.patch_calibration import PatchCalibration
+from calibration.patch.patch_evidence import Link, check_anchors, check_spread
 from calibration.patch.sheet_model import Evidence
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError

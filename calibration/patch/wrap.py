@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibration.patch.diagnosis import lay
-from calibration.patch.evidence import check_anchors
 from calibration.patch.patch_calibration import PatchCalibration
+from calibration.patch.patch_evidence import check_anchors
 
 
 def wrap_layout(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from calibration.mount.chains import Chain
 from calibration.patch.patch_calibration import Status
-from calibration.patch.status import weak_direction
+from calibration.patch.patch_status import weak_direction
 from calibration.plane.contacts import Plane, PlaneContacts
 from calibration.plane.model import Patch, PlaneProblem, PlaneState, patch_of
 from calibration.plane.poses import Proposal, most_telling, place_slopes

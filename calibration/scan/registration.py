@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from calibration.patch.evidence import UNITS, check_link
 from calibration.patch.link_surface import make_target
 from calibration.patch.patch_calibration import Status
+from calibration.patch.patch_evidence import UNITS, check_link
 from calibration.scan.icp import WIDTH, Scene, linearised, make_scene, polish, register
 from skinmap.arrays import FloatArray, check_points, freeze
 from skinmap.errors import InvalidArrayError

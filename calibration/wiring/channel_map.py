@@ -13,7 +13,7 @@ from calibration.wiring.faults import Fault
 from skinmap.arrays import IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.io.output import staged_file
-from skinmap.io.taxels.table import write_csv
+from skinmap.io.taxels.taxel_table import write_csv
 from skinmap.skin.taxels import TaxelTable
 
 

@@ -17,7 +17,7 @@ from skinmap.arrays import FloatArray
 from skinmap.geometry.cones import EllipticCone
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.io.robots.mesh_file import write_mesh
-from skinmap.io.taxels.table import write_csv
+from skinmap.io.taxels.taxel_table import write_csv
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.repair import replace
 from skinmap.skin.sheets import lay_on_cone, taxel_table, triangle_sheet

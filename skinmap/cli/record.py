@@ -126,7 +126,7 @@ def command(
     from skinmap.live.recording.recorder import Recorder, continued
     from skinmap.live.recording.recording_tap import RecordingTap
     from skinmap.live.sources.source import Seekable, blocks
-    from skinmap.touch.labels import check_label
+    from skinmap.touch.touch_labels import check_label
 
     if label is not None and model is not None:
         raise click.UsageError("--label and --model both name the touches; give one")
@@ -294,7 +294,7 @@ def _markers(loop: TouchLoop, moment: Any) -> list[Any]:
 
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Mark the touches that are over; one without a name is nothing to train on."""
-    from skinmap.touch.labels import RESERVED
+    from skinmap.touch.touch_labels import RESERVED
 
     shown.withdrawn += len(loop.withdrawn())
     for event in loop.finished():

@@ -393,7 +393,7 @@ def publish_touches(
     import numpy as np
 
     from skinmap.live.publishing.publish import open_publisher, stream
-    from skinmap.live.sources.simulator import SimulatedSource
+    from skinmap.live.sources.simulated_source import SimulatedSource
     from skinmap.touch.simulation.gestures import gesture_set
     from skinmap.touch.simulation.variety import draw_sensing
 

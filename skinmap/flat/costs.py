@@ -10,8 +10,8 @@ import numpy as np
 from skinmap.flat.drawing_comparison import DrawnChart
 from skinmap.flat.face_metrics import FaceMetric, worst_faces
 from skinmap.flat.flat_map import Chart, FlatMap
+from skinmap.flat.flat_rows import ComparedRow, PatchRow, WorstFace
 from skinmap.flat.geodesic import geodesic_stress
-from skinmap.flat.rows import ComparedRow, PatchRow, WorstFace
 from skinmap.rows import shallow
 
 MAX_GEODESIC = 200_000  # vertices: one way on a larger mesh takes a tenth of a second

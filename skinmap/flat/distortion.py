@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_faces, check_finite, check_points, freeze
-from skinmap.flat.rows import Distorted, Spread
+from skinmap.flat.flat_rows import Distorted, Spread
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import (
     face_areas,

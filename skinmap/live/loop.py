@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.classifiers.classifier import Prediction, TouchClassifier
 from skinmap.errors import SkinMismatchError, UnknownNameError
+from skinmap.live.contacts.contact_events import ContactEvent, TouchEvent, taken
 from skinmap.live.contacts.contact_tracker import ContactTracker
-from skinmap.live.contacts.events import ContactEvent, TouchEvent, taken
 from skinmap.live.contacts.touch_history import Entry, TouchBook
 from skinmap.live.moment import Moment
 from skinmap.live.namer import Namer

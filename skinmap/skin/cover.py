@@ -18,8 +18,8 @@ from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
-from skinmap.skin.fit import SkinFit
 from skinmap.skin.skin import Skin
+from skinmap.skin.skin_fit import SkinFit
 
 FAR = 5e-3  # a taxel further than this from where it should be is not there [m]
 STEADY = 0.5  # the middle nine tenths of the distances spread by less, in medians

@@ -31,7 +31,7 @@ from skinmap.geometry.triangles import (
 )
 from skinmap.surface.consensus_meshing import Limits, close_small_holes
 from skinmap.surface.delaunay_stars import contains, delaunay_stars
-from skinmap.surface.merge import consensus
+from skinmap.surface.surface_merge import consensus
 from skinmap.surface.taxel_cloud import Cloud
 
 LIFT = 0.3  # in spacings: taxels are dropped onto the body from there, so on their own side of it

@@ -10,7 +10,7 @@ from skinmap.arrays import IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
 from skinmap.surface.holes import fill_holes
-from skinmap.surface.merge import consensus
+from skinmap.surface.surface_merge import consensus
 from skinmap.surface.taxel_cloud import Cloud
 
 EDGE_LIMIT = 2.5  # in spacings: spans the gap between two modules, not the gap between patches

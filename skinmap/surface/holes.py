@@ -8,7 +8,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.tangents import tangent_frames
 from skinmap.geometry.topology import boundary_loops, face_components, half_edges, loop_length
 from skinmap.geometry.triangles import cross_2d, unit
-from skinmap.surface.merge import is_solid
+from skinmap.surface.surface_merge import is_solid
 
 SMALL_HOLE = 8  # vertices: inner loops up to here are disagreements between stars
 

@@ -20,7 +20,7 @@ from skinmap.surface.accurate import accurate_faces
 from skinmap.surface.consensus_meshing import Limits, consensus_faces
 from skinmap.surface.delaunay_stars import FEW, NEIGHBOURS
 from skinmap.surface.holes import SMALL_HOLE
-from skinmap.surface.merge import pinched_vertex, without_pinches
+from skinmap.surface.surface_merge import pinched_vertex, without_pinches
 from skinmap.surface.taxel_cloud import make_cloud
 from skinmap.surface.taxel_cloud import merge_coincident as merge_coincident
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calibration.commands.anchor_session import AnchorSession
-from calibration.commands.options import Outputs
+from calibration.commands.calibration_options import Outputs
 from calibration.files.tables import Anchor, BoardTable, read_anchor_table, write_anchor_table
 from skinmap.errors import InvalidArrayError
 

@@ -13,15 +13,15 @@ from calibration import Chain, Plane, PlaneContacts, fit_plane, robot_chain
 from calibration.commands import calibrate
 from calibration.commands.plane import read_planes
 from calibration.files.plane_files import read_plane_evidence
+from calibration.plane.jointed_robot import candidates, pressing
 from calibration.plane.model import PlaneProblem, patch_of
 from calibration.plane.poses import pressing_poses
-from calibration.plane.robot import candidates, pressing
 from calibration.plane.solve import first_states
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.tangents import tangent_frames
 from skinmap.io.robots.manifest import load_robot
-from skinmap.io.taxels.readers import read_taxels
+from skinmap.io.taxels.taxel_readers import read_taxels
 
 PART, LINK = "right_forearm", "r_forearm"
 JOINTS = (

@@ -131,7 +131,7 @@ def test_scan_command_writes_a_pose_and_a_report(tmp_path, bracket, rng):
     from click.testing import CliRunner
 
     from skinmap.cli.main import cli
-    from skinmap.io.taxels.readers import read_taxels
+    from skinmap.io.taxels.taxel_readers import read_taxels
 
     points = 1e3 * moved(pose(10, 8e-3, rng), seen(bracket, rng, count=1500))
     rows = "\n".join(",".join(map(str, row)) for row in points.tolist())

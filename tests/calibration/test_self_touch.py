@@ -19,7 +19,7 @@ from calibration.mount.skin_contacts import taxel_covariance
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
-from skinmap.io.taxels.readers import read_taxels
+from skinmap.io.taxels.taxel_readers import read_taxels
 
 PITCH, REACH = 6.5e-3, 12e-3  # of the taxels, and how far from the contact they answer [m]
 ARM = np.array(

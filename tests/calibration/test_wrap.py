@@ -11,8 +11,8 @@ from calibration import Status, wrap_layout
 from calibration.patch import sheet_model
 from calibration.patch.minima import Minimum
 from calibration.patch.patch_calibration import Doubt
+from calibration.patch.patch_status import Names, _ambiguous, best_next
 from calibration.patch.sheet_model import State
-from calibration.patch.status import Names, _ambiguous, best_next
 from skinmap.errors import InvalidArrayError, InvalidMeshError, SkinError
 
 TIGHT = 0.1e-3  # anchors as good as a measuring arm's [m]

@@ -12,7 +12,7 @@ from calibration.commands import calibrate
 from calibration.files.mount_files import read_wrenches
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
 from skinmap.geometry.rigid import transform_points
-from skinmap.io.taxels.readers import read_taxels
+from skinmap.io.taxels.taxel_readers import read_taxels
 
 WRENCH_NAMES = ("points", "frames", "forces", "moments")
 POINT, MOMENT = 2e-3, 5e-3  # [m], [N m]

@@ -133,7 +133,7 @@ def test_all_right_asks_for_each_touch_at_its_place():
 def test_health_is_that_of_all_recordings_of_a_part(icub, prepared):
     from dataclasses import replace
 
-    from skinmap.cli.classify.naming import _health
+    from skinmap.cli.classify.live_naming import _health
 
     skin = prepared("left_hand")
     sound = simulate(skin.skin, per_gesture=2, gestures=["poke"], rng=np.random.default_rng(0))

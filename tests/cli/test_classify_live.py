@@ -19,7 +19,7 @@ from skinmap.classifiers.model_file import save_classifier
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.live import open_publisher
-from skinmap.live.sources.simulator import SimulatedSource
+from skinmap.live.sources.simulated_source import SimulatedSource
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulation.simulator import simulate
 

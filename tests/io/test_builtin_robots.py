@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 import skinmap
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.robots.manifest import builtin_robots, data_folder
-from skinmap.io.taxels.table import read_csv
+from skinmap.io.taxels.taxel_table import read_csv
 from skinmap.skin.modules import fit_modules
 from skinmap.surface.surface_mesh import build_surface
 

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from skinmap.errors import SkinError
-from skinmap.io.mcap import scan as mcap_scan
+from skinmap.io.mcap import mcap_scan
+from skinmap.io.mcap.mcap_scan import MAX_RECORD
 from skinmap.io.mcap.reading import read_track
-from skinmap.io.mcap.scan import MAX_RECORD
 from skinmap.io.mcap.writing import MAGIC, McapRecording, McapWriter
-from skinmap.io.ros2.arrays import array_type, encode
 from skinmap.io.ros2.message_types import definition, full_name
+from skinmap.io.ros2.ros2_arrays import array_type, encode
 
 N, RATE, COUNT = 40, 50.0, 100
 STEP = 1 / RATE

@@ -14,7 +14,7 @@ from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.robots.mesh_file import check_gltf, read_mesh
 from skinmap.io.robots.urdf import MeshBody
-from skinmap.io.taxels.table import write_csv
+from skinmap.io.taxels.taxel_table import write_csv
 from skinmap.skin.taxels import TaxelTable
 
 MANIFEST = """

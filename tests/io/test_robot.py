@@ -141,7 +141,7 @@ PLACES = {  # of the taxels besides their shape: as the link's own, in a frame, 
 def test_the_unit_is_found_in_the_files_numbers_before_frame_and_pose(
     tmp_path, place, unit, stated, warned
 ):
-    from skinmap.io.taxels.table import write_csv
+    from skinmap.io.taxels.taxel_table import write_csv
     from skinmap.io.units import UNITS
     from skinmap.skin.taxels import TaxelTable
 
@@ -324,7 +324,7 @@ def test_urdf_of_a_manifest_may_not_read_meshes_outside(tmp_path):
 
 
 def test_dh_frames_are_used_where_they_fit_better(tmp_path, icub):
-    from skinmap.io.taxels.table import write_csv
+    from skinmap.io.taxels.taxel_table import write_csv
     from skinmap.skin.repair import replace
 
     table = icub.part("right_hand").read()

@@ -8,7 +8,7 @@ import pytest
 from skinmap.errors import BrokenPluginError
 from skinmap.live import check_source
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.simulator import SimulatedSource
+from skinmap.live.sources.simulated_source import SimulatedSource
 from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
 
 INFO = StreamInfo("planted", ("arm",), (3,), 50.0)

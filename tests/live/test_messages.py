@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skinmap.errors import MessageError
-from skinmap.live.network.messages import (
+from skinmap.live.network.network_messages import (
     HEADER,
     Header,
     pack_info,

@@ -13,8 +13,8 @@ from skinmap.errors import (
     SkinWarning,
     UnknownNameError,
 )
-from skinmap.live.response.files import load_responses
 from skinmap.live.response.pressures import MARGIN, Response, Responses, RestBaseline
+from skinmap.live.response.response_files import load_responses
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.fingerprint import fingerprint

@@ -5,7 +5,7 @@ import pytest
 
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.live import open_source
-from skinmap.live.sources.simulator import REST, SimulatedSource
+from skinmap.live.sources.simulated_source import REST, SimulatedSource
 from skinmap.live.sources.source import Source, SourceEnded, blocks
 
 PARTS = ("left_foot", "left_forearm")

@@ -9,7 +9,7 @@ import skinmap
 from skinmap.classifiers.given_name import GivenName
 from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.simulator import SimulatedSource
+from skinmap.live.sources.simulated_source import SimulatedSource
 from skinmap.live.sources.source import StreamInfo
 from skinmap.touch.simulation.sensing import Sensing
 

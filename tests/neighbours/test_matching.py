@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sklearn.metrics import adjusted_rand_score
 
 from skinmap.errors import InvalidArrayError
-from skinmap.neighbours.geodesic import geodesic_neighbourhoods
+from skinmap.neighbours.geodesic_neighbours import geodesic_neighbourhoods
 from skinmap.neighbours.matching import match_costs, matcher, pairing, view
 from skinmap.neighbours.offsets import concatenate, neighbourhoods
 from skinmap.neighbours.prototypes import as_prototypes

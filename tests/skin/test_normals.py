@@ -5,9 +5,9 @@ import pytest
 
 from skinmap.errors import InvalidArrayError, SkinWarning
 from skinmap.geometry.mesh import TriangleMesh
-from skinmap.skin.fit import measure_fit
 from skinmap.skin.normals import estimate_normals, repair_normals
 from skinmap.skin.skin import Skin, skin_from_points
+from skinmap.skin.skin_fit import measure_fit
 
 
 def test_repair_normals_of_points_on_a_sphere_are_radial(sphere):

@@ -16,7 +16,7 @@ from skinmap.surface.accurate import is_closed
 from skinmap.surface.consensus_meshing import Limits, consensus_faces
 from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
 from skinmap.surface.holes import close_loop
-from skinmap.surface.merge import take_in_turn
+from skinmap.surface.surface_merge import take_in_turn
 from skinmap.surface.surface_mesh import MESHING, build_surface
 from skinmap.surface.taxel_cloud import make_cloud
 

@@ -10,7 +10,7 @@ from skinmap.geometry.topology import boundary_loops, check_surface, euler_numbe
 from skinmap.geometry.triangles import face_areas, face_normals
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.holes import close_loop, fill_holes
-from skinmap.surface.merge import consensus, without_pinches
+from skinmap.surface.surface_merge import consensus, without_pinches
 from skinmap.surface.surface_mesh import build_surface
 
 

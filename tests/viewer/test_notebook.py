@@ -15,7 +15,7 @@ import pytest
 
 import skinmap
 from skinmap.errors import InvalidArrayError, MissingLibraryError, UnknownNameError
-from skinmap.live.sources.simulator import SimulatedSource
+from skinmap.live.sources.simulated_source import SimulatedSource
 
 pytest.importorskip("anywidget", reason="anywidget is not here: pip install 'skinmap[notebook]'")
 from viewer.notebook import show

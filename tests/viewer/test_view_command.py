@@ -386,7 +386,7 @@ def test_window_closed_in_mid_update_ends_quietly(window_on, icub):
 
 
 def test_calibrated_table_gives_the_uncertainty_of_each_taxel(tmp_path, icub, prepared):
-    from skinmap.io.taxels.table import COLUMNS, COVARIANCE
+    from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE
     from viewer import Layers
     from viewer.inputs import read_covariances
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from calibration.commands.options import (
+from calibration.commands.calibration_options import (
     FILE,
     NO_EFFORT,
     NO_SEED,

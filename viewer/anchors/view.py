@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 
 from calibration.commands.anchor_session import AnchorSession, SavedAnchors, Solution, solve
-from calibration.commands.options import Outputs
+from calibration.commands.calibration_options import Outputs
 from calibration.commands.results import MM
 from skinmap.arrays import FloatArray
 from skinmap.errors import SkinError

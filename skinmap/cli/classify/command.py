@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.cli.classify.result import (
+from skinmap.cli.classify.classify_result import (
     ClassifyResult,
     LiveSummary,
     LiveTouch,
@@ -113,12 +113,12 @@ def command(
     rule = GroupingRule(span=span_mm / 1e3, together=together_ms / 1e3)
     live = not holds_events(source)
     if live or how["publish"] or how["seconds"] is not None:
-        from skinmap.cli.classify.naming import classify_live
+        from skinmap.cli.classify.live_naming import classify_live
 
         shared: dict[str, Any] = {"robot": robot, "parts": parts, "rule": rule, "as_json": as_json}
         classify_live(classifier, source, **shared, **how)
         return
-    from skinmap.cli.classify.naming import name_recorded
+    from skinmap.cli.classify.live_naming import name_recorded
 
     present(name_recorded(classifier, Path(source), robot, parts, rule), _lines, as_json=as_json)
 

@@ -163,7 +163,7 @@ def _write(result: EvaluateResult, stage: Path) -> Iterator[str]:
     (stage / "evaluation.json").write_text(text, encoding="utf-8")
     yield "evaluation.json"
     if isinstance(result, KasparResult):
-        from skinmap.cli.evaluate.kaspar import sweep_figure
+        from skinmap.cli.evaluate.protocol_kaspar import sweep_figure
 
         sweep_figure(result, stage / "sweep.png")
         yield "sweep.png"

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time", "fingers", "hands")
 ON_DATA = ("fingers", "hands")  # protocols of files that users bring
-OTHER_NAMES = {"time": "in_time"}  # of modules; the others by their own
 
 Rows = list[list[Cell]]
 
@@ -83,8 +82,8 @@ class Evaluation(Protocol):
 
 def find_evaluation(name: str) -> Evaluation:
     """The module of a protocol, or of `recordings`."""
-    module = OTHER_NAMES.get(name, name.replace("-", "_"))
-    return cast(Evaluation, importlib.import_module(f"skinmap.cli.evaluate.{module}"))
+    module = f"skinmap.cli.evaluate.protocol_{name.replace('-', '_')}"
+    return cast(Evaluation, importlib.import_module(module))
 
 
 def own_settings(kind: type[Own], protocol: str, words: Sequence[str]) -> Own:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from skinmap.cli.inspect.result import InspectResult
+from skinmap.cli.inspect.inspect_result import InspectResult
 from skinmap.commands.options import (
     open_robot,
     outside_option,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinError
-from skinmap.io.mcap.scan import DAMAGED, Place, Scan, read_chunk, scan
+from skinmap.io.mcap.mcap_scan import DAMAGED, Place, Scan, read_chunk, scan
 from skinmap.io.mcap.writing import (
     FORMAT,
     METADATA,
@@ -41,12 +41,12 @@ from skinmap.io.recordings.recorded_stream import (
     nanoseconds_of,
     seconds_of,
 )
-from skinmap.io.ros2.arrays import DTYPES, HEAD, Number, decode
 from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata
 from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA
 from skinmap.io.ros2.messages import read_joints, read_text, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED
-from skinmap.io.taxels.table import parse_csv
+from skinmap.io.ros2.ros2_arrays import DTYPES, HEAD, Number, decode
+from skinmap.io.taxels.taxel_table import parse_csv
 from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.true_motion import TrueMotion
 

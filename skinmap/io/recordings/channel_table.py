@@ -31,8 +31,8 @@ from skinmap.io.text import MAX_CHANNEL, check_file
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.summary import first_few
-from skinmap.touch.labels import check_label
 from skinmap.touch.recording import Recording
+from skinmap.touch.touch_labels import check_label
 
 MAX_BYTES = 2**30  # a table is read whole
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}

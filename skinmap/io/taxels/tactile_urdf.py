@@ -4,7 +4,7 @@
 `<array rows cols size spacing? offset? order?/>` or many `<taxel idx xyz rpy/>`. Poses are in the
 sensor's frame, which `origin` places on the link; +z is the outward normal; `idx` is the place in
 the live vector. Two attributes of ours on `<taxel>`, which others ignore, keep what the format has
-no room for: `module`, and `normal` with every bit (see `skinmap.io.taxels.export`).
+no room for: `module`, and `normal` with every bit (see `skinmap.io.taxels.taxel_export`).
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.surface_path import SurfaceWalker
-from skinmap.live.contacts.events import ContactEvent, Happening
+from skinmap.live.contacts.contact_events import ContactEvent, Happening
 from skinmap.live.contacts.followed_contact import (
     LANDED,
     NEAR,

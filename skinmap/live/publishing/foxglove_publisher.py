@@ -17,7 +17,7 @@ from skinmap.io.ros2.message_types import definition, full_name
 from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES, taxel_columns
 from skinmap.live.moment import Moment
 from skinmap.live.network.addresses import HERE, Address, parse_address, warn_if_open
-from skinmap.live.network.messages import KINDS
+from skinmap.live.network.network_messages import KINDS
 from skinmap.live.publishing.publish import Publisher, Topic
 from skinmap.live.publishing.ros2_topics import Ros2Topics, stamps
 from skinmap.live.sources.source import StreamInfo

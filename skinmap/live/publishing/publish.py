@@ -14,7 +14,7 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.network.messages import VERSION
+from skinmap.live.network.network_messages import VERSION
 from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot

@@ -15,7 +15,7 @@ from skinmap.io.ros2.messages import text_message
 from skinmap.io.ros2.robot_topics import LATCHED
 from skinmap.live.moment import Moment
 from skinmap.live.network.addresses import warn_if_open
-from skinmap.live.network.messages import pack_info
+from skinmap.live.network.network_messages import pack_info
 from skinmap.live.network.zenoh_ros2 import (
     ATTACHMENT,
     SENDER_BYTES,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import OutputError, SkinError
 from skinmap.live.network.addresses import parse_address, warn_if_open
-from skinmap.live.network.messages import DTYPES, Header, dtype_code, pack_info
+from skinmap.live.network.network_messages import DTYPES, Header, dtype_code, pack_info
 from skinmap.live.publishing.publish import Publisher, Topic
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.robot import Robot

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
-from skinmap.live.sources.simulator import MadeSource, TrueTouch
+from skinmap.live.sources.simulated_source import MadeSource, TrueTouch
 from skinmap.live.sources.source import SIMULATION, StreamInfo
 from skinmap.physics.robot_model import RobotModel
 from skinmap.physics.simulation import LONG_ON_SKIN, ON_SKIN, TRIES, place_at

@@ -142,7 +142,7 @@ def _simulated(
     loop: bool,
 ) -> Source:
     from skinmap.io.robots.manifest import load_robot
-    from skinmap.live.sources.simulator import SimulatedSource
+    from skinmap.live.sources.simulated_source import SimulatedSource
     from skinmap.touch.simulation.gestures import FOUR, GESTURES, TIME
 
     raw, names = address == "raw", tuple(address.split(",")) if address not in ("", "raw") else FOUR

@@ -16,7 +16,7 @@ from skinmap.errors import MessageError, SkinMismatchError, UnknownNameError, Un
 from skinmap.io.ros2.message_types import dds_name, read
 from skinmap.io.ros2.messages import read_cloud, read_text
 from skinmap.live.network.addresses import warn_if_open
-from skinmap.live.network.messages import unpack_info
+from skinmap.live.network.network_messages import unpack_info
 from skinmap.live.network.zenoh_ros2 import (
     ATTACHMENT,
     SKIN,

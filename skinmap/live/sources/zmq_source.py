@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skinmap.errors import MessageError, SkinMismatchError, UnreachableError
 from skinmap.live.network.addresses import Address, parse_address, warn_if_open
-from skinmap.live.network.messages import Header, unpack_header, unpack_info, unpack_values
+from skinmap.live.network.network_messages import Header, unpack_header, unpack_info, unpack_values
 from skinmap.live.sources.part_filter import follow
 from skinmap.live.sources.receiver import SILENT
 from skinmap.live.sources.skins import check_skin

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.commands.batch import read_batch
-from calibration.commands.options import PatchFiles
+from calibration.commands.calibration_options import PatchFiles
 from calibration.commands.patch_task import PatchTask, load_link
 from calibration.files.tables import (
     read_anchor_table,
@@ -24,7 +24,7 @@ from calibration.files.tables import (
 )
 from skinmap.geometry.mesh import TriangleMesh
 from skinmap.io.flat_maps.drawing import read_drawing
-from skinmap.io.flat_maps.seams import read_cuts
+from skinmap.io.flat_maps.seam_files import read_cuts
 from skinmap.io.flat_maps.sources import read_tactile_maps
 from skinmap.io.flat_maps.surface_files import write_obj_with_uv
 from skinmap.io.robots.manifest import data_folder, load_robot
@@ -38,12 +38,12 @@ from skinmap.io.taxels.cyskin import (
     write_cyskin,
 )
 from skinmap.io.taxels.cyskin_faults import file_faults
-from skinmap.io.taxels.export import write_icub, write_tactile_urdf
 from skinmap.io.taxels.icub import read_icub
-from skinmap.io.taxels.readers import read_taxels
 from skinmap.io.taxels.skinware import read_skinware
-from skinmap.io.taxels.table import COLUMNS, COVARIANCE, read_csv
 from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
+from skinmap.io.taxels.taxel_export import write_icub, write_tactile_urdf
+from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE, read_csv
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.taxels import TaxelTable
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
@@ -259,7 +259,8 @@ CAL = "calibration.files.tables"
 
 TARGETS = [
     Target("taxels-csv", "t.csv", lambda: [HAND.read_bytes(), calibrated()], own,
-           ("skinmap.io.taxels.table.read_csv", "skinmap.io.taxels.readers.read_taxels")),
+           ("skinmap.io.taxels.taxel_table.read_csv",
+            "skinmap.io.taxels.taxel_readers.read_taxels")),
     Target("taxels-icub", "t.txt", lambda: [written(lambda p: write_icub(table(), p, name="h"))],
            read_icub, ("skinmap.io.taxels.icub.read_icub",)),
     Target("taxels-cyskin", "t.json", lambda: [cyskin()], walk_cyskin,
@@ -276,7 +277,7 @@ TARGETS = [
     Target("drawing", "d.ini", lambda: [DRAWING], read_drawing,
            ("skinmap.io.flat_maps.drawing.read_drawing",)),
     Target("seam", "s.txt", lambda: [b"0 9 40\n5,60 # back\n"], cuts,
-           ("skinmap.io.flat_maps.seams.read_cuts",)),
+           ("skinmap.io.flat_maps.seam_files.read_cuts",)),
     Target("module-layout", "m.toml", lambda: [LAYOUT], lambda p: module_layout(str(p))),
     Target("module-layout-csv", "m.csv", lambda: [LAYOUT_CSV], lambda p: module_layout(str(p))),
     Target("manifest", "one.toml", lambda: [MANIFEST], walk_robot,

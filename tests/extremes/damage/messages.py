@@ -16,7 +16,7 @@ from skinmap import __version__
 from skinmap.errors import MessageError
 from skinmap.live.network.addresses import parse_address
 from skinmap.live.network.lsl_settings import read_description
-from skinmap.live.network.messages import Header, pack_info, read_json, unpack_info
+from skinmap.live.network.network_messages import Header, pack_info, read_json, unpack_info
 from skinmap.live.sources.source import Source, StreamInfo
 from skinmap.live.sources.zmq_source import ZmqSource
 from skinmap.profile import read_profile

@@ -317,7 +317,7 @@ TARGETS = [
     Target("mcap", "t.mcap", lambda: [mcap(), mcap("pressure")], samples,
            ("skinmap.io.mcap.reading.read_track",
             "skinmap.io.mcap.reading.read_head",
-            "skinmap.io.mcap.scan.read_chunk")),
+            "skinmap.io.mcap.mcap_scan.read_chunk")),
     Target("mcap-touches", "t.mcap", lambda: [mcap("pressure")], load_recordings),
     Target("bag-mapping", "t.map.toml", lambda: [BAG_MAP], read_bag_mapping,
            ("skinmap.io.ros2.bag.read_bag_mapping",)),

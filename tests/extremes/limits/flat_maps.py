@@ -8,7 +8,7 @@ from skinmap.errors import FlatteningError, InvalidArrayError
 from skinmap.flat.distortion import measure_distortion
 from skinmap.flat.flat_map import flatten_disc
 from skinmap.flat.geodesic import geodesic_stress
-from skinmap.neighbours.geodesic import geodesic_neighbourhoods
+from skinmap.neighbours.geodesic_neighbours import geodesic_neighbourhoods
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.radius import auto_radius
 from skinmap.neighbours.structures import find_structures

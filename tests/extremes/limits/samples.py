@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.errors import DataFormatError
-from skinmap.io.taxels.table import COLUMNS, read_csv
+from skinmap.io.taxels.taxel_table import COLUMNS, read_csv
 from skinmap.live.response.sample_checks import SampleChecks
 from skinmap.live.sources.sample_counts import Counts
 from skinmap.live.sources.source import Block, StreamInfo

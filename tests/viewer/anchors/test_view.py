@@ -10,7 +10,7 @@ import trimesh
 from click.testing import CliRunner
 
 from calibration.commands.anchor_session import AnchorSession
-from calibration.commands.options import Outputs
+from calibration.commands.calibration_options import Outputs
 from calibration.files.tables import BoardTable
 from skinmap.cli.main import cli
 

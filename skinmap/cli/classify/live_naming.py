@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import BoolArray
 from skinmap.classifiers.classifier import Prediction, TouchClassifier
 from skinmap.classifiers.naming import JOIN, all_right, name_touches, true_labels
-from skinmap.cli.classify.result import (
+from skinmap.cli.classify.classify_result import (
     ClassifyResult,
     Health,
     Latency,
@@ -38,7 +38,7 @@ from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
 
 if TYPE_CHECKING:
-    from skinmap.live.contacts.events import TouchEvent
+    from skinmap.live.contacts.contact_events import TouchEvent
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.source import Source
     from skinmap.touch.contacts.rest import Rest
@@ -68,7 +68,7 @@ def classify_live(
         A source, calibration or model that does not fit.
     """
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.response.files import load_responses
+    from skinmap.live.response.response_files import load_responses
     from skinmap.live.sources.open_source import open_source
     from skinmap.live.sources.source import is_live
 

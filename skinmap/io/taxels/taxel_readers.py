@@ -15,7 +15,7 @@ readers: Registry[Reader] = Registry(
     "taxel format",
     "skinmap.readers",
     built_in={
-        "csv": "skinmap.io.taxels.table:read_csv",
+        "csv": "skinmap.io.taxels.taxel_table:read_csv",
         "cyskin": "skinmap.io.taxels.cyskin:read_cyskin_taxels",
         "icub": "skinmap.io.taxels.icub:read_icub",
         "skinware": "skinmap.io.taxels.skinware:read_skinware",

@@ -1,7 +1,7 @@
 """Writing taxel tables in the formats of others, so that reading them back changes nothing.
 
 Numbers are written with as many digits as their bits need. CSV, our own format, is in
-`skinmap.io.taxels.table`.
+`skinmap.io.taxels.taxel_table`.
 """
 
 from __future__ import annotations

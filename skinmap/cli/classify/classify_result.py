@@ -10,7 +10,7 @@ from skinmap.live.sources.sample_counts import Counts
 from skinmap.summary import first_few
 
 if TYPE_CHECKING:
-    from skinmap.live.contacts.events import TouchEvent
+    from skinmap.live.contacts.contact_events import TouchEvent
 
 MM = 1e3
 STATES = {"stuck": "stuck", "noisy": "noisy", "dead": "dead", "unheard": "not heard yet"}
