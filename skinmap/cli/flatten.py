@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from skinmap.commands.options import (
+    Written,
+    file_option,
     number,
     open_robot,
     out_folder,
@@ -23,7 +26,7 @@ from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import retired
 from skinmap.commands.spreading import ALONE, WorkerOptions, workers_options
-from skinmap.errors import InvalidArrayError, MissingFileError, UnknownNameError
+from skinmap.errors import InvalidArrayError, MissingFileError, OutputError, UnknownNameError
 from skinmap.flat.flat_rows import ComparedRow, PatchRow
 from skinmap.report.present import present
 from skinmap.report.table import Cell, Table
@@ -64,6 +67,7 @@ class FlattenResult:
     patches: list[PatchRow] = column("Part by part, in the order of the command line.")
     compare: list[ComparedRow] = column("By `--compare`, in the same order.")
     seconds: float = column("CPU time of all solves.")
+    sheets: Sequence[str] = column("Files of `--sheet`, a page each but for PDF.", default=())
     files: Sequence[str] = column("Names inside `--out`.", default=())
 
 
@@ -108,6 +112,12 @@ class Laid:
     "Slit each chart until its mean symmetric Dirichlet energy is below this, as 4.1.",
 )
 @out_folder("pictures, OBJ with texture coordinates, and report.html")
+@file_option(
+    "--sheet",
+    Written(".pdf", ".svg", ".dxf"),
+    "Write the maps at their true size on A4, with the channel of each taxel; more pages than one "
+    "of SVG or DXF are FILE-1, FILE-2, ...",
+)
 @workers_options
 @profile_option("flatten", beside=KNOBS)
 @retired(
@@ -124,7 +134,12 @@ class Laid:
 )
 @prints(FlattenResult)
 def command(
-    robots: tuple[str, ...], parts: tuple[str, ...], out: Path | None, as_json: bool, **options: Any
+    robots: tuple[str, ...],
+    parts: tuple[str, ...],
+    out: Path | None,
+    sheet: Path | None,
+    as_json: bool,
+    **options: Any,
 ) -> None:
     """Lay every patch of a robot's skin, or any triangle mesh, flat and measure the distortion.
 
@@ -139,10 +154,15 @@ def command(
               skinmap flatten icub --part left_arm --compare bff,lscm --json
               skinmap flatten bunny.obj --method accurate --json
               skinmap flatten skin.json --compare theirs
+              skinmap flatten icub --part left_forearm --sheet sheet.pdf
               skinmap flatten sleeve.toml --seam contacts:touches.npz --out maps
               skinmap flatten scans/*.stl --jobs 4 --resume scans.resume --json
     """
+    if sheet is not None and not sheet.parent.is_dir():
+        raise OutputError(f"cannot write {str(sheet)!r}: no folder {str(sheet.parent)!r}")
     result, laid = work(robots or ("icub",), parts, **options)
+    if sheet is not None:
+        result = replace(result, sheets=_write_sheets(sheet, result.robot, laid))
     with progress(len(laid) if out else 0, "drawing") as advance:
         present(
             result,
@@ -291,6 +311,15 @@ def _seams(
     return found
 
 
+def _write_sheets(path: Path, name: str, laid: Mapping[str, Laid]) -> list[str]:
+    """Write the maps at their true size; the files."""
+    from skinmap.commands.overwriting import protect
+    from skinmap.report.sheet import sheets, write_sheets
+
+    pages = sheets(name, {part: one.flat for part, one in laid.items()})
+    return [str(file) for file in write_sheets(path, pages, partial(protect, option="--sheet"))]
+
+
 def write_files(
     result: FlattenResult, laid: Mapping[str, Laid], stage: Path, advance: Callable[[str], None]
 ) -> Iterator[str]:
@@ -368,6 +397,7 @@ def _lines(result: FlattenResult) -> Iterator[str | Table]:
     if result.compare:
         shown = "part patch with_ flips edge_rms_percent area_sd"
         yield Table.of(ComparedRow, result.compare, shown)
+    yield from result.sheets
 
 
 def _words(one: PatchRow) -> Iterator[str]:
