@@ -20,6 +20,7 @@ from skinmap import errors as errors
 from skinmap.classifiers.classifier import Classifier as Classifier
 from skinmap.classifiers.classifier import Prediction as Prediction
 from skinmap.classifiers.model_file import load_classifier as load_classifier
+from skinmap.classifiers.named_classifiers import default_model as default_model
 from skinmap.classifiers.naming import ClassifiedTouch as ClassifiedTouch
 from skinmap.classifiers.naming import classify as classify
 from skinmap.classifiers.training import train as train
@@ -36,9 +37,13 @@ from skinmap.errors import SkinMismatchError as SkinMismatchError
 from skinmap.errors import SkinWarning as SkinWarning
 from skinmap.errors import UnknownNameError as UnknownNameError
 from skinmap.errors import UnreachableError as UnreachableError
+from skinmap.errors import WrongTypeError as WrongTypeError
 from skinmap.flat.flat_map import Chart as Chart
 from skinmap.flat.flat_map import FlatMap as FlatMap
 from skinmap.flat.flat_map import flatten as flatten
+from skinmap.front import flatteners as flatteners
+from skinmap.front import gestures as gestures
+from skinmap.front import robots as robots
 from skinmap.io.recordings.touch_files import load_recordings as load_recordings
 from skinmap.io.recordings.touch_files import save_recordings as save_recordings
 from skinmap.io.robots.manifest import load_robot as load_robot
@@ -85,6 +90,7 @@ __all__ = [
     "build_surface",
     "classify",
     "contact_image",
+    "default_model",
     "errors",
     "find_contacts",
     "find_structures",
@@ -92,6 +98,8 @@ __all__ = [
     "fit_plane",
     "fit_wrench",
     "flatten",
+    "flatteners",
+    "gestures",
     "histograms",
     "learn_codebook",
     "load_recordings",
@@ -100,6 +108,7 @@ __all__ = [
     "open_source",
     "record",
     "register_scan",
+    "robots",
     "save_recordings",
     "self_touch",
     "show",

@@ -38,6 +38,10 @@ class InvalidArrayError(SkinError, ValueError):
     """An array has the wrong shape, type or content."""
 
 
+class WrongTypeError(SkinError, TypeError):
+    """An argument of a type that a function cannot take."""
+
+
 class InvalidMeshError(SkinError, ValueError):
     """Triangles that are not a usable surface."""
 

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import html
+import importlib
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+from skinmap.errors import OutputError
 
 SHOWN = 4  # names of a long list
 STYLE = "text-align: left; padding: 0 1em 0 0"
@@ -33,6 +38,52 @@ class Summary:
             for name, value in self.facts().items()
         )
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+
+class Drawable(Summary):
+    """Base of objects that can be drawn as a figure."""
+
+    __slots__ = ()
+    FIGURE: ClassVar[str]  # "module:function" that draws it, loaded when a figure is wanted
+
+    def plot(self) -> Any:
+        """Draw it.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        home, _, function = self.FIGURE.partition(":")
+        return getattr(importlib.import_module(home), function)(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write its figure.
+
+        Parameters
+        ----------
+        path : str or Path
+            Ends in .png, .svg or .pdf.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        OutputError
+            Another ending, or a file that cannot be written.
+        """
+        path = Path(path)
+        if path.suffix not in (".png", ".svg", ".pdf"):
+            raise OutputError(f"{str(path)!r}: a figure ends in .png, .svg or .pdf")
+        figure = self.plot()
+        try:
+            importlib.import_module("skinmap.report.figure").save_figure(figure, path)
+        except OSError as error:
+            path.unlink(missing_ok=True)
+            raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None
+        return path
 
 
 def first_few(things: Sequence[object], most: int = SHOWN, between: str = ", ") -> str:

@@ -40,7 +40,7 @@ def test_the_stub_is_the_list_of_names():
 
 
 def test_there_are_about_thirty_names():
-    assert 28 <= len(skinmap.__all__) <= 36
+    assert 28 <= len(skinmap.__all__) <= 40
     assert set(skinmap.__all__) <= set(dir(skinmap))
     with pytest.raises(AttributeError, match="no attribute 'flaten'"):
         skinmap.flaten  # noqa: B018
@@ -65,7 +65,8 @@ def test_a_name_has_its_sections(name):
     if inspect.isclass(thing):
         assert re.search(r"^(Parameters|Attributes)\n-+\n", text, flags=re.MULTILINE)
         return
-    for section in ("Parameters", "Returns", "Raises"):
+    takes = bool(signature(thing).parameters)  # a list of names takes nothing and cannot fail
+    for section in ("Parameters", "Returns", "Raises") if takes else ("Returns",):
         if section == "Returns" and signature(thing).return_annotation == "None":
             continue
         assert re.search(rf"^{section}\n-+\n", text, flags=re.MULTILINE), section

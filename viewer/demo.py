@@ -14,6 +14,7 @@ from skinmap.classifiers.model_file import save_classifier
 from skinmap.flat.distortion import spread
 from skinmap.io.output import staged_folder
 from skinmap.io.recordings.touch_files import save_recordings
+from skinmap.report.figure import save_figure
 from skinmap.report.flat_figures import part_figure
 from skinmap.report.image import media
 from skinmap.report.page import cards, grid, heading, note, page
@@ -57,7 +58,7 @@ def run_demo(
         (folder / "flatmaps").mkdir()
         for part, skin in analysis.skins.items():
             advance(f"{part}: picture of the flat map")
-            (folder / "flatmaps" / f"{part}.png").write_bytes(part_figure(skin.flat))
+            save_figure(part_figure(skin.flat), folder / "flatmaps" / f"{part}.png")
         advance("picture of the structures")
         structures_figure(analysis.skins, analysis.rotated, folder / "structures.png")
         advance("still and movie")

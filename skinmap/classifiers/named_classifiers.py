@@ -41,7 +41,8 @@ def default_model() -> TouchClassifier:
 
     Examples
     --------
-    >>> len(default_model().labels)
+    >>> import skinmap
+    >>> len(skinmap.default_model().labels)
     12
     """
     return read_model(DEFAULT_FILE, lambda name: contact_geometry_classifier)

@@ -326,6 +326,7 @@ def write_files(
     """Write pictures and the meshes of each part into a folder; the names."""
     from skinmap.flat.face_metrics import face_metric
     from skinmap.io.flat_maps.surface_files import write_flat_obj
+    from skinmap.report.figure import save_figure
     from skinmap.report.flat_figures import comparison_figure, part_figure
 
     metric = face_metric(result.metric)
@@ -333,7 +334,7 @@ def write_files(
     for part, one in laid.items():
         advance(part)
         stem = stems[part]
-        (stage / f"{stem}.png").write_bytes(part_figure(one.flat, metric))
+        save_figure(part_figure(one.flat, metric), stage / f"{stem}.png")
         # The OBJ of a mesh file that is one must not take its place.
         mesh = f"{stem}_flat.obj" if Path(part).suffix == ".obj" else f"{stem}.obj"
         write_flat_obj(one.flat, stage / mesh)

@@ -21,10 +21,11 @@ from skinmap.geometry.triangles import (
     signed_areas,
     singular_values,
 )
+from skinmap.summary import Summary
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Distortion:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Distortion(Summary):
     """Distortion per triangle (m,) and per edge (e,).
 
     Attributes
@@ -86,6 +87,15 @@ class Distortion:
         if self.flips:
             return float("inf")
         return float(np.sqrt(np.average(np.log(self.area) ** 2, weights=self.face_areas)))
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "triangles": len(self.area),
+            "edges": len(self.edges),
+            "edge_rms": f"{self.edge_rms:.2%}",
+            "flips": self.flips,
+        }
 
     def summary(self) -> Distorted:
         """What the map costs in a few figures."""

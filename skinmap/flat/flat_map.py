@@ -6,7 +6,7 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
 from skinmap.flat.seams import CutMesh, open_surface, price_of, touch_counts
 from skinmap.geometry.topology import check_surface, edges
 from skinmap.skin.svg_picture import svg_picture
-from skinmap.summary import Summary, listed
+from skinmap.summary import Drawable, Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 ISOMETRY = 4.0  # symmetric Dirichlet energy of a map without distortion
@@ -32,8 +32,8 @@ ISOMETRY = 4.0  # symmetric Dirichlet energy of a map without distortion
 __all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc"]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Chart:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Chart(Summary):
     """The flat map of one patch.
 
     Attributes
@@ -83,6 +83,16 @@ class Chart:
     def __post_init__(self) -> None:
         freeze(self, taxels=self.taxels, faces=self.faces, uv=self.uv)
 
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "patch": self.patch,
+            "taxels": len(self.taxels),
+            "method": self.method,
+            "edge_rms": f"{self.distortion.edge_rms:.2%}",
+            "flips": self.distortion.flips,
+        }
+
     @property
     def period(self) -> FloatArray | None:
         """(2,) after which a periodic map repeats itself [m]; None for others."""
@@ -95,7 +105,7 @@ class Chart:
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class FlatMap(Summary):
+class FlatMap(Drawable):
     """Charts of all patches of one part, packed at one scale.
 
     Attributes
@@ -115,6 +125,7 @@ class FlatMap(Summary):
     ((240, 2), 0)
     """
 
+    FIGURE: ClassVar = "skinmap.report.flat_figures:part_figure"
     mesh: SurfaceMesh
     charts: tuple[Chart, ...]
     uv: FloatArray
@@ -150,7 +161,7 @@ class FlatMap(Summary):
             f"{'patch' if count == 1 else 'patches'}, {self.flips} flipped triangles, "
             f"edge rms at most {100 * rms:.2f} %"
         )
-        return Summary._repr_html_(self) + svg_picture(
+        return super(FlatMap, self)._repr_html_() + svg_picture(
             self.uv, np.concatenate(lines or [np.zeros((0, 2, 2))]), words
         )
 

@@ -29,5 +29,11 @@ def picture_bytes(figure: Any) -> bytes:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a matplotlib figure as PNG."""
-    path.write_bytes(picture_bytes(figure))
+    """Write a matplotlib figure, as vectors where the name ends in .svg or .pdf, else as PNG."""
+    if path.suffix not in (".svg", ".pdf"):
+        path.write_bytes(picture_bytes(figure))
+        return
+    import matplotlib as mpl
+
+    with mpl.rc_context({"svg.fonttype": "none", "pdf.fonttype": 42}):  # text stays text
+        figure.savefig(path)

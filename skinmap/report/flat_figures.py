@@ -18,6 +18,7 @@ from skinmap.flat.flat_map import Chart, FlatMap
 from skinmap.geometry.triangles import face_normals
 from skinmap.report.figure import picture_bytes, plain_figure
 from skinmap.report.projection import View, choose_views, draw_surface, visible
+from skinmap.surface.surface_mesh import SurfaceMesh
 
 SEAM = "#d3202f"
 EDGED = 6_000  # triangles: finer ones are drawn without their edges
@@ -31,8 +32,8 @@ SQUARES = 14  # across a map, about
 MAX_CUT = 8_000  # triangles: finer ones take the colour under their middle
 
 
-def part_figure(flat: FlatMap, metric: FaceMetric = METRICS["edge_strain"]) -> bytes:
-    """PNG: flat map and body side by side: coloured by a metric above, a checkerboard below."""
+def part_figure(flat: FlatMap, metric: FaceMetric = METRICS["edge_strain"]) -> Any:
+    """Flat map and body side by side: coloured by a metric above, a checkerboard below."""
     frame = limb_frame(flat.mesh.vertices, flat.mesh.faces, flat.mesh.skin.up)
     views = choose_views(flat.mesh.vertices, flat.mesh.faces, frame)
     unit, factor = length_unit(flat)
@@ -73,7 +74,24 @@ def part_figure(flat: FlatMap, metric: FaceMetric = METRICS["edge_strain"]) -> b
     words = ", seams red" if seams else ""
     words += ", dashed: where it repeats itself" if rolls else ""
     figure.suptitle(title(flat) + words, fontsize=11)
-    return picture_bytes(figure)
+    return figure
+
+
+def mesh_figure(mesh: SurfaceMesh) -> Any:
+    """A surface mesh from one or two sides."""
+    frame = limb_frame(mesh.vertices, mesh.faces, mesh.skin.up)
+    views = choose_views(mesh.vertices, mesh.faces, frame)
+    figure = plain_figure((HEIGHT * len(views), HEIGHT + 0.5))
+    body = mesh.vertices[mesh.faces[kept_faces(len(mesh.faces))]]
+    normals = face_normals(body.reshape(-1, 3), np.arange(body[..., 0].size).reshape(-1, 3))
+    colours = np.tile(BOARD[0], (len(body), 1))
+    for axis, view in zip(figure.subplots(1, len(views), squeeze=False)[0], views, strict=True):
+        draw_surface(axis, view, body, normals, colours)
+        _frame_body(axis)
+        axis.set_title(view.name, fontsize=9, y=1.0)
+    figure.suptitle(f"{mesh.skin.part}: {len(mesh.skin):,} taxels, {len(mesh.faces):,} triangles",
+                    fontsize=11)  # fmt: skip
+    return figure
 
 
 def comparison_figure(

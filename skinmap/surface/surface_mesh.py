@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +16,7 @@ from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import check_surface, face_components
 from skinmap.geometry.triangles import vertex_areas
 from skinmap.skin.skin import Skin, skin_from_points
-from skinmap.summary import Summary
+from skinmap.summary import Drawable
 from skinmap.surface.accurate import accurate_faces
 from skinmap.surface.consensus_meshing import Limits, consensus_faces
 from skinmap.surface.delaunay_stars import FEW, NEIGHBOURS
@@ -29,7 +30,7 @@ DEFAULT = MESHING[0]
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class SurfaceMesh(Summary):
+class SurfaceMesh(Drawable):
     """Triangles over the taxels of a skin.
 
     Attributes
@@ -50,6 +51,7 @@ class SurfaceMesh(Summary):
     SurfaceMesh(part=torso, taxels=240, faces=426, patches=1, area=67.1 cm2)
     """
 
+    FIGURE: ClassVar = "skinmap.report.flat_figures:mesh_figure"
     skin: Skin
     faces: IntArray
     representative: IntArray

@@ -134,7 +134,7 @@ def prepare(
 def simulate(
     skin: Skin,
     *,
-    rng: np.random.Generator | int,
+    rng: np.random.Generator | int = 0,
     per_gesture: int = 20,
     gestures: Sequence[str] = FOUR,
     subjects: int = SUBJECTS,
