@@ -1,0 +1,325 @@
+"""Two clocks on one line: which row of the skin belongs to which row of a reference.
+
+A chamber, a load cell or a camera records beside the skin on a clock of its own. Both see the same
+loads, so that the reference is a function of the skin, with its memory, once the rows are laid on
+each other. The line that leaves the least unexplained is searched over lag and slope; rows that
+one side lost give several lines of one slope.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import InvalidArrayError
+from skinmap.memory_features import memory_features
+
+MOST_SLOPE = 0.03  # either way: clocks of computers are far better, rates that are rounded are not
+MOST_LAG = 0.1  # of the reference's rows, either way, beyond what the lengths leave open
+LEAST_LAG = 1000  # rows that are searched in any case
+COARSE = 20  # rows between those that the search looks at
+OVERLAP = 0.6  # share of the reference that must lie inside the samples
+SAME = 0.9  # correlation with the skin's median of a channel that follows it
+WINDOWS, REACH = 40, 150  # of the local lags, and how far they look [rows]
+BREAK = 15  # rows lost at once that make a line of their own
+GAIN = 0.8  # of the misfit that a further line must leave at most
+PRIOR = 0.05  # weight of (slope / 1 %)^2 and (lag / 500 rows)^2 against the log of the misfit
+
+
+@dataclass(frozen=True, slots=True)
+class ClockLine:
+    """Skin row = reference row + offset_rows + slope * reference row, from `first_row` on.
+
+    Attributes
+    ----------
+    first_row
+        Of the reference; the next line begins where this one ends.
+    offset_rows, slope
+        The line.
+    residual_rows
+        Median distance of local lags from all lines.
+    unexplained
+        Share of the reference's variance that the skin leaves open on all lines; above about .2
+        the clocks are not aligned.
+    """
+
+    first_row: int
+    offset_rows: float
+    slope: float
+    residual_rows: float
+    unexplained: float
+
+
+def skin_rows(lines: Sequence[ClockLine], reference_rows: ArrayLike) -> FloatArray:
+    """Rows of the skin, in parts of a row, that belong to rows of the reference."""
+    rows = np.asarray(reference_rows, np.float64)
+    which = np.searchsorted([one.first_row for one in lines], rows, side="right") - 1
+    which = np.maximum(which, 0)
+    offsets = np.array([one.offset_rows for one in lines])[which]
+    return rows + offsets + np.array([one.slope for one in lines])[which] * rows
+
+
+def following(samples: ArrayLike) -> IntArray:
+    """Channels that follow the median of the skin, those that fall under load among them.
+
+    Raises
+    ------
+    InvalidArrayError
+        No channel moves.
+    """
+    return _following(np.asarray(samples))[0]
+
+
+def _following(samples: FloatArray) -> tuple[IntArray, FloatArray]:
+    few = samples[:: max(1, len(samples) // 5000)].astype(np.float64)
+    spread = few.std(axis=0)
+    live = np.flatnonzero(spread > 0.5 * (spread.max(initial=0.0) > 1.0))
+    live = live[spread[live] > 0]
+    if not len(live):
+        raise InvalidArrayError("no channel moves: there is nothing to lay the reference on")
+    scaled = (few[:, live] - few[:, live].mean(axis=0)) / spread[live]
+    alike = scaled.T @ scaled / len(few)
+    sign = np.where(alike[np.argmax(np.abs(alike).sum(axis=0))] < 0, -1.0, 1.0)
+    scaled *= sign
+    middle = np.median(scaled, axis=1)
+    keep = np.ones(len(live), bool)
+    for _ in range(3):
+        follows = scaled.T @ middle / len(few) / max(middle.std(), 1e-12)
+        keep = follows > min(SAME, float(follows.max()))
+        keep |= follows == follows.max()
+        middle = np.median(scaled[:, keep], axis=1)
+    return live[keep], sign[keep]
+
+
+def _signal(samples: FloatArray) -> FloatArray:
+    """The skin as one number a row, 0 to 1."""
+    own, sign = _following(samples)
+    few = samples[:: max(1, len(samples) // 5000)][:, own].astype(np.float64)
+    low, high = np.percentile(few, [0.5, 99.5], axis=0)
+    scale = sign / np.maximum(high - low, 1e-12) / len(own)
+    found = samples[:, own] @ scale - float(low @ scale)
+    few = np.sort(found[:: max(1, len(found) // 5000)])
+    return (found - few[0]) / max(few[-1] - few[0], 1e-12)
+
+
+def align(samples: ArrayLike, reference: ArrayLike, *, rate: float = 50.0) -> tuple[ClockLine, ...]:
+    """Lay the rows of a reference on those of the samples.
+
+    Parameters
+    ----------
+    samples : (t, n) array-like
+        Raw channels; those that follow the skin's median are looked at.
+    reference : (u,) array-like
+        Load at the same nominal rate, on its own clock.
+    rate : float
+        Rows a second.
+
+    Returns
+    -------
+    tuple of ClockLine
+        One, or several where rows were lost.
+
+    Raises
+    ------
+    InvalidArrayError
+        No channel moves, the reference never moves or holds NaN, or one of them is too short.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> load = np.interp(np.arange(4000), np.arange(0, 4000, 100),
+    ...                  np.random.default_rng(1).uniform(0, 1, 40))
+    >>> (line,) = align(np.outer(load, [40.0, 60.0]).round(), load[30:3900])
+    >>> bool(abs(line.offset_rows - 30) < 3)
+    True
+    """
+    given, wanted = np.asarray(samples), np.asarray(reference, np.float64).ravel()
+    if min(len(given), len(wanted)) < 2 * COARSE * 10:
+        raise InvalidArrayError(
+            f"{len(given)} samples and {len(wanted)} rows of a reference: "
+            f"at least {2 * COARSE * 10} of each are needed to align their clocks"
+        )
+    if not np.isfinite(wanted).all():
+        raise InvalidArrayError("the reference holds NaN or infinity")
+    if np.ptp(wanted) < 1e-9 * max(1.0, np.abs(wanted).max()):
+        raise InvalidArrayError("the reference never moves: there is nothing to align")
+    return _Alignment(_signal(given), wanted, rate).lines()
+
+
+class _Alignment:
+    """The search of lines for one signal (t,) and one reference (u,)."""
+
+    def __init__(self, signal: FloatArray, reference: FloatArray, rate: float) -> None:
+        features = memory_features(signal[:, None], signal[:1], rate)[:, 0]
+        # The running mean of the features trails; that of the reference trails as far.
+        trail = max(1, round(0.5 * rate))
+        self.fine = np.column_stack([np.ones(len(signal)), features])
+        self.features = _trailing(self.fine, COARSE)
+        self.reference = _trailing(reference, trail)
+        self.rows = np.arange(0, len(reference), COARSE)
+        self.wanted = _trailing(self.reference, COARSE)[self.rows]
+        self.middle = len(reference) / 2
+
+    def left(self, positions: FloatArray, *, least: float = OVERLAP) -> float:
+        """Share of the reference's variance that features at these rows leave unexplained."""
+        index = np.rint(positions).astype(np.int64)
+        inside = (index >= 0) & (index < len(self.features))
+        if inside.sum() < least * len(index):
+            return np.inf
+        own, wanted = self.features[index[inside]], self.wanted[inside]
+        wanted = wanted - wanted.mean()
+        square = own.T @ own
+        square[np.diag_indices_from(square)] += 1e-6 * len(own)
+        toward = own.T @ wanted
+        power = float(wanted @ wanted)
+        if power <= 0:
+            return np.inf
+        return max(1.0 - float(toward @ np.linalg.solve(square, toward)) / power, 1e-9)
+
+    def cost(self, slope: float, offsets: FloatArray, firsts: IntArray) -> float:
+        """What the search makes small; `offsets` hold at the middle of the reference."""
+        which = np.maximum(np.searchsorted(firsts, self.rows, side="right") - 1, 0)
+        places = self.rows + offsets[which] + slope * (self.rows - self.middle)
+        return float(np.log(self.left(places)) + self.far(slope, offsets[0]))
+
+    def far(self, slope: float, lag: float) -> float:
+        """Clocks rather go alike and begin together: decides where the misfit does not."""
+        beyond = max(abs(lag) - abs(len(self.features) - len(self.reference)) / 2, 0.0)
+        return PRIOR * ((slope / 0.01) ** 2 + (beyond / 500.0) ** 2)
+
+    def lines(self) -> tuple[ClockLine, ...]:
+        """The best lines."""
+        slope, offsets = self._coarse()
+        firsts = np.zeros(1, np.int64)
+        slope, offsets = self._finer(slope, offsets, firsts)
+        while len(firsts) < 6:
+            more = self._broken(slope, offsets, firsts)
+            if more is None:
+                break
+            slope, offsets, firsts = more
+        which = np.maximum(np.searchsorted(firsts, self.rows, side="right") - 1, 0)
+        places = self.rows + offsets[which] + slope * (self.rows - self.middle)
+        left = self.left(places, least=0.0)
+        residual = self._residual(slope, offsets, firsts)
+        return tuple(
+            ClockLine(int(first), float(offset - slope * self.middle), float(slope), residual, left)
+            for first, offset in zip(firsts, offsets, strict=True)
+        )
+
+    def _coarse(self) -> tuple[float, FloatArray]:
+        count = len(self.reference)
+        open_ends = abs(len(self.features) - count) / 2 + MOST_LAG * count
+        most = max(LEAST_LAG, open_ends) // COARSE * COARSE
+        lags = np.arange(-most, most + 1, COARSE) + (len(self.features) - count) / 2
+        none = np.zeros(1, np.int64)
+        tried = [
+            (self.cost(slope, np.array([lag]), none), slope, lag)
+            for slope in np.arange(-MOST_SLOPE, MOST_SLOPE + 1e-9, 0.002)
+            for lag in lags
+        ]
+        best = []
+        for cost, slope, lag in sorted(tried)[:8]:
+            if np.isfinite(cost):
+                slope, (lag,) = self._finer(slope, np.array([lag]), none, rough=True)
+                best.append((self.cost(slope, np.array([lag]), none), slope, lag))
+        if not best:
+            raise InvalidArrayError("the reference and the samples overlap too little to align")
+        _, slope, lag = min(best)
+        return slope, np.array([lag])
+
+    def _finer(
+        self, slope: float, offsets: FloatArray, firsts: IntArray, *, rough: bool = False
+    ) -> tuple[float, FloatArray]:
+        """Go downhill, by steps that shrink."""
+        offsets = offsets.astype(np.float64)
+        best = self.cost(slope, offsets, firsts)
+        ends = np.append(firsts[1:], len(self.reference))
+        centres = (firsts + ends) / 2 - self.middle  # lines turn about their own middle
+        steps = ((1e-3, 10.0), (5e-4, 5.0)) if rough else ((5e-4, 5.0), (2e-4, 2.0), (1e-4, 1.0))
+        for by_slope, by_rows in steps:
+            for _ in range(20):
+                tries = [(slope + turn, offsets - turn * centres) for turn in (-by_slope, by_slope)]
+                for which in range(len(offsets)):
+                    for sign in (-1, 1):
+                        moved = offsets.copy()
+                        moved[which] += sign * by_rows
+                        tries.append((slope, moved))
+                costs = [self.cost(*one, firsts) for one in tries]
+                least = int(np.argmin(costs))
+                if costs[least] >= best:
+                    break
+                best, (slope, offsets) = costs[least], tries[least]
+        return slope, offsets
+
+    def _windows(self, slope: float, offsets: FloatArray, firsts: IntArray) -> FloatArray:
+        """Misfit (k, 2 REACH + 1) of each window at each lag, against the curve of all."""
+        rows = np.arange(len(self.reference))
+        which = np.maximum(np.searchsorted(firsts, rows, side="right") - 1, 0)
+        places = rows + offsets[which] + slope * (rows - self.middle)
+        index = np.rint(places).astype(np.int64)
+        inside = (index >= 0) & (index < len(self.fine))
+        every = slice(None, None, 5)
+        own, wanted = self.fine[index[inside]][every], self.reference[inside][every]
+        curve = self.fine @ np.linalg.lstsq(own, wanted, rcond=None)[0]
+        wide = max(len(rows) // WINDOWS, 100)
+        lags = np.arange(-REACH, REACH + 1)
+        found = []
+        for start in np.linspace(0, len(rows) - wide, WINDOWS).astype(np.int64):
+            here = slice(start, start + wide, 4)
+            at = np.clip(index[here][None] + lags[:, None], 0, len(curve) - 1)
+            found.append((self.reference[here][None] - curve[at]).var(axis=1))
+        return np.array(found)
+
+    def _residual(self, slope: float, offsets: FloatArray, firsts: IntArray) -> float:
+        misfit = self._windows(slope, offsets, firsts)
+        sharp = np.quantile(misfit, 0.5, axis=1) - misfit.min(axis=1)
+        telling = sharp >= np.median(sharp)
+        best = np.argmin(misfit[telling], axis=1) - REACH
+        return float(np.median(np.abs(best - np.median(best))))
+
+    def _broken(
+        self, slope: float, offsets: FloatArray, firsts: IntArray
+    ) -> tuple[float, FloatArray, IntArray] | None:
+        """One more line, where rows were lost; None where that does not pay."""
+        misfit = self._windows(slope, offsets, firsts)
+        total = np.cumsum(misfit, axis=0)
+        before = total[:-1].min(axis=1)
+        after = (total[-1] - total[:-1]).min(axis=1)
+        order = np.argsort(before + after)
+        whole = self.cost(slope, offsets, firsts)
+        for cut in order[:3]:
+            if not 3 <= cut < WINDOWS - 4:
+                continue
+            first = round((cut + 1) * len(self.reference) / WINDOWS)
+            which = int(np.searchsorted(firsts, first, side="right")) - 1
+            lags = (int(np.argmin(total[cut])), int(np.argmin(total[-1] - total[cut])))
+            if abs(lags[0] - lags[1]) < BREAK:
+                continue
+            more = np.insert(offsets, which + 1, offsets[which] + lags[1] - REACH)
+            more[which] += lags[0] - REACH
+            cuts = np.insert(firsts, which + 1, first)
+            new_slope, more = self._finer(slope, more, cuts)
+            for width in (80, 40, 20):  # rows by which the cut moves
+                tries = []
+                for cut_here in range(-4, 5):
+                    moved = cuts.copy()
+                    moved[which + 1] += cut_here * width
+                    tries.append((self.cost(new_slope, more, moved), cut_here, moved))
+                cuts = min(tries, key=lambda one: (one[0], abs(one[1])))[2]
+                new_slope, more = self._finer(new_slope, more, cuts)
+            if self.cost(new_slope, more, cuts) < whole + np.log(GAIN):
+                return new_slope, more, cuts
+        return None
+
+
+def _trailing(values: FloatArray, wide: int) -> FloatArray:
+    """Means over the last rows, fewer at the beginning."""
+    total = np.cumsum(np.concatenate([np.zeros((1, *values.shape[1:])), values]), axis=0)
+    rows = np.arange(1, len(values) + 1)
+    first = np.maximum(rows - wide, 0)
+    shape = (-1,) + (1,) * (values.ndim - 1)
+    return (total[rows] - total[first]) / (rows - first).reshape(shape)

@@ -1,0 +1,61 @@
+"""Features of a channel that remembers: its value, where it came from, and what it forgets.
+
+Foam answers a load late and lets go later: play operators follow the loop between loading and
+unloading (Prandtl and Ishlinskii), slow means the creep. All are causal: a live stream and a
+recording get the same features.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skinmap.arrays import FloatArray
+
+MEAN_SECONDS = 0.5  # of the running mean that steadies whole counts
+RADII = (0.05, 0.125, 0.25, 0.5)  # of the play operators, in spans of a channel
+SECONDS = (0.4, 2.0, 10.0)  # time constants of the slow means
+FEATURES = 4 + len(RADII) + len(SECONDS)
+
+
+class MemoryState:
+    """Features of n channels, row after row.
+
+    Parameters
+    ----------
+    start : (n,) array of float
+        Values at rest, or the first ones, in spans: where each memory begins.
+    rate : float
+        Rows a second.
+    """
+
+    def __init__(self, start: FloatArray, rate: float) -> None:
+        start = np.asarray(start, np.float64)
+        self._rate = rate
+        self._window = np.tile(start, (max(1, round(MEAN_SECONDS * rate)), 1))
+        self._mean = start.copy()
+        self._next = 0
+        self._plays = np.tile(start, (len(RADII), 1))
+        self._slow = np.tile(start, (len(SECONDS), 1))
+        self._radii = np.array(RADII)[:, None]
+        self._share = -np.expm1(-1.0 / (np.array(SECONDS) * rate))[:, None]
+
+    def step(self, values: FloatArray) -> FloatArray:
+        """Features (FEATURES - 1, n) after one more row of values (n,): all but the constant."""
+        self._mean += (values - self._window[self._next]) / len(self._window)
+        self._window[self._next] = values
+        self._next = (self._next + 1) % len(self._window)
+        if not self._next:  # rounding of differences does not add up
+            self._mean = self._window.mean(axis=0)
+        mean = self._mean
+        np.clip(self._plays, mean - self._radii, mean + self._radii, out=self._plays)
+        self._slow += self._share * (mean - self._slow)
+        return np.vstack([mean[None], mean[None] ** 2, mean[None] ** 3, self._plays, self._slow])
+
+
+def memory_features(values: FloatArray, start: FloatArray, rate: float) -> FloatArray:
+    """Features (t, n, FEATURES - 1) of all rows (t, n); see `MemoryState`."""
+    state = MemoryState(start, rate)
+    found = np.empty((len(values), FEATURES - 1, values.shape[1]))
+    for row, now in enumerate(values):
+        found[row] = state.step(now)
+    return found.transpose(0, 2, 1)
