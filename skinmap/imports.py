@@ -1,4 +1,4 @@
-"""How optional packages are imported: where they are used, with one line on how to get them."""
+"""Optional packages, imported where they are used, with one line on how to get them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,20 @@ import importlib
 from typing import Any
 
 from skinmap.errors import MissingLibraryError
+
+
+def import_meshlab() -> Any:
+    """The package, or one line on what needs it.
+
+    Raises
+    ------
+    MissingLibraryError
+        It is not installed.
+    """
+    return import_optional(
+        "pymeshlab",
+        "wrapping a body and `--meshing accurate` need pymeshlab (GPL-3): pip install pymeshlab",
+    )
 
 
 def import_optional(module: str, need: str) -> Any:

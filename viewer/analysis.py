@@ -13,8 +13,8 @@ from skinmap.classifiers.evaluate import Score, Split, score, split_touches
 from skinmap.io.robots.manifest import data_folder
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, find_structures
+from skinmap.skin.cover import SkinFit, measure_fit
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin_fit import SkinFit, measure_fit
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.simulator import simulate
 from viewer.results import (

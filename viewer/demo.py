@@ -14,9 +14,8 @@ from skinmap.classifiers.model_file import save_classifier
 from skinmap.flat.distortion import spread
 from skinmap.io.output import staged_folder
 from skinmap.io.recordings.touch_files import save_recordings
-from skinmap.report.figure import save_figure
 from skinmap.report.flat_figures import part_figure
-from skinmap.report.image import media
+from skinmap.report.image import media, save_figure
 from skinmap.report.page import cards, grid, heading, note, page
 from skinmap.report.present import PAGE
 from skinmap.report.result import plain

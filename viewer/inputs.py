@@ -21,8 +21,8 @@ from skinmap.errors import (
 from skinmap.io.taxels.taxel_readers import read_taxels
 from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE
 from skinmap.io.text import CsvRows, read_text
-from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
+from skinmap.skin.skin import fingerprint
 from viewer.drawing.body.bare_body import posed
 from viewer.layers import check_layer
 from viewer.web.guard import LOOPBACK, check_token

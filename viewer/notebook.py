@@ -22,7 +22,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinError, UnknownNameError
 from skinmap.flat.flat_map import FlatMap
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.live.sources.source import Source

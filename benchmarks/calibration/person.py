@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.log_map import log_map
 from skinmap.geometry.proximity import nearest_first
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.skin.skin import Skin
 from skinmap.touch.simulation.gestures import poke
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing

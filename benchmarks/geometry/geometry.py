@@ -30,8 +30,8 @@ from benchmarks.harness.timing import (
     timed,
 )
 from skinmap.flat.flat_map import FlatMap, flatten
+from skinmap.skin.cover import measure_fit
 from skinmap.skin.skin import Skin, skin_from_points
-from skinmap.skin.skin_fit import measure_fit
 from skinmap.surface.surface_mesh import build_surface
 from skinmap.touch.images.contact_image import (
     ContactImageGeometry,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.robot import Part, Robot
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh

@@ -6,7 +6,7 @@ import importlib
 
 import click
 
-from skinmap.commands.groups import NamedGroup
+from skinmap.commands.retired import NamedGroup
 
 # name: (module beside this one, its command there, one line for the list)
 COMMANDS = {

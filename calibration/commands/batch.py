@@ -30,9 +30,8 @@ from skinmap.commands.spreading import WorkerOptions, workers_options
 from skinmap.errors import DataFormatError, SkinError, unknown_name
 from skinmap.io.units import UNITS
 from skinmap.report.present import present
-from skinmap.report.result import MERGED
+from skinmap.report.result import MERGED, OK, Verdict
 from skinmap.report.table import Table
-from skinmap.report.verdict import OK, Verdict
 
 if TYPE_CHECKING:
     from calibration.commands.patch_task import PatchTask

@@ -24,7 +24,7 @@ from calibration.files.tables import (
     read_touches,
     write_taxels,
 )
-from calibration.patch.mesh_faults import mesh_notes
+from calibration.patch.link_surface import mesh_notes
 from calibration.patch.patch_calibration import PatchCalibration
 from calibration.patch.touch import Touch, locate_by_touch
 from calibration.patch.wrap import wrap_layout

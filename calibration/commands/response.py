@@ -158,7 +158,7 @@ def work(
 
 def _skin_of(robot: str, part: str, count: int) -> tuple[Any, str]:
     """Modules and fingerprint of a part with as many taxels as there are channels."""
-    from skinmap.skin.fingerprint import fingerprint
+    from skinmap.skin.skin import fingerprint
 
     loaded, _ = open_robot(robot, (part,))
     skin = loaded.skin(part)

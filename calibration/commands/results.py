@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, cast
 
 import msgspec
 
-from skinmap.report.verdict import Verdict
+from skinmap.report.result import Verdict
 
 if TYPE_CHECKING:
     from calibration.patch.patch_calibration import Status

@@ -14,10 +14,10 @@ from scipy.sparse import csr_array
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.disk_cache import Arrays, Ingredient, cached
 from skinmap.geometry.distances import edge_graph
-from skinmap.geometry.meshlab import import_meshlab
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import face_normals, unit, vertex_normals
+from skinmap.imports import import_meshlab
 
 ALPHA = 15e-3  # openings narrower than this are closed [m]
 DETAIL = 4e-3  # longest edge: a facet's sagitta stays below 0.1 mm on a wrist [m]
@@ -201,3 +201,34 @@ def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
     v = np.einsum("kd,kd->k", np.cross(points - a, c - a), normal) / safe
     w = np.einsum("kd,kd->k", np.cross(b - a, points - a), normal) / safe
     return np.column_stack([1.0 - v - w, v, w])
+
+
+NAMED = 5  # faces that are named
+
+
+def mesh_notes(vertices: FloatArray, faces: IntArray) -> tuple[str, ...]:
+    """One line for each fault of a mesh (v, 3) [m], (f, 3), with the first faces that have it.
+
+    Vertices at one place count as one, as STL files repeat them.
+    """
+    _, same = np.unique(vertices, axis=0, return_inverse=True)
+    corner = same.ravel()[faces]
+    ends = np.sort(np.stack([corner, np.roll(corner, -1, axis=1)], axis=2), axis=2)
+    _, edge, count = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True, return_counts=True)
+    sharing = count[edge.ravel()].reshape(-1, 3)
+    notes = []
+    for wrong, kind in ((sharing == 1, "open"), (sharing > 2, "not a manifold")):
+        rows = np.flatnonzero(wrong.any(axis=1))
+        if len(rows):
+            notes.append(
+                f"the mesh is {kind} at {int(wrong.sum())} edges of {_named(rows)}: wrapped first"
+            )
+    a, b, c = (vertices[faces[:, k]] - vertices.mean(axis=0) for k in range(3))
+    if np.einsum("fd,fd->", a, np.cross(b, c)) < 0.0:
+        notes.append(f"the mesh is inside out, all in all ({len(faces)} faces): wrapped first")
+    return tuple(notes)
+
+
+def _named(rows: IntArray) -> str:
+    more = ", ..." if len(rows) > NAMED else ""
+    return f"{len(rows)} faces ({', '.join(map(str, rows[:NAMED]))}{more})"

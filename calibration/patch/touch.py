@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist
 
-from calibration.patch.consistency import FEWEST
-from calibration.patch.diagnosis import lay
+from calibration.patch.diagnosis import FEWEST, lay
 from calibration.patch.patch_calibration import PatchCalibration
 from calibration.patch.patch_evidence import Link, check_anchors, check_spread
 from calibration.patch.sheet_model import Evidence

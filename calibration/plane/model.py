@@ -19,7 +19,7 @@ from scipy.special import expit
 from calibration.mount.chains import Chain
 from calibration.plane.contacts import Plane, PlaneContacts
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 
 SENSELESS = 0.01  # share of readings that say nothing: each weighs no more than four in doubt
 MOUNT_TURN, MOUNT_SHIFT = 1.0, 0.2  # priors of mount and plane that bound, and decide nothing

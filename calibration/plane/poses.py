@@ -12,8 +12,7 @@ from calibration.plane.contacts import Plane, PlaneContacts
 from calibration.plane.model import Layout, PlaneProblem, PlaneState, weigh
 from calibration.plane.solve import Solution
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.geometry.rigid import transform_points
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames, transform_points
 
 TILT = np.deg2rad(25.0)  # at most between the pressed taxel's normal and the surface's
 LEVER = 0.05  # a turn of a radian counts like so many metres when a pose is sought

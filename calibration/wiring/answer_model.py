@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from calibration.wiring.boards import Boards
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 
 PLACE = 4e-3  # error of a person's place, standard deviation an axis [m]
 THRESHOLD = 12.0  # counts above rest that are an answer, as `ACTIVE` of `skinmap.touch`

@@ -11,8 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import median_spacing
-from skinmap.geometry.rigid import transform_points
-from skinmap.geometry.tangents import plane_turns
+from skinmap.geometry.rigid import plane_turns, transform_points
 from skinmap.geometry.triangles import unit
 from skinmap.skin.layouts import ModuleLayout
 from skinmap.skin.modules import fit_modules

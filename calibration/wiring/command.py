@@ -23,7 +23,7 @@ from skinmap.commands.options import (
 from skinmap.commands.overwriting import protect
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
-from skinmap.report.verdict import OK, Verdict
+from skinmap.report.result import OK, Verdict
 
 if TYPE_CHECKING:
     from calibration.wiring.examination import Examination, Marker, Plan

@@ -15,7 +15,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.geometry.cones import EllipticCone
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.robots.mesh_file import write_mesh
 from skinmap.io.taxels.taxel_table import write_csv
 from skinmap.skin.layouts import module_layout

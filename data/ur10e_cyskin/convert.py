@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.robots.mesh_file import read_mesh, write_mesh
 from skinmap.io.taxels.cyskin import CySkin, TactileMap, read_cyskin, write_cyskin
 

@@ -26,8 +26,7 @@ from skinmap.classifiers.sets.prediction_sets import (
 from skinmap.classifiers.sets.rejection import AGES, UNKNOWN, early_doubt
 from skinmap.classifiers.trained_skin import SkinDifference, TrainedSkin, compare_skin, remember
 from skinmap.errors import InvalidArrayError, NotFittedError, SkinWarning
-from skinmap.skin.fingerprint import fingerprint
-from skinmap.skin.skin import Skin
+from skinmap.skin.skin import Skin, fingerprint
 from skinmap.summary import Summary, listed
 from skinmap.touch.prepared_skin import PreparedSkin
 

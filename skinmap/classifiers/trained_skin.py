@@ -9,8 +9,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, freeze
 from skinmap.geometry.proximity import median_spacing
-from skinmap.skin.fingerprint import layout_fingerprint
-from skinmap.skin.skin import Skin
+from skinmap.skin.skin import Skin, layout_fingerprint
 
 MM = 1e3
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 
 import click
 
-from skinmap.commands.groups import NamedGroup
 from skinmap.commands.options import prints
-from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.commands.retired import NO_PROFILE, NamedGroup, retired
 from skinmap.errors import OutputError
 from skinmap.report.present import present
 from skinmap.report.table import Cell, Table

@@ -207,7 +207,7 @@ def _skin_of(
             f"taxels, the skin of {robot.name} has {len(skin)}"
         )
     if recording.fingerprint:
-        from skinmap.skin.fingerprint import fingerprint
+        from skinmap.skin.skin import fingerprint
 
         if recording.fingerprint != fingerprint(skin.skin):
             raise SkinMismatchError(

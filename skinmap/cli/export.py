@@ -349,7 +349,7 @@ def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
     if format == "lerobot":
         from skinmap.io.recordings.lerobot import write_lerobot as write
     else:
-        from skinmap.io.recordings.rosbag2 import write_rosbag2 as write
+        from skinmap.io.ros2.bag import write_rosbag2 as write
     with staged_folder(output) as stage:
         write(track, stage)
 

@@ -33,7 +33,7 @@ from skinmap.report.table import Cell, Table
 from skinmap.rows import column, row
 
 if TYPE_CHECKING:
-    from skinmap.flat.drawing_comparison import DrawnChart
+    from skinmap.flat.face_metrics import DrawnChart
     from skinmap.flat.flat_map import FlatMap
     from skinmap.io.flat_maps.sources import Source
     from skinmap.surface.surface_mesh import SurfaceMesh
@@ -190,8 +190,7 @@ def work(
     """Lay everything flat and measure it; `how` is passed on to `skinmap.flatten`."""
     from skinmap.flat.budget import check_budget
     from skinmap.flat.costs import drawing_rows, method_rows, patch_rows
-    from skinmap.flat.drawing_comparison import drawn_charts
-    from skinmap.flat.face_metrics import face_metric
+    from skinmap.flat.face_metrics import drawn_charts, face_metric
     from skinmap.flat.flat_map import DEFAULT, FlatMap
     from skinmap.flat.methods import flatteners
     from skinmap.io.flat_maps.sources import DRAWING, THEIRS, check_others
@@ -325,9 +324,9 @@ def write_files(
 ) -> Iterator[str]:
     """Write pictures and the meshes of each part into a folder; the names."""
     from skinmap.flat.face_metrics import face_metric
-    from skinmap.io.flat_maps.surface_files import write_flat_obj
-    from skinmap.report.figure import save_figure
+    from skinmap.io.flat_maps.seam_files import write_flat_obj
     from skinmap.report.flat_figures import comparison_figure, part_figure
+    from skinmap.report.image import save_figure
 
     metric = face_metric(result.metric)
     stems = file_stems(laid)

@@ -14,8 +14,8 @@ from importlib.metadata import entry_points
 import click
 
 from skinmap import __version__
-from skinmap.commands.groups import NamedGroup
 from skinmap.commands.progress import QUIET
+from skinmap.commands.retired import NamedGroup
 from skinmap.errors import SkinError
 from skinmap.interrupts import TerminatedError, interruptible
 from skinmap.report.table import visible

@@ -217,7 +217,7 @@ def _limits(words: tuple[str, ...], tasks: Mapping[str, TradeTask]) -> dict[str,
 
 def lines(result: TradeResult) -> Iterator[str | Table]:
     """For people: every setting by its time, the front and the recommendation marked."""
-    from skinmap.trade.plot import chosen_of, points_by_time
+    from skinmap.trade.front import chosen_of, points_by_time
 
     for task in result.tasks:
         points = points_by_time(result, task.task)
@@ -246,7 +246,7 @@ def lines(result: TradeResult) -> Iterator[str | Table]:
 
 def write(result: TradeResult, stage: Path) -> Iterator[str]:
     """Write a plot of each task and the profile into a folder; their names."""
-    from skinmap.trade.plot import trade_figure
+    from skinmap.trade.front import trade_figure
 
     for task in result.tasks:
         if task.task in result.recommended:

@@ -1,4 +1,4 @@
-"""Options that were removed: for one release each answers with what to write instead."""
+"""Commands and options that do not exist: a line with those that do, or what to write instead."""
 
 from __future__ import annotations
 
@@ -6,6 +6,25 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import click
+
+from skinmap.errors import unknown_name
+
+
+class NamedGroup(click.Group):
+    """A group whose answer to an unknown command is one line with all there are."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that the first word names."""
+        name = args[0]
+        if name.startswith("-"):
+            return super().resolve_command(ctx, args)
+        command = self.get_command(ctx, name)
+        if command is None:  # only now are all listed: that asks every installed package
+            raise click.UsageError(unknown_name("command", name, self.list_commands(ctx)), ctx)
+        return name, command, args[1:]
+
 
 F = TypeVar("F", bound=Callable[..., Any])
 NO_PROFILE = "a profile holds no setting of this command"

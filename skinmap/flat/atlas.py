@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.tangents import plane_turns
+from skinmap.geometry.rigid import plane_turns
 from skinmap.geometry.topology import edges, loops_by_length
 from skinmap.geometry.triangles import cross_2d, cross_products
 

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from skinmap.flat.drawing_comparison import DrawnChart
-from skinmap.flat.face_metrics import FaceMetric, worst_faces
+from skinmap.flat.face_metrics import DrawnChart, FaceMetric, worst_faces
 from skinmap.flat.flat_map import Chart, FlatMap
 from skinmap.flat.flat_rows import ComparedRow, PatchRow, WorstFace
 from skinmap.flat.geodesic import geodesic_stress

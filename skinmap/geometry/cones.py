@@ -8,8 +8,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.mesh import TriangleMesh
-from skinmap.geometry.triangles import unit
+from skinmap.geometry.triangles import TriangleMesh, unit
 
 SAMPLES = 16384  # chords of a closed directrix: its length is right to 1e-8
 

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 
 KEPT_POINTS = 2000  # of a surface whose maps are all kept: 64 MB at most

@@ -436,7 +436,7 @@ def chosen_parts(info: StreamInfo, parts: Sequence[str] | None) -> tuple[str, ..
 
 def dense_info(info: StreamInfo, robot: str, skins: Mapping[str, PreparedSkin]) -> StreamInfo:
     """How a publisher describes the pressures of a stream's skins: dense rows of each part."""
-    from skinmap.skin.fingerprint import fingerprint
+    from skinmap.skin.skin import fingerprint
 
     return StreamInfo(
         info.name,

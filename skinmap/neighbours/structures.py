@@ -14,15 +14,24 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import FlatMap
-from skinmap.geometry.tangents import plane_turns
-from skinmap.neighbours.matching import MARGIN, View, match_costs, matcher, pairing, view
+from skinmap.geometry.rigid import plane_turns
+from skinmap.neighbours.matching import (
+    MARGIN,
+    Prototypes,
+    View,
+    as_prototypes,
+    clockwise,
+    match_costs,
+    matcher,
+    pairing,
+    view,
+)
 from skinmap.neighbours.offsets import (
     Neighbourhoods,
     flat_map_directions,
     neighbourhoods,
     ramp,
 )
-from skinmap.neighbours.prototypes import Prototypes, as_prototypes, clockwise
 from skinmap.summary import Summary, listed
 
 __all__ = ["RADIUS", "TOLERANCE", "Prototypes", "Structures", "assign", "find_structures"]

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.geometry.log_map import log_map
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.physics.bodies import PRESSERS, Presser
 from skinmap.physics.engine import import_mujoco
@@ -22,8 +22,7 @@ from skinmap.physics.spring_bed import SpringBed, spring_bed
 from skinmap.physics.touches_in_time import person as as_subject
 from skinmap.physics.touches_in_time import press_in_time
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
-from skinmap.skin.fingerprint import fingerprint
-from skinmap.skin.skin import Skin
+from skinmap.skin.skin import Skin, fingerprint
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.gestures import TIME
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors

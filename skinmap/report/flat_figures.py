@@ -12,11 +12,10 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.flat.atlas import limb_frame
-from skinmap.flat.drawing_comparison import DrawnChart
-from skinmap.flat.face_metrics import METRICS, FaceMetric, seam_edges
+from skinmap.flat.face_metrics import METRICS, DrawnChart, FaceMetric, seam_edges
 from skinmap.flat.flat_map import Chart, FlatMap
 from skinmap.geometry.triangles import face_normals
-from skinmap.report.figure import picture_bytes, plain_figure
+from skinmap.report.image import picture_bytes, plain_figure
 from skinmap.report.projection import View, choose_views, draw_surface, visible
 from skinmap.surface.surface_mesh import SurfaceMesh
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from skinmap.report.result import OK, Verdict
 from skinmap.report.table import Cell, Table
-from skinmap.report.verdict import OK, Verdict
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1d2733; margin: 2rem auto; max-width: 74rem;

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from skinmap.commands.profiles import profile_used
-from skinmap.report.result import decimals, plain
+from skinmap.report.result import REFUSED_CODE, Verdict, decimals, plain
 from skinmap.report.table import Table, visible
-from skinmap.report.verdict import REFUSED_CODE, Verdict
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

@@ -9,12 +9,41 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any, TypeVar
 
 from msgspec import UNSET, UnsetType
+
+OK = "ok"
+REFUSED_CODE = 3  # 0 done, 1 internal error, 2 bad input
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How a result was judged.
+
+    Attributes
+    ----------
+    status : str
+        `ok`, or in a word why not.
+    reasons : sequence of str
+        Whole sentences, the most telling first.
+    accepted : bool
+        Use it whatever the status.
+    """
+
+    status: str = OK
+    reasons: Sequence[str] = ()
+    accepted: bool = False
+
+    @property
+    def refused(self) -> bool:
+        """Whether results are not to be used."""
+        return self.status != OK and not self.accepted
+
 
 T = TypeVar("T")
 

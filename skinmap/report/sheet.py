@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import Chart, FlatMap
-from skinmap.report.figure import MM
+from skinmap.report.image import MM
 from skinmap.report.vectors import Drawing, Mark, Shape, Stroke, Words
 from skinmap.summary import first_few
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.neighbours.structures import Structures
-from skinmap.report.figure import MM, plain_figure, save_figure
+from skinmap.report.image import MM, plain_figure, save_figure
 from skinmap.touch.prepared_skin import PreparedSkin
 
 GREY = "#b4bac1"

@@ -10,8 +10,8 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, SkinWarning
-from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.proximity import median_spacing, nearest, neighbour_graph, ray_hits
+from skinmap.geometry.triangles import TriangleMesh
 
 NEIGHBOURS = 10  # two rings of a hexagonal lattice, half of them missing at a border
 PATCH_GAP = 2.5  # in spacings: further apart, points belong to different patches

@@ -11,9 +11,9 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import UnknownNameError
-from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.joints import Joint
 from skinmap.skin.layouts import ModuleLayout
 from skinmap.skin.repair import (

@@ -14,8 +14,7 @@ from scipy.optimize import brentq
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.cones import EllipticCone
-from skinmap.geometry.rigid import transform_points
-from skinmap.geometry.tangents import plane_turns
+from skinmap.geometry.rigid import plane_turns, transform_points
 from skinmap.skin.layouts import ModuleLayout
 from skinmap.skin.taxels import TaxelTable
 

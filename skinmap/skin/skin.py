@@ -1,7 +1,8 @@
-"""A part's skin: taxels with repaired normals, on one link."""
+"""A part's skin: taxels with repaired normals, on one link, and how it is recognised again."""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from skinmap.arrays import (
     freeze,
 )
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.normals import repair_normals
 from skinmap.skin.svg_picture import svg_picture
 from skinmap.skin.taxels import TaxelTable
@@ -196,3 +197,17 @@ def skin_from_table(
         ring,
         ~np.isin(table.channels, table.unwired) if len(table.unwired) else None,
     )
+
+
+SAME = 1e-6  # [m]; tables are written to a micrometre
+
+
+def layout_fingerprint(part: str, positions: FloatArray) -> str:
+    """SHA-256 of a part's name and its taxels (n, 3) [m] in micrometres."""
+    whole = np.round(positions / SAME).astype("<i8")
+    return hashlib.sha256(part.encode() + b"\0" + whole.tobytes()).hexdigest()
+
+
+def fingerprint(skin: Skin) -> str:
+    """SHA-256 of a part's name and layout."""
+    return layout_fingerprint(skin.part, skin.positions)

@@ -10,8 +10,6 @@ from scipy.sparse.csgraph import dijkstra
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidMeshError
-from skinmap.geometry.mesh import TriangleMesh
-from skinmap.geometry.meshlab import import_meshlab
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.topology import (
     boundary_loops,
@@ -21,6 +19,7 @@ from skinmap.geometry.topology import (
     half_edges,
 )
 from skinmap.geometry.triangles import (
+    TriangleMesh,
     cross_2d,
     cross_products,
     edge_lengths,
@@ -29,6 +28,7 @@ from skinmap.geometry.triangles import (
     smallest_altitudes,
     unit,
 )
+from skinmap.imports import import_meshlab
 from skinmap.surface.consensus_meshing import Limits, close_small_holes
 from skinmap.surface.delaunay_stars import contains, delaunay_stars
 from skinmap.surface.surface_merge import consensus

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.proximity import nearest_of
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.surface.compiled import star_kernel
 from skinmap.surface.taxel_cloud import faces_away

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.topology import boundary_loops, face_components, half_edges, loop_length
 from skinmap.geometry.triangles import cross_2d, unit
 from skinmap.surface.surface_merge import is_solid

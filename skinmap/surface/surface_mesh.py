@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_faces, freeze
 from skinmap.errors import InvalidMeshError, UnknownNameError
-from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import check_surface, face_components
-from skinmap.geometry.triangles import vertex_areas
+from skinmap.geometry.triangles import TriangleMesh, vertex_areas
 from skinmap.skin.skin import Skin, skin_from_points
 from skinmap.summary import Drawable
 from skinmap.surface.accurate import accurate_faces

@@ -18,9 +18,8 @@ from skinmap.neighbours.offsets import (
     neighbourhoods,
 )
 from skinmap.neighbours.structures import RADIUS
-from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import Skin
+from skinmap.skin.skin import Skin, fingerprint
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
 from skinmap.touch.contacts.skin_geometry import SkinGeometry, measure_skin
 from skinmap.touch.images.contact_image import ContactImageGeometry, image_geometry

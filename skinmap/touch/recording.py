@@ -55,7 +55,7 @@ class Recording(Summary):
     sessions, people : (n_events,) tuple of str
         When each touch was recorded, and by whom; empty words where nobody said.
     fingerprint : str
-        Of the skin that was recorded (`skinmap.skin.fingerprint`); empty where the file does not
+        Of the skin that was recorded (`skinmap.skin.skin`); empty where the file does not
         say.
 
     Examples

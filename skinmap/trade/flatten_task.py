@@ -15,7 +15,7 @@ from skinmap.trade.measuring import cpu_seconds
 from skinmap.trade.task import Knob, Outcome, Setting
 
 if TYPE_CHECKING:
-    from skinmap.geometry.mesh import TriangleMesh
+    from skinmap.geometry.triangles import TriangleMesh
     from skinmap.skin.robot import Robot
     from skinmap.skin.skin import Skin
 

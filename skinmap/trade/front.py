@@ -1,12 +1,15 @@
-"""The Pareto front of measured settings, and which of them is recommended."""
+"""The Pareto front of measured settings, which of them is recommended, and its picture."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 from skinmap.errors import ImpossibleBudgetError
-from skinmap.trade.measured import Point, describe
+from skinmap.report.image import plain_figure, save_figure
+from skinmap.trade.measured import Point, Recommended, TaskRow, TradeResult, describe
 from skinmap.trade.task import Setting
 
 SAMPLE = 0.02  # seconds from one sample of a stream to the next at 50 Hz
@@ -140,3 +143,198 @@ def _better(one: Point, other: Point) -> bool:
     """Whether one errs less by more than the standard error of the difference, and by a share."""
     spread = math.hypot(one.error_spread or 0.0, other.error_spread or 0.0)
     return other.error - one.error > max(spread / math.sqrt(one.runs), SHARE * other.error)
+
+
+BLUE, GREY, RED = "#1f5fa8", "#9aa7b5", "#c8372d"
+DIM = "#5c6874"
+WIDE = 20.0  # errors that differ by more than this factor are drawn on a logarithmic axis
+SIZE = (12.5, 5.6)  # [inch]
+ROWS = 24  # of the list at this height; more make the picture higher
+COLUMNS = (0.0, 0.05, 0.88, 1.0)  # of the list: mark, number and setting, time, error
+# Places of a number round its point [pt], nearest first.
+OFFSETS = [
+    (reach * x, reach * y)
+    for reach in (8, 14, 20, 28, 38, 50)
+    for x, y in ((0.7, 0.7), (0.7, -0.7), (-0.7, 0.7), (-0.7, -0.7), (0, 1), (0, -1), (1, 0))
+]
+
+
+def trade_figure(result: TradeResult, task: TaskRow, path: Path) -> None:
+    """Draw one task's settings as PNG: numbered points, and a list of them by their time."""
+    listed = points_by_time(result, task.task)
+    chosen = chosen_of(listed, result.recommended[task.task])
+    front = [point for point in listed if point.pareto]
+    width, height = SIZE
+    figure = plain_figure((width, height * max(1.0, len(listed) / ROWS)))
+    axis, beside = figure.subplots(1, 2, width_ratios=[1.6, 1.0])
+    rest = [point for point in listed if not point.pareto]
+    _draw(axis, rest, color=GREY, markersize=4.5, label="other settings")
+    times, errors = zip(*((1e3 * point.seconds, point.error) for point in front), strict=True)
+    axis.step(times, errors, where="post", color=BLUE, linewidth=1.3, alpha=0.7)
+    _draw(axis, front, color=BLUE, markersize=6, label="Pareto front")
+    best = knee(front)
+    ring = {"markersize": 13, "markeredgecolor": BLUE, "markerfacecolor": "none"}
+    axis.plot([1e3 * best.seconds], [best.error], "o", label="knee: least time x error", **ring)
+    star = {"color": RED, "markersize": 16, "zorder": 4}
+    axis.plot([1e3 * chosen.seconds], [chosen.error], "*", label="recommended", **star)
+    scale_axes(axis, listed)
+    axis.set_xlabel(f"CPU time: {task.work} [ms]")
+    axis.set_ylabel(f"error [{task.unit}]")
+    seeds = f"{result.seeds} seed{'s; bars: standard deviation' if result.seeds > 1 else ''}"
+    where = f"{Path(result.robot).name} {', '.join(result.parts)}"
+    figure.suptitle(f"{task.task}: {where}, {seeds}\nerror: {task.truth}", fontsize=10)
+    axis.grid(True, which="major", color="#e6e9ed", linewidth=0.6)
+    axis.set_axisbelow(True)
+    axis.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    _list(beside, task, listed, chosen)
+    number_points(figure, axis, listed, chosen)
+    save_figure(figure, path)
+
+
+def points_by_time(result: TradeResult, task: str) -> list[Point]:
+    """What was measured of one task, the fastest first."""
+    own = (point for point in result.points if point.task == task)
+    return sorted(own, key=lambda point: point.seconds)
+
+
+def chosen_of(points: Sequence[Point], recommended: Recommended) -> Point:
+    """The point that is recommended."""
+    return next(point for point in points if point.setting == recommended.setting)
+
+
+def _list(axis: Any, task: TaskRow, listed: Sequence[Point], chosen: Point) -> None:
+    """The settings in words beside the plot, with their figures."""
+    axis.set_axis_off()
+    rows = max(len(listed), ROWS)
+    common = _common(listed)
+
+    def write(row: int, texts: Sequence[str], **style: Any) -> None:
+        height = 1.0 - row / (rows + 1)
+        for place, text in enumerate(texts):
+            side = {"ha": "right" if place >= 2 else "left", "va": "top", "fontsize": 8}
+            axis.text(COLUMNS[place], height, text, transform=axis.transAxes, **side, **style)
+
+    head = "setting" + (f" ({describe(common)})" if common else "")
+    write(0, ["", head, "ms", task.unit], color=DIM)
+    for row, point in enumerate(listed, start=1):
+        colour = RED if point is chosen else BLUE if point.pareto else DIM
+        own = {k: v for k, v in point.setting.items() if k not in common}
+        texts = [f"{row}", describe(own), f"{1e3 * point.seconds:.3g}", f"{point.error:.3g}"]
+        write(row, texts, color=colour, weight="bold" if point is chosen else "normal")
+
+
+def _common(points: Sequence[Point]) -> dict[str, Any]:
+    """Knobs that stand at one value in all settings, where others tell these apart."""
+    first = points[0].setting
+    same = {k: v for k, v in first.items() if all(p.setting.get(k) == v for p in points)}
+    return same if all(len(p.setting) > len(same) for p in points) else {}
+
+
+def _draw(axis: Any, points: Sequence[Point], **style: Any) -> None:
+    if points:
+        spreads = [(point.error_spread or 0.0, point) for point in points]
+        _, _, bars = axis.errorbar(
+            [1e3 * point.seconds for point in points],
+            [point.error for point in points],
+            xerr=[1e3 * min(point.seconds_spread or 0.0, 0.9 * point.seconds) for point in points],
+            yerr=[[min(spread, point.error) for spread, point in spreads], [s for s, _ in spreads]],
+            fmt="o",
+            elinewidth=1.0,
+            **style,
+        )
+        for bar in bars:
+            bar.set_alpha(0.35)
+
+
+def scale_axes(axis: Any, points: Sequence[Point]) -> None:
+    """A logarithmic axis of time, and of errors that differ much; room for numbers."""
+    low, high = min(p.seconds for p in points) * 1e3, max(p.seconds for p in points) * 1e3
+    axis.set_xscale("log")
+    room = 1.15 * (high / low) ** 0.08
+    axis.set_xlim(low / room, high * room)
+    _plain_ticks(axis.xaxis)
+    errors = [point.error for point in points]
+    if min(errors) > 0 and max(errors) > WIDE * min(errors):
+        axis.set_yscale("log")
+        axis.set_ylim(min(errors) / 2.0, max(errors) * 2.0)
+        _plain_ticks(axis.yaxis)
+    else:
+        most = max(p.error + (p.error_spread or 0.0) for p in points) or 1.0
+        axis.set_ylim(0.0, 1.12 * most)
+
+
+def _plain_ticks(axis: Any) -> None:
+    """Numbers as people write them, at least three, also within a decade."""
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
+    low, high = axis.get_view_interval()
+    for subs in ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)):
+        ticks = [
+            tick for tick in LogLocator(subs=subs).tick_values(low, high) if low <= tick <= high
+        ]
+        if len(ticks) > 3:
+            break
+    else:
+        from matplotlib.ticker import MaxNLocator
+
+        ticks = [tick for tick in MaxNLocator(5).tick_values(low, high) if low <= tick <= high]
+    axis.set_ticks(ticks)
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+
+
+def number_points(figure: Any, axis: Any, points: Sequence[Point], chosen: Point) -> list[Any]:
+    """Write each point's number beside it, where it covers no other number and no point."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+    from matplotlib.transforms import Bbox
+
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()  # the layout is known only now
+    renderer = canvas.get_renderer()
+    dots = axis.transData.transform([(1e3 * point.seconds, point.error) for point in points])
+    sides = [11 if point is chosen else 5 for point in points]  # the star is larger [px]
+    taken = [
+        Bbox.from_bounds(x - side, y - side, 2 * side, 2 * side)
+        for (x, y), side in zip(dots, sides, strict=True)
+    ]
+    inside = axis.get_window_extent(renderer)
+    notes = []
+
+    def extent(note: Any) -> Any:
+        note.update_positions(renderer)
+        return Text.get_window_extent(note, renderer)  # of the words, without the line
+
+    def cost(note: Any, offset: tuple[float, float]) -> float:
+        """How many numbers and points the text would cover there; much more outside the axes."""
+        note.set_position(offset)
+        box = extent(note)
+        out = box.x0 < inside.x0 or box.x1 > inside.x1 or box.y0 < inside.y0 or box.y1 > inside.y1
+        return sum(box.overlaps(other) for other in taken) + 100.0 * out
+
+    for number, point in enumerate(points, start=1):
+        note = _number(axis, point, number, BLUE if point.pareto else DIM)
+        costs = [cost(note, offset) for offset in OFFSETS]
+        note.set_position(OFFSETS[costs.index(min(costs))])
+        taken.append(extent(note))
+        notes.append(note)
+    return notes
+
+
+def _number(axis: Any, point: Point, number: int, colour: str) -> Any:
+    """A point's number in the list, wherever it will stand."""
+    note = axis.annotate(
+        str(number),
+        (1e3 * point.seconds, point.error),
+        xytext=(0.0, 0.0),
+        textcoords="offset points",
+        fontsize=7.5,
+        color=colour,
+        ha="center",
+        va="center",
+        arrowprops={"arrowstyle": "-", "color": GREY, "linewidth": 0.5, "shrinkB": 4},
+        zorder=5,
+    )
+    note.set_in_layout(False)
+    return note

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from calibration.patch.mesh_faults import mesh_notes
+from calibration.patch.link_surface import mesh_notes
 
 
 def box():

@@ -18,8 +18,7 @@ from calibration.plane.model import PlaneProblem, patch_of
 from calibration.plane.poses import pressing_poses
 from calibration.plane.solve import first_states
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
-from skinmap.geometry.rigid import transform_points
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames, transform_points
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.taxels.taxel_readers import read_taxels
 

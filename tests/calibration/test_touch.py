@@ -7,7 +7,7 @@ import pytest
 
 from calibration import Status, Touch, locate_by_touch
 from calibration.patch.board import make_board
-from calibration.patch.consistency import consistent
+from calibration.patch.diagnosis import consistent
 from calibration.patch.link_surface import make_target
 from calibration.patch.touch import check_touches
 from skinmap.errors import InvalidArrayError

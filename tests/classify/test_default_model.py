@@ -16,7 +16,7 @@ from skinmap.classifiers.descriptors import Touch, recorded_touches
 from skinmap.classifiers.evaluate import likeliest
 from skinmap.classifiers.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.io.robots.manifest import load_robot
-from skinmap.skin.fingerprint import fingerprint
+from skinmap.skin.skin import fingerprint
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR, TIME
 from skinmap.touch.simulation.simulator import simulate

@@ -8,7 +8,7 @@ import pytest
 
 import skinmap
 from skinmap.errors import MissingLibraryError
-from skinmap.geometry.meshlab import import_meshlab
+from skinmap.imports import import_meshlab
 
 
 def test_missing_pymeshlab_is_one_line_and_the_rest_works(monkeypatch, icub):

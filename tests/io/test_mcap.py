@@ -21,9 +21,8 @@ from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import McapRecording, McapWriter
 from skinmap.io.recordings.recorded_stream import nanoseconds_of
 from skinmap.io.recordings.touch_files import load_recordings, save_recordings
-from skinmap.io.ros2.message_types import definition
+from skinmap.io.ros2.message_types import decode, definition, encode
 from skinmap.io.ros2.messages import read_text
-from skinmap.io.ros2.ros2_arrays import decode, encode
 from skinmap.io.taxels.taxel_table import parse_csv
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.pairs import simulate_pairs

@@ -17,7 +17,7 @@ from skinmap.live.response.pressures import MARGIN, Response, Responses, RestBas
 from skinmap.live.response.response_files import load_responses
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import StreamInfo
-from skinmap.skin.fingerprint import fingerprint
+from skinmap.skin.skin import fingerprint
 
 RATE = 50.0
 ONE = np.zeros(20, np.int64)

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, MessageError, SkinMismatchError, UnreachableError
+from skinmap.io.ros2.message_types import encode
 from skinmap.io.ros2.messages import Cloud, read_cloud
-from skinmap.io.ros2.ros2_arrays import encode
 from skinmap.live import open_publisher, open_source
 from skinmap.live.network.zenoh_ros2 import ATTACHMENT, key_of, open_session, parse_zenoh
 from skinmap.live.sources.source import StreamInfo

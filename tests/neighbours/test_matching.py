@@ -10,9 +10,8 @@ from sklearn.metrics import adjusted_rand_score
 
 from skinmap.errors import InvalidArrayError
 from skinmap.neighbours.geodesic_neighbours import geodesic_neighbourhoods
-from skinmap.neighbours.matching import match_costs, matcher, pairing, view
+from skinmap.neighbours.matching import as_prototypes, match_costs, matcher, pairing, view
 from skinmap.neighbours.offsets import concatenate, neighbourhoods
-from skinmap.neighbours.prototypes import as_prototypes
 from skinmap.neighbours.radius import auto_radius
 from skinmap.neighbours.structures import assign, find_structures
 from skinmap.skin.skin import Skin

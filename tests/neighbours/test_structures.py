@@ -5,7 +5,7 @@ import pytest
 from sklearn.metrics import adjusted_rand_score
 
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.tangents import plane_turns
+from skinmap.geometry.rigid import plane_turns
 from skinmap.neighbours.offsets import concatenate, lattice_phase, neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
 

@@ -14,10 +14,9 @@ from click.testing import CliRunner
 from jsonschema import Draft202012Validator
 
 from skinmap.report.present import present
-from skinmap.report.result import MERGED, plain, significant
+from skinmap.report.result import MERGED, Verdict, plain, significant
 from skinmap.report.schema import field_texts, result_schema
 from skinmap.report.table import Table
-from skinmap.report.verdict import Verdict
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, SkinWarning
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
+from skinmap.skin.cover import measure_fit
 from skinmap.skin.normals import estimate_normals, repair_normals
 from skinmap.skin.skin import Skin, skin_from_points
-from skinmap.skin.skin_fit import measure_fit
 
 
 def test_repair_normals_of_points_on_a_sphere_are_radial(sphere):

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from skinmap.errors import InvalidArrayError, InvalidMeshError, UnknownNameError
-from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.accurate import is_closed
 from skinmap.surface.consensus_meshing import Limits, consensus_faces

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from skinmap.classifiers.descriptors import adopt_nearest
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
-from skinmap.touch.histograms.nearest_structure import adopt_nearest
 
 
 def hoods_of(points):

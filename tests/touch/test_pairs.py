@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from skinmap.classifiers.protocols.cross_patch import cut_into_patches
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.patches import cut_into_patches
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulation.gestures import EIGHT, GESTURES, gesture_set
 from skinmap.touch.simulation.pairs import APART, simulate_pairs

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from skinmap.report.figure import plain_figure
+from skinmap.report.image import plain_figure
 from skinmap.trade import Point
-from skinmap.trade.plot import number_points, scale_axes
+from skinmap.trade.front import number_points, scale_axes
 
 
 def point(milliseconds: float, error: float) -> Point:

@@ -20,7 +20,7 @@ from calibration.commands.results import Grade
 from skinmap.commands.options import PICTURE, file_option, out_folder, prints
 from skinmap.commands.retired import retired
 from skinmap.report.present import present
-from skinmap.report.verdict import OK, Verdict
+from skinmap.report.result import OK, Verdict
 
 if TYPE_CHECKING:
     from calibration.commands.anchor_session import AnchorSession, SavedAnchors

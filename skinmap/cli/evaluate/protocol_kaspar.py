@@ -13,7 +13,7 @@ from skinmap.classifiers.protocols.results import KasparResult, SweepRow
 from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, by_class, percent
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
-from skinmap.report.figure import plain_figure, save_figure
+from skinmap.report.image import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
 

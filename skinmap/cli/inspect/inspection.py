@@ -17,19 +17,18 @@ from skinmap.cli.inspect.inspect_result import (
     Spread,
     Standing,
 )
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.taxels.cyskin import read_cyskin
 from skinmap.io.taxels.cyskin_faults import file_faults, set_faults
 from skinmap.io.taxels.taxel_readers import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
-from skinmap.skin.cover import FAR, judge_standing
+from skinmap.skin.cover import FAR, SkinFit, judge_standing, measure_fit
 from skinmap.skin.layouts import ModuleLayout, module_layout
 from skinmap.skin.modules import module_normals, slots_of
 from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, check_steps, repair_table
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, skin_from_table
-from skinmap.skin.skin_fit import SkinFit, measure_fit
 from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.summary import first_few
 from skinmap.surface.surface_mesh import merge_coincident

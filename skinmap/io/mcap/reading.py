@@ -43,9 +43,9 @@ from skinmap.io.recordings.recorded_stream import (
 )
 from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata
 from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA
+from skinmap.io.ros2.message_types import DTYPES, HEAD, Number, decode
 from skinmap.io.ros2.messages import read_joints, read_text, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED
-from skinmap.io.ros2.ros2_arrays import DTYPES, HEAD, Number, decode
 from skinmap.io.taxels.taxel_table import parse_csv
 from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.true_motion import TrueMotion

@@ -26,14 +26,12 @@ from skinmap.errors import OutputError, SkinMismatchError
 from skinmap.io.recordings.recorded_stream import Kind, MarkedTouch, RecordedStream, nanoseconds_of
 from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata, qos_profile
 from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA
-from skinmap.io.ros2.message_types import definition, full_name
+from skinmap.io.ros2.message_types import Number, array_type, definition, encode, full_name
 from skinmap.io.ros2.messages import TouchMarker, joints_message, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED, TYPES, RobotTopics, RobotView
-from skinmap.io.ros2.ros2_arrays import Number, array_type, encode
 from skinmap.io.taxels.taxel_table import write_csv
-from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import Skin
+from skinmap.skin.skin import Skin, fingerprint
 from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.true_motion import TrueMotion
 

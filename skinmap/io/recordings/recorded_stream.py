@@ -43,7 +43,7 @@ class StreamInfo:
     robot : str
         Name of the robot; empty where unknown.
     fingerprints : mapping of str to str
-        Of the skin of each part (`skinmap.skin.fingerprint.fingerprint(skin)`),
+        Of the skin of each part (`skinmap.skin.skin.fingerprint(skin)`),
         where known.
     clock : str
         Whose seconds the times are: "recording", "local" (this machine's monotonic clock) ...

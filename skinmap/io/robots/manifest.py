@@ -23,8 +23,8 @@ from skinmap.errors import (
     MissingFileError,
     UnknownNameError,
 )
-from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.rigid import transform_directions, transform_points
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.robots.urdf import MeshBody, UrdfBody
 from skinmap.io.taxels.cyskin import has_channel, modules_of

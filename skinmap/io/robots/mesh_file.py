@@ -19,7 +19,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.disk_cache import Ingredient, cached
 from skinmap.errors import DataFormatError
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.safe_xml import local_name, read_xml
 from skinmap.io.text import check_file
 

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, InvalidMeshError, SkinError
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.skin.joints import Joint, joint_transform
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin

@@ -20,8 +20,8 @@ from skinmap.errors import (
     MissingFileError,
     UnknownNameError,
 )
-from skinmap.geometry.mesh import TriangleMesh
 from skinmap.geometry.rigid import check_transform, rpy_matrix, transform_points
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import is_file, parse_floats

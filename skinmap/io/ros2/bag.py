@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.dumper import together
 from skinmap.io.recordings.recorded_stream import (
     Kind,
@@ -24,8 +25,10 @@ from skinmap.io.recordings.recorded_stream import (
     measured_rate,
     seconds_of,
 )
+from skinmap.io.robots.manifest import load_robot
 from skinmap.io.ros2.messages import points_of
 from skinmap.io.text import read_text
+from skinmap.skin.robot import Robot
 from skinmap.validation import checked, toml_table
 
 MAPPING = ".map.toml"
@@ -244,3 +247,36 @@ def _stacked(part: str, stamps: list[int], rows: list[NDArray[Any]], bag: Path) 
     if not np.isfinite(values).all():
         raise DataFormatError(f"samples of {part!r} hold NaN or infinity", bag)
     return seconds_of(np.array(stamps, np.uint64)[order]), values
+
+
+FILE = "recording.mcap"
+
+
+def write_rosbag2(track: RecordedStream, folder: Path) -> None:
+    """Write a bag; where the recording names its robot, with all that shows it.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written to.
+    """
+    robot: Robot | None = load_robot(track.manifest) if track.manifest else None
+    if len(track.times) and track.times[0] < 0:
+        raise DataFormatError("its times begin before zero", folder)
+    recording = McapRecording(
+        folder / FILE,
+        parts=track.parts,
+        widths={track.kind: track.info.widths},
+        rate=track.info.rate,
+        name=track.info.name,
+        robot=track.info.robot,
+        manifest=track.manifest,
+        clock=track.info.clock,
+        fingerprints=track.info.fingerprints,
+        skins={} if robot is None else {part: robot.skin(part) for part in track.parts},
+        samples=track.samples,
+        model=robot,
+        points_hz=float("inf"),
+    )
+    recording.add_all(track)
+    (folder / METADATA).write_text(recording.bag_metadata())

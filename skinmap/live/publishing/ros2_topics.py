@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
+from skinmap.io.ros2.message_types import array_type, encode
 from skinmap.io.ros2.messages import TouchMarker, text_message
 from skinmap.io.ros2.robot_topics import TYPES, RobotTopics, RobotView
-from skinmap.io.ros2.ros2_arrays import array_type, encode
 from skinmap.live.moment import Moment
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.robot import Robot

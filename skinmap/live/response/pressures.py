@@ -337,7 +337,7 @@ def check_response(response: Any, skin: JoinedSkin, part: str) -> None:
     SkinMismatchError
         Its fingerprint or number of taxels is another.
     """
-    from skinmap.skin.fingerprint import fingerprint
+    from skinmap.skin.skin import fingerprint
 
     own = skin.skins[part].skin
     if hasattr(response, "check_skin"):

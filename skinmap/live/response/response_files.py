@@ -8,7 +8,7 @@ from pathlib import Path
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.live.response.pressures import Response
 from skinmap.registry import Registry
-from skinmap.skin.fingerprint import fingerprint
+from skinmap.skin.skin import fingerprint
 from skinmap.touch.prepared_skin import PreparedSkin
 
 # `load(path) -> Response`; `file` is the one of `skinmap calibrate response`.

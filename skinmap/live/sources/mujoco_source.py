@@ -21,8 +21,8 @@ from skinmap.live.sources.source import SIMULATION, StreamInfo
 from skinmap.physics.robot_model import RobotModel
 from skinmap.physics.simulation import LONG_ON_SKIN, ON_SKIN, TRIES, place_at
 from skinmap.physics.spring_bed import SpringBed, spring_bed
-from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
+from skinmap.skin.skin import fingerprint
 from skinmap.touch.simulation.sensing import Sensing, Sensors
 
 ABOVE = 6e-3  # pressers come from so far above the skin [m]

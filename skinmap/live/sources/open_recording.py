@@ -21,8 +21,8 @@ from skinmap.io.recordings.recorded_stream import (
 from skinmap.io.ros2.bag import is_bag, mapping_of, read_bag
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.skins import check_skin
-from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
+from skinmap.skin.skin import fingerprint
 from skinmap.touch.recording import Recording
 
 SAME_RATE = 0.01  # share by which the rates of parts may differ that are played together

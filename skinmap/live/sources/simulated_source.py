@@ -16,8 +16,8 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
 from skinmap.live.bounded_queue import BoundedQueue
 from skinmap.live.sources.source import SIMULATION, Block, Kind, Source, SourceEnded, StreamInfo
-from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
+from skinmap.skin.skin import fingerprint
 from skinmap.touch.simulation.gestures import FOUR
 from skinmap.touch.simulation.sensing import Sensing
 from skinmap.touch.simulation.simulator import (

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from skinmap.errors import SkinMismatchError
 from skinmap.live.sources.source import StreamInfo
-from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import Skin
+from skinmap.skin.skin import Skin, fingerprint
 
 
 def live_width(skin: Skin) -> int:

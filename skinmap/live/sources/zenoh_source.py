@@ -29,8 +29,8 @@ from skinmap.live.sources.part_filter import follow
 from skinmap.live.sources.receiver import SILENT
 from skinmap.live.sources.skins import check_skin
 from skinmap.live.sources.source import MAX_BLOCK, Block, Source, SourceEnded, StreamInfo
-from skinmap.skin.fingerprint import fingerprint
 from skinmap.skin.robot import Robot
+from skinmap.skin.skin import fingerprint
 
 logger = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import cross, unit
 from skinmap.touch.contacts.skin_geometry import ACTIVE, SkinGeometry
 

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from skinmap.arrays import FloatArray
 from skinmap.geometry.log_map import log_map
 from skinmap.geometry.point_surface import STEP, PointSurface, Way
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.skin.skin import Skin
 from skinmap.touch.simulation.elastic_bed import Foam, bed_loads

@@ -26,9 +26,8 @@ from skinmap.geometry.distances import bridged_graph
 from skinmap.geometry.log_map import LogMaps
 from skinmap.geometry.point_surface import PointSurface
 from skinmap.geometry.proximity import median_spacing
-from skinmap.geometry.tangents import plane_turns
-from skinmap.skin.fingerprint import fingerprint
-from skinmap.skin.skin import Skin
+from skinmap.geometry.rigid import plane_turns
+from skinmap.skin.skin import Skin, fingerprint
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.elastic_bed import bed_loads, contact_width
 from skinmap.touch.simulation.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad

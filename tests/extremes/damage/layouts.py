@@ -22,11 +22,10 @@ from calibration.files.tables import (
     read_points,
     read_touches,
 )
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.flat_maps.drawing import read_drawing
-from skinmap.io.flat_maps.seam_files import read_cuts
+from skinmap.io.flat_maps.seam_files import read_cuts, write_obj_with_uv
 from skinmap.io.flat_maps.sources import read_tactile_maps
-from skinmap.io.flat_maps.surface_files import write_obj_with_uv
 from skinmap.io.robots.manifest import data_folder, load_robot
 from skinmap.io.robots.mesh_file import read_mesh, write_mesh
 from skinmap.io.robots.urdf import UrdfBody

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import UnknownNameError
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
 
 
 def test_drawable_is_light_near_the_original_and_shaded(opengl, icub):

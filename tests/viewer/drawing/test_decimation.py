@@ -1,6 +1,6 @@
 import numpy as np
 
-from skinmap.geometry.mesh import TriangleMesh
+from skinmap.geometry.triangles import TriangleMesh
 from viewer.drawing.body.bare_body import _used, cluster
 
 

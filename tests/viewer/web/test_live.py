@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from skinmap.cli.main import cli
 from skinmap.live.publishing.publish import open_publisher
 from skinmap.live.sources.source import StreamInfo
-from skinmap.skin.fingerprint import fingerprint
+from skinmap.skin.skin import fingerprint
 from viewer.view_options import Look, Session
 from viewer.web.server import served, wait
 

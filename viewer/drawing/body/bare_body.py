@@ -11,8 +11,7 @@ import pyvista as pv
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.geometry.mesh import TriangleMesh
-from skinmap.geometry.triangles import cross_products, unit
+from skinmap.geometry.triangles import TriangleMesh, cross_products, unit
 from skinmap.skin.robot import Robot
 from viewer.drawing.frame.polydata import make_mesh
 

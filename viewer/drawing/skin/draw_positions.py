@@ -10,7 +10,7 @@ import pyvista as pv
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.proximity import median_spacing
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.surface.surface_mesh import SurfaceMesh
 from viewer.drawing.frame.polydata import make_mesh

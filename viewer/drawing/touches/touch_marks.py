@@ -13,8 +13,7 @@ from scipy.spatial import cKDTree
 from vtkmodules.util.numpy_support import numpy_to_vtk
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.rigid import transform_directions, transform_points
-from skinmap.geometry.tangents import tangent_frames
+from skinmap.geometry.rigid import tangent_frames, transform_directions, transform_points
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.colours import INK, TRACES, class_colour, rgb
 from viewer.drawing.frame.polydata import make_mesh
