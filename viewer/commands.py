@@ -97,7 +97,11 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     help="From where and how to look (style, links, pose, size, ranges, units); the window saves "
     "its view there.",
 )
-@file_option("--screenshot", PICTURE, "Write a picture; needs no screen.")
+@file_option(
+    "--screenshot",
+    Written(*PICTURE.suffixes, ".svg", ".pdf"),
+    "Write a picture, or a figure for a paper (.svg or .pdf, 180 mm wide); needs no screen.",
+)
 @file_option("--movie", Written(".mp4", ".gif"), "Write a movie (.mp4 or .gif); needs no screen.")
 @file_option("--gltf", Written(".glb"), "Write the scene for 3D programs (.glb).")
 @file_option("--html", PAGE, "Write the scene as a page that needs nothing else.")

@@ -25,6 +25,8 @@ from viewer.window import SIZE, play
 SUFFIXES = {
     ".png": "screenshot",
     ".jpg": "screenshot",
+    ".svg": "screenshot",
+    ".pdf": "screenshot",
     ".mp4": "movie",
     ".gif": "movie",
     ".glb": "gltf",
@@ -71,7 +73,7 @@ def show(
     seconds : float, optional
         Stop after these [s].
     path : str or Path, optional
-        File to write instead of opening a window: a picture (.png, .jpg), a movie (.mp4, .gif), a
+        File to write instead of opening a window: a picture (.png, .jpg, .svg, .pdf), a movie (.mp4, .gif), a
         page for a browser (.html) or a body with its skin (.glb).
 
     Returns

@@ -324,9 +324,16 @@ class Scene:
         self.framing.look(View(azimuth, elevation), "still")
 
     def screenshot(self, path: str | Path) -> Path:
-        """Write a still of the scene, smoothed, turned to show its touches."""
+        """Write a still of the scene, smoothed, turned to show its touches.
+
+        A figure of lines and letters for `.svg` and `.pdf` (`viewer.export.vector_figure`).
+        """
         from PIL import Image
 
+        if Path(path).suffix.lower() in (".svg", ".pdf"):
+            from viewer.export.vector_figure import write_figure
+
+            return write_figure(self, Path(path))
         picture = self.canvas.draw(self, 360.0, samples=STILL_SAMPLES)
         with staged_file(Path(path)) as stage:
             Image.fromarray(picture).save(stage)

@@ -95,7 +95,7 @@ def _blocks(numbers: Iterator[int]) -> list[Pair]:
 
 
 def _entity(shape: Shape, handle: str, height: float) -> list[Pair]:
-    """A shape as an entity; pictures have none."""
+    """A shape as an entity; pictures and pieces have none."""
     common: list[Pair] = [(5, handle), (330, MODEL_SPACE), (100, "AcDbEntity"), (8, shape.layer)]
     if isinstance(shape, Stroke):
         own: list[Pair] = [

@@ -17,7 +17,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 
-FONT = "DejaVu Sans, Arial, Helvetica, sans-serif"
+FONT = "Arial, Helvetica, DejaVu Sans, sans-serif"
 INCH = 25.4  # [mm]
 POINTS = 72.0 / INCH  # in a millimetre
 ANCHORS = {"start": "left", "middle": "center", "end": "right"}
@@ -50,6 +50,17 @@ class Stroke:
     layer: str = "lines"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Pieces:
+    """Many polygons or lines (k, corners, 2) of one colour [mm]; `fill` none draws lines."""
+
+    points: FloatArray
+    colour: str = NOTHING
+    fill: str = NOTHING
+    width: float = 0.0
+    layer: str = "pieces"
+
+
 @dataclass(frozen=True, slots=True)
 class Mark:
     """A circle; lengths [mm]."""
@@ -65,7 +76,10 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """A line of text: the place on its base line and the size of its letters [mm]."""
+    """A line of text: the place on its base line and the size of its letters [mm].
+
+    `width`, where given, is how wide it is drawn [mm], whatever the font.
+    """
 
     x: float
     y: float
@@ -74,6 +88,8 @@ class Words:
     anchor: str = "start"
     colour: str = "#000000"
     layer: str = "words"
+    bold: bool = False
+    width: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +104,7 @@ class Raster:
     layer: str = "pictures"
 
 
-Shape = Stroke | Mark | Words | Raster
+Shape = Stroke | Pieces | Mark | Words | Raster
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,15 +149,26 @@ def _element(shape: Shape) -> str:
             f'preserveAspectRatio="none" href="data:image/png;base64,{data}"/>'
         )
     if isinstance(shape, Words):
+        more = ' font-weight="bold"' if shape.bold else ""
+        more += ' xml:space="preserve"' if "  " in shape.text else ""
+        if shape.width is not None:
+            more += f' textLength="{_short(shape.width)}" lengthAdjust="spacingAndGlyphs"'
         return (
             f'<text {layer} x="{_short(shape.x)}" y="{_short(shape.y)}" '
-            f'font-size="{_short(shape.size)}" text-anchor="{shape.anchor}" '
+            f'font-size="{_short(shape.size)}" text-anchor="{shape.anchor}"{more} '
             f'fill="{shape.colour}">{escape(_printable(shape.text))}</text>'
         )
     paint = f'fill="{shape.fill}" stroke="{shape.colour}" stroke-width="{_short(shape.width)}"'
     if isinstance(shape, Mark):
         place = f'cx="{_short(shape.x)}" cy="{_short(shape.y)}" r="{_short(shape.radius)}"'
         return f"<circle {layer} {place} {paint}/>"
+    if isinstance(shape, Pieces):
+        end = "" if shape.fill == NOTHING else "z"
+        path = "".join(
+            "M" + "L".join(f"{_short(x)} {_short(y)}" for x, y in piece) + end
+            for piece in shape.points.tolist()
+        )
+        return f'<path {layer} d="{path}" {paint} stroke-linejoin="round"/>'
     points = " ".join(f"{_short(x)},{_short(y)}" for x, y in shape.points)
     name = "polygon" if shape.closed else "polyline"
     return f'<{name} {layer} points="{points}" {paint} stroke-linejoin="round"/>'
@@ -189,8 +216,9 @@ def _draw(on: Any, shape: Shape, order: int) -> None:
         on.imshow(picture, extent=(x, right, low, y), interpolation="none", zorder=order)
         return
     if isinstance(shape, Words):
+        weight = "bold" if shape.bold else "normal"
         on.text(
-            shape.x, shape.y, _printable(shape.text), fontsize=shape.size * POINTS,
+            shape.x, shape.y, _printable(shape.text), fontsize=_fitting(shape), fontweight=weight,
             ha=ANCHORS[shape.anchor], va="baseline", color=shape.colour, zorder=order,
         )  # fmt: skip
         return
@@ -198,7 +226,31 @@ def _draw(on: Any, shape: Shape, order: int) -> None:
         "facecolor": shape.fill, "edgecolor": shape.colour, "linewidth": shape.width * POINTS,
         "joinstyle": "round", "zorder": order,
     }  # fmt: skip
-    if isinstance(shape, Mark):
+    if isinstance(shape, Pieces):
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path
+
+        pieces, (count, corners) = shape.points, shape.points.shape[:2]
+        codes = np.full((count, corners + 1), Path.LINETO)
+        codes[:, 0], codes[:, -1] = Path.MOVETO, Path.CLOSEPOLY
+        closed = np.concatenate([pieces, pieces[:, :1]], axis=1)
+        if shape.fill == NOTHING:
+            closed, codes = pieces, codes[:, :-1]
+        on.add_patch(PathPatch(Path(closed.reshape(-1, 2), codes.ravel()), **paint))
+    elif isinstance(shape, Mark):
         on.add_patch(Circle((shape.x, shape.y), shape.radius, **paint))
     else:
         on.add_patch(Polygon(np.asarray(shape.points), closed=shape.closed, **paint))
+
+
+def _fitting(shape: Words) -> float:
+    """Size of letters [pt] at which a text is as wide as it should be."""
+    size = shape.size * POINTS
+    if shape.width is None or not shape.text.strip():
+        return size
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import TextPath
+
+    font = FontProperties(weight="bold" if shape.bold else "normal")
+    drawn = TextPath((0.0, 0.0), shape.text, size=size, prop=font).get_extents().width
+    return size * min(1.0, shape.width * POINTS / drawn) if drawn > 0.0 else size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from vtkmodules.vtkRenderingCore import vtkRenderer
+from vtkmodules.vtkRenderingCore import vtkRenderer, vtkTextActor
 
 from skinmap.live.moment import Moment
 from viewer.colours import FAINT, WARNING, rgb
@@ -46,6 +46,11 @@ class Status:
     def silent(self) -> float:
         """How long nothing has come [s]."""
         return self.clock() - self._fresh
+
+    @property
+    def actors(self) -> tuple[vtkTextActor, vtkTextActor]:
+        """What it draws with."""
+        return self._line.actor, self._warning.actor
 
     @property
     def texts(self) -> tuple[str, ...]:
