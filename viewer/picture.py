@@ -73,8 +73,8 @@ def show(
     seconds : float, optional
         Stop after these [s].
     path : str or Path, optional
-        File to write instead of opening a window: a picture (.png, .jpg, .svg, .pdf), a movie (.mp4, .gif), a
-        page for a browser (.html) or a body with its skin (.glb).
+        File to write instead of opening a window: a picture (.png, .jpg, .svg, .pdf), a movie
+        (.mp4, .gif), a page for a browser (.html) or a body with its skin (.glb).
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The scene as a figure for a paper: lines, letters and the flat map as vectors, the body a picture.
+"""The scene as a figure for a paper: lines, letters and the flat map are vectors.
 
 All that VTK draws in two dimensions, and all that lies flat in the panel, is read back from its
 actors, so that a figure shows what the window shows. Of the body a picture is taken; outlines of
@@ -65,7 +65,8 @@ def write_figure(scene: Scene, path: Path) -> Path:
 
 def figure_of(scene: Scene) -> Drawing:
     """What the scene shows, without heading and status."""
-    canvas, shapes = scene.canvas, []
+    canvas = scene.canvas
+    shapes: list[Shape] = []
     canvas.draw(scene, 360.0, samples=SAMPLES)
     width, height = canvas.plotter.window_size
     unit = WIDTH / width  # millimetres of a pixel
@@ -114,7 +115,8 @@ def _left_out(*props: Any) -> Iterator[None]:
 def _body(scene: Scene) -> tuple[NDArray[np.uint8], FloatArray]:
     """Picture (h, w, 3) of the body on white without lines and letters, and its depth (h, w)."""
     canvas = scene.canvas
-    renderer, window = canvas.renderer, canvas.plotter.render_window
+    renderer: Any = canvas.renderer
+    window: Any = canvas.plotter.render_window
     flat = [prop for prop in renderer.GetViewProps() if isinstance(prop, vtkActor2D)]
     ground = renderer.GetBackground()
     left, bottom = renderer.GetOrigin()
@@ -260,7 +262,8 @@ def _front(renderer: Any, prop: Any, page: _Page) -> Iterator[Shape]:
         if prop.GetInput():
             yield from _text(renderer, prop, page)
     elif isinstance(prop, vtkActor2D) and prop.GetMapper() is not None:
-        mesh = prop.GetMapper().GetInput()
+        mapper: Any = prop.GetMapper()
+        mesh = mapper.GetInput()
         if mesh is not None and mesh.GetNumberOfCells():
             points = vtk_to_numpy(mesh.GetPoints().GetData()).astype(np.float64)
             placed = page(points[:, :2], renderer.GetOrigin())
