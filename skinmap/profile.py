@@ -158,7 +158,7 @@ def read_profile(path: Path | str) -> Profile:
     Parameters
     ----------
     path : path-like
-        TOML; see docs/profiles.md.
+        TOML; see docs/trade.md.
 
     Returns
     -------

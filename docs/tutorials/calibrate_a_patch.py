@@ -80,4 +80,4 @@ figure.savefig(folder / "calibrate_a_patch.png", dpi=110)
 #
 # The same from files: `skinmap calibrate wrap --layout board.csv --mesh link.stl --anchors
 # anchors.csv -o out`. The [guide](../calibration.md) has touches, scans and self-touch too, the
-# [theory](../theory/calibration.md) what is minimised.
+# [theory](../theory.md#calibration) what is minimised.

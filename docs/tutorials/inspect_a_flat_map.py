@@ -64,4 +64,4 @@ figure.savefig(folder / "inspect_a_flat_map.png", dpi=110)
 # ![Edge strain on the flat map of the thigh](../pictures/tutorials/inspect_a_flat_map.png)
 #
 # `skinmap flatten icub --part left_leg_upper --out maps` draws the same with the body beside it.
-# The [theory of flat maps](../theory/flat.md) has the formulas.
+# The [theory of flat maps](../theory.md#flat-maps) has the formulas.

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from skinmap.io.flat_maps.sources import Source
     from skinmap.surface.surface_mesh import SurfaceMesh
 
-IN_PROFILE = "write {} in the table [flatten] of a profile (docs/profiles.md)"
+IN_PROFILE = "write {} in the table [flatten] of a profile (docs/trade.md)"
 KNOBS = ("iterations", "max_seconds", "max_edge_rms", "metric")
 ISOMETRY = 4.0  # as `skinmap.flat.flat_map` has it; a test compares
 EDGE_STRAIN = "edge_strain"

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Distance = Literal["euclidean", "geodesic"]
 TOLERANCE_MM = 1.5  # how far neighbours may stray
-IN_PROFILE = "write {} in the table [classify] of a profile (docs/profiles.md)"
+IN_PROFILE = "write {} in the table [classify] of a profile (docs/trade.md)"
 RARE = 5  # structures with fewer members say little about the lattice
 
 

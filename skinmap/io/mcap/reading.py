@@ -395,7 +395,7 @@ def read_head(found: Scan) -> dict[str, str]:
         why = f" ({found.damage[0]})" if found.damage else ""
         raise DataFormatError(
             f"not a Skinmap recording: it names no skin{why}; a foreign bag needs a "
-            f"mapping file {found.path.stem}.map.toml beside it (docs/ros2.md)",
+            f"mapping file {found.path.stem}.map.toml beside it (docs/tools.md)",
             found.path,
         )
     return _agreed(copies, found)

@@ -123,7 +123,7 @@ def read_bag_mapping(path: Path) -> _Mapping:
     """
     if not path.is_file():
         raise MissingFileError(
-            path, "the mapping file of a bag: which topic is which part (docs/ros2.md)"
+            path, "the mapping file of a bag: which topic is which part (docs/tools.md)"
         )
     fail = partial(DataFormatError, path=path)
     try:

@@ -40,7 +40,7 @@ RAMP = np.array([[0.55, 0.57, 0.60], [0.98, 0.80, 0.25], [0.86, 0.15, 0.12]])
 
 
 class FoxglovePublisher(Publisher):
-    """A WebSocket server; see docs/foxglove.md for its topics.
+    """A WebSocket server; see docs/tools.md for its topics.
 
     Parameters
     ----------
