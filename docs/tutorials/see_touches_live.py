@@ -40,5 +40,5 @@ loop.close()
 # ![A named touch on the left hand, with its flat map](../pictures/tutorials/see_touches_live.png)
 #
 # With a robot: `skinmap view icub --source lsl:skin --model touch.skinmodel`. How to bring in a
-# transport of your own is in [add a source](../howto/plugins.md#add-a-source), what a moment holds in
-# [contacts](../contacts.md).
+# transport of your own is in [add a source](../howto/plugins.md#add-a-source), what a moment holds
+# in [contacts](../contacts.md).
