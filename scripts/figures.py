@@ -342,7 +342,7 @@ def places(results: Path) -> list[str]:
             f"median {scan['median_mm']:.2f} mm, worst {scan['max_mm']:.2f} mm",
         ),
         (
-            "40 presses on a table, each where the last ones say (simulated)",
+            "40 presses on a table, each placed by the last ones (simulated)",
             f"95 % of the taxels within {press['taxels_p95_mm']['p95']:.1f} mm in 95 % of "
             f"{press['trials']} trials",
         ),
@@ -381,7 +381,7 @@ def installed(results: Path) -> list[str]:
         (
             "pymeshlab (GPL-3)",
             f"{size['pymeshlab']:.0f} MB",
-            "yes: wrapping and `--meshing accurate` then say what is missing",
+            "yes: wrapping and `--meshing accurate` then report the missing package",
         ),
         ("ffmpeg", f"{size['imageio-ffmpeg']:.0f} MB", "yes, but for movies"),
         ("SciPy, NumPy, scikit-learn, libigl, matplotlib", f"{numbers:.0f} MB", "no"),
