@@ -35,9 +35,10 @@ GROUPS = 3  # skins, or people, that show how skins, or people, differ
 STEPS = 101  # levels that are tried, from the coverage to 1
 # Surprise is divided by how strange a touch is, against the median of those held out, to this power
 # (normalised conformal prediction: Papadopoulos, Gammerman and Vovk, 2008). Chosen on MuJoCo's
-# variants but the frozen one: with 0, sets of a model of our touches promised for 90 % held 80 to
-# 87 % of theirs, with 4 88 to 93 %; by a light and small hand 68 and 78 %. Higher powers only make
-# sets larger. Touches nearer than a share of that are alike.
+# variants, and `judge` was seen too when power and floor were chosen: it is frozen for names, for
+# sets nothing is. With 0, sets of a model of our touches promised for 90 % held 80 to 87 % of
+# theirs, with 4 88 to 93 %; by a light and small hand 68 and 78 %. Higher powers only make sets
+# larger. Touches nearer than a share of that are alike.
 DOUBT, FAMILIAR = 4.0, 0.5
 IMPOSSIBLE = 1e-9  # probability below which all names are as improbable
 OR = " or "
