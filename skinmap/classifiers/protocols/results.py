@@ -660,6 +660,50 @@ class HandsResult(RealSkin):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class PrintsResult(Evaluated):
+    """The protocol `prints`: areas of contacts on a grid of readings.
+
+    Attributes
+    ----------
+    train, test
+        The two files.
+    people
+        Trained on.
+    images, contacts
+        Tested: images, and contacts found in their readings alone.
+    judged
+        Contacts with a print. All that follows is null without any.
+    missed
+        Prints without a contact.
+    area_error_median, area_error_p90
+        Error of the area as a share of the true one: median and 90th percentile.
+    centre_mm_median
+        Distance from the centre of the print [mm], median.
+    holds
+        Share of the true areas inside their interval of 90 %.
+    high_to_low
+        Upper end of the interval through its lower end, median.
+    own_area_error_median
+        Median error where ten prints of each person set this person's scale; null without `person`.
+    """
+
+    protocol: Literal["prints"] = "prints"
+    train: str
+    test: str
+    people: int
+    images: int
+    contacts: int
+    judged: int
+    missed: int
+    area_error_median: float | None
+    area_error_p90: float | None
+    centre_mm_median: float | None
+    holds: float | None
+    high_to_low: float | None
+    own_area_error_median: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class LeakRow:
     """How much plain folds flatter a classifier.
 
@@ -771,4 +815,5 @@ EvaluateResult = (
     | TimeResult
     | FingersResult
     | HandsResult
+    | PrintsResult
 )

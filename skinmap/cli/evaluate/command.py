@@ -18,6 +18,8 @@ from skinmap.cli.evaluate.evaluation import (
     own_settings,
 )
 from skinmap.commands.options import (
+    Written,
+    file_option,
     out_folder,
     outside_option,
     part_option,
@@ -32,6 +34,7 @@ from skinmap.report.page import lines_page
 from skinmap.report.present import present
 from skinmap.report.result import plain
 
+PREDICTING = ("prints",)  # protocols that write what they answered
 CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clean sensors
 
 
@@ -95,6 +98,11 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
     help="recordings: train without each of them in turn, beside touches dealt out (event) and "
     "controls by what the skin read before the touches; may be repeated.",
 )
+@file_option(
+    "--predictions",
+    Written(".npz"),
+    "load, prints: archive of arrays to write: each answer, with its interval.",
+)
 @workers_options
 @out_folder("evaluation.json, report.html and the picture of the sweep")
 @seed_option
@@ -120,6 +128,7 @@ def command(
                    network=small|paper       paper takes 10 minutes a training
       cross-patch  train_robot=ROBOT         train on this robot, test on --robot
       recordings   folds=4                   folds, 2 to 20
+      prints       pitch_mm=4.79             between readings
 
     \b
     Example:  skinmap evaluate --protocol kaspar --seeds 3 --json
@@ -127,11 +136,14 @@ def command(
               skinmap evaluate --protocol physics --seeds 1 --per-gesture 5
               skinmap evaluate --protocol time --per-gesture 8
               skinmap evaluate --protocol fingers DATA
+              skinmap evaluate --protocol prints TRAIN.npz TEST.npz --predictions areas.npz
               skinmap evaluate touches.npz --robot icub
               skinmap evaluate monday.mcap tuesday.mcap --leave-out session
               skinmap evaluate --protocol kaspar --set sweep=yes --jobs 4 --resume kaspar.resume
     """
     chosen, files = _protocol(protocol, recordings)
+    if options["predictions"] and chosen not in PREDICTING:
+        raise click.UsageError(f"--predictions: {chosen} writes none; of {', '.join(PREDICTING)}")
     options["seeds"] = options["seeds"] or {"baxter": 10, "physics": 1, "time": 1}.get(chosen, 5)
     options["variety"] = _variety(chosen, options["variety"])
     evaluation = find_evaluation(chosen)
@@ -187,9 +199,10 @@ def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, 
         if ctx.params["leave_out"]:
             raise click.UsageError(f"--protocol {protocol} has its own splits: no --leave-out")
         if protocol in ON_DATA:
-            if len(recordings) != 1:
+            least, most, named = ON_DATA[protocol]
+            if not least <= len(recordings) <= most:
                 raise click.UsageError(
-                    f"--protocol {protocol} needs its file or folder; "
+                    f"--protocol {protocol} needs {named}; "
                     f"got {len(recordings)} of them: docs/evaluation.md"
                 )
             return protocol, recordings

@@ -18,8 +18,12 @@ if TYPE_CHECKING:
     from skinmap.classifiers.protocols.left_out import Way
     from skinmap.parallel.workers import Workers
 
-PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time", "fingers", "hands")
-ON_DATA = ("fingers", "hands")  # protocols of files that users bring
+PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time", "fingers", "hands", "prints")
+ON_DATA = {  # protocols of files that users bring: how many, and their names
+    "fingers": (1, 1, "its file or folder"),
+    "hands": (1, 1, "its file or folder"),
+    "prints": (2, 2, "TRAIN.npz TEST.npz"),
+}
 
 Rows = list[list[Cell]]
 
@@ -29,7 +33,7 @@ class Settings:
     """The options of the command, checked by click.
 
     `own` are the protocol's settings, of its type `SETTINGS`; with `pictures` all that they show is
-    measured.
+    measured; `predictions` is the file for what a protocol of measured data answered.
     """
 
     recordings: tuple[Path, ...]
@@ -44,6 +48,7 @@ class Settings:
     variety: float
     leave_out: tuple[Way, ...]
     pictures: bool
+    predictions: Path | None
     own: Any
 
     @property
