@@ -298,11 +298,9 @@ def out_file(
         "output",
         type=click.Path(path_type=Path, dir_okay=folder),
         metavar="FILE|FOLDER" if folder else "FILE",
-        default=default,
-        show_default=True,
-        required=required,
         callback=guard if guarded else None,
         help=what,
+        **_default(default, required),
     )
     return lambda command: option(force_option(command))
 
@@ -313,6 +311,11 @@ def file_option(name: str, kind: Written, help: str) -> Callable[[F], F]:
     return lambda command: option(force_option(command))
 
 
+def _default(default: str | None, required: bool) -> dict[str, Any]:
+    """Of an option; a default of None would count as given and end `required`."""
+    return {"required": required} if default is None else {"default": default, "show_default": True}
+
+
 def out_folder(of: str, *, required: bool = False, default: str | None = None) -> Callable[[F], F]:
     """`--out`, with what the folder is for, and `--force`; tried before any work is done."""
     option = click.option(
@@ -320,11 +323,9 @@ def out_folder(of: str, *, required: bool = False, default: str | None = None) -
         "--out",
         type=click.Path(path_type=Path, file_okay=False),
         metavar="FOLDER",
-        default=default,
-        show_default=True,
-        required=required,
         callback=try_folder,
         help=f"Folder for {of}.",
+        **_default(default, required),
     )
     return lambda command: option(force_option(command))
 

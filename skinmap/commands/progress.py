@@ -34,7 +34,8 @@ def progress(total: int, title: str) -> Iterator[Callable[[str], None]]:
     start = told = time.monotonic()
     done = computed = 0
     quiet = is_quiet()
-    with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
+    hidden = quiet or not console.is_terminal  # else it ends in empty lines in a file
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task(title, total=total, left="")
 
         def advance(what: str = "") -> None:

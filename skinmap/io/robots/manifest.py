@@ -155,9 +155,7 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     path = Path(robot)
     if path.suffix == ".toml" or is_file(path):
         return read_manifest(path, allow_outside=allow_outside)
-    raise UnknownNameError(
-        "robot (built in, or a path to a manifest .toml)", str(robot), sorted(builtin)
-    )
+    raise UnknownNameError("robot", str(robot), sorted(builtin))
 
 
 def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
@@ -167,6 +165,11 @@ def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
     try:
         document = tomllib.loads(read_text(path))
     except (ValueError, RecursionError) as error:  # huge numbers and deep nests are no TOML errors
+        if path.suffix.lower() in (".urdf", ".xml", ".xacro"):
+            raise DataFormatError(
+                "a URDF where a manifest (.toml) is expected: write one with "
+                f"`skinmap new {path.name} --taxels FILE -o robot.toml`", path,
+            ) from None  # fmt: skip
         raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
     fail = partial(DataFormatError, path=path)
     told = checked(document, _Manifest, what="the manifest", fail=fail, called=toml_table)
