@@ -46,6 +46,10 @@ DISTORTION_STOPS = (
     (0.00, "#f5f2f5"), (0.20, "#e2cfe6"), (0.40, "#c39dd0"), (0.60, "#9a68b3"),
     (0.80, "#6d3390"), (1.00, "#2b0a42"),
 )  # fmt: skip
+TOUCHED_STOPS = (
+    (0.00, "#f3f5f1"), (0.05, "#d9ecd3"), (0.25, "#a3d5b0"), (0.50, "#56ad97"),
+    (0.75, "#23757c"), (1.00, "#0b2f4a"),
+)  # fmt: skip  # where skin was touched: green to blue, even in lightness
 UNKNOWN = "#78818f"  # a taxel of which nothing is known
 FADED = 0.6  # how far what is silent goes there
 TOUCHED, UNTOUCHED = "#c2410c", "#f4f2ec"

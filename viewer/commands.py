@@ -33,7 +33,10 @@ from viewer.results import DemoResult, ViewFiles, ViewPage, ViewWindow
 # As `viewer.layers` has them, which takes a second to import; a test compares.
 LAYERS = (
     "pressure", "raw", "binary", "structures", "uncertainty", "distortion", "health", "patches",
+    "touched",
 )  # fmt: skip
+RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
+MOST_COUNTED = 20_000_000  # bytes of a recording that touches are counted in unasked
 MOVIES = (".mp4", ".gif")
 ANYWHERE = "127.0.0.1:0"
 IN_VIEW_FILE = "write it in --view-file (docs/viewer.md)"
@@ -138,11 +141,13 @@ def view(**options: Any) -> None:
     """Show touches on the robot's body, with the flat map of the touched part beside it.
 
     Opens a window; press h in it for all keys. Pictures, movies and files need no screen.
-    Without ROBOT it is the one that was recorded, else the iCub.
+    A recording in place of ROBOT is played on the robot that it was made on, else on the iCub; a
+    folder of recordings shows where they were touched, with --layer touched.
 
     \b
     Example:  skinmap view icub --part torso --part left_arm --source sim
-              skinmap view --source touches.npz --screenshot touches.png
+              skinmap view touches.mcap --screenshot touches.png
+              skinmap view recordings --layer touched --screenshot touched.png
     """
     present(run_view(options), lambda _: (), as_json=options["as_json"])
 
@@ -155,6 +160,7 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
     SkinError, click.UsageError
         Bad input, in one line.
     """
+    options = _with_recording(options)
     _check(options)
     from skinmap.display import require_opengl
 
@@ -197,6 +203,41 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
     return open_window(session, look, seconds=wanted.seconds, view_file=path)
 
 
+def _with_recording(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options, with a recording in place of the robot as their source."""
+    given = {**options, "touched_in": None}
+    path = Path(given["robot"] or "")
+    folder = path.is_dir() and not _is_recording(path)
+    if given["robot"] is not None and (folder or _is_recording(path)):
+        if given["source"] != "sim":
+            raise click.UsageError(f"two sources: {path} and --source {given['source']}")
+        from skinmap.live.touched_taxels import recordings_of, robot_of
+
+        several = recordings_of(path)
+        if folder and not _counts(given["layer"]):
+            raise click.UsageError(
+                f"{path} is a folder of {len(several)} recordings: name one, or write "
+                "--layer touched"
+            )
+        given["robot"] = robot_of(several) if folder else None
+        given["source"], given["touched_in"] = str(several[0]), path
+        click.get_current_context().params["source"] = given["source"]
+    elif Path(given["source"]).exists():
+        given["touched_in"] = Path(given["source"])
+    if given["touched_in"] is not None and not _counts(given["layer"]):
+        large = sum(one.stat().st_size for one in [Path(given["source"])] if one.is_file())
+        given["touched_in"] = None if large > MOST_COUNTED else given["touched_in"]
+    return given
+
+
+def _is_recording(path: Path) -> bool:
+    return path.suffix.lower() in RECORDINGS or (path / "data.log").is_file()
+
+
+def _counts(layer: str | None) -> bool:
+    return (layer or "").partition(":")[0] == "touched"
+
+
 def _session(options: Mapping[str, Any]) -> Any:
     """The robot, its parts and all that was named for them."""
     from viewer.inputs import read_covariances, read_responses
@@ -212,6 +253,7 @@ def _session(options: Mapping[str, Any]) -> Any:
         speed=options["speed"],
         responses=read_responses(options["responses"], robot, parts),
         covariances=read_covariances(options["calibrations"], robot, parts),
+        touched_in=options["touched_in"],
     )
     session.prepare()
     return session
@@ -222,7 +264,7 @@ def _check(options: Mapping[str, Any]) -> None:
     from skinmap.display import has_display
     from skinmap.errors import OutputError, UnknownNameError
 
-    if options["layer"] is not None and options["layer"] not in LAYERS:
+    if options["layer"] is not None and options["layer"].partition(":")[0] not in LAYERS:
         raise UnknownNameError("layer", options["layer"], LAYERS)
     files = {name: options[name] for name in ("screenshot", "movie", "gltf", "html")}
     for name, path in files.items():

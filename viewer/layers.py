@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from skinmap.arrays import FloatArray, IntArray, check_finite
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live.moment import Moment
+from skinmap.live.touched_taxels import Touched
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import find_structures
 from skinmap.touch.contacts.skin_geometry import ACTIVE
@@ -30,6 +31,7 @@ from viewer.colours import (
     RARER,
     RAW_STOPS,
     TOUCHED,
+    TOUCHED_STOPS,
     UNCERTAINTY_STOPS,
     UNKNOWN,
     UNTOUCHED,
@@ -51,7 +53,15 @@ LAYERS = (
     "distortion",
     "health",
     "patches",
+    "touched",
 )
+# What "touched" shows, as "touched:dwell"; how often by itself: title, unit.
+TOUCHED_KINDS = {
+    "": ("touches", "of each taxel, since the beginning"),
+    "dwell": ("touched for", "s, all touches together"),
+    "largest": ("largest pressure", "counts, while touched"),
+    "last": ("touched last", "s, from the beginning of the recording"),
+}
 FULL_SCALE = 255.0  # counts
 WORST_SD = 3.0  # [mm]: half a pitch of the finest skins; beyond, taxels are taken for neighbours
 WORST_STRAIN = 5.0  # [%]
@@ -160,6 +170,8 @@ class Layers:
         States of each part's taxels, named as in `viewer.health.STATES`.
     ranges : mapping of str to (float, float), optional
         Values of a layer's first and last colour, in its unit.
+    touched : callable
+        Gives where recordings touched the skin, when the layer "touched" is asked for.
 
     Examples
     --------
@@ -188,6 +200,7 @@ class Layers:
         covariances: Mapping[str, ArrayLike] | None = None,
         healths: Mapping[str, ArrayLike] | None = None,
         ranges: Mapping[str, tuple[float, float]] | None = None,
+        touched: Callable[[], Touched | None] = lambda: None,
     ) -> None:
         for name in ranges or {}:
             check_layer(name)
@@ -198,6 +211,7 @@ class Layers:
             self._check(part)
         self.watch = HealthWatch({p: len(s) for p, s in self.skins.items()}, healths)
         self._made: dict[str, Layer] = {}
+        self._touches = touched
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -214,7 +228,8 @@ class Layers:
         """
         check_layer(name)
         if name not in self._made:
-            layer: Layer = getattr(self, f"_{name}")()
+            base, _, kind = name.partition(":")
+            layer: Layer = getattr(self, f"_{base}")(*[kind] * (base == "touched"))
             ranged = name in self._ranges and not layer.categories
             self._made[name] = replace(layer, limits=self._ranges[name]) if ranged else layer
         return self._made[name]
@@ -354,6 +369,22 @@ class Layers:
         source = partial(self._fixed, table)
         return categories("patches", "patch", (*names, "none"), colours, source)
 
+    def _touched(self, kind: str) -> Layer:
+        """How often, how long, how hard or when last each taxel was touched."""
+        found = self._touches()
+        title, unit = TOUCHED_KINDS[kind]
+        table = {}
+        for part, one in ({} if found is None else found.parts).items():
+            values = np.asarray(getattr(one, kind or "count"), np.float64)
+            # White is never: a taxel that was touched at once has another colour.
+            table[part] = np.where(one.count > 0, values, np.nan if kind == "last" else 0.0)
+        most = max((float(np.nanmax(one, initial=0.0)) for one in table.values()), default=0.0)
+        name, top = f"touched:{kind}" if kind else "touched", max(most, 1.0)
+        missing = "nothing recorded: give a recording or a folder of some with --layer touched"
+        source = partial(self._fixed, table)
+        stops = ramp(TOUCHED_STOPS)
+        return Layer(name, title, unit, (0.0, top), stops, (), False, missing, source)
+
 
 def check_layer(name: str) -> str:
     """A layer that exists.
@@ -362,8 +393,10 @@ def check_layer(name: str) -> str:
     ------
     UnknownNameError
     """
-    if name not in LAYERS:
-        raise UnknownNameError("layer", name, LAYERS)
+    base, _, kind = name.partition(":")
+    if base not in LAYERS or (kind and (base != "touched" or kind not in TOUCHED_KINDS)):
+        kinds = [f"touched:{one}" for one in TOUCHED_KINDS if one]
+        raise UnknownNameError("layer", name, [*LAYERS, *kinds])
     return name
 
 

@@ -24,6 +24,7 @@ from skinmap.flat.flat_map import FlatMap
 from skinmap.io.output import staged_file
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
+from skinmap.live.touched_taxels import Touched
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -224,6 +225,21 @@ class Scene:
                 if touch.part in self.panel.flat_maps:
                     self.show_flat_map(touch.part)
                     return
+
+    def show_sums(self, touched: Touched | None) -> None:
+        """Name the recordings that the layer "touched" counts, and turn to the part touched most.
+
+        No moment is shown then.
+        """
+        if touched is None or not touched.parts:
+            return
+        names, several = touched.recordings, len(touched.recordings) > 1
+        source = f"{len(names)} recordings" if several else names[0]
+        self.set_title(f"{self.robot.name}   {source}   {touched.seconds:,.0f} s")
+        most = max(touched.parts, key=lambda part: int(touched.parts[part].count.sum()))
+        if self.panel is not None and most in self.panel.flat_maps:
+            self.show_flat_map(most)
+            self.panel.list.tell(f"{touched.parts[most].count.max()} touches of a taxel at most")
 
     def set_pressures(self, part: str, pressures: ArrayLike) -> None:
         """Take pressures (n,) of 0 to 255 counts for one part.

@@ -59,9 +59,17 @@ class Wanted:
         every = (self.screenshot, self.movie, self.gltf, self.html)
         return [path for path in every if path is not None]
 
+    @property
+    def still(self) -> bool:
+        """Whether one picture is asked for, and nothing that moves."""
+        return self.movie is None and self.html is None
+
 
 def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
     """Write pictures and files of what the source shows; no screen is needed."""
+    if (look.layer or "").startswith("touched") and wanted.at is None and wanted.still:
+        # A sum over all of it: no moment belongs to it.
+        return _shown(session, None, _stills(session, look, wanted, None, Excerpt()))
     best = Best(session, look)
     files: list[Path] = []
     start, seconds = wanted.at or 0.0, _length(session, wanted)
@@ -84,12 +92,16 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
             pass
     if wanted.screenshot or wanted.gltf or wanted.html:
         files += _stills(session, look, wanted, best.moment, excerpt)
-    touches = () if best.moment is None else best.moment.touches
+    return _shown(session, best.moment, files)
+
+
+def _shown(session: Session, moment: Moment | None, files: list[Path]) -> ViewFiles:
+    touches = () if moment is None else moment.touches
     return ViewFiles(
         robot=session.robot.name,
         parts=list(session.parts),
         source=session.source,
-        time=None if best.moment is None else best.moment.time - session.origin,
+        time=None if moment is None else moment.time - session.origin,
         touches=[
             ShownTouch(part=one.part, label=one.label, confidence=one.confidence) for one in touches
         ],
@@ -103,6 +115,8 @@ def _stills(
     scene = new_scene(session, look, size=STILL_SIZE, off_screen=True)
     if moment is not None:
         scene.follow(moment)
+    elif scene.layer.name.startswith("touched"):
+        scene.show_sums(session.touched())
     scene.update(step=360.0)
     files = []
     if wanted.screenshot is not None:

@@ -21,8 +21,10 @@ from skinmap.errors import (
 )
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
+from skinmap.live.sources.open_recording import open_recording
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.source import Seekable, Source, SourceEnded, is_live
+from skinmap.live.touched_taxels import Touched, recordings_of, touched_in
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.body.bare_body import check_links
@@ -63,6 +65,8 @@ class Session:
     covariances : mapping of str to (n, 3, 3) array
     origin : float
         Time of the source's beginning in its moments' clock [s], once some came.
+    touched_in : Path or None
+        The recording, or a folder of some, that the layer "touched" counts.
     """
 
     robot: Robot
@@ -75,6 +79,8 @@ class Session:
     covariances: Mapping[str, FloatArray] = field(default_factory=dict)
     skins: dict[str, PreparedSkin] = field(default_factory=dict)
     origin: float = math.nan
+    touched_in: Path | None = None
+    _touched: Touched | None = None
 
     def prepare(self) -> None:
         """Prepare the skins that are shown."""
@@ -95,6 +101,19 @@ class Session:
             seed=self.seed,
             speed=speed,
         )
+
+    def touched(self) -> Touched | None:
+        """Where the skins were touched in the recordings; None without any."""
+        if self.touched_in is None or self._touched is not None:
+            return self._touched
+        self._touched = touched_in(
+            recordings_of(self.touched_in),
+            self.robot,
+            self.skins,
+            lambda path: open_recording(path, robot=self.robot, speed=math.inf),
+            responses=self.responses,
+        )
+        return self._touched
 
     def touch_loop(
         self, source: Source, classifier: TouchClassifier | None, *, singly: bool = False
@@ -296,6 +315,7 @@ def new_layers(session: Session, look: Look) -> Layers:
         covariances=session.covariances,
         healths=session.healths,
         ranges=look.ranges,
+        touched=session.touched,
     )
 
 

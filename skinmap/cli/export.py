@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from skinmap.commands.options import open_robot, out_file, part_option, prints, robot_argument
+from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
@@ -24,6 +25,7 @@ FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their 
     "ply": (".ply",), "mjcf": (".xml",),
 }  # fmt: skip
 FOLDERS = ("lerobot", "rosbag2")  # of a recording
+TOUCHED = "touched"  # a table of recordings
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 MCAP = ".mcap"
@@ -168,17 +170,73 @@ class ExportedRecording:
     files: list[str]
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TouchedRow:
+    """How a part was touched.
+
+    Attributes
+    ----------
+    name
+        Of the part.
+    taxels
+        That were touched at least once, of `of`.
+    of
+        How many there are.
+    most
+        Touches of the taxel that was touched most.
+    dwell_s
+        Longest time that a taxel was touched, all touches together [s].
+    largest
+        Largest pressure while touched [counts].
+    """
+
+    name: str
+    taxels: int
+    of: int
+    most: int
+    dwell_s: float
+    largest: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedTouched:
+    """Where a robot was touched, over recordings.
+
+    Attributes
+    ----------
+    robot
+        That was recorded.
+    format
+        Of the file.
+    recordings
+        Their names, in the order in which they were read.
+    seconds
+        That they hold together.
+    parts
+        Those that were recorded.
+    files
+        The table: a line for each taxel.
+    """
+
+    robot: str
+    format: Literal["touched"]
+    recordings: list[str]
+    seconds: float
+    parts: list[TouchedRow]
+    files: list[str]
+
+
 @click.command("export")
 @robot_argument
 @part_option
 @click.option(
-    "--format", "format", type=click.Choice([*FORMATS, *FOLDERS]),
-    help="Format to write taxels in (default: csv), or a folder of a recording.",
+    "--format", "format", type=click.Choice([*FORMATS, *FOLDERS, TOUCHED]),
+    help="Format to write taxels in (default: csv), or a recording, or where some were touched.",
 )  # fmt: skip
 @out_file("What to write: a file, or the folder of a format.", required=True, folder=True)
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
 @retired(profile=NO_PROFILE, read_as="write FORMAT:FILE instead of FILE")
-@prints(ExportedTaxels, ExportedModel, ExportedRecording)
+@prints(ExportedTaxels, ExportedModel, ExportedRecording, ExportedTouched)
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -201,6 +259,9 @@ def command(
     whole again, for all MCAP readers, with -o *.mcap. Folders are written with --format lerobot
     (a LeRobot data set) or rosbag2 (with a cloud of the taxels for every sample).
 
+    With --format touched a recording, or a folder of some, becomes a table (.csv) of where the
+    robot was touched: count, dwell, largest pressure and last time of each taxel.
+
     \b
     Example:  skinmap export icub --part torso --format icub -o torso.txt
     Example:  skinmap export icub --format mjcf -o icub.xml
@@ -208,7 +269,14 @@ def command(
     Example:  skinmap export touch.mcap -o touch.h5
     Example:  skinmap export cut.mcap -o whole.mcap
     Example:  skinmap export touch.mcap --format lerobot -o dataset
+    Example:  skinmap export recordings --format touched -o touched.csv
     """
+    if format == TOUCHED:
+        if unrepaired:
+            raise click.UsageError("touched is of recordings; leave out --unrepaired")
+        _check_ending(output, format)
+        present(export_touched(Path(robot), parts, output), _touched_lines, as_json=as_json)
+        return
     if _is_recording(Path(robot)):
         if format in FORMATS or parts or unrepaired:
             raise click.UsageError(
@@ -234,7 +302,7 @@ def command(
 
 def _check_ending(output: Path, format: str) -> None:
     """Refuse a name that would pass a file off as something else, such as a recording."""
-    endings = FORMATS[format]
+    endings = (".csv",) if format == TOUCHED else FORMATS[format]
     if output.suffix.lower() not in endings:
         raise click.UsageError(
             f"{format} is written to files ending in {' or '.join(endings)}, got {output.name!r}"
@@ -285,6 +353,49 @@ def export_model(robot: str, parts: tuple[str, ...], output: Path) -> ExportedMo
         parts=[
             ExportedSkin(name=name, link=loaded.part(name).link, taxels=count)
             for name, count in report.taxels.items()
+        ],
+        files=[str(output)],
+    )
+
+
+def export_touched(path: Path, parts: tuple[str, ...], output: Path) -> ExportedTouched:
+    """Write where the parts of a robot were touched in a recording, or in those of a folder."""
+    from skinmap.errors import MissingFileError
+    from skinmap.io.output import staged_file
+    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.live.touched_taxels import recordings_of, robot_of, touched_in
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    if not path.exists():
+        raise MissingFileError(path, "a recording, or a folder of some")
+    paths = recordings_of(path)
+    robot, names = open_robot(robot_of(paths) or "icub", parts)
+    skins = {part: PreparedSkin(robot.skin(part)) for part in names}
+    with progress(len(paths), "touched") as advance:
+        found = touched_in(
+            paths,
+            robot,
+            skins,
+            lambda one: open_recording(one, robot=robot, speed=float("inf")),
+            progress=advance,
+        )
+    with staged_file(output) as stage:
+        stage.write_text(found.csv(), encoding="utf-8")
+    return ExportedTouched(
+        robot=robot.name,
+        format="touched",
+        recordings=found.recordings,
+        seconds=found.seconds,
+        parts=[
+            TouchedRow(
+                name=part,
+                taxels=int((one.count > 0).sum()),
+                of=len(one.count),
+                most=int(one.count.max(initial=0)),
+                dwell_s=float(one.dwell.max(initial=0.0)),
+                largest=float(one.largest.max(initial=0.0)),
+            )
+            for part, one in found.parts.items()
         ],
         files=[str(output)],
     )
@@ -352,6 +463,16 @@ def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
         from skinmap.io.ros2.bag import write_rosbag2 as write
     with staged_folder(output) as stage:
         write(track, stage)
+
+
+def _touched_lines(result: ExportedTouched) -> Iterator[str]:
+    count = len(result.recordings)
+    yield f"{count} recording{'s' * (count > 1)}, {result.seconds:,.1f} s"
+    for row in result.parts:
+        yield (
+            f"{row.name}: {row.taxels} of {row.of} taxels touched, one {row.most} times, "
+            f"{row.dwell_s:.1f} s at longest, {row.largest:.0f} counts at most"
+        )
 
 
 def _taxel_lines(result: ExportedTaxels) -> Iterator[str]:

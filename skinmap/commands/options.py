@@ -95,7 +95,7 @@ RESULTS = "__results__"
 
 outside_option = retired(allow_outside=f"set {OUTSIDE}=1 in the environment")
 _robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
-_shown_argument = click.argument("robot", required=False, metavar="[ROBOT]")
+_shown_argument = click.argument("robot", required=False, metavar="[ROBOT|RECORDING|FOLDER]")
 _robot_option = click.option(
     "--robot",
     metavar="ROBOT",

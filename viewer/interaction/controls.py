@@ -59,7 +59,7 @@ KEYS = (
     ),
     Key("l", "loop", {"l": ("toggle_loop",)}),
     Key(
-        "1 to 8",
+        "1 to 9",
         ", ".join(LAYERS[:4]),
         {f"{pad}{k}": ("choose_layer", n) for k, n in enumerate(LAYERS, 1) for pad in ("", "KP_")},
     ),

@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from skinmap.errors import SkinError, UnknownNameError
+from skinmap.errors import SkinError
 from skinmap.live.moment import Moment
 from viewer.interaction.describe import describe
-from viewer.layers import LAYERS, Layer, Layers, check_values
+from viewer.layers import LAYERS, Layer, Layers, check_layer, check_values
 from viewer.playing.player import Player
 from viewer.web.packing import finite
 from viewer.web.sample import SampleWriter, layer_message
@@ -310,9 +310,7 @@ class Hub:
 
     def _ask_layer(self, client: Client, name: str) -> None:
         """Show another layer as soon as it is made: structures take a second, samples go on."""
-        if name not in LAYERS:
-            raise UnknownNameError("layer", name, LAYERS)
-        client.wanted = name
+        client.wanted = check_layer(name)
         if client.making is None or client.making.done():
             client.making = asyncio.create_task(self._turn(client))
 

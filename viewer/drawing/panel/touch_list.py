@@ -36,7 +36,7 @@ class TouchList:
         self.scant = False
         self._left, self._font_px = 0.0, 12
         self._shown: tuple[Sequence[NamedTouch], float] = ((), 0.0)
-        self._faded, self._about = False, "no touch"
+        self._faded, self._about, self._instead = False, "no touch", ""
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -66,7 +66,8 @@ class TouchList:
         """List touches as they are at a time [s]; faded where nothing new is heard of them."""
         self._shown, self._faded = (tuple(touches), time), faded
         count = len(touches)
-        self._about = "no touch" if not count else f"{count} touch{'es' * (count > 1)}"
+        nothing = self._instead or "no touch"
+        self._about = nothing if not count else f"{count} touch{'es' * (count > 1)}"
         self._head.write(self._about)
         tight = count > self.fits
         fits = self.fits_tight if tight else self.fits
@@ -78,6 +79,11 @@ class TouchList:
                 for line in lines:
                     line.write("")
         self._more.write(f"+{count - fits} more" if count > fits else "", INK)
+
+    def tell(self, about: str) -> None:
+        """Stand in for the count of touches, until `show` is called again with others."""
+        self._instead = about
+        self._head.write(about)
 
     def tell_age(self, age: float | None) -> None:
         """Say how long ago it was that the touches were heard of [s]; None while they are."""
