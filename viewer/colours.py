@@ -50,6 +50,10 @@ TOUCHED_STOPS = (
     (0.00, "#f3f5f1"), (0.05, "#d9ecd3"), (0.25, "#a3d5b0"), (0.50, "#56ad97"),
     (0.75, "#23757c"), (1.00, "#0b2f4a"),
 )  # fmt: skip  # where skin was touched: green to blue, even in lightness
+# Less is blue, more is orange, white is the same: apart for every eye.
+DIFFERENCE_STOPS = (
+    (0.00, "#08306b"), (0.25, "#4a90c8"), (0.50, "#f7f7f5"), (0.75, "#f19a3e"), (1.00, "#8c2d04"),
+)  # fmt: skip
 UNKNOWN = "#78818f"  # a taxel of which nothing is known
 FADED = 0.6  # how far what is silent goes there
 TOUCHED, UNTOUCHED = "#c2410c", "#f4f2ec"

@@ -105,6 +105,12 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     Written(*PICTURE.suffixes, ".svg", ".pdf"),
     "Write a picture, or a figure for a paper (.svg or .pdf, 180 mm wide); needs no screen.",
 )
+@click.option(
+    "--beside",
+    metavar="RECORDING",
+    help="Another recording (or folder of some, with --layer touched) in the same picture, and "
+    "the difference of both; with --screenshot.",
+)
 @file_option("--movie", Written(".mp4", ".gif"), "Write a movie (.mp4 or .gif); needs no screen.")
 @file_option("--gltf", Written(".glb"), "Write the scene for 3D programs (.glb).")
 @file_option("--html", PAGE, "Write the scene as a page that needs nothing else.")
@@ -147,6 +153,7 @@ def view(**options: Any) -> None:
     \b
     Example:  skinmap view icub --part torso --part left_arm --source sim
               skinmap view touches.mcap --screenshot touches.png
+              skinmap view a.mcap --beside b.mcap --screenshot difference.png
               skinmap view recordings --layer touched --screenshot touched.png
     """
     present(run_view(options), lambda _: (), as_json=options["as_json"])
@@ -192,6 +199,8 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
         at=options["at"],
         seconds=options["seconds"],
     )
+    if options["beside"] is not None:
+        return _beside(session, options, look, wanted)
     if wanted.files:
         return write_files(session, look, wanted)
     if options["web"]:
@@ -201,6 +210,39 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
         token = read_token()
         return serve_web(session, look, host=host, port=port, seconds=wanted.seconds, token=token)
     return open_window(session, look, seconds=wanted.seconds, view_file=path)
+
+
+def _beside(session: Any, options: Mapping[str, Any], look: Any, wanted: Any) -> ViewFiles:
+    """Write a picture of two recordings."""
+    from dataclasses import replace
+
+    from viewer.export.beside import write_beside
+    from viewer.view_files import shown_files
+
+    name = options["beside"]
+    given = _with_recording({**options, "robot": name, "source": "sim"})
+    other = _session({**given, "parts": (), "responses": (), "calibrations": ()})
+    if options["parts"]:
+        skins = {part: skin for part, skin in other.skins.items() if part in options["parts"]}
+        other.skins = skins or other.skins
+        other.parts = tuple(other.skins)
+    moment, beside = write_beside(session, other, look, wanted.screenshot, wanted.at)
+    return replace(shown_files(session, moment, [wanted.screenshot]), beside=beside)
+
+
+def _check_beside(options: Mapping[str, Any]) -> None:
+    """Refuse what `--beside` cannot do."""
+    from skinmap.errors import MissingFileError
+
+    path, picture = Path(options["beside"]), options["screenshot"]
+    if not path.exists():
+        raise MissingFileError(path, "a recording, for --beside")
+    if not path.is_dir() and not _is_recording(path):
+        raise click.UsageError(f"--beside takes a recording ({', '.join(RECORDINGS)}), got {path}")
+    if picture is None or any(options[one] for one in ("movie", "gltf", "html", "web")):
+        raise click.UsageError("--beside is for --screenshot alone")
+    if picture.suffix.lower() in (".svg", ".pdf"):
+        raise click.UsageError(f"--beside is a picture of pixels, as {picture.with_suffix('.png')}")
 
 
 def _with_recording(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -266,6 +308,8 @@ def _check(options: Mapping[str, Any]) -> None:
 
     if options["layer"] is not None and options["layer"].partition(":")[0] not in LAYERS:
         raise UnknownNameError("layer", options["layer"], LAYERS)
+    if options["beside"] is not None:
+        _check_beside(options)
     files = {name: options[name] for name in ("screenshot", "movie", "gltf", "html")}
     for name, path in files.items():
         if path is not None and not path.parent.is_dir():

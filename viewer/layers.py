@@ -44,7 +44,7 @@ from viewer.health import STATES, HealthWatch
 Values = Callable[[str, Moment | None], FloatArray]
 
 
-LAYERS = (
+LAYERS: tuple[str, ...] = (
     "pressure",
     "raw",
     "binary",

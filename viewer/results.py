@@ -247,6 +247,73 @@ class ShownTouch:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class ChangedTouch:
+    """A touch of two recordings side by side.
+
+    Attributes
+    ----------
+    part
+        That is touched.
+    left, right
+        Its name in each; null where it is not touched there.
+    moved_mm
+        From its place at the left to that at the right; null for a touch of one only.
+    """
+
+    part: str
+    left: str | None
+    right: str | None
+    moved_mm: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Difference:
+    """What the right one of two shows, less the left one.
+
+    Attributes
+    ----------
+    parts
+        Of the same skin in both.
+    taxels
+        That differ, of counts by more than a touch does from rest.
+    mean, largest
+        Of the absolute differences, in the layer's unit.
+    touches
+        Of both, paired.
+    """
+
+    parts: list[str]
+    taxels: int
+    mean: float
+    largest: float
+    touches: list[ChangedTouch]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Beside:
+    """What is shown at the right of two.
+
+    Attributes
+    ----------
+    robot, source, touches
+        As of the left one.
+    time
+        Of what is shown, from the source's beginning [s]; null where nothing came.
+    difference
+        Null where the two have no skin in common.
+    note
+        Why there is none; else empty.
+    """
+
+    robot: str
+    source: str
+    time: float | None
+    touches: list[ShownTouch]
+    difference: Difference | None
+    note: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class ViewFiles:
     """Pictures, movies, scenes or pages of touches on the body.
 
@@ -264,6 +331,8 @@ class ViewFiles:
         In the picture.
     files
         Written.
+    beside
+        The other one of two; null without `--beside`.
     """
 
     robot: str
@@ -272,6 +341,7 @@ class ViewFiles:
     time: float | None
     touches: list[ShownTouch]
     files: list[Path] = field(default_factory=list)
+    beside: Beside | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -69,7 +69,7 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
     """Write pictures and files of what the source shows; no screen is needed."""
     if (look.layer or "").startswith("touched") and wanted.at is None and wanted.still:
         # A sum over all of it: no moment belongs to it.
-        return _shown(session, None, _stills(session, look, wanted, None, Excerpt()))
+        return shown_files(session, None, _stills(session, look, wanted, None, Excerpt()))
     best = Best(session, look)
     files: list[Path] = []
     start, seconds = wanted.at or 0.0, _length(session, wanted)
@@ -92,10 +92,23 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
             pass
     if wanted.screenshot or wanted.gltf or wanted.html:
         files += _stills(session, look, wanted, best.moment, excerpt)
-    return _shown(session, best.moment, files)
+    return shown_files(session, best.moment, files)
 
 
-def _shown(session: Session, moment: Moment | None, files: list[Path]) -> ViewFiles:
+def still_moment(session: Session, look: Look, at: float | None) -> Moment | None:
+    """The moment at a time of a source [s], or that which shows most; None where nothing came."""
+    best = Best(session, look)
+    start, seconds = fullest(session) if at is None else (at, None)
+    moments = best.watch(session.moments(seconds, start=start))
+    if at is not None:
+        return next(moments, None)
+    for _ in moments:
+        pass
+    return best.moment
+
+
+def shown_files(session: Session, moment: Moment | None, files: list[Path]) -> ViewFiles:
+    """What is printed of files that show a moment."""
     touches = () if moment is None else moment.touches
     return ViewFiles(
         robot=session.robot.name,

@@ -1,0 +1,100 @@
+"""Two recordings in one picture: `skinmap view A --beside B --screenshot FILE`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+from skinmap.live.contacts.named_touch import NamedTouch
+from viewer.export.beside import changed_touches
+
+
+def recorded(path: Path, robot: str, part: str, seed: int) -> Path:
+    words = ["record", "sim", "--robot", robot, "--part", part, "--seconds", "3", "--speed", "inf"]
+    done = CliRunner().invoke(cli, [*words, "--seed", str(seed), "-o", str(path)])
+    assert done.exit_code == 0, done.output
+    return path
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("pair")
+    return tuple(recorded(folder / f"{seed}.mcap", "kaspar", "torso", seed) for seed in (1, 2))
+
+
+def view(*words: object) -> dict:
+    done = CliRunner().invoke(cli, ["view", *map(str, words), "--json"])
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)
+
+
+def test_beside_shows_two_recordings_and_their_difference(opengl, pair, tmp_path):
+    out = tmp_path / "difference.png"
+    left, right = pair
+    shown = view(left, "--beside", right, "--part", "torso", "--at", "2", "--screenshot", out)
+    other = shown["beside"]
+    assert (shown["source"], other["source"]) == (str(left), str(right))
+    assert shown["time"] == other["time"]
+    assert other["difference"]["parts"] == ["torso"]
+    assert 0 < other["difference"]["taxels"] <= 240
+    assert len(other["difference"]["touches"]) >= max(len(shown["touches"]), len(other["touches"]))
+    picture = np.array(Image.open(out))
+    assert picture.shape == (1600, 2200, 3)
+
+
+def test_a_recording_beside_itself_does_not_differ(opengl, pair, tmp_path):
+    out = tmp_path / "same.png"
+    left = pair[0]
+    shown = view(left, "--beside", left, "--part", "torso", "--at", "2", "--screenshot", out)
+    found = shown["beside"]["difference"]
+    assert (found["taxels"], found["largest"]) == (0, 0.0)
+    assert all(one["left"] == one["right"] and not one["moved_mm"] for one in found["touches"])
+    picture = np.array(Image.open(out))
+    # Below the headings, which name the two.
+    np.testing.assert_array_equal(picture[80:800, :1100], picture[80:800, 1100:])
+
+
+def test_two_skins_are_both_drawn_without_a_difference(opengl, pair, tmp_path):
+    other = recorded(tmp_path / "foot.mcap", "icub", "left_foot", 1)
+    out = tmp_path / "two.png"
+    shown = view(pair[0], "--beside", other, "--at", "2", "--screenshot", out)
+    assert shown["beside"]["difference"] is None
+    assert "no skin in common" in shown["beside"]["note"]
+    assert shown["beside"]["robot"] == "iCub"
+    assert np.array(Image.open(out)).shape == (860, 2200, 3)
+
+
+def test_changed_touches_pairs_what_lies_on_the_same_taxels():
+    def touch(label: str, taxels: list[int], x: float, part: str = "torso") -> NamedTouch:
+        return NamedTouch(part, np.array(taxels), np.array([x, 0.0, 0.0]), label, 0.9)
+
+    left = [touch("poke", [1, 2], 0.0), touch("hold", [8, 9], 0.1)]
+    right = [touch("tap", [9, 10], 0.11), touch("poke", [5], 0.01), touch("rub", [0], 0.0, "foot")]
+    rows = [(one.part, one.left, one.right) for one in changed_touches(left, right)]
+    assert rows == [("torso", "poke", "poke"), ("torso", "hold", "tap"), ("foot", None, "rub")]
+    assert changed_touches(left, right)[1].moved_mm == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--beside", "none.mcap", "--screenshot", "x.png"], "a recording, for --beside"),
+        (["--beside", "{one}", "--web"], "--beside is for --screenshot alone"),
+        (["--beside", "{one}", "--screenshot", "x.pdf"], "a picture of pixels"),
+    ],
+)
+def test_beside_refuses_in_one_line(pair, tmp_path, monkeypatch, words, line):
+    monkeypatch.chdir(tmp_path)
+    given = [word.format(one=pair[1]) for word in words]
+    done = CliRunner().invoke(cli, ["view", str(pair[0]), *given])
+    assert done.exit_code != 0
+    said = str(done.exception) if isinstance(done.exception, SkinError) else done.output
+    assert line in said
+    assert not list(tmp_path.glob("x.*"))
