@@ -383,7 +383,6 @@ def installed(results: Path) -> list[str]:
             f"{size['pymeshlab']:.0f} MB",
             "yes: wrapping and `--meshing accurate` then report the missing package",
         ),
-        ("ffmpeg", f"{size['imageio-ffmpeg']:.0f} MB", "yes, but for movies"),
         ("SciPy, NumPy, scikit-learn, libigl, matplotlib", f"{numbers:.0f} MB", "no"),
         ("the iCub's meshes", f"{size['icub-models']:.0f} MB", "yes, with another robot"),
     ]

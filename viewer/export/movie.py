@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import warnings
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +14,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import InvalidArrayError, OutputError
+from skinmap.errors import InvalidArrayError, OutputError, SkinWarning
 from skinmap.io.output import refusals, staged_file
 
 Picture = NDArray[np.uint8]
@@ -81,7 +82,15 @@ class MovieWriter:
 
     def __init__(self, path: str | Path, fps: float) -> None:
         path = Path(path)
-        self.path = path if has_ffmpeg() else path.with_suffix(".gif")
+        self._program = find_ffmpeg()
+        self.path = path
+        if self._program is None and path.suffix != ".gif":
+            self.path = path.with_suffix(".gif")
+            warnings.warn(
+                f"no ffmpeg: writing {self.path.name} instead; for .mp4: "
+                "pip install 'skinmap[movies]'",
+                SkinWarning, stacklevel=2,
+            )  # fmt: skip
         self.fps = fps
         self.count = 0
         self._size: tuple[int, int] | None = None
@@ -134,10 +143,8 @@ class MovieWriter:
         self._folder.cleanup()
 
     def _started(self, height: int, width: int) -> subprocess.Popen[bytes]:
-        import imageio_ffmpeg
-
         source = f"-y -v error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {self.fps:g} -i -"
-        words = [imageio_ffmpeg.get_ffmpeg_exe(), *source.split(), *CODEC.split(), self._stage]
+        words = [str(self._program), *source.split(), *CODEC.split(), self._stage]
         quiet = subprocess.DEVNULL
         return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
 
@@ -158,11 +165,11 @@ class MovieWriter:
             )
 
 
-def has_ffmpeg() -> bool:
-    """Whether there is an ffmpeg: the wheel of imageio-ffmpeg brings one on common machines."""
+def find_ffmpeg() -> str | None:
+    """The program of the extra `movies`, else the system's; None where there is neither."""
     try:
         import imageio_ffmpeg
 
-        return bool(imageio_ffmpeg.get_ffmpeg_exe())
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
     except (ImportError, RuntimeError):
-        return False
+        return shutil.which("ffmpeg")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import viewer.export.movie
-from skinmap.errors import InvalidArrayError, OutputError
+from skinmap.errors import InvalidArrayError, OutputError, SkinWarning
 from viewer import write_movie
 
 
@@ -42,8 +42,9 @@ def test_write_movie_cuts_odd_sizes_to_even(tmp_path):
 
 
 def test_write_movie_without_ffmpeg_is_a_gif(tmp_path, monkeypatch):
-    monkeypatch.setattr(viewer.export.movie, "has_ffmpeg", lambda: False)
-    path = write_movie(tmp_path / "film.mp4", pictures(3), 25)
+    monkeypatch.setattr(viewer.export.movie, "find_ffmpeg", lambda: None)
+    with pytest.warns(SkinWarning, match=r"film.gif instead; for .mp4: pip install"):
+        path = write_movie(tmp_path / "film.mp4", pictures(3), 25)
     assert path == tmp_path / "film.gif"
     assert [file.name for file in tmp_path.iterdir()] == ["film.gif"]
 
