@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError, OutputError
+from skinmap.imports import import_optional
 from skinmap.io.recordings.recorded_stream import (
     BLOCK,
     PartEvents,
@@ -87,7 +88,7 @@ def write_hdf5(track: RecordedStream, path: Path) -> None:
     OutputError
         The file cannot be written.
     """
-    import h5py
+    h5py = import_optional("h5py", "HDF5 needs h5py: pip install 'skinmap[hdf5]'")
 
     try:
         with path.open("w+b", buffering=0) as raw, h5py.File(disk := _Disk(raw), "w") as file:
