@@ -144,7 +144,7 @@ class MovieWriter:
 
     def _started(self, height: int, width: int) -> subprocess.Popen[bytes]:
         source = f"-y -v error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {self.fps:g} -i -"
-        words = [str(self._program), *source.split(), *CODEC.split(), self._stage]
+        words: list[str | Path] = [str(self._program), *source.split(), *CODEC.split(), self._stage]
         quiet = subprocess.DEVNULL
         return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
 

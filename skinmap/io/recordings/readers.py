@@ -25,7 +25,7 @@ recording_readers: Registry[RecordingReader] = Registry(
     },
 )
 # Formats of others say nothing of their skin: a mapping file beside them names it.
-FOREIGN = {".csv": "table", ".tsv": "table", ".txt": "cyskin"}
+FOREIGN: dict[str, str] = {".csv": "table", ".tsv": "table", ".txt": "cyskin"}
 
 
 def readable() -> tuple[str, ...]:
