@@ -36,9 +36,9 @@ LAWS = [law for laws in CHAPTERS.values() for law in laws]
 HEAD = """# Limits
 
 Written by `make limits` from the laws of `tests/extremes/limits`; the test suite runs each of them
-and refuses a page that says something else. A range names the least and the largest value that was
+and refuses a page that differs. A range names the least and the largest value that was
 tried, at steps in between; a list names each. Beyond the range nothing is promised except where the
-last column says what comes of it: an error or warning by name, or what comes back. "Found" is the
+last column names the result: an error or warning by name, or what comes back. "Found" is the
 largest deviation that was measured, rounded up to one digit; it may differ between machines,
 "allowed" may not. Planted and simulated data, as everywhere in the suite.
 """
