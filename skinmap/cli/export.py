@@ -26,6 +26,7 @@ FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their 
 }  # fmt: skip
 FOLDERS = ("lerobot", "rosbag2")  # of a recording
 TOUCHED = "touched"  # a table of recordings
+RERUN = "rrd"  # a file of a recording
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 MCAP = ".mcap"
@@ -230,7 +231,7 @@ class ExportedTouched:
 @robot_argument
 @part_option
 @click.option(
-    "--format", "format", type=click.Choice([*FORMATS, *FOLDERS, TOUCHED]),
+    "--format", "format", type=click.Choice([*FORMATS, *FOLDERS, RERUN, TOUCHED]),
     help="Format to write taxels in (default: csv), or a recording, or where some were touched.",
 )  # fmt: skip
 @out_file("What to write: a file, or the folder of a format.", required=True, folder=True)
@@ -259,8 +260,10 @@ def command(
     whole again, for all MCAP readers, with -o *.mcap. Folders are written with --format lerobot
     (a LeRobot data set) or rosbag2 (with a cloud of the taxels for every sample).
 
-    With --format touched a recording, or a folder of some, becomes a table (.csv) of where the
-    robot was touched: count, dwell, largest pressure and last time of each taxel.
+    With --format rrd a recording becomes a file of rerun (extra rerun): body, taxels, touches with
+    their names, plots. With --format touched a recording, or a folder of some, becomes a table
+    (.csv) of where the robot was touched: count, dwell, largest pressure and last time of each
+    taxel.
 
     \b
     Example:  skinmap export icub --part torso --format icub -o torso.txt
@@ -269,6 +272,7 @@ def command(
     Example:  skinmap export touch.mcap -o touch.h5
     Example:  skinmap export cut.mcap -o whole.mcap
     Example:  skinmap export touch.mcap --format lerobot -o dataset
+    Example:  skinmap export touch.mcap --format rrd -o touch.rrd
     Example:  skinmap export recordings --format touched -o touched.csv
     """
     if format == TOUCHED:
@@ -276,6 +280,15 @@ def command(
             raise click.UsageError("touched is of recordings; leave out --unrepaired")
         _check_ending(output, format)
         present(export_touched(Path(robot), parts, output), _touched_lines, as_json=as_json)
+        return
+    if format == RERUN:
+        if not _is_recording(Path(robot)):
+            raise click.UsageError(f"{format} is for recordings; {robot} is none")
+        if unrepaired:
+            raise click.UsageError("a recording has no --unrepaired")
+        _check_ending(output, format)
+        result = export_rerun(Path(robot), parts, output)
+        present(result, _recording_lines, as_json=as_json)
         return
     if _is_recording(Path(robot)):
         if format in FORMATS or parts or unrepaired:
@@ -302,7 +315,7 @@ def command(
 
 def _check_ending(output: Path, format: str) -> None:
     """Refuse a name that would pass a file off as something else, such as a recording."""
-    endings = (".csv",) if format == TOUCHED else FORMATS[format]
+    endings = {TOUCHED: (".csv",), RERUN: (".rrd",)}.get(format) or FORMATS[format]
     if output.suffix.lower() not in endings:
         raise click.UsageError(
             f"{format} is written to files ending in {' or '.join(endings)}, got {output.name!r}"
@@ -397,6 +410,42 @@ def export_touched(path: Path, parts: tuple[str, ...], output: Path) -> Exported
             )
             for part, one in found.parts.items()
         ],
+        files=[str(output)],
+    )
+
+
+def export_rerun(path: Path, parts: tuple[str, ...], output: Path) -> ExportedRecording:
+    """Write a recording as a file of rerun, its touches named by the model of Skinmap."""
+    from contextlib import closing
+
+    from skinmap.classifiers.named_classifiers import default_model
+    from skinmap.imports import import_optional
+    from skinmap.io.output import staged_file
+    from skinmap.live.loop import TouchLoop
+    from skinmap.live.rerun_file import NEED, write_rerun
+    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.live.touched_taxels import LEARN, robot_of
+
+    import_optional("rerun", NEED)  # before any work is done
+    robot, names = open_robot(robot_of([path]) or "icub", parts)
+    source = open_recording(path, robot=robot, speed=float("inf"))
+    shared = [part for part in source.info.parts if part in names]
+    if not shared:
+        source.close()
+        raise click.UsageError(f"{path} holds {', '.join(source.info.parts)}, no part asked for")
+    loop = TouchLoop(robot, source, classifier=default_model(), parts=shared, singly=True)
+    with closing(loop), staged_file(output) as stage:
+        with closing(open_recording(path, robot=robot, speed=float("inf"))) as ahead:
+            loop.learn_rest(ahead, LEARN)
+        skins = {part: one.skin for part, one in loop.skins.items()}
+        samples = write_rerun(loop, robot, skins, stage, name=path.name)
+    widths = {part: len(skin) for part, skin in skins.items()}
+    return ExportedRecording(
+        robot=robot.name,
+        format=RERUN,
+        kind=loop.info.kind,
+        samples=samples,
+        parts=[ChannelsOfPart(name=part, channels=width) for part, width in widths.items()],
         files=[str(output)],
     )
 

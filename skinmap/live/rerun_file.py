@@ -1,0 +1,219 @@
+"""A recording as a file of rerun: body, taxels in the colour of their pressure, touches, plots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.imports import import_optional
+from skinmap.live.moment import Moment
+from skinmap.skin.robot import Robot
+from skinmap.skin.skin import Skin
+
+NEED = "a file of rerun needs the package rerun-sdk: pip install 'skinmap[rerun]'"
+TIMELINE = "time"  # from the first sample of the recording [s]
+PERIOD = 0.099  # between two colours of a part at least [s]: its viewer shows no more of so many
+AT_ONCE = 200  # rows that are sent together
+RADIUS, TOUCH_RADIUS = 0.002, 0.005  # of taxels and centres of touches [m]
+BODY = 0xA6B0BBFF  # red, green, blue, opacity
+# From untouched to hardest pressed: light, yellow, red, dark.
+STOPS = (0.0, 0.25, 0.65, 1.0)
+SHADES = ((244, 242, 236), (253, 195, 112), (220, 74, 38), (92, 10, 46))
+
+
+def write_rerun(
+    moments: Iterable[Moment],
+    robot: Robot,
+    skins: Mapping[str, Skin],
+    path: Path,
+    *,
+    name: str = "recording",
+) -> int:
+    """Write a file that rerun's viewer opens.
+
+    Parameters
+    ----------
+    moments : iterable of Moment
+        One for each sample, with touches and their names.
+    robot : Robot
+    skins : mapping of str to Skin
+        Of the parts that were recorded.
+    path : Path
+    name : str
+        Of the recording in rerun's viewer.
+
+    Returns
+    -------
+    int
+        Samples that were written.
+
+    Raises
+    ------
+    MissingLibraryError
+        The package `rerun-sdk` is not installed.
+    """
+    rerun = import_optional("rerun", NEED)
+    stream = rerun.RecordingStream("skinmap", recording_id=name)
+    stream.save(str(path))
+    writer = _Writer(rerun, stream, robot, skins)
+    count = 0
+    try:
+        writer.body()
+        for moment in moments:
+            writer.moment(moment)
+            count += 1
+        writer.flush()
+    finally:
+        stream.disconnect()
+    return count
+
+
+class _Columns:
+    """Values of one entity that wait to be sent together."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []
+        self.rows: list[Any] = []
+
+    def add(self, time: float, row: Any) -> None:
+        self.times.append(time)
+        self.rows.append(row)
+
+
+class _Writer:
+    """What is sent to a stream of rerun, entity by entity."""
+
+    def __init__(self, rerun: Any, stream: Any, robot: Robot, skins: Mapping[str, Skin]) -> None:
+        self.rerun, self.stream, self.robot, self.skins = rerun, stream, robot, skins
+        self._colours: dict[str, _Columns] = {part: _Columns() for part in skins}
+        self._plots: dict[str, _Columns] = {}
+        self._coloured = dict.fromkeys(skins, -np.inf)
+        self._told: set[tuple[str, int, str]] = set()
+        self._touched: set[str] = set()
+        self._angles: Mapping[str, float] = {}
+        self._first = np.nan
+        steps = np.linspace(0.0, 1.0, 256)
+        table = np.stack([np.interp(steps, STOPS, shade) for shade in zip(*SHADES, strict=True)])
+        red, green, blue = table.round().astype(np.uint32)
+        self._table = red << 24 | green << 16 | blue << 8 | 0xFF
+
+    def body(self) -> None:
+        """Links in their natural pose, and the taxels on them."""
+        self._pose(self.robot.pose, static=True)
+        body = self.robot.body
+        for link in body.visible_links:
+            mesh = body.mesh(link)
+            self.stream.log(
+                f"world/{link}/mesh",
+                self.rerun.Mesh3D(
+                    vertex_positions=np.asarray(mesh.vertices, np.float32),
+                    triangle_indices=np.asarray(mesh.faces, np.uint32),
+                    albedo_factor=BODY,
+                ),
+                static=True,
+            )
+        for part, skin in self.skins.items():
+            self.stream.log(
+                self._at(part, "taxels"),
+                self.rerun.Points3D(
+                    np.asarray(skin.positions, np.float32),
+                    radii=RADIUS,
+                    labels=[str(channel) for channel in skin.channels.tolist()],
+                    show_labels=False,
+                ),
+                static=True,
+            )
+
+    def moment(self, moment: Moment) -> None:
+        """One sample."""
+        self._first = moment.time if np.isnan(self._first) else self._first
+        now = moment.time - self._first
+        if moment.angles and dict(moment.angles) != self._angles:
+            self._angles = dict(moment.angles)
+            self.stream.set_time(TIMELINE, duration=now)
+            self._pose({**self.robot.pose, **self._angles})
+        for part, pressures in moment.pressures.items():
+            if part not in self.skins:
+                continue
+            self._plot(f"plots/{part}/largest", now, float(np.nanmax(pressures, initial=0.0)))
+            mine = [touch.area for touch in moment.touches if touch.part == part]
+            self._plot(f"plots/{part}/area_mm2", now, 1e6 * float(np.nansum(mine)))
+            if abs(now - self._coloured[part]) >= PERIOD:
+                self._coloured[part] = now
+                self._colour(part, now, pressures)
+            self._touches(part, now, moment)
+
+    def flush(self) -> None:
+        """Send what waits."""
+        for part in self.skins:
+            self._send_colours(part)
+        for entity, columns in self._plots.items():
+            self._send_plot(entity, columns)
+
+    def _at(self, part: str, what: str) -> str:
+        return f"world/{self.robot.part(part).link}/{part}/{what}"
+
+    def _pose(self, angles: Mapping[str, float], *, static: bool = False) -> None:
+        for link, T in self.robot.body.poses(dict(angles)).items():
+            place = self.rerun.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3])
+            self.stream.log(f"world/{link}", place, static=static)
+
+    def _colour(self, part: str, now: float, pressures: NDArray[Any]) -> None:
+        counts = np.clip(np.nan_to_num(pressures), 0, 255).astype(np.uint8)
+        self._colours[part].add(now, self._table[counts])
+        if len(self._colours[part].rows) >= AT_ONCE:
+            self._send_colours(part)
+
+    def _send_colours(self, part: str) -> None:
+        columns = self._colours[part]
+        if columns.rows:
+            sizes = [len(row) for row in columns.rows]
+            colours = self.rerun.Points3D.columns(colors=np.concatenate(columns.rows))
+            self.stream.send_columns(
+                self._at(part, "taxels"), [self._index(columns)], colours.partition(sizes)
+            )
+        self._colours[part] = _Columns()
+
+    def _plot(self, entity: str, now: float, value: float) -> None:
+        columns = self._plots.setdefault(entity, _Columns())
+        columns.add(now, value)
+        if len(columns.rows) >= 64 * AT_ONCE:
+            self._send_plot(entity, columns)
+            self._plots[entity] = _Columns()
+
+    def _send_plot(self, entity: str, columns: _Columns) -> None:
+        values = self.rerun.Scalars.columns(scalars=columns.rows)
+        self.stream.send_columns(entity, [self._index(columns)], values)
+
+    def _index(self, columns: _Columns) -> Any:
+        return self.rerun.TimeColumn(TIMELINE, duration=columns.times)
+
+    def _touches(self, part: str, now: float, moment: Moment) -> None:
+        """Centres and names of the touches of a part, gone when they end; news as text."""
+        mine = [touch for touch in moment.touches if touch.part == part]
+        if not mine and part not in self._touched:
+            return
+        self.stream.set_time(TIMELINE, duration=now)
+        if not mine:
+            self._touched.discard(part)
+            self.stream.log(self._at(part, "touches"), self.rerun.Clear(recursive=False))
+            return
+        self._touched.add(part)
+        self.stream.log(
+            self._at(part, "touches"),
+            self.rerun.Points3D(
+                np.array([touch.centre for touch in mine], np.float32),
+                radii=TOUCH_RADIUS,
+                labels=[touch.label for touch in mine],
+            ),
+        )
+        for touch in mine:
+            news = part, touch.identity, touch.label
+            if news not in self._told:
+                self._told.add(news)
+                text = f"{touch.label} on {part}"
+                self.stream.log("touches", self.rerun.TextLog(text, level="INFO"))
