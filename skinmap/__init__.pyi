@@ -63,6 +63,7 @@ from skinmap.neighbours.structures import Structures as Structures
 from skinmap.neighbours.structures import find_structures as find_structures
 from skinmap.skin.robot import Robot as Robot
 from skinmap.skin.skin import Skin as Skin
+from skinmap.soundness.examination import examine as examine
 from skinmap.surface.surface_mesh import SurfaceMesh as SurfaceMesh
 from skinmap.surface.surface_mesh import build_surface as build_surface
 from skinmap.touch.contacts.skin_geometry import find_contacts as find_contacts
@@ -92,6 +93,7 @@ __all__ = [
     "contact_image",
     "default_model",
     "errors",
+    "examine",
     "find_contacts",
     "find_structures",
     "fit_mount",

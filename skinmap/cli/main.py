@@ -26,6 +26,7 @@ COMMANDS = {
         "skinmap.cli.inspect.command",
         "What a robot's skin is made of, and whether it fits.",
     ),
+    "examine": ("skinmap.cli.examine", "Faults of anyone's recording."),
     "export": ("skinmap.cli.export", "Taxels or recordings in the formats of others."),
     "flatten": ("skinmap.cli.flatten", "Flat maps of the skin and what they distort."),
     "structures": (

@@ -1,0 +1,68 @@
+"""`skinmap examine`: faults of recordings, in order of harm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from skinmap.commands.options import prints
+from skinmap.report.present import emit, show
+from skinmap.report.result import significant
+from skinmap.report.table import Table
+from skinmap.report.verdict import REFUSED_CODE
+from skinmap.soundness.examination import Examined
+from skinmap.soundness.finding import Finding
+
+MOST = 3  # stretches of rows in a line
+
+
+@click.command("examine")
+@click.argument("recordings", nargs=-1, required=True, metavar="FILE...",
+                type=click.Path(path_type=Path))  # fmt: skip
+@prints(Examined)
+def command(recordings: tuple[Path, ...], as_json: bool) -> None:
+    """Find the faults of recordings: times, channels, rest, labels, and one recording twice.
+
+    FILE is a recording of any kind, or a folder of them: NPZ of `samples` (t, n) and `times` (t,),
+    CSV with a column `time`, MAT, MCAP, XDF, bags of ROS 2. No mapping is needed. Exit code 3:
+    findings that matter.
+
+    \b
+    Example:  skinmap examine touches.npz --json
+    """
+    from skinmap.soundness.examination import examine_tracks
+    from skinmap.soundness.track import tracks
+
+    result, _ = examine_tracks(tracks(list(recordings)))
+    if as_json:
+        emit(result, significant)
+    else:
+        show(lines(result))
+    if not result.sound:
+        raise SystemExit(REFUSED_CODE)
+
+
+def lines(result: Examined) -> Iterator[str | Table]:
+    """The findings in words."""
+    for one in result.files:
+        rate = "no times" if one.rate_hz is None else f"{one.rate_hz:.4g} Hz"
+        state = f"{len(one.findings)} findings" if one.findings else "sound"
+        yield f"{one.file}: {one.rows} rows of {one.channels} channels, {rate}: {state}"
+        for found in one.findings:
+            yield from _words(found)
+    if result.findings:
+        yield "Together:"
+        for found in result.findings:
+            yield from _words(found)
+
+
+def _words(found: Finding) -> Iterator[str]:
+    mark = "!" if found.matters else " "
+    yield f" {mark} {found.kind}: {found.text} ({found.confidence:.0%} sure)"
+    if found.rows:
+        spans = ", ".join(f"{a}" if a == b else f"{a} to {b}" for a, b in found.rows[:MOST])
+        more = f" and {len(found.rows) - MOST} more" if len(found.rows) > MOST else ""
+        yield f"     rows {spans}{more}"
+    yield f"     do: {found.do}"

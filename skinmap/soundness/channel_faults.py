@@ -1,0 +1,429 @@
+"""Faults of channels: dead, stuck, noisy, clipped, coarse, copied, turned, or of no taxel."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.soundness.finding import Finding, finding, named, spans_of
+from skinmap.soundness.survey import Survey
+
+SURE = 12.0  # changes that a stretch without any should have had
+MODULE = 4  # channels that hang together
+NOISY = 4.0  # times the noise of the others
+KINDS = 6  # values that a channel must take before its step is judged
+COARSE = 2.9  # times the step of the others
+COPY = 0.97  # correlation of noise
+MOST_PAIRS = 4_000  # channels whose pairs are compared by correlation
+PAIR_ROWS = 4e9  # rows times channels squared
+
+
+def channel_faults(survey: Survey) -> tuple[list[Finding], NDArray[np.bool_]]:
+    """Findings, and the channels (n,) that no later question should be asked of."""
+    bad = np.zeros(survey.width, bool)
+    found = []
+    for look in (_ids, _constant, _coarse, _thermal, _stuck, _copied, _clipped, _noisy, _sign):
+        found += look(survey, bad)
+    return found, bad
+
+
+def _ids(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    ids = survey.track.ids
+    if ids is None:
+        return []
+    kinds, inverse, counts = np.unique(ids, return_inverse=True, return_counts=True)
+    twice = np.flatnonzero(counts[inverse] > 1)
+    if len(twice) == 0:
+        return []
+    numbers = ", ".join(str(one) for one in kinds[counts > 1][:5])
+    text = f"{len(twice)} channels share an id with another (id {numbers}): which is which?"
+    return [finding("repeated_id", text, channels=twice)]
+
+
+def neighbours(survey: Survey, channel: int, reach: int = 4) -> IntArray:
+    """Channels beside one: the nearest on the skin where places are known, else in the file."""
+    places = survey.track.places
+    if places is not None and np.isfinite(places[channel]).all():
+        away = np.linalg.norm(places - places[channel], axis=1)
+        away[~np.isfinite(away)] = np.inf
+        return np.argsort(away)[1 : 2 * reach - 1]
+    near = np.arange(max(channel - reach, 0), min(channel + reach + 1, survey.width))
+    return near[near != channel]
+
+
+def episodes(survey: Survey) -> IntArray:
+    """(n,) How often each channel is touched."""
+    begins = survey.touched[1:] & ~survey.touched[:-1]
+    return np.asarray(begins.sum(axis=0) + survey.touched[0])
+
+
+def _restless(survey: Survey) -> float:
+    """Share of the channels that change at rest too."""
+    calm = survey.changes[survey.calm][:, ~survey.constant]
+    return float((calm.mean(axis=0) > 0.02).mean()) if calm.size else 0.0
+
+
+def _constant(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Channels that never change: at the level of others at rest dead, elsewhere stuck."""
+    still = np.flatnonzero(survey.constant)
+    if len(still) == 0 or len(still) == survey.width:
+        return _all_still(survey, bad) if len(still) else []
+    often, lively = episodes(survey), ~survey.constant
+    sure = np.full(len(still), 0.99)
+    if _restless(survey) < 0.6:  # silent at rest: an untouched channel is constant too
+        near = [[one for one in neighbours(survey, c) if lively[one]] for c in still]
+        expected = np.array([np.median(often[one]) if one else 0.0 for one in near])
+        expected *= len(still) < 0.5 * survey.width
+        sure = np.where(expected >= 3, 1.0 - np.exp(-expected), 0.0)
+    still, sure = still[sure > 0.9], sure[sure > 0.9]
+    bad[still] = True
+    level = survey.mean[0, still].astype(np.float64)
+    low, high = np.percentile(survey.rest[lively], (1.0, 99.0))
+    margin = 0.5 * (high - low) + 3.0 * float(np.median(survey.floor[lively]))
+    stuck = (level < low - margin) | (level > high + margin)
+    stuck &= (level != 0) & (survey.missing[still] == 0)
+    found = _in_modules(survey, still[~stuck], None, "dead", float(sure[~stuck].mean() if (~stuck).any() else 1))
+    if stuck.any():
+        own = still[stuck]
+        text = f"{named(own)} stand{'s' if len(own) == 1 else ''} still at {level[stuck][0]:g}."
+        found.append(finding("stuck", text, channels=own, confidence=float(sure[stuck].mean())))
+    return found
+
+
+def _all_still(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    bad[:] = True
+    return [finding("dead", "No channel ever changes.", harm=0.9)]
+
+
+def _in_modules(
+    survey: Survey, channels: IntArray, rows: list[list[int]] | None, kind: str, sure: float
+) -> list[Finding]:
+    """Channels with the same fault: as a module where many follow each other, else one by one."""
+    found, single = [], []
+    for first, last in spans_of(channels, join=2):
+        own = channels[(channels >= first) & (channels <= last)]
+        if len(own) >= max(MODULE, 2 if kind == "stuck" else 6) and len(own) < survey.width:
+            text = f"{len(own)} channels from {first} to {last} hang together: a cable or a board."
+            found.append(_placed(survey, "module", text, own, rows, sure))
+        else:
+            single += own.tolist()
+    if single:
+        verb = "never answers" if kind == "dead" else "stands still"
+        verb = verb if len(single) == 1 else verb.replace("answers", "answer").replace("stands", "stand")
+        text = f"{named(single)} {verb}."
+        found.append(_placed(survey, kind, text, np.array(single), rows, sure))
+    return found
+
+
+def _placed(
+    survey: Survey, kind: str, text: str, channels: IntArray, rows: list[list[int]] | None, sure: float
+) -> Finding:
+    return finding(
+        kind, text, channels=channels, rows=rows, times=survey.track.times, confidence=sure
+    )  # type: ignore[arg-type]
+
+
+def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Channels that stop for a while, where they should have changed by what they do elsewhere."""
+    runs = []
+    quiet = survey.changes == 0
+    holds = _holds(survey, quiet)
+    for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)):
+        for first, last, sure in _stops(survey, channel, quiet[:, channel], holds):
+            a, b = _exact(survey, int(channel), first, last)
+            runs.append((a, b, int(channel), sure))
+    found: list[Finding] = []
+    left = sorted(runs)
+    while left:
+        a, b, _, _ = left[0]
+        slack = max(3, 0.01 * (b - a))
+        same = [one for one in left if abs(one[0] - a) <= slack and abs(one[1] - b) <= slack]
+        left = [one for one in left if one not in same]
+        channels = np.array(sorted(one[2] for one in same))
+        bad[channels] = True
+        span = [[min(one[0] for one in same), max(one[1] for one in same)]]
+        found += _in_modules(survey, channels, span, "stuck", float(np.mean([x[3] for x in same])))
+    return _joined(found)
+
+
+def _joined(found: list[Finding]) -> list[Finding]:
+    """Findings of the same kind and channels as one, with all their rows."""
+    from dataclasses import replace
+
+    by: dict[tuple[str, tuple[int, ...]], Finding] = {}
+    for one in found:
+        key = (one.kind, tuple(one.channels or ()))
+        if key in by:
+            old = by[key]
+            seconds = None if old.seconds is None else sorted(old.seconds + (one.seconds or []))
+            one = replace(old, rows=sorted((old.rows or []) + (one.rows or [])), seconds=seconds)
+        by[key] = one
+    return list(by.values())
+
+
+def _holds(survey: Survey, quiet: NDArray[np.bool_]) -> float:
+    """Cells for which a touched channel of a sound skin may stand still: the usual longest hold."""
+    held = quiet & (survey.response > survey.floor)
+    longest = [max((b - a + 1 for a, b in spans_of(np.flatnonzero(one))), default=0) for one in held.T]
+    return float(np.percentile(longest, 90.0)) if longest else 0.0
+
+
+def _stops(
+    survey: Survey, channel: int, quiet: NDArray[np.bool_], holds: float
+) -> list[tuple[int, int, float]]:
+    """Cells in which a channel stands still though it should not, and how sure that is."""
+    found = []
+    changes = survey.changes[:, channel]
+    usable = np.ones(len(changes), bool) if survey.loaded else survey.calm
+    far = np.abs(survey.mean[:, channel] - survey.rest[channel]) > survey.floor[channel]
+    for first, last in spans_of(np.flatnonzero(quiet)):
+        length = last - first + 1
+        if length < 3:
+            continue
+        asked = usable.copy()
+        asked[max(first - 1, 0) : last + 2] = False
+        outside = changes[asked]
+        if len(outside) < 4:
+            outside = np.zeros(4)
+        window = int(np.clip(length // 2, 2, len(outside) // 2))
+        total = np.cumsum(np.concatenate([[0.0], outside]))
+        calmest = float((total[window:] - total[:-window]).min() / window)
+        expected = calmest * length * survey.cell
+        if expected > SURE:
+            found.append((first, last, 0.99))
+        elif far[first : last + 1].all() and length > 3 * max(holds, 2) and length * survey.cell > 30:
+            found.append((first, last, 0.9))
+    return found
+
+
+def _exact(survey: Survey, channel: int, first: int, last: int) -> tuple[int, int]:
+    """First and last row of a stretch without change around some cells."""
+    a, b = survey.rows_of_cells(first, last)
+    a0, b0 = max(a - survey.cell, 0), min(b + survey.cell, survey.count - 1)
+    column = survey.track.values[a0 : b0 + 1, channel]
+    value = column[a - a0 + 1]
+    other = np.flatnonzero(column != value)
+    before, after = other[other < a - a0 + 1], other[other > a - a0 + 1]
+    return (a0 + int(before[-1]) + 1 if len(before) else a0), (
+        a0 + int(after[0]) - 1 if len(after) else b0
+    )
+
+
+def _windows(survey: Survey, most: int, calm: bool) -> NDArray[np.float64]:
+    """Rows (k, n) of cells spread over the recording, one after the other."""
+    cells = np.flatnonzero(survey.calm) if calm else np.arange(len(survey.mean))
+    wanted = max(most // survey.cell, 2)
+    if len(cells) > wanted:
+        cells = cells[np.linspace(0, len(cells) - 1, wanted).astype(int)]
+    rows = (cells[:, None] * survey.cell + np.arange(survey.cell)).ravel()
+    some = np.nan_to_num(survey.track.values[rows].astype(np.float64))
+    return some.reshape(len(cells), survey.cell, survey.width)
+
+
+def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Pairs of channels with the same values, or with the same noise."""
+    lively = np.flatnonzero(~survey.constant & ~bad)
+    pairs: set[tuple[int, int]] = set()
+    means = np.ascontiguousarray(survey.mean[:, lively].T)
+    rich = np.array([len(np.unique(one)) for one in means]) >= 8
+    keys: dict[bytes, int] = {}
+    for channel, one in zip(lively[rich], means[rich], strict=True):
+        twin = keys.setdefault(one.tobytes(), int(channel))
+        if twin != channel and (survey.column(twin) == survey.column(channel)).all():
+            pairs.add((twin, int(channel)))
+    if len(lively) <= MOST_PAIRS and len(lively) > 1 and _restless(survey) > 0.5:
+        some = _windows(survey, int(np.clip(PAIR_ROWS / max(len(lively), 1) ** 2, 200, 8000)), True)
+        fast = np.diff(some[:, :, lively], axis=1).reshape(-1, len(lively))
+        fast -= np.median(fast, axis=1, keepdims=True)
+        size = np.sqrt((fast**2).sum(axis=0))
+        alike = (fast.T @ fast) / np.maximum(np.outer(size, size), 1e-30)
+        np.fill_diagonal(alike, 0.0)
+        usual = np.partition(alike, -2, axis=1)[:, -2] if len(lively) > 3 else np.zeros(len(lively))
+        for a, b in np.argwhere(np.triu(alike) > COPY).tolist():
+            if max(usual[a], usual[b]) < 0.9 or alike[a, b] > 0.9999:
+                pairs.add((int(lively[a]), int(lively[b])))
+    if not pairs:
+        return []
+    found = []
+    for a, b in sorted(pairs):
+        bad[b] = True
+        text = f"Channels {a} and {b} carry the same signal: one is a copy of the other."
+        found.append(finding("copied", text, channels=[a, b]))
+    return found
+
+
+def _coarse(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Channels that take steps several times those of the others."""
+    usual, steps = survey.quantum, survey.steps
+    typical = np.median(survey.high.max(axis=0) - survey.low.min(axis=0))
+    coarse = []
+    whole = survey.track.values.dtype.kind in "iub" or usual == np.rint(usual) > 0
+    rows = np.unique(np.linspace(0, survey.count - 1, min(survey.count, 20_000)).astype(int))
+    for channel in np.flatnonzero((steps > COARSE * usual) & ~bad & ~survey.constant):
+        kinds = np.unique(survey.track.values[rows, channel].astype(np.float64))
+        grid = (kinds - kinds[0]) / steps[channel]
+        even = np.abs(grid - np.rint(grid)).max() < 1e-3
+        if even and len(kinds) >= KINDS and steps[channel] > 1e-3 * typical:
+            coarse.append(int(channel))
+    found = []
+    if coarse:
+        step = float(np.median(steps[coarse]))
+        text = f"{named(coarse)} take{'s' if len(coarse) == 1 else ''} steps of {step:g}, others {usual:.3g}."
+        found.append(finding("quantised", text, channels=coarse, confidence=0.95))
+    lively = ~survey.constant
+    if whole and usual >= 4 and (steps[lively] % usual == 0).all() and (steps[lively] > 0).mean() > 0.8:
+        text = f"All channels take steps of {usual:g}: lighter touches than that are not seen."
+        found.append(finding("quantised", text, confidence=0.9))
+    return found
+
+
+def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Channels whose readings pile up at a value that none goes beyond."""
+    lively = np.flatnonzero(~survey.constant & ~bad)
+    if len(lively) == 0:
+        return []
+    found = []
+    for side in (1.0, -1.0):
+        ends = side * (survey.high if side > 0 else survey.low)[:, lively]
+        top = ends.max(axis=0)
+        span = (survey.high.max(axis=0) - survey.low.min(axis=0))[lively]
+        busy = span > 1.5 * survey.floor[lively]
+        at = ends == top
+        load = at & survey.touched[:, lively]
+        near = (ends < top) & (ends >= top - 0.06 * span)
+        cells, beside = load.sum(axis=0), near.sum(axis=0)
+        other = at.sum(axis=0) - cells
+        often = (load[1:] & ~load[:-1]).sum(axis=0) + load[0]
+        piled = busy & (cells >= 2) & (cells > 1.5 * beside) & (other <= 0.1 * cells)
+        plateau = np.array(
+            [_flat(survey, int(c), v * side, load[:, k]) if piled[k] else 0.0
+             for k, (c, v) in enumerate(zip(lively, top, strict=True))]
+        )  # fmt: skip
+        piled &= plateau >= 2.0
+        highest = top[busy].max() if busy.any() else 0.0
+        shared = piled & (top == highest)
+        own = piled & (often >= 3) & (cells >= 6)
+        groups = [(highest, shared)] if shared.sum() >= 2 or (shared & (often >= 2)).any() else []
+        groups += [(v, own & (top == v) & (top != highest)) for v in np.unique(top[own]) if v != highest]
+        for value, which in groups:
+            channels = lively[which]
+            if len(channels):
+                text = f"{named(channels)} {'is' if len(channels) == 1 else 'are'} cut off at {value * side:g}."
+                found.append(finding("clipped", text, channels=channels, value=float(value * side)))
+    return found
+
+
+def _flat(survey: Survey, channel: int, value: float, cells: NDArray[np.bool_]) -> float:
+    """Mean length of the stretches of rows at a value, in some cells."""
+    rows = np.concatenate(
+        [np.arange(*survey.rows_of_cells(int(k), int(k))) for k in np.flatnonzero(cells)[:200]]
+    )
+    at = rows[survey.track.values[rows, channel].astype(np.float32) == np.float32(value)]
+    spans = spans_of(at)
+    return float(np.mean([b - a + 1 for a, b in spans])) if spans else 0.0
+
+
+def smooth(series: NDArray[np.float32], width: int) -> FloatArray:
+    """Running mean (k, n) over some cells, shorter at both ends."""
+    total = np.cumsum(np.concatenate([np.zeros((1, series.shape[1])), series]), axis=0)
+    at = np.arange(len(series))
+    a, b = np.maximum(at - width // 2, 0), np.minimum(at + width // 2 + 1, len(series))
+    return np.asarray((total[b] - total[a]) / (b - a)[:, None])
+
+
+def _thermal(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Channels that follow nothing but a slow course of their own."""
+    cells = len(survey.mean)
+    if cells < 24 or (episodes(survey)[~bad] > 0).mean() < 0.3:
+        return []
+    slow = smooth(survey.mean, max(cells // 8, 5))
+    course = slow.max(axis=0) - slow.min(axis=0)
+    edge = max(cells // 16, 2)
+    rough = (survey.mean - slow)[edge:-edge]
+    fast = np.percentile(np.abs(rough), 99.0, axis=0)
+    own = slow - np.median(slow[:, ~bad], axis=1, keepdims=True)
+    apart = own.max(axis=0) - own.min(axis=0)
+    lively = ~survey.constant & ~bad
+    usual = np.percentile(np.abs(rough[:, lively]), 99.0, axis=0)
+    limit = np.maximum(4.0 * survey.noise / np.sqrt(survey.cell), 0.6 * survey.quantum)
+    flat = fast < np.maximum(limit, 0.15 * course)
+    steady = fast < 0.3 * np.median(usual)
+    which = lively & flat & steady & (course > 6.0 * survey.noise) & (apart > 0.5 * course)
+    which &= course > np.maximum(3.0 * survey.quantum, 0.25 * np.median(survey.floor[lively]))
+    channels = np.flatnonzero(which)
+    if len(channels) == 0 or len(channels) > 0.35 * survey.width:
+        return []
+    bad[channels] = True
+    text = f"{named(channels)} follow a slow course and no touch: temperatures, not taxels."
+    return [finding("thermal", text, channels=channels, confidence=0.9)]
+
+
+def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Channels that are several times as noisy at rest as the others, all the time or for a while."""
+    lively = ~survey.constant & ~bad
+    if lively.sum() < 3:
+        return []
+    calm = np.flatnonzero(survey.calm)
+    several = 1 if survey.loaded else int(np.clip(len(calm) // 6, 1, 12))
+    pieces = np.array_split(calm, several)
+    level = np.array([np.percentile(survey.rough[own], 60.0, axis=0) for own in pieces])
+    level *= SIGMA
+    usual = max(float(np.median(level[:, lively])), 0.12 * survey.quantum)
+    span = np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively])
+    usual = max(usual, 0.002 * float(span))
+    logs = np.log(np.maximum(np.median(level, axis=0)[lively], 0.2 * usual))
+    spread = 1.4826 * float(np.median(np.abs(logs - np.median(logs))))
+    limit = usual * max(NOISY, float(np.exp(min(4.0 * spread, 2.5))))
+    reach = np.percentile(survey.mean, 99.0, axis=0) - np.percentile(survey.mean, 1.0, axis=0)
+    share = level / np.maximum(reach, 1e-12)  # a channel of a larger gain has more noise too
+    wild = (level > limit) & lively & (share > 2.5 * np.median(share[:, lively]))
+    found = []
+    always = np.flatnonzero(wild.mean(axis=0) >= 0.75)
+    some = np.flatnonzero((wild.mean(axis=0) < 0.75) & (wild.sum(axis=0) >= 2))
+    if len(always) and len(always) < 0.4 * survey.width:
+        bad[always] = True
+        times = float(np.median(level[:, always])) / usual
+        text = f"{named(always)} {'is' if len(always) == 1 else 'are'} {times:.0f} times as noisy as the others."
+        found.append(finding("noisy", text, channels=always, confidence=0.97))
+    for channel in some if len(some) < 0.2 * survey.width else []:
+        spans = [
+            [survey.rows_of_cells(int(pieces[a][0]), int(pieces[a][0]))[0],
+             survey.rows_of_cells(int(pieces[b][-1]), int(pieces[b][-1]))[1]]
+            for a, b in spans_of(np.flatnonzero(wild[:, channel]))
+        ]  # fmt: skip
+        bad[channel] = True
+        text = f"{named([channel])} is noisy for a while."
+        found.append(_placed(survey, "noisy", text, np.array([channel]), spans, 0.9))
+    return found
+
+
+SIGMA = 0.5117  # of noise, per mean absolute second difference
+
+
+def _sign(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Channels that fall where the others rise."""
+    lively = ~survey.constant & ~bad
+    if lively.sum() < 4:
+        return []
+    sign = 1.0 if survey.rising else -1.0
+    low, middle, high = np.percentile(survey.mean * sign, (0.5, 50.0, 99.5), axis=0)
+    up, down = high - middle, middle - low
+    least = np.maximum(0.25 * np.median(up[lively]), survey.floor)
+    turned = lively & (down > 3.0 * up) & (down > least)
+    skin = np.median(survey.mean[:, lively], axis=1)
+    if skin.std() > 2.0 * float(np.median(survey.floor)) / TOUCHED:
+        own = survey.mean - survey.mean.mean(axis=0)
+        follow = (own * (skin - skin.mean())[:, None]).mean(axis=0)
+        follow /= np.maximum(own.std(axis=0) * skin.std(), 1e-12)
+        if np.median(follow[lively]) > 0.8:  # all taxels feel the same
+            turned = lively & (follow < -0.6)
+    channels = np.flatnonzero(turned)
+    if len(channels) == 0 or len(channels) > 0.4 * lively.sum():
+        return []
+    bad[channels] = True
+    text = f"{named(channels)} fall{'s' if len(channels) == 1 else ''} where the others rise: the sign is turned."
+    return [finding("sign", text, channels=channels, confidence=0.95)]
+
+
+TOUCHED = 6.0

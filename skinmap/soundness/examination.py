@@ -1,0 +1,109 @@
+"""The examination of recordings: every family of faults, and one list in order of harm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from skinmap.rows import column, row
+from skinmap.soundness.channel_faults import channel_faults
+from skinmap.soundness.finding import Finding
+from skinmap.soundness.rest_faults import rest_faults, session_offsets
+from skinmap.soundness.set_faults import set_faults, together
+from skinmap.soundness.survey import Survey, survey
+from skinmap.soundness.time_faults import time_faults
+from skinmap.soundness.track import Track, check_track, track_of
+
+
+@row
+class ExaminedFile:
+    """One recording."""
+
+    file: str = column("Its path.")
+    rows: int = column("Samples.")
+    channels: int = column("Values in a sample.")
+    rate_hz: float | None = column("Samples a second; null without times.")
+    findings: list[Finding] = column("Its faults, the most harmful first.", heading="")
+
+
+@row
+class Examined:
+    """The examination of one or several recordings."""
+
+    files: list[ExaminedFile] = column("Each recording.", heading="")
+    findings: list[Finding] = column("Faults of several recordings together.", heading="")
+    sound: bool = column("Whether no finding matters.")
+
+
+def examine(recording: Any) -> list[Finding]:
+    """Find the faults of a recording.
+
+    Parameters
+    ----------
+    recording : Recording, list of Recording, or path
+        One recording, the parts of one, or a file of any format that `skinmap examine` reads.
+
+    Returns
+    -------
+    list of Finding
+        The most harmful first; empty for a sound recording.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or nothing in it to examine.
+
+    Examples
+    --------
+    >>> import numpy as np, skinmap
+    >>> noise = np.random.default_rng(0).normal(size=(500, 12))
+    >>> noise[:, 3] = 0.0
+    >>> np.savez("noise.npz", samples=noise, times=np.arange(500) / 50)
+    >>> [(one.kind, one.channels) for one in skinmap.examine("noise.npz")]
+    [('dead', [3])]
+    """
+    from pathlib import Path
+
+    from skinmap.soundness.track import read_track
+
+    if isinstance(recording, str | Path):
+        return examine_track(read_track(Path(recording)))[0].findings
+    return examine_track(check_track(track_of(recording)))[0].findings
+
+
+def examine_track(track: Track) -> tuple[ExaminedFile, Survey]:
+    """Examine one table of channels."""
+    with np.errstate(all="ignore"):
+        looked = survey(track)
+        times = time_faults(looked)
+        found = list(times.findings)
+        own, bad = channel_faults(looked)
+        found += own
+        found += rest_faults(looked, bad) or session_offsets(looked, bad)
+        found += set_faults(looked, bad)
+    rate = 1.0 / times.step if times.step > 0 else None
+    named = [replace(one, file=track.file) for one in in_order(found)]
+    count, width = track.values.shape
+    return ExaminedFile(
+        file=track.file, rows=count, channels=width, rate_hz=rate, findings=named
+    ), looked
+
+
+def in_order(found: Iterable[Finding]) -> list[Finding]:
+    """The most harmful and surest first."""
+    return sorted(found, key=lambda one: (-one.harm, -one.confidence, one.kind))
+
+
+def examine_tracks(tracks: Iterable[Track]) -> tuple[Examined, list[Survey]]:
+    """Examine several recordings, each alone and all together."""
+    files, surveys = [], []
+    for track in tracks:
+        one, looked = examine_track(track)
+        files.append(one)
+        surveys.append(looked)
+    found = in_order(together(surveys)) if len(surveys) > 1 else []
+    several = [*found, *(one for file in files for one in file.findings)]
+    return Examined(files=files, findings=found, sound=not any(x.matters for x in several)), surveys

@@ -1,0 +1,140 @@
+"""Rest that does not stay: it drifts, or is another one after a load or in another session."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray
+from skinmap.soundness.finding import Finding, finding, named
+from skinmap.soundness.survey import PIECES, Survey
+
+STEP = 0.65  # share of the whole change that happens at one place: a step, not a drift
+ALL = 0.6  # share of the channels from which it is the whole skin
+
+
+def rest_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Drift and steps of the rest of sound channels."""
+    cells = len(survey.mean)
+    lively = np.flatnonzero(~survey.constant & ~bad)
+    if cells < 3 * PIECES or len(lively) < 2:
+        return []
+    level = survey.levels[:, lively]
+    if survey.loaded:
+        return _before_and_after(survey, lively)
+    change = np.diff(level, axis=0)
+    total = level[-1] - level[0]
+    reach = level.max(axis=0) - level.min(axis=0)
+    rough = np.abs(change).sum(axis=0)
+    span = np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively])
+    scatter = survey.noise[lively] / np.sqrt(survey.cell)
+    limit = np.maximum.reduce(
+        [6.0 * scatter, np.full(len(lively), 1.2 * survey.quantum), np.full(len(lively), 0.03 * span)]
+    )
+    moved = (reach > limit) & (rough < 1.8 * reach) & (np.abs(total) > 0.6 * reach)
+    if not moved.any():
+        return []
+    jumps = np.abs(change)
+    pair = jumps[:-1] + jumps[1:]
+    sudden = moved & (pair.max(axis=0) > STEP * np.abs(total)) & _stays(pair)
+    found = []
+    gradual = lively[moved & ~sudden]
+    if len(gradual):
+        whole = len(gradual) > ALL * len(lively)
+        most = float(np.median(np.abs(total[moved & ~sudden])))
+        subject = "The whole skin" if whole else named(gradual).capitalize()
+        text = f"{subject} drift{'s' if whole or len(gradual) == 1 else ''} by {most:.3g} from begin to end."
+        found.append(finding("drift", text, channels=None if whole else gradual, confidence=0.9))
+    if sudden.any():
+        found.append(_step(survey, lively, np.flatnonzero(sudden), level))
+    return found
+
+
+def _stays(pair: FloatArray) -> NDArray[np.bool_]:
+    """Whether the level is even on both sides of its largest change."""
+    rest = pair.sum(axis=0) - 2.0 * pair.max(axis=0)
+    return np.asarray(rest < pair.max(axis=0))
+
+
+def _step(
+    survey: Survey, lively: NDArray[np.int64], which: NDArray[np.int64], level: FloatArray
+) -> Finding:
+    """The row at which the rest of channels becomes another one."""
+    begin, end = np.median(level[:3], axis=0), np.median(level[-3:], axis=0)
+    middle = 0.5 * (begin + end)
+    above = survey.mean[:, lively[which]] > middle[which]
+    up = (end > begin)[which]
+    later = (above == up).astype(float)  # on the side of the end
+    votes = later.mean(axis=1)
+    total = np.concatenate([[0.0], np.cumsum(2.0 * votes - 1.0)])
+    cell = int(np.argmin(total))
+    cell = int(np.clip(cell, 1, len(votes) - 1))
+    row = survey.rows_of_cells(cell, cell)[0]
+    channels = lively[which]
+    whole = len(channels) > ALL * len(lively)
+    size = float(np.median(np.abs(end - begin)[which]))
+    subject = "the whole skin" if whole else named(channels)
+    text = f"From row {row} on the rest of {subject} is another one, by {size:.3g}."
+    return finding(
+        "rest", text, channels=None if whole else channels, rows=[[row, survey.count - 1]],
+        times=survey.track.times, confidence=0.9,
+    )  # fmt: skip
+
+
+def _before_and_after(survey: Survey, lively: NDArray[np.int64]) -> list[Finding]:
+    """Rest at the end of a load on the whole skin beside rest at its begin."""
+    skin = np.median(survey.response[:, lively], axis=1)
+    edge = max(len(skin) // 60, 2)
+    span = float(np.percentile(skin, 99.0) - np.percentile(skin, 1.0))
+    first, last = survey.mean[:edge, lively], survey.mean[-edge:, lively]
+    ends = skin[:edge].mean() - skin.min(), skin[-edge:].mean() - skin.min()
+    steady = max(np.ptp(skin[:edge]), np.ptp(skin[-edge:])) < 0.05 * span
+    if not steady or max(ends) > 0.25 * span:
+        return []
+    gap = np.median(last, axis=0) - np.median(first, axis=0)
+    moved = np.abs(gap) > np.maximum(0.05 * span, 4.0 * survey.noise[lively])
+    if moved.mean() < 0.3:
+        return []
+    text = f"Rest after the load differs from rest before by {np.median(np.abs(gap[moved])):.3g}."
+    rows = [[survey.rows_of_cells(len(skin) - edge, len(skin) - 1)[0], survey.count - 1]]
+    return [
+        finding("rest", text, channels=lively[moved], rows=rows, times=survey.track.times,
+                confidence=0.8)
+    ]  # fmt: skip
+
+
+def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Sessions, as the labels name them, whose rests differ."""
+    track = survey.track
+    if track.events is None or len(set(track.sessions)) < 2:
+        return []
+    lively = np.flatnonzero(~survey.constant & ~bad)
+    rests, names, where = [], [], []
+    for name in dict.fromkeys(track.sessions):
+        own = [k for k, one in enumerate(track.sessions) if one == name]
+        rows = np.flatnonzero(np.isin(track.events, own))
+        if len(rows) == 0:
+            continue
+        a, b = survey.cell_of(rows[0]), survey.cell_of(rows[-1])
+        inside = survey.mean[a : b + 1][:, lively]
+        rests.append(np.percentile(inside, 20.0 if survey.rising else 80.0, axis=0))
+        names.append(name)
+        where.append([int(rows[0]), int(rows[-1])])
+    if len(rests) < 2 or any(a[0] <= b[1] and b[0] <= a[1] for a in where for b in where if a is not b):
+        return []
+    level = np.array(rests)
+    usual = np.median(level, axis=0)
+    span = np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively])
+    limit = np.maximum(0.03 * span, 6.0 * survey.noise[lively] / np.sqrt(survey.cell))
+    limit = np.maximum(limit, 1.2 * survey.quantum)
+    off = np.abs(level - usual) > limit
+    which = np.flatnonzero(off.mean(axis=1) > 0.3)
+    if len(which) == 0:
+        return []
+    text = f"At rest, session {', '.join(names[k] for k in which[:4])} differs from the others."
+    channels = lively[off[which].any(axis=0)]
+    whole = len(channels) > ALL * len(lively)
+    return [
+        finding("rest", text, channels=None if whole else channels,
+                rows=[where[k] for k in which], times=track.times, confidence=0.9)
+    ]  # fmt: skip

@@ -1,0 +1,287 @@
+"""Faults of labels and of several recordings together: leaks, and one thing used twice."""
+
+from __future__ import annotations
+
+from collections import Counter
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.soundness.finding import Finding, finding
+from skinmap.soundness.survey import Survey
+from skinmap.soundness.track import Track
+
+CHANCE = 0.001  # of a leak that is none
+SHARED = 40  # rows in a row that two recordings must share
+TRACE = 60  # samples in a row that two references must share
+MOST_LABELS = 2000
+
+
+def set_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Leaks and doubtful labels of one recording."""
+    track = survey.track
+    if track.events is None or len(track.labels) < 4:
+        return []
+    rows = [np.flatnonzero(track.events == k) for k in range(min(len(track.labels), MOST_LABELS))]
+    kept = [k for k, own in enumerate(rows) if len(own) and track.labels[k]]
+    if len(kept) < 4:
+        return []
+    labels = [track.labels[k] for k in kept]
+    own = [rows[k] for k in kept]
+    found = _first_frames(survey, labels, own)
+    for words, name in ((track.sessions, "session"), (track.people, "person")):
+        if len(words) == len(track.labels):
+            found += _groups(labels, [words[k] for k in kept], name)
+    return found + _unfelt(survey, labels, own, bad) + _misnamed(survey, labels, own, bad)
+
+
+def _groups(labels: list[str], groups: list[str], name: str) -> list[Finding]:
+    """Sessions or people of one label each."""
+    if len(set(labels)) < 2 or len(set(groups)) < 2 or not all(groups):
+        return []
+    by: dict[str, set[str]] = {}
+    for group, label in zip(groups, labels, strict=True):
+        by.setdefault(group, set()).add(label)
+    where: dict[str, set[str]] = {}
+    for group, label in zip(groups, labels, strict=True):
+        where.setdefault(label, set()).add(group)
+    alone = [label for label, own in where.items() if len(own) == 1]
+    several = [group for group, count in Counter(groups).items() if count > 1]
+    if several and all(len(by[group]) == 1 for group in several) and len(several) > 1:
+        text = f"The {name} names the label: each {name} holds one label only."
+        return [finding("leak", text, confidence=0.97)]
+    if alone and len(several) > 1:
+        text = f"Labels in one {name} only: {', '.join(sorted(alone)[:5])}; no {name} can be left out."
+        return [finding("leak", text, confidence=0.9, harm=0.6)]
+    return []
+
+
+def _first_frames(survey: Survey, labels: list[str], rows: list[IntArray]) -> list[Finding]:
+    """Whether what the skin read before each touch names its label."""
+    events = survey.track.events
+    assert events is not None
+    values = survey.track.values
+    calm = (events < 0).mean() > 0.02
+    frames = []
+    for own in rows:
+        first = int(own[0])
+        if calm:
+            before = np.arange(max(first - 6, 0), first)
+            before = before[events[before] < 0][:4]
+            own = before if len(before) else own[:1]
+        frames.append(values[own[:3]].astype(np.float64).mean(axis=0))
+    right, chance, count = _nearest(np.nan_to_num(np.array(frames)), labels)
+    if count < 8 or right <= chance or _tail(right, count, chance / count) > CHANCE:
+        return []
+    text = (
+        f"Rows before a touch name its label: {right / count:.0%} are right, {chance / count:.0%} "
+        "by chance; a model learns the hour of the recording instead of the touch."
+    )
+    return [finding("leak", text, confidence=1.0 - _tail(right, count, chance / count))]
+
+
+def _nearest(features: FloatArray, labels: list[str]) -> tuple[int, int, int]:
+    """How many the nearest mean of a label names right, left out one at a time; chance; all."""
+    kinds, numbers = np.unique(labels, return_inverse=True)
+    count = np.bincount(numbers)
+    kept = count[numbers] > 1
+    if len(kinds) < 2 or kept.sum() < 8:
+        return 0, 0, 0
+    spread = features.std(axis=0)
+    scaled = (features - features.mean(axis=0)) / np.where(spread > 0, spread, np.inf)
+    total = np.array([scaled[numbers == k].sum(axis=0) for k in range(len(kinds))])
+    right = 0
+    for row in np.flatnonzero(kept):
+        means = total / count[:, None]
+        own = numbers[row]
+        means[own] = (total[own] - scaled[row]) / (count[own] - 1)
+        right += int(np.argmin(((means - scaled[row]) ** 2).sum(axis=1)) == own)
+    return right, int(count.max()), int(kept.sum())
+
+
+def _tail(right: int, count: int, share: float) -> float:
+    """Chance of at least so many successes."""
+    if count > 400:
+        size = np.sqrt(count * share * (1 - share))
+        return float(0.0 if right > count * share + 4.5 * size else 1.0)
+    return float(sum(comb(count, k) * share**k * (1 - share) ** (count - k) for k in range(right, count + 1)))
+
+
+def _strength(survey: Survey, rows: IntArray) -> float:
+    """Strongest response of the skin in some rows, in thresholds of touch."""
+    cells = np.unique(survey.cell_of(rows))
+    return float((survey.response[cells] / np.maximum(survey.floor, 1e-12)).max())
+
+
+def _unfelt(
+    survey: Survey, labels: list[str], rows: list[IntArray], bad: NDArray[np.bool_]
+) -> list[Finding]:
+    """Touches that are marked where nothing is felt."""
+    good = ~bad & ~survey.constant
+    if not good.any():
+        return []
+    share = survey.response[:, good] / np.maximum(survey.floor[good], 1e-12)
+    top = share.max(axis=1)
+    felt = np.array([top[np.unique(survey.cell_of(own))].max() for own in rows])
+    usual = float(np.median(felt))
+    quiet = float(np.percentile(top[survey.calm], 90.0)) if survey.calm.any() else 0.0
+    empty = np.flatnonzero((felt < 0.6) & (felt < 0.2 * usual) & (felt <= quiet))
+    if usual < 2.0 or len(empty) == 0 or len(empty) > 0.5 * len(rows):
+        return []
+    text = f"{len(empty)} labelled touches are not felt, such as {labels[empty[0]]!r} at row {rows[empty[0]][0]}."
+    spans = [[int(rows[k][0]), int(rows[k][-1])] for k in empty]
+    return [finding("labels", text, rows=spans, times=survey.track.times, confidence=0.95)]
+
+
+def _misnamed(
+    survey: Survey, labels: list[str], rows: list[IntArray], bad: NDArray[np.bool_]
+) -> list[Finding]:
+    """Touches that all features of their label speak against."""
+    kinds, numbers = np.unique(labels, return_inverse=True)
+    count = np.bincount(numbers)
+    if len(kinds) < 2 or count.min() < 4 or (bad | survey.constant).all():
+        return []
+    features = _features(survey, rows, bad)
+    features = (features - features.mean(axis=0)) / np.maximum(features.std(axis=0), 1e-9)
+    away = np.zeros((len(rows), len(kinds)))
+    for k in range(len(kinds)):
+        own = features[numbers == k]
+        middle = np.median(own, axis=0)
+        spread = np.maximum(1.4826 * np.median(np.abs(own - middle), axis=0), 0.15)
+        away[:, k] = np.minimum(np.abs(features - middle) / spread, 8.0).mean(axis=1)
+    own = away[np.arange(len(rows)), numbers]
+    other = np.where(np.eye(len(kinds), dtype=bool)[numbers], np.inf, away).min(axis=1)
+    wrong = np.flatnonzero((own > 3.5 * other) & (own > 3.0) & (other < 1.2))
+    clear = (own < other).mean()
+    if clear < 0.9 or len(wrong) == 0 or len(wrong) > 0.25 * len(rows):
+        return []
+    text = f"{len(wrong)} touches look like another label, such as {labels[wrong[0]]!r} at row {rows[wrong[0]][0]}."
+    spans = [[int(rows[k][0]), int(rows[k][-1])] for k in wrong]
+    return [finding("labels", text, rows=spans, times=survey.track.times, confidence=0.85)]
+
+
+def _features(survey: Survey, rows: list[IntArray], bad: NDArray[np.bool_]) -> FloatArray:
+    """Size, strength, length and motion of each touch."""
+    good = ~bad & ~survey.constant
+    found = []
+    at = np.arange(good.sum())
+    for own in rows:
+        cells = np.unique(survey.cell_of(own))
+        load = np.maximum(survey.response[cells][:, good], 0.0)
+        wide = survey.touched[cells][:, good].sum(axis=1)
+        middle = (load * at).sum(axis=1) / np.maximum(load.sum(axis=1), 1e-9)
+        found.append([
+            np.log1p(load.max()), np.log1p(wide.max()), np.log1p(len(own)),
+            np.log1p(load.sum(axis=1).max()), np.log1p(middle.std()),
+        ])  # fmt: skip
+    return np.array(found, np.float64)
+
+
+def _hashes(track: Track) -> NDArray[np.uint64]:
+    """A number of each row that rows of the same values share, whatever their type."""
+    rng = np.random.default_rng(7)
+    factors = rng.integers(1, 2**63, track.values.shape[1], dtype=np.uint64) | np.uint64(1)
+    found = np.empty(len(track.values), np.uint64)
+    for start in range(0, len(found), 4096):
+        block = np.ascontiguousarray(track.values[start : start + 4096], np.float32)
+        bits = (block + np.float32(0)).view(np.uint32).astype(np.uint64)
+        bits ^= bits >> np.uint64(7)
+        with np.errstate(over="ignore"):
+            found[start : start + 4096] = (bits * factors).sum(axis=1, dtype=np.uint64)
+    return found
+
+
+def shared_recordings(surveys: list[Survey]) -> list[Finding]:
+    """Recordings of which one holds the rows of another, and references that are used twice."""
+    found = []
+    for count, (a, b, span, other) in _shared_rows(surveys):
+        text = (
+            f"{count} rows of {a} are in {b} too (rows {span[0]} to {span[1]}, there {other[0]} to "
+            f"{other[1]}): one recording under two names."
+        )
+        found.append(finding("repeated_recording", text, files=[a, b], rows=[span]))
+    for place, one in enumerate(surveys):
+        for two in surveys[place + 1 :]:
+            if one.track.reference is None or two.track.reference is None:
+                continue
+            run = _shared_trace(one.track.reference, two.track.reference)
+            if run:
+                text = (
+                    f"{run} samples of the reference of {one.track.file} are that of "
+                    f"{two.track.file} too: at most one of them was measured."
+                )
+                files = [one.track.file, two.track.file]
+                found.append(finding("repeated_reference", text, files=files))
+    return found
+
+
+def _shared_rows(surveys: list[Survey]) -> list[tuple[int, tuple[str, str, list[int], list[int]]]]:
+    hashes = [_hashes(one.track) for one in surveys] if len(surveys) > 1 else []
+    found = []
+    for place, one in enumerate(hashes):
+        for number in range(place + 1, len(hashes)):
+            first, second = surveys[place], surveys[number]
+            if first.width != second.width:
+                continue
+            spans = _common(one, hashes[number], first.changed, second.changed)
+            if spans is not None:
+                names = first.track.file, second.track.file
+                found.append((spans[0][1] - spans[0][0] + 1, (*names, *spans)))
+    return found
+
+
+def _common(
+    one: NDArray[np.uint64], two: NDArray[np.uint64], moved: IntArray, other: IntArray
+) -> tuple[list[int], list[int]] | None:
+    """The longest stretch of moving rows that two recordings share at one offset."""
+    a = np.flatnonzero(moved > 0)
+    kinds, first, counts = np.unique(one[a], return_index=True, return_counts=True)
+    kinds, first = kinds[counts == 1], a[first[counts == 1]]
+    b = np.flatnonzero(other > 0)
+    at = np.searchsorted(kinds, two[b])
+    hit = (at < len(kinds)) & (kinds[np.minimum(at, len(kinds) - 1)] == two[b]) if len(kinds) else np.zeros(len(b), bool)
+    if hit.sum() < SHARED:
+        return None
+    rows, there = first[at[hit]], b[hit]
+    offsets, number = np.unique(there - rows, return_counts=True)
+    best = offsets[np.argmax(number)]
+    if number.max() < SHARED:
+        return None
+    own = np.sort(rows[there - rows == best])
+    return [int(own[0]), int(own[-1])], [int(own[0] + best), int(own[-1] + best)]
+
+
+def _shared_trace(one: FloatArray, two: FloatArray) -> int:
+    """Length of a moving stretch that two references share sample by sample; 0 for none."""
+    same: dict[tuple[float, ...], int] = {}
+    for at in range(0, len(one) - TRACE, TRACE // 2):
+        piece = one[at : at + TRACE]
+        if len(np.unique(piece)) > TRACE // 4:
+            same[tuple(piece[:8].tolist())] = at
+    if not same:
+        return 0
+    starts = {key[0] for key in same}
+    longest = 0
+    for at in np.flatnonzero(np.isin(two, list(starts))).tolist():
+        found = same.get(tuple(two[at : at + 8].tolist()))
+        if found is None:
+            continue
+        length = min(len(one) - found, len(two) - at)
+        equal = one[found : found + length] == two[at : at + length]
+        run = length if equal.all() else int(np.argmin(equal))
+        longest = max(longest, run)
+    return longest if longest >= TRACE else 0
+
+
+def together(surveys: list[Survey]) -> list[Finding]:
+    """Findings of several recordings."""
+    found = shared_recordings(surveys)
+    widths = {one.width for one in surveys}
+    if len(widths) > 1:
+        files = [one.track.file for one in surveys]
+        said = ", ".join(f"{one.width} in {one.track.file}" for one in surveys[:4])
+        text = f"The recordings have different channels: {said}."
+        found.append(finding("place", text, files=files, do="examine each skin for itself"))
+    return found

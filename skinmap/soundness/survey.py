@@ -1,0 +1,250 @@
+"""One pass over the samples: what every later question about a recording is answered from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.soundness.track import Track
+
+MOST_CELLS, LONGEST_CELL = 500, 64
+PIECES = 12  # of a recording, each with a rest of its own
+BLOCK = 2**21  # values that are looked at together: they stay in the processor's cache
+SIGMA_OF_SECOND = 0.5117  # of normal noise, per mean absolute second difference: sqrt(pi / 2 / 6)
+TOUCHED = 6.0  # deviations of its noise from which a channel counts as touched
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """A recording in cells of some rows each.
+
+    Attributes
+    ----------
+    track : Track
+    cell : int
+        Rows of a cell; the rows behind the last whole cell belong to it.
+    changed : (t,) int
+        Channels whose value differs from the row before; the first row counts as all.
+    changes : (k, n) float
+        Share of the steps in each cell at which a channel changed.
+    mean, low, high, rough : (k, n) float32
+        Of each cell: mean, extremes, and mean absolute second difference.
+    missing : (n,) int
+        Values that are not finite.
+    """
+
+    track: Track
+    cell: int
+    changed: IntArray
+    changes: NDArray[np.float32]
+    mean: NDArray[np.float32]
+    low: NDArray[np.float32]
+    high: NDArray[np.float32]
+    rough: NDArray[np.float32]
+    missing: IntArray
+
+    @property
+    def width(self) -> int:
+        """Channels."""
+        return self.track.values.shape[1]
+
+    @property
+    def count(self) -> int:
+        """Rows."""
+        return len(self.track.values)
+
+    def column(self, channel: int) -> FloatArray:
+        """All values of a channel."""
+        return np.asarray(self.track.values[:, channel], np.float64)
+
+    def rows_of_cells(self, first: int, last: int) -> tuple[int, int]:
+        """First and last row of some cells."""
+        end = self.count if last >= len(self.mean) - 1 else (last + 1) * self.cell
+        return first * self.cell, end - 1
+
+    def cell_of(self, rows: Any) -> Any:
+        """Cell of rows."""
+        return np.minimum(np.asarray(rows) // self.cell, len(self.mean) - 1)
+
+    @cached_property
+    def constant(self) -> NDArray[np.bool_]:
+        """(n,) Whether a channel never changes."""
+        return np.asarray((self.high.max(axis=0) == self.low.min(axis=0)) | self._silent)
+
+    @cached_property
+    def _silent(self) -> NDArray[np.bool_]:
+        return np.asarray(self.missing > 0.9 * self.count)
+
+    @cached_property
+    def rising(self) -> bool:
+        """Whether values rise under load: most channels reach far that way, and begin low."""
+        some = self.mean[:, ~self.constant] if not self.constant.all() else self.mean
+        low, middle, high = np.percentile(some, (1.0, 50.0, 99.0), axis=0)
+        size = np.maximum(high - low, 1e-12)
+        reach = np.clip(((high - middle) - (middle - low)) / size, -0.8, 0.8)
+        begin = np.clip((high + low - 2.0 * np.median(some[:5], axis=0)) / size, -1.0, 1.0)
+        return bool(np.nansum(reach + begin) >= 0)
+
+    @cached_property
+    def quantum(self) -> float:
+        """Smallest step between values of most channels; 0 for values that are not discrete."""
+        steps = self.steps[(self.steps > 0) & ~self.constant]
+        return float(np.median(steps)) if len(steps) else 0.0
+
+    @cached_property
+    def steps(self) -> FloatArray:
+        """(n,) Smallest step between values of each channel, of up to 20,000 of its rows."""
+        rows = np.unique(np.linspace(0, self.count - 1, min(self.count, 20_000)).astype(int))
+        found = np.zeros(self.width)
+        some = np.ascontiguousarray(self.track.values[rows].T)
+        for channel in np.flatnonzero(~self.constant):
+            kinds = np.unique(some[channel])
+            if kinds.dtype.kind == "f":
+                kinds = kinds[np.isfinite(kinds)].astype(np.float64)
+            gaps = np.diff(kinds.astype(np.float64))
+            if len(gaps):
+                found[channel] = gaps.min()
+        return found
+
+    @cached_property
+    def noise(self) -> FloatArray:
+        """(n,) Standard deviation of each channel at rest, from its second differences."""
+        return np.asarray(
+            np.percentile(self.rough, 30.0, axis=0) * SIGMA_OF_SECOND, np.float64
+        )
+
+    @cached_property
+    def usual_noise(self) -> float:
+        """Noise of the median channel that changes at all."""
+        own = self.noise[~self.constant]
+        return float(np.median(own)) if len(own) else 0.0
+
+    @cached_property
+    def rest(self) -> FloatArray:
+        """(n,) Level of each channel at rest: the calm side of its cells."""
+        share = 25.0 if self.rising else 75.0
+        return np.asarray(np.percentile(self.mean, share, axis=0), np.float64)
+
+    @cached_property
+    def floor(self) -> FloatArray:
+        """(n,) What a channel must deviate by to count as touched."""
+        span = self.high.max(axis=0) - self.low.min(axis=0)
+        usual = float(np.median(span[~self.constant])) if (~self.constant).any() else 0.0
+        own = np.maximum(self.noise, self.usual_noise)
+        return np.asarray(np.maximum.reduce([TOUCHED * own, np.full(self.width, 0.04 * usual),
+                                             np.full(self.width, 1.5 * self.quantum)]))  # fmt: skip
+
+    @cached_property
+    def levels(self) -> FloatArray:
+        """(p, n) Level of each channel at rest in each of some pieces of the recording."""
+        pieces = np.array_split(np.arange(len(self.mean)), min(PIECES, len(self.mean)))
+        share = 20.0 if self.rising else 80.0
+        return np.array([np.percentile(self.mean[own], share, axis=0) for own in pieces])
+
+    @cached_property
+    def loaded(self) -> bool:
+        """Whether most of the skin is loaded at once, so that rest is not between touches."""
+        lively = ~self.constant
+        if not lively.any():
+            return False
+        far = np.abs(self.mean - self.rest)[:, lively] > self.floor[lively]
+        if (far.mean(axis=1) > 0.5).mean() < 0.25:
+            return False
+        skin = np.median((self.levels - self.rest)[:, lively], axis=1)
+        reach = float(np.ptp(skin))
+        course = np.median((self.mean - self.rest)[:, lively], axis=1)
+        # A drift goes one way, and slowly; a load comes and goes.
+        return bool(np.abs(np.diff(skin)).sum() > 2.0 * reach or np.ptp(course) > 2.0 * reach)
+
+    @cached_property
+    def response(self) -> NDArray[np.float32]:
+        """(k, n) Deviation of each cell from rest, which may drift, positive under load."""
+        sign = 1.0 if self.rising else -1.0
+        rest = self.rest[None]
+        if not self.loaded and len(self.mean) >= 3 * PIECES:
+            middles = (np.arange(PIECES) + 0.5) * len(self.mean) / PIECES - 0.5
+            at = np.clip(np.arange(len(self.mean)), middles[0], middles[-1])
+            low = np.minimum(np.searchsorted(middles, at, side="right") - 1, PIECES - 2)
+            share = ((at - middles[low]) / (middles[1] - middles[0]))[:, None]
+            rest = self.levels[low] * (1.0 - share) + self.levels[low + 1] * share
+        return ((self.mean - rest) * sign).astype(np.float32)
+
+    @cached_property
+    def touched(self) -> NDArray[np.bool_]:
+        """(k, n) Whether a channel is touched in a cell."""
+        far = self.response > self.floor
+        peak = (self.high - self.mean) if self.rising else (self.mean - self.low)
+        return np.asarray(far | (self.response + peak > 1.5 * self.floor))
+
+    @cached_property
+    def calm(self) -> NDArray[np.bool_]:
+        """(k,) Cells in which (almost) nothing is touched."""
+        load = self.touched[:, ~self.constant].mean(axis=1) if not self.constant.all() else None
+        if load is None:
+            return np.ones(len(self.mean), bool)
+        return np.asarray(load <= max(0.03, float(np.percentile(load, 15.0))))
+
+
+def survey(track: Track) -> Survey:
+    """Look once at every sample of a recording."""
+    values = track.values
+    count, width = values.shape
+    cell = int(np.clip(count // MOST_CELLS, 4, LONGEST_CELL))
+    cells = max(count // cell, 1)
+    cell = min(cell, count)
+    parts: dict[str, NDArray[np.float32]] = {
+        name: np.zeros((cells, width), np.float32)
+        for name in ("changes", "mean", "low", "high", "rough")
+    }
+    changed, missing = np.empty(count, np.int64), np.zeros(width, np.int64)
+    changed[0] = width
+    several = max(BLOCK // max(cell * width, 1), 1)
+    for first in range(0, cells, several):
+        last = min(first + several, cells)
+        end = count if last == cells else last * cell
+        start = first * cell
+        block = values[start:end]
+        if block.dtype.kind == "f":
+            gone = ~np.isfinite(block)
+            if gone.any():
+                missing += gone.sum(axis=0)
+                block = np.where(gone, 0.0, block)
+        begin = max(start - 1, 0)
+        before = values[begin:start]
+        own = np.nan_to_num(np.concatenate([before, block]), posinf=0.0, neginf=0.0)
+        moved = own[1:] != own[:-1]
+        changed[begin + 1 : end] = np.count_nonzero(moved, axis=1)
+        if start == 0:
+            moved = np.concatenate([moved[:1], moved])
+        _cells(block, moved, cell, {name: one[first:last] for name, one in parts.items()})
+    return Survey(track, cell, changed, missing=missing, **parts)
+
+
+def _cells(
+    block: NDArray[Any], moved: NDArray[np.bool_], cell: int, into: dict[str, NDArray[np.float32]]
+) -> None:
+    """Figures of whole cells of a block; the rows behind them count for the last cell."""
+    cells, width = into["mean"].shape
+    whole = block[: cells * cell].astype(np.float32, copy=False).reshape(cells, cell, width)
+    into["changes"][:] = moved[: cells * cell].reshape(cells, cell, width).mean(
+        axis=1, dtype=np.float32
+    )
+    into["mean"][:] = whole.mean(axis=1)
+    into["low"][:] = whole.min(axis=1)
+    into["high"][:] = whole.max(axis=1)
+    if cell > 2:
+        bend = whole[:, 2:] - whole[:, 1:-1]
+        bend -= whole[:, 1:-1]
+        bend += whole[:, :-2]
+        into["rough"][:] = np.abs(bend, out=bend).mean(axis=1)
+    tail = block[cells * cell :]
+    if len(tail):
+        into["low"][-1] = np.minimum(into["low"][-1], tail.min(axis=0))
+        into["high"][-1] = np.maximum(into["high"][-1], tail.max(axis=0))
+        behind = moved[cells * cell :].any(axis=0)
+        into["changes"][-1] = np.maximum(into["changes"][-1], behind / cell)

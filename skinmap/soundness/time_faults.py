@@ -1,0 +1,356 @@
+"""Faults of the times of a recording: order, repeats, gaps, bursts and clocks that begin anew."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.soundness.finding import Finding, finding, spans_of
+from skinmap.soundness.survey import Survey
+
+GAP = 1.45  # steps from which two rows may have lost some between them
+JUMP = 0.7  # steps by which rows behind a gap are later than those before it
+CLOSE = 0.3  # of a step: rows that came together
+BURST = 3  # rows
+SPREAD = 0.12  # of a step: what times of a sensor scatter by at most
+SLIPS = 5000  # backward steps that are looked at one by one
+HELD = 3  # rows for which a moving touch stands still only if rows are repeated
+ALIKE = 0.5  # cosine between the steps before and behind a repeated row
+FEW_CHANGES = 6  # channels
+
+
+@dataclass(frozen=True, slots=True)
+class TimeFaults:
+    """Findings, and what mending needs.
+
+    Attributes
+    ----------
+    findings : list of Finding
+    repeated : (t,) bool
+        Rows that repeat an earlier one.
+    pieces : list of (k,) int
+        Rows of each stretch with one clock, in the order of the file.
+    step : float
+        Seconds between two rows; 0 where unknown.
+    """
+
+    findings: list[Finding]
+    repeated: NDArray[np.bool_]
+    pieces: list[IntArray] = field(default_factory=list)
+    step: float = 0.0
+
+
+def time_faults(survey: Survey) -> TimeFaults:
+    """Everything that is wrong with the times of a recording."""
+    track, count = survey.track, survey.count
+    times = track.times
+    if times is None:
+        found = [
+            finding(
+                "stamps", "The recording has no times: rate, gaps and order cannot be judged.",
+                do="record a time with each row",
+            )
+        ]  # fmt: skip
+        repeated = _repeats(survey, None)
+        return TimeFaults(found + _repeated_finding(repeated, None), repeated, [np.arange(count)])
+    found = []
+    if track.unit:
+        found.append(
+            finding(
+                "stamps",
+                f"The times are in {track.unit}: read as seconds, the rate is wrong by 1,000 or "
+                "more.",
+                confidence=0.9,
+                harm=0.3,
+                do="write the times in seconds",
+            )
+        )
+    repeated = _repeats(survey, times)
+    found += _repeated_finding(repeated, times)
+    # Values that repeat at times of their own leave no gap.
+    rows = np.flatnonzero(~(repeated & _twins(times)))
+    step = _step(times, rows, track.stretches)
+    pieces, restarts = _pieces(times, rows, step, track.stretches)
+    if restarts:
+        spans = [[a, count - 1 if b is None else b] for a, b in restarts]
+        found.append(
+            finding(
+                "restart",
+                f"The clock begins anew at row {', '.join(str(a) for a, _ in spans[:5])}: a time "
+                "occurs more than once, and rows cannot be put into order by time.",
+                rows=spans, times=times,
+            )
+        )  # fmt: skip
+    slips = [own[times[own] != np.sort(times[own])] for own in pieces]
+    slipped = np.sort(np.concatenate(slips)) if slips else np.zeros(0, np.int64)
+    if len(slipped):
+        found.append(
+            finding(
+                "order",
+                f"{len(slipped)} rows are out of order: their times run backwards.",
+                rows=spans_of(slipped), times=times,
+            )
+        )  # fmt: skip
+    ordered = [own[np.argsort(times[own], kind="stable")] for own in pieces]
+    if step > 0:
+        found += _spacing(times, ordered, step)
+    return TimeFaults(found, repeated, pieces, step)
+
+
+def _step(times: FloatArray, rows: IntArray, stretches: IntArray | None) -> float:
+    """The usual time between rows; the mean where most rows come together with another."""
+    steps = np.diff(times[rows])
+    if stretches is not None:
+        steps = steps[np.diff(stretches[rows]) == 0]
+    positive = steps[steps > 0]
+    if len(positive) == 0:
+        return 0.0
+    middle = float(np.median(steps[steps >= 0]))
+    usual = float(np.clip(positive, 0.0, np.percentile(positive, 99.0)).sum() / len(steps))
+    return usual if middle < 0.5 * usual else middle
+
+
+def _twins(times: FloatArray) -> NDArray[np.bool_]:
+    """Rows with a time that an earlier row has."""
+    found = np.ones(len(times), bool)
+    found[np.unique(times, return_index=True)[1]] = False
+    return found
+
+
+def _repeats(survey: Survey, times: FloatArray | None) -> NDArray[np.bool_]:
+    """Rows that repeat an earlier one: the same time and values, or values that cannot recur."""
+    equal = survey.changed == 0
+    repeated = np.zeros(survey.count, bool)
+    values = survey.track.values
+    if times is not None:
+        groups = survey.track.stretches
+        keys = (times,) if groups is None else (times, groups)
+        order = np.lexsort((np.arange(len(times)), *keys))
+        twin = np.diff(times[order]) == 0
+        if groups is not None:
+            twin &= np.diff(groups[order]) == 0
+        first, second = order[:-1][twin], order[1:][twin]
+        same = np.zeros(len(first), bool)
+        for start in range(0, len(first), 10_000):
+            own = slice(start, start + 10_000)
+            same[own] = (values[first[own]] == values[second[own]]).all(axis=1)
+        if np.count_nonzero(~same) <= 0.1 * np.count_nonzero(same):  # times that mean something
+            repeated[second[same]] = True
+    if survey.track.stretches is not None:
+        equal &= np.diff(survey.track.stretches, prepend=-1) == 0
+    equal &= ~repeated
+    if not equal.any():
+        return repeated
+    moves = survey.changed[1:]
+    moving = moves[moves > 0]
+    usual = float(np.median(moving)) if len(moving) else 0.0
+    between = float(((moves > 0) & (moves < usual / 3)).sum())
+    rows = np.flatnonzero(equal)
+    if usual >= FEW_CHANGES and between <= 0.02 * len(moving) + 1 and not _recurs(survey, rows):
+        return repeated | equal
+    return repeated | _held(survey, rows)
+
+
+def _recurs(survey: Survey, rows: IntArray) -> bool:
+    """Whether rows without a change come back to a pattern of before: a skin silent at rest."""
+    starts = np.array([a for a, _ in spans_of(rows)])[:2000]
+    patterns = np.ascontiguousarray(survey.track.values[starts])
+    _, counts = np.unique(patterns, axis=0, return_counts=True)
+    return bool(counts[counts > 1].sum() > 0.02 * len(starts) or _longest(rows) > 0.2 * survey.count)
+
+
+def _longest(rows: IntArray) -> int:
+    return max(b - a + 1 for a, b in spans_of(rows))
+
+
+def _held(survey: Survey, rows: IntArray) -> NDArray[np.bool_]:
+    """Rows at which a touch in motion stands still and then goes on in the same direction."""
+    held = np.zeros(survey.count, bool)
+    values = survey.track.values
+    spans = [(a, b) for a, b in spans_of(rows) if a >= 2 and b + 1 < survey.count]
+    lengths = np.array([b - a + 1 for a, b in spans])
+    short = [one for one, k in zip(spans, lengths, strict=True) if k <= HELD]
+    if len(lengths) > 20:
+        usual = int(np.bincount(lengths).argmax())
+        if (lengths == usual).mean() > 0.7:  # each row is written several times
+            short = [one for one, k in zip(spans, lengths, strict=True) if k <= max(usual, HELD)]
+    kept = 0
+    for a, b in short:
+        if min(survey.changed[a - 1], survey.changed[b + 1]) < FEW_CHANGES:
+            continue
+        before = values[a - 1].astype(np.float64) - values[a - 2]
+        after = values[b + 1].astype(np.float64) - values[b]
+        size = float(np.linalg.norm(before) * np.linalg.norm(after))
+        if size > 0 and float(before @ after) > ALIKE * size:
+            held[a : b + 1] = True
+            kept += 1
+    return held if kept >= 2 else np.zeros(survey.count, bool)
+
+
+def _repeated_finding(repeated: NDArray[np.bool_], times: FloatArray | None) -> list[Finding]:
+    rows = np.flatnonzero(repeated)
+    if len(rows) == 0:
+        return []
+    share = len(rows) / len(repeated)
+    text = (
+        f"{len(rows)} rows ({share:.1%}) repeat an earlier row: they are no new samples, and a "
+        "split by rows puts copies on both sides."
+    )
+    return [finding("duplicate", text, rows=spans_of(rows), times=times)]
+
+
+def _pieces(
+    times: FloatArray, rows: IntArray, step: float, stretches: IntArray | None
+) -> tuple[list[IntArray], list[tuple[int, int | None]]]:
+    """Rows with one clock each, and where a clock begins anew in the middle of a stretch."""
+    groups = [rows] if stretches is None else [
+        rows[stretches[rows] == one] for one in np.unique(stretches[rows])
+    ]  # fmt: skip
+    pieces, restarts = [], []
+    for own in groups:
+        cuts = _restarts(times[own], step)
+        bounds = [0, *cuts, len(own)]
+        pieces += [own[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+        restarts += [
+            (int(own[a]), int(own[b - 1]))
+            for a, b in zip(bounds[1:-1], bounds[2:], strict=True)
+        ]
+    return pieces, restarts
+
+
+def _restarts(times: FloatArray, step: float) -> list[int]:
+    """Rows at which a clock goes back over times that it has shown already."""
+    backs = np.flatnonzero(np.diff(times) < 0) + 1
+    if len(backs) == 0 or len(backs) > SLIPS or step <= 0:
+        return []
+    found, begin, done = [], 0, 0
+    for back in backs.tolist():
+        if back < done:
+            continue
+        top = times[begin:back].max()
+        above = np.flatnonzero(times[back:] > top)
+        end = back + int(above[0]) if len(above) else len(times)
+        behind = times[back:end]
+        low, high = behind.min(), behind.max()
+        slots = (high - low) / step + 1.0
+        there = np.count_nonzero((times[begin:back] >= low) & (times[begin:back] <= high))
+        fills = there < 0.5 * slots  # the rows stood in a hole of those before
+        before = end == len(times) and low < times[begin:back].min() - 0.5 * step
+        if len(behind) >= 3 and (before or not fills):
+            found.append(back)
+            begin = done = back
+        else:
+            done = end
+    return found
+
+
+def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Finding]:
+    """Gaps, bursts and scattered stamps of rows that are in order."""
+    gaps: list[list[int]] = []
+    bursts: list[list[int]] = []
+    sizes: list[tuple[int, list[int]]] = []
+    lost, scatter, scattered = 0, [], []
+    for own in pieces:
+        if len(own) < 3:
+            continue
+        steps = np.diff(times[own])
+        together = np.flatnonzero(steps < CLOSE * step) + 1
+        runs = [
+            [a - 1, b] for a, b in spans_of(together)
+            if b - a + 2 >= BURST and (a < 2 or steps[a - 2] > 1.2 * step or b - a > 4)
+        ]  # fmt: skip
+        inside = np.zeros(len(own), bool)
+        for a, b in runs:
+            inside[a : b + 1] = True
+        bursts += [[int(own[a]), int(own[b])] for a, b in runs]
+        for a, b, missing in _gaps(times[own], inside, step):
+            gaps.append([int(own[a]), int(own[b])])
+            lost += missing
+            sizes.append((missing, gaps[-1]))
+        off = _scatter(times[own], inside, step)
+        scatter.append(off)
+        scattered.append(own)
+    found = []
+    stamps = _stamps(np.concatenate(scatter), np.concatenate(scattered), times, step) if scatter else []
+    if any(one.rows is None for one in stamps):  # of such times a burst is a part
+        bursts, big = [], [one for one in sizes if one[0] >= 4]
+        gaps, lost = [one[1] for one in big], sum(one[0] for one in big)
+    if gaps:
+        found.append(
+            finding(
+                "lost",
+                f"{lost} rows are missing in {len(gaps)} gap{'s' if len(gaps) > 1 else ''}: "
+                "motion across a gap is wrong by as much.",
+                rows=sorted(gaps), times=times, harm=0.6 if lost > 1 else 0.4,
+            )
+        )  # fmt: skip
+    if bursts:
+        several = sum(b - a + 1 for a, b in bursts)
+        found.append(
+            finding(
+                "burst",
+                f"{several} rows came in {len(bursts)} burst{'s' if len(bursts) > 1 else ''}: "
+                "their times are those of their arrival, and speeds in them are wrong.",
+                rows=sorted(bursts), times=times,
+            )
+        )  # fmt: skip
+    return found + stamps
+
+
+def _gaps(
+    times: FloatArray, inside: NDArray[np.bool_], step: float
+) -> list[tuple[int, int, int]]:
+    """Gaps (row before, row after, rows missing) that no shorter step makes up for."""
+    calm = np.flatnonzero(~inside)
+    if len(calm) < 3:
+        return []
+    late = times[calm] - step * calm
+    steps = np.diff(times[calm]) - step * np.diff(calm)
+    spread = 1.4826 * float(np.median(np.abs(steps - np.median(steps))))
+    found = []
+    for at in np.flatnonzero(steps > (GAP - 1.0) * step).tolist():
+        before = late[max(at - 4, 0) : at + 1]
+        after = late[at + 1 : at + 6]
+        jump = float(np.median(after) - np.median(before))
+        least = max(JUMP * step, 2.5 * spread)
+        if jump > least:
+            found.append((int(calm[at]), int(calm[at + 1]), max(round(jump / step), 1)))
+    return found
+
+
+def _scatter(times: FloatArray, inside: NDArray[np.bool_], step: float) -> FloatArray:
+    """How far each row's time lies from a running line through its neighbours [steps]."""
+    if len(times) < 8:
+        return np.zeros(len(times))
+    bend = times[2:] - 2.0 * times[1:-1] + times[:-2]
+    # A second difference of independent errors of s has a standard deviation of sqrt(6) s.
+    found = np.concatenate([[0.0], bend, [0.0]]) / (np.sqrt(6.0) * step)
+    near = inside | np.roll(inside, 1) | np.roll(inside, -1)
+    return np.where(near | (np.abs(found) > 3.0), 0.0, found)
+
+
+def _stamps(off: FloatArray, rows: IntArray, times: FloatArray, step: float) -> list[Finding]:
+    """Rows whose times scatter as a writer's do."""
+    cell = int(np.clip(len(off) // 20, 10, 200))
+    cells = len(off) // cell
+    if cells == 0:
+        return []
+    spread = np.sqrt((off[: cells * cell].reshape(cells, cell) ** 2).mean(axis=1))
+    wild = spread > SPREAD
+    if wild.mean() < 0.1 or wild.sum() < 2:
+        return []
+    share = float(np.median(spread[wild]))
+    spans = None
+    if wild.mean() < 0.8:
+        spans = [
+            [int(rows[a * cell]), int(rows[min((b + 1) * cell, len(rows)) - 1])]
+            for a, b in spans_of(np.flatnonzero(wild))
+        ]
+    text = (
+        f"The times scatter by {share:.0%} of a step of {step * 1e3:.3g} ms: they are when a "
+        "program wrote the rows, not when the sensor measured them."
+    )
+    return [finding("stamps", text, rows=spans, times=times, confidence=0.9)]

@@ -1,0 +1,462 @@
+"""Any recording as one table of channels over time, without a mapping to a skin."""
+
+from __future__ import annotations
+
+import csv
+import io
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.archive import open_arrays
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, MissingFileError, SkinError
+from skinmap.io.text import check_file
+
+MAX_BYTES = 2**32
+MOST_CHANNELS = 20_000
+SAMPLES = ("samples", "values", "counts", "pressures", "taxels", "data")
+TIMES = ("times", "time", "t", "timestamps", "timestamp", "stamps")
+IDS = ("channels", "taxel_ids", "ids", "channel_ids")
+EVENTS = ("events", "event")
+PRESSURE = {"pressure_bar": 1e5, "pressure_kpa": 1e3, "pressure_pa": 1.0}
+WORDS = {"label": "labels", "session": "sessions", "person": "people"}  # columns of a table
+UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
+TABLES = (".csv", ".tsv", ".txt")
+ARRAYS = (".npz", ".mat")
+STREAMS = (".mcap", ".xdf", ".xdfz", ".db3", ".log")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Track:
+    """Channels over time, as a file has them.
+
+    Attributes
+    ----------
+    file : str
+    values : (t, n) number
+    times : (t,) float or None
+        [s].
+    unit : str
+        Unit that the times had, where it was not seconds; empty otherwise.
+    ids : (n,) int or None
+        Number that the file gives each channel.
+    events : (t,) int
+        Touch of each row, -1 for none.
+    labels, sessions, people : tuple of str
+        Of each touch; empty where the file has none.
+    stretches : (t,) int or None
+        Files that were joined, each with times of its own.
+    reference : (u,) float or None
+        Pressure [Pa] of another instrument.
+    reference_times : (u,) float or None
+        [s].
+    places : (n, 3) float or None
+        Of the channels on the skin [m]; NaN for a channel without a place.
+    """
+
+    file: str
+    values: NDArray[Any]
+    times: FloatArray | None = None
+    unit: str = ""
+    ids: IntArray | None = None
+    events: IntArray | None = None
+    labels: tuple[str, ...] = ()
+    sessions: tuple[str, ...] = ()
+    people: tuple[str, ...] = ()
+    stretches: IntArray | None = None
+    reference: FloatArray | None = None
+    reference_times: FloatArray | None = None
+    places: FloatArray | None = None
+
+
+def files_of(path: Path) -> list[Path]:
+    """The recordings that a path names: itself, or those in a folder.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        Nothing there, or a folder without recordings.
+    """
+    if not path.exists():
+        raise MissingFileError(path, "a recording, or a folder of recordings")
+    if not path.is_dir():
+        return [path]
+    from skinmap.io.ros2.bag import is_bag
+
+    if is_bag(path) or (path / "data.log").is_file():
+        return [path]
+    known = (*TABLES, *ARRAYS, *STREAMS)
+    found = [
+        one
+        for one in sorted(path.rglob("*"))
+        if one.suffix.lower() in known and one.is_file() and not one.name.startswith(".")
+    ]
+    logs = {one.parent.parent for one in found if one.name == "data.log"}
+    found = [one for one in found if one.name != "data.log"] + sorted(logs)
+    if not found:
+        raise DataFormatError(f"a folder without recordings ({', '.join(known)})", path)
+    return found
+
+
+def read_track(path: Path) -> Track:
+    """Read a recording of any format.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or one without a table of channels over time (names the reason).
+    """
+    suffix = path.suffix.lower()
+    if path.is_dir() or suffix in STREAMS:
+        track = _from_stream(path)
+    elif suffix in ARRAYS:
+        track = _from_arrays(path, _npz(path) if suffix == ".npz" else _mat(path))
+    elif suffix in TABLES:
+        track = _from_table(path)
+    else:
+        known = ", ".join((*ARRAYS, *TABLES, *STREAMS))
+        raise DataFormatError(f"no recording format ends in {suffix!r}; known: {known}", path)
+    return check_track(track)
+
+
+def check_track(track: Track) -> Track:
+    """Refuse a table in which nothing can be examined.
+
+    Raises
+    ------
+    DataFormatError
+        No rows or one, no channels or one, too many, or no finite number.
+    """
+    count, width = track.values.shape
+    fail = None
+    if count < 2 or width == 0:
+        fail = f"{count} rows of {width} channels; an examination needs 2 rows or more"
+    elif width == 1:
+        fail = "one channel; an examination compares channels and needs 2 or more"
+    elif width > MOST_CHANNELS:
+        fail = f"{width} channels; at most {MOST_CHANNELS} are examined"
+    elif track.values.dtype.kind == "f" and not any(
+        np.isfinite(track.values[start : start + 4096]).any() for start in range(0, count, 4096)
+    ):
+        fail = "no finite number in any sample"
+    if fail:
+        raise DataFormatError(fail, track.file)
+    return track
+
+
+def _npz(path: Path) -> dict[str, NDArray[Any]]:
+    check_file(path, "an NPZ of channels over time", MAX_BYTES)
+    try:
+        with open_arrays(path) as arrays:
+            return {name: np.asarray(arrays[name]) for name in arrays.files}
+    except DAMAGED_ARCHIVE as error:
+        if isinstance(error, SkinError):
+            raise
+        said = "arrays of Python objects" if "allow_pickle" in str(error) else str(error)
+        raise DataFormatError(f"not an NPZ of arrays of numbers: {said}", path) from error
+
+
+def _mat(path: Path) -> dict[str, NDArray[Any]]:
+    from scipy.io import loadmat
+
+    check_file(path, "a MAT file of channels over time", MAX_BYTES)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = loadmat(path, squeeze_me=False, chars_as_strings=True)
+    except NotImplementedError as error:
+        raise DataFormatError("a MAT file of version 7.3; save it with -v7", path) from error
+    except Exception as error:  # noqa: BLE001 - SciPy raises whatever a damaged byte leads to
+        raise DataFormatError(f"not a MAT file: {str(error)[:200]}", path) from error
+    held = {name: np.asarray(one) for name, one in found.items() if not name.startswith("__")}
+    return {name: _unboxed(one) for name, one in held.items()}
+
+
+def _unboxed(array: NDArray[Any]) -> NDArray[Any]:
+    """An array of MATLAB: cells of words as words; vectors with one dimension."""
+    if array.dtype.kind == "O":
+        array = np.array([str(np.squeeze(one)) for one in array.ravel()])
+    return array.ravel() if array.ndim == 2 and 1 in array.shape else array
+
+
+def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
+    if "head" in held or "about" in held:
+        return _from_recordings(path)
+    name = next((one for one in SAMPLES if one in held), None)
+    if name is None:
+        name = max(
+            (one for one in held if held[one].ndim == 2 and held[one].dtype.kind in "buif"),
+            key=lambda one: held[one].size,
+            default=None,
+        )
+    if name is None:
+        there = ", ".join(sorted(held)) or "none"
+        only = "a reference only: " if any(one in held for one in PRESSURE) else ""
+        raise DataFormatError(
+            f"{only}no array `samples` (t, n), one row a sample; its arrays: {there}", path
+        )
+    values = held[name]
+    if values.ndim == 1 and values.dtype.kind in "buif" and len(values) > 1:
+        values = values[:, None]
+    if values.ndim != 2 or values.dtype.kind not in "buif":
+        raise DataFormatError(
+            f"`{name}` holds {values.dtype} of shape {values.shape}; numbers (t, n) expected", path
+        )
+    count, width = values.shape
+    times, unit = _times(_first(held, TIMES), count, path)
+    if times is None and "first_columns" in held and held["first_columns"].ndim == 2:
+        times, unit = _times(held["first_columns"][:, -1], count, path)
+    stretches = _whole(held.get("file_index"), "file_index", count, path)
+    events = _whole(_first(held, EVENTS), "events", count, path)
+    events = stretches if events is None else events
+    labels = _words(held.get("labels", held.get("file_class")))
+    if events is None and len(labels) == count:  # a label of each row
+        events, labels = _runs(labels)
+    reference = next((held[one] * scale for one, scale in PRESSURE.items() if one in held), None)
+    if reference is not None and (reference.ndim != 1 or reference.dtype.kind not in "uif"):
+        raise DataFormatError("the reference pressure is no list of numbers", path)
+    reference_times = held.get("reference_times")
+    if reference is not None and reference_times is not None:
+        reference_times, _ = _times(reference_times, len(reference), path, "reference_times")
+    return Track(
+        str(path),
+        values,
+        times,
+        unit,
+        _whole(_first(held, IDS), "channels", width, path),
+        events,
+        labels,
+        _words(held.get("sessions")),
+        _words(held.get("people")),
+        stretches,
+        None if reference is None else np.asarray(reference, np.float64),
+        reference_times if reference is not None else None,
+        _positions(held.get("positions"), width),
+    )
+
+
+def _positions(found: NDArray[Any] | None, width: int) -> FloatArray | None:
+    if found is None or found.shape != (width, 3) or found.dtype.kind not in "uif":
+        return None
+    return np.asarray(found, np.float64)
+
+
+def _first(held: Mapping[str, NDArray[Any]], names: tuple[str, ...]) -> NDArray[Any] | None:
+    return next((held[one] for one in names if one in held), None)
+
+
+def _words(found: NDArray[Any] | None) -> tuple[str, ...]:
+    return () if found is None else tuple(str(one).strip() for one in found.ravel().tolist())
+
+
+def _runs(labels: tuple[str, ...]) -> tuple[IntArray, tuple[str, ...]]:
+    """Events of stretches of rows with the same label; an empty one is no touch."""
+    keys = np.array(labels)
+    touched = ~np.isin(keys, ("", "none", "nan", "-1", "rest"))
+    begins = touched.copy()
+    begins[1:] &= (keys[1:] != keys[:-1]) | ~touched[:-1]
+    events = np.where(touched, np.cumsum(begins) - 1, -1)
+    return events, tuple(str(one) for one in keys[begins])
+
+
+def _whole(found: NDArray[Any] | None, name: str, count: int, path: Path) -> IntArray | None:
+    if found is None:
+        return None
+    if found.shape != (count,) or found.dtype.kind not in "buif":
+        raise DataFormatError(f"{name} of shape {found.shape}; ({count},) expected", path)
+    if found.dtype.kind == "f" and not (found == np.rint(found)).all():
+        raise DataFormatError(f"{name} holds fractions; whole numbers expected", path)
+    return found.astype(np.int64)
+
+
+def _times(
+    found: NDArray[Any] | None, count: int, path: Path, name: str = "times"
+) -> tuple[FloatArray | None, str]:
+    """Seconds of each row, and the unit that they had in the file where it was another."""
+    if found is None:
+        return None, ""
+    if found.dtype.kind == "M":
+        found = found.astype("datetime64[ns]").astype(np.int64) / 1e9
+    if found.dtype.kind not in "uif":
+        raise DataFormatError(f"{name} are text, not numbers: {found.ravel()[:1].tolist()}", path)
+    if found.shape != (count,):
+        raise DataFormatError(f"{name} of shape {found.shape} for {count} rows", path)
+    if found.dtype.kind == "f" and not np.isfinite(found).all():
+        row = int(np.flatnonzero(~np.isfinite(found))[0])
+        raise DataFormatError(f"row {row} has no finite time", path)
+    exact = found.astype(np.float64) if found.dtype.kind == "f" else found - found.min()
+    steps = np.diff(exact)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    # Skins send 1 to 5,000 samples a second: a step of 20 is 20 ms, of 20,000 is 20 us apart.
+    scale = 1.0 if step <= 2.0 else 1e-3 if step < 2e3 else 1e-6 if step < 2e6 else 1e-9
+    return exact.astype(np.float64) * scale, UNITS.get(scale, "")
+
+
+def _from_table(path: Path) -> Track:
+    check_file(path, "a table of channels over time", MAX_BYTES)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DataFormatError(f"not a text file ({error.reason})", path) from None
+    lines = (line for line in io.StringIO(text) if line.strip() and not line.startswith("#"))
+    head = next(lines, None)
+    if head is None:
+        raise DataFormatError("empty", path)
+    counts = {one: head.count(one) for one in (",", ";", "\t")}
+    mark = max(counts, key=lambda one: counts[one])
+    split = mark if counts[mark] else " "
+    names = [one.strip() for one in next(csv.reader([head], delimiter=split, skipinitialspace=True))]
+    if all(_is_number(one) for one in names if one):
+        raise DataFormatError("no header: a column `time` and a name for each channel expected", path)
+    rest = list(lines)
+    if not rest:
+        raise DataFormatError("a header and no rows", path)
+    beside = [k for k, one in enumerate(names) if one.lower() in (*WORDS, *WORDS.values())]
+    numbers = [k for k in range(len(names)) if k not in beside]
+    table = _numbers_of(rest, numbers, len(names), split, path)
+    lower = [names[k].lower() for k in numbers]
+    clock = next((k for k, one in enumerate(lower) if one in TIMES), None)
+    event = next((k for k, one in enumerate(lower) if one in EVENTS), None)
+    kept = [k for k in range(len(numbers)) if k not in (clock, event)]
+    times, unit = _times(None if clock is None else table[:, clock], len(table), path)
+    words: dict[str, tuple[str, ...]] = {}
+    for k in beside:
+        said = tuple(line.rstrip("\n").split(split)[k].strip() for line in rest)
+        words[WORDS.get(names[k].lower(), names[k].lower())] = said
+    events = None if event is None else _whole(table[:, event], "event", len(table), path)
+    found = {name: words.get(name, ()) for name in ("labels", "sessions", "people")}
+    if events is None and found["labels"]:
+        events, _ = _runs(found["labels"])
+    if events is not None:
+        first = [int(np.flatnonzero(events == k)[0]) if (events == k).any() else 0
+                 for k in range(int(events.max(initial=-1)) + 1)]  # fmt: skip
+        found = {name: tuple(own[k] for k in first) if own else () for name, own in found.items()}
+    twice = {one for one in names if names.count(one) > 1}
+    ids = np.array([names.index(names[numbers[k]]) for k in kept]) if twice else None
+    return Track(
+        str(path), table[:, kept], times, unit, ids, events,
+        found["labels"], found["sessions"], found["people"],
+    )  # fmt: skip
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers_of(
+    lines: list[str], columns: list[int], width: int, split: str, path: Path
+) -> FloatArray:
+    """Numbers of some columns; an empty cell is NaN."""
+    mark = None if split == " " else split
+    try:
+        found = np.loadtxt(lines, delimiter=mark, usecols=columns, ndmin=2, comments=None)
+        if found.shape == (len(lines), len(columns)):
+            return found
+    except ValueError:
+        pass
+    rows = []
+    for number, cells in enumerate(csv.reader(lines, delimiter=split, skipinitialspace=True)):
+        if len(cells) != width:
+            raise DataFormatError(f"row {number} has {len(cells)} values, {width} expected", path)
+        try:
+            rows.append([float(cells[k]) if cells[k].strip() else np.nan for k in columns])
+        except ValueError as error:
+            word = str(error).partition(": ")[2]
+            raise DataFormatError(f"row {number} holds {word}, not a number", path) from None
+    return np.array(rows, np.float64)
+
+
+def _from_recordings(path: Path) -> Track:
+    """A recording of ours: its parts beside each other."""
+    from skinmap.io.recordings.touch_files import load_recordings
+
+    return track_of(load_recordings(path), str(path))
+
+
+def track_of(recordings: Any, file: str = "recording") -> Track:
+    """Recordings of one or several parts as a table.
+
+    Parameters
+    ----------
+    recordings : Recording or list of Recording
+    file : str
+        Name of it in findings.
+    """
+    several = recordings if isinstance(recordings, list | tuple) else [recordings]
+    if not several:
+        raise DataFormatError("no recording in it", file)
+    count = min(len(one.times) for one in several)
+    first = max(several, key=lambda one: len(one.labels))
+    places = [_places_of(one.robot, one.part, one.pressures.shape[1]) for one in several]
+    whole = None if any(one is None for one in places) else np.concatenate(places)
+    return Track(
+        file,
+        np.concatenate([one.pressures[:count] for one in several], axis=1),
+        np.asarray(several[0].times[:count]),
+        events=np.asarray(first.events[:count]),
+        labels=tuple(first.labels),
+        sessions=tuple(first.sessions) if any(first.sessions) else (),
+        people=tuple(first.people) if any(first.people) else (),
+        places=whole,
+    )
+
+
+def _places_of(robot: str, part: str, width: int) -> FloatArray | None:
+    """Places of a part's taxels where its robot is at hand."""
+    if not robot:
+        return None
+    from skinmap.io.robots.manifest import load_robot
+
+    try:
+        places = load_robot(robot).skin(part).positions
+    except SkinError:
+        return None
+    return np.asarray(places, np.float64) if len(places) == width else None
+
+
+def _from_stream(path: Path) -> Track:
+    from skinmap.live.sources.open_recording import open_track
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = open_track(path)
+    blocks = [np.asarray(values) for _, values in found.blocks()]
+    if not blocks:
+        raise DataFormatError("no samples", path)
+    values = np.concatenate(blocks)
+    events = np.full(len(values), -1)
+    for number, touch in enumerate(found.touches):
+        events[max(touch.first, 0) : touch.last + 1] = number
+    places = []
+    for part, width in zip(found.info.parts, found.info.widths, strict=True):
+        table, own = found.tables.get(part), np.full((width, 3), np.nan)
+        if table is not None and len(table.positions) == width:
+            own = np.asarray(table.positions, np.float64)
+        elif table is not None and int(table.channels.max(initial=-1)) < width:
+            own[table.channels] = table.positions
+        places.append(own)
+    whole = np.concatenate(places)
+    known = bool(found.tables) and np.isfinite(whole).any()
+    return Track(
+        str(path), values, np.asarray(found.times), events=events,
+        labels=tuple(one.label for one in found.touches),
+        sessions=tuple(one.session for one in found.touches) if found.touches else (),
+        people=tuple(one.person for one in found.touches) if found.touches else (),
+        places=whole if known else None,
+    )  # fmt: skip
+
+
+def tracks(paths: list[Path], read: Callable[[Path], Track] = read_track) -> Iterator[Track]:
+    """The recordings that paths name, each once."""
+    for path in dict.fromkeys(one for given in paths for one in files_of(given)):
+        yield read(path)
