@@ -79,7 +79,8 @@ def sheet(rng: Rng) -> Made:
         rest = rng.uniform(0.3, 2.5) if rng.random() > 0.15 else rng.uniform(4, 12)
         at += long + int(rest * rate)
     load *= gains
-    noise = {"float": rng.uniform(0.2, 1.5), "counts": rng.uniform(0.25, 2.0), "wide": rng.uniform(5, 40),
+    noise = {"float": rng.uniform(0.2, 1.5),
+             "counts": rng.uniform(0.25, 2.0), "wide": rng.uniform(5, 40),
              "falling": rng.uniform(0.3, 1.2), "silent": 0.0}[style]  # fmt: skip
     base = rng.normal(240, 4, width) if style == "falling" else rng.uniform(500, 3000) + rng.normal(
         0, 60, width) if style == "wide" else rng.uniform(10, 30, width) if style == "counts" else (
@@ -91,12 +92,16 @@ def sheet(rng: Rng) -> Made:
     if style != "float":
         values = np.rint(values)
     if style in ("counts", "silent"):
-        values = np.clip(values, 0, 255).astype(np.uint8) if values.max() < 250 else np.clip(values, 0, 60000).astype(np.int32)
+        values = (
+            np.clip(values, 0, 255).astype(np.uint8)
+            if values.max() < 250
+            else np.clip(values, 0, 60000).astype(np.int32)
+        )
     elif style == "falling":
         values = values.astype(np.int16)
     times = np.arange(count) / rate + rng.uniform(0, 1000)
     times += rng.normal(0, rng.choice([0.0, 0.003, 0.02]) / rate, count)
-    return Made(values, np.maximum.accumulate(times), rate, noise * scale if style == "wide" else noise,
+    return Made(values, np.maximum.accumulate(times), rate, noise,
                 style == "silent", sign, {"events": events, "labels": tuple(labels)})  # fmt: skip
 
 
@@ -111,7 +116,9 @@ def touched_channels(made: Made) -> NDArray[np.int64]:
 def some(made: Made, rng: Rng, most: int = 3) -> NDArray[np.int64]:
     """A few channels that are touched."""
     width = made.values.shape[1]
-    return rng.choice(touched_channels(made), int(rng.integers(1, min(most, max(width // 10, 1)) + 1)), False)
+    return rng.choice(
+        touched_channels(made), int(rng.integers(1, min(most, max(width // 10, 1)) + 1)), False
+    )
 
 
 def rewrite(made: Made, order: NDArray[np.int64], times: NDArray[np.float64] | None = None) -> None:
@@ -123,9 +130,12 @@ def rewrite(made: Made, order: NDArray[np.int64], times: NDArray[np.float64] | N
 
 
 def plant_duplicate(made: Made, rng: Rng) -> None:
+    """Rows written twice, or values that are not new."""
     count = len(made.times)
     if made.silent or rng.random() < 0.5:  # written twice, time and all
-        rows = np.sort(rng.choice(np.arange(5, count - 5), int(rng.integers(3, count // 20)), False))
+        rows = np.sort(
+            rng.choice(np.arange(5, count - 5), int(rng.integers(3, count // 20)), False)
+        )
         order = np.sort(np.concatenate([np.arange(count), rows]))
         first = rows + 1 + np.arange(len(rows))
         rewrite(made, order)
@@ -140,6 +150,7 @@ def plant_duplicate(made: Made, rng: Rng) -> None:
 
 
 def plant_lost(made: Made, rng: Rng) -> None:
+    """Rows left out."""
     count, gone, rows = len(made.times), [], []
     for _ in range(int(rng.integers(1, 5))):
         a = int(rng.integers(20, count - 60))
@@ -151,17 +162,21 @@ def plant_lost(made: Made, rng: Rng) -> None:
 
 
 def plant_order(made: Made, rng: Rng) -> None:
+    """Rows in another order."""
     count = len(made.times)
     order = np.arange(count)
     made.rows = []
     for _ in range(int(rng.integers(1, 6))):
         a, k = int(rng.integers(10, count - 100)), int(rng.choice([2, 3, 10, 40]))
-        order[a : a + k] = order[a : a + k][::-1] if rng.random() < 0.5 else np.roll(order[a : a + k], 1)
+        order[a : a + k] = (
+            order[a : a + k][::-1] if rng.random() < 0.5 else np.roll(order[a : a + k], 1)
+        )
         made.rows.append([a, a + k - 1])
     rewrite(made, order)
 
 
 def plant_restart(made: Made, rng: Rng) -> None:
+    """A clock that begins anew."""
     count = len(made.times)
     a = int(rng.integers(count // 4, 3 * count // 4))
     made.times = made.times.copy()
@@ -170,15 +185,19 @@ def plant_restart(made: Made, rng: Rng) -> None:
 
 
 def plant_burst(made: Made, rng: Rng) -> None:
+    """Rows with the time of their arrival."""
     times, made.rows = made.times.copy(), []
     for _ in range(int(rng.integers(1, 6))):
         a, k = int(rng.integers(20, len(times) - 100)), int(rng.integers(5, 40))
-        times[a : a + k] = times[a + k - 1] - (np.arange(k)[::-1] * 1e-4 if rng.random() < 0.5 else 0)
+        times[a : a + k] = times[a + k - 1] - (
+            np.arange(k)[::-1] * 1e-4 if rng.random() < 0.5 else 0
+        )
         made.rows.append([a, a + k - 1])
     made.times = np.maximum.accumulate(times)
 
 
 def plant_stamps(made: Made, rng: Rng) -> None:
+    """Times of a writer."""
     step = 1 / made.rate
     if rng.random() < 0.6:
         late = rng.exponential(rng.uniform(0.4, 1.0) * step, len(made.times))
@@ -189,6 +208,7 @@ def plant_stamps(made: Made, rng: Rng) -> None:
 
 
 def plant_dead(made: Made, rng: Rng) -> None:
+    """Channels that never change."""
     own = some(made, rng)
     made.values = made.values.copy()
     level = 0 if rng.random() < 0.5 else np.median(made.values[:, own], axis=0)
@@ -197,6 +217,7 @@ def plant_dead(made: Made, rng: Rng) -> None:
 
 
 def plant_stuck(made: Made, rng: Rng) -> None:
+    """Channels that stop."""
     own = some(made, rng, 2)
     count = len(made.times)
     made.values = made.values.copy()
@@ -211,6 +232,7 @@ def plant_stuck(made: Made, rng: Rng) -> None:
 
 
 def plant_noisy(made: Made, rng: Rng) -> None:
+    """Channels with more noise."""
     own = some(made, rng, 2)
     size = max(made.noise, 0.5 if made.values.dtype.kind in "iu" else 0.1) * rng.uniform(7, 20)
     noise = rng.normal(0, size, (len(made.times), len(own)))
@@ -230,6 +252,7 @@ def rounded(made: Made, values: NDArray[np.float64]) -> NDArray[Any]:
 
 
 def plant_clipped(made: Made, rng: Rng) -> None:
+    """Readings cut off at a value."""
     values = made.values.astype(float)
     base = np.median(values, axis=0)
     reach = (made.sign * (values - base)).max(axis=0)
@@ -244,6 +267,7 @@ def plant_clipped(made: Made, rng: Rng) -> None:
 
 
 def plant_quantised(made: Made, rng: Rng) -> None:
+    """Channels with coarse steps."""
     own = some(made, rng)
     changed = made.values.astype(float)
     step = (4 if made.values.dtype.kind in "iu" else max(4 * made.noise, 2)) * rng.choice([1, 2])
@@ -254,6 +278,7 @@ def plant_quantised(made: Made, rng: Rng) -> None:
 
 
 def plant_repeated_id(made: Made, rng: Rng) -> None:
+    """An id given twice."""
     ids = np.arange(made.values.shape[1])
     a, b = rng.choice(ids, 2, False)
     ids[a] = ids[b]
@@ -261,6 +286,7 @@ def plant_repeated_id(made: Made, rng: Rng) -> None:
 
 
 def plant_copied(made: Made, rng: Rng) -> None:
+    """A channel with the values of its neighbour."""
     own = touched_channels(made)
     a = int(rng.choice(own))
     b = a + 1 if a + 1 < made.values.shape[1] else a - 1
@@ -270,6 +296,7 @@ def plant_copied(made: Made, rng: Rng) -> None:
 
 
 def plant_sign(made: Made, rng: Rng) -> None:
+    """Channels with their sign turned."""
     own = some(made, rng, 2)
     values = made.values.astype(float)
     base = np.median(values[:, own], axis=0)
@@ -281,6 +308,7 @@ def plant_sign(made: Made, rng: Rng) -> None:
 
 
 def plant_module(made: Made, rng: Rng) -> None:
+    """A module that hangs."""
     count, width = made.values.shape
     k = int(min(rng.choice([6, 10, 12, 16]), width // 2))
     first = int(rng.integers(0, width - k + 1))
@@ -296,6 +324,7 @@ def plant_module(made: Made, rng: Rng) -> None:
 
 
 def plant_thermal(made: Made, rng: Rng) -> None:
+    """Temperatures among the taxels."""
     own = some(made, rng, 3)
     t = np.linspace(0, 1, len(made.times))
     changed = made.values.astype(float)
@@ -308,6 +337,7 @@ def plant_thermal(made: Made, rng: Rng) -> None:
 
 
 def plant_drift(made: Made, rng: Rng) -> None:
+    """A rest that moves slowly."""
     t = np.linspace(0, 1, len(made.times))
     changed = made.values.astype(float)
     own = np.arange(changed.shape[1]) if rng.random() < 0.5 else some(made, rng)
@@ -320,6 +350,7 @@ def plant_drift(made: Made, rng: Rng) -> None:
 
 
 def plant_rest(made: Made, rng: Rng) -> None:
+    """Another rest from a row on."""
     changed = made.values.astype(float)
     count = len(changed)
     own = np.arange(changed.shape[1]) if rng.random() < 0.5 else some(made, rng)
@@ -332,6 +363,7 @@ def plant_rest(made: Made, rng: Rng) -> None:
 
 
 def plant_leak(made: Made, rng: Rng) -> None:
+    """Sessions or resting patterns that name the label."""
     labels = made.more["labels"]
     kinds = sorted(set(labels))
     if rng.random() < 0.5:
@@ -350,6 +382,7 @@ def plant_leak(made: Made, rng: Rng) -> None:
 
 
 def plant_labels(made: Made, rng: Rng) -> None:
+    """Labels where nothing was felt."""
     events, labels = made.more["events"].copy(), list(made.more["labels"])
     quiet = [a for a in range(20, len(events) - 60, 7) if (events[a - 8 : a + 45] < 0).all()]
     made.rows = []
@@ -389,7 +422,9 @@ def meets(found: Finding, made: Made) -> bool:
     return made.value is None or abs(found.value - made.value) < 0.51  # type: ignore[operator]
 
 
-def run(recordings: int, seed: int, make: list[Callable[[Rng], Made]], only: str = "") -> dict[str, Any]:
+def run(
+    recordings: int, seed: int, make: list[Callable[[Rng], Made]], only: str = ""
+) -> dict[str, Any]:
     """Found and false findings of each kind."""
     names = [only] if only else [*PLANTS]
     found, all_, false, missed = Counter(), Counter(), Counter(), []
@@ -397,7 +432,9 @@ def run(recordings: int, seed: int, make: list[Callable[[Rng], Made]], only: str
     for number in range(recordings):
         rng = np.random.default_rng([seed, number])
         made = make[number % len(make)](rng)
-        made.kind = "" if number % 7 == 6 and not only else names[(number - number // 7) % len(names)]
+        made.kind = (
+            "" if number % 7 == 6 and not only else names[(number - number // 7) % len(names)]
+        )
         if made.kind:
             PLANTS[made.kind](made, rng)
         result, _ = examine_tracks([track(made)])
@@ -415,8 +452,17 @@ def run(recordings: int, seed: int, make: list[Callable[[Rng], Made]], only: str
         for one in others:
             false[f"{one.kind} in {made.kind}"] += 1
         if not hit:
-            missed.append([number, made.kind, made.values.shape, made.silent, sorted(made.channels or [])[:5],
-                           (made.rows or [])[:2], [[o.kind, (o.channels or [])[:4], (o.rows or [])[:2]] for o in several][:4]])
+            missed.append(
+                [
+                    number,
+                    made.kind,
+                    made.values.shape,
+                    made.silent,
+                    sorted(made.channels or [])[:5],
+                    (made.rows or [])[:2],
+                    [[o.kind, (o.channels or [])[:4], (o.rows or [])[:2]] for o in several][:4],
+                ]
+            )
     kinds = {k: f"{found[k]}/{all_[k]}" for k in sorted(all_)}
     return {"found": kinds, "clean": clean, "other": dict(false.most_common(25)), "missed": missed}
 

@@ -9,9 +9,8 @@ import click
 
 from skinmap.commands.options import prints
 from skinmap.report.present import emit, show
-from skinmap.report.result import significant
+from skinmap.report.result import REFUSED_CODE, significant
 from skinmap.report.table import Table
-from skinmap.report.verdict import REFUSED_CODE
 from skinmap.soundness.examination import Examined
 from skinmap.soundness.finding import Finding
 
@@ -19,10 +18,10 @@ MOST = 3  # stretches of rows in a line
 
 
 @click.command("examine")
-@click.argument("recordings", nargs=-1, required=True, metavar="FILE...",
+@click.argument("files", nargs=-1, required=True, metavar="FILE...",
                 type=click.Path(path_type=Path))  # fmt: skip
 @prints(Examined)
-def command(recordings: tuple[Path, ...], as_json: bool) -> None:
+def command(files: tuple[Path, ...], as_json: bool) -> None:
     """Find the faults of recordings: times, channels, rest, labels, and one recording twice.
 
     FILE is a recording of any kind, or a folder of them: NPZ of `samples` (t, n) and `times` (t,),
@@ -35,7 +34,7 @@ def command(recordings: tuple[Path, ...], as_json: bool) -> None:
     from skinmap.soundness.examination import examine_tracks
     from skinmap.soundness.track import tracks
 
-    result, _ = examine_tracks(tracks(list(recordings)))
+    result, _ = examine_tracks(tracks(list(files)))
     if as_json:
         emit(result, significant)
     else:

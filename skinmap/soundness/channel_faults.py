@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.soundness.finding import Finding, finding, named, spans_of
-from skinmap.soundness.survey import Survey
+from skinmap.soundness.finding import Finding, Kind, finding, spans_of, subject
+from skinmap.soundness.survey import SIGMA_OF_SECOND, Survey
 
 SURE = 12.0  # changes that a stretch without any should have had
-MODULE = 4  # channels that hang together
+MODULE, DEAD_MODULE = 4, 6  # channels that hang together for a while, or always
+HELD = 0.9  # confidence in a channel that stands still under load
 NOISY = 4.0  # times the noise of the others
 KINDS = 6  # values that a channel must take before its step is judged
 COARSE = 2.9  # times the step of the others
@@ -72,7 +73,7 @@ def _constant(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     often, lively = episodes(survey), ~survey.constant
     sure = np.full(len(still), 0.99)
     if _restless(survey) < 0.6:  # silent at rest: an untouched channel is constant too
-        near = [[one for one in neighbours(survey, c) if lively[one]] for c in still]
+        near = [[one for one in neighbours(survey, c) if lively[one]] for c in still.tolist()]
         expected = np.array([np.median(often[one]) if one else 0.0 for one in near])
         expected *= len(still) < 0.5 * survey.width
         sure = np.where(expected >= 3, 1.0 - np.exp(-expected), 0.0)
@@ -83,10 +84,12 @@ def _constant(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     margin = 0.5 * (high - low) + 3.0 * float(np.median(survey.floor[lively]))
     stuck = (level < low - margin) | (level > high + margin)
     stuck &= (level != 0) & (survey.missing[still] == 0)
-    found = _in_modules(survey, still[~stuck], None, "dead", float(sure[~stuck].mean() if (~stuck).any() else 1))
+    found = _in_modules(
+        survey, still[~stuck], None, "dead", float(sure[~stuck].mean() if (~stuck).any() else 1)
+    )
     if stuck.any():
         own = still[stuck]
-        text = f"{named(own)} stand{'s' if len(own) == 1 else ''} still at {level[stuck][0]:g}."
+        text = subject(own, "stands", "stand") + f" still at {level[stuck][0]:g}."
         found.append(finding("stuck", text, channels=own, confidence=float(sure[stuck].mean())))
     return found
 
@@ -97,31 +100,39 @@ def _all_still(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
 
 
 def _in_modules(
-    survey: Survey, channels: IntArray, rows: list[list[int]] | None, kind: str, sure: float
+    survey: Survey, channels: IntArray, rows: list[list[int]] | None, kind: Kind, sure: float
 ) -> list[Finding]:
-    """Channels with the same fault: as a module where many follow each other, else one by one."""
-    found, single = [], []
+    """Channels with the same fault; many that follow each other are a module too.
+
+    Of those that stand still for a while the module takes the place of its channels.
+    """
+    found, single = [], channels.tolist()
+    least = MODULE if rows else DEAD_MODULE
     for first, last in spans_of(channels, join=2):
         own = channels[(channels >= first) & (channels <= last)]
-        if len(own) >= max(MODULE, 2 if kind == "stuck" else 6) and len(own) < survey.width:
+        if least <= len(own) < survey.width:
             text = f"{len(own)} channels from {first} to {last} hang together: a cable or a board."
             found.append(_placed(survey, "module", text, own, rows, sure))
-        else:
-            single += own.tolist()
+            if rows:
+                single = [one for one in single if one not in own]
     if single:
-        verb = "never answers" if kind == "dead" else "stands still"
-        verb = verb if len(single) == 1 else verb.replace("answers", "answer").replace("stands", "stand")
-        text = f"{named(single)} {verb}."
+        verbs = ("stands still.", "stand still.") if rows else ("never answers.", "never answer.")
+        text = subject(single, *verbs)
         found.append(_placed(survey, kind, text, np.array(single), rows, sure))
     return found
 
 
 def _placed(
-    survey: Survey, kind: str, text: str, channels: IntArray, rows: list[list[int]] | None, sure: float
+    survey: Survey,
+    kind: Kind,
+    text: str,
+    channels: IntArray,
+    rows: list[list[int]] | None,
+    sure: float,
 ) -> Finding:
     return finding(
         kind, text, channels=channels, rows=rows, times=survey.track.times, confidence=sure
-    )  # type: ignore[arg-type]
+    )
 
 
 def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
@@ -129,10 +140,12 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     runs = []
     quiet = survey.changes == 0
     holds = _holds(survey, quiet)
-    for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)):
+    for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)).tolist():
         for first, last, sure in _stops(survey, channel, quiet[:, channel], holds):
-            a, b = _exact(survey, int(channel), first, last)
-            runs.append((a, b, int(channel), sure))
+            a, b = _exact(survey, channel, first, last)
+            runs.append((a, b, channel, sure))
+    if len({one[2] for one in runs if one[3] == HELD}) > 0.6 * survey.width:  # another rest
+        runs = [one for one in runs if one[3] != HELD]
     found: list[Finding] = []
     left = sorted(runs)
     while left:
@@ -165,18 +178,23 @@ def _joined(found: list[Finding]) -> list[Finding]:
 def _holds(survey: Survey, quiet: NDArray[np.bool_]) -> float:
     """Cells for which a touched channel of a sound skin may stand still: the usual longest hold."""
     held = quiet & (survey.response > survey.floor)
-    longest = [max((b - a + 1 for a, b in spans_of(np.flatnonzero(one))), default=0) for one in held.T]
+    longest = [
+        max((b - a + 1 for a, b in spans_of(np.flatnonzero(one))), default=0) for one in held.T
+    ]
     return float(np.percentile(longest, 90.0)) if longest else 0.0
 
 
 def _stops(
     survey: Survey, channel: int, quiet: NDArray[np.bool_], holds: float
 ) -> list[tuple[int, int, float]]:
-    """Cells in which a channel stands still though it should not, and how sure that is."""
+    """Cells in which a channel stands still though it should not, each with a confidence."""
     found = []
     changes = survey.changes[:, channel]
     usable = np.ones(len(changes), bool) if survey.loaded else survey.calm
-    far = np.abs(survey.mean[:, channel] - survey.rest[channel]) > survey.floor[channel]
+    own = survey.mean[:, channel]
+    away = own - survey.rest[channel]
+    far = (away if survey.rising else -away) > survey.floor[channel]
+    lasting = 0
     for first, last in spans_of(np.flatnonzero(quiet)):
         length = last - first + 1
         if length < 3:
@@ -192,9 +210,12 @@ def _stops(
         expected = calmest * length * survey.cell
         if expected > SURE:
             found.append((first, last, 0.99))
-        elif far[first : last + 1].all() and length > 3 * max(holds, 2) and length * survey.cell > 30:
-            found.append((first, last, 0.9))
-    return found
+        elif far[first : last + 1].all() and length > 3 * max(holds, 2):
+            again = spans_of(np.flatnonzero(quiet & (own == own[first + 1])), join=2)
+            lasting += 1
+            if len(again) == 1 and length * survey.cell > 30:  # a rest is come back to
+                found.append((first, last, HELD))
+    return found if lasting <= 2 else [one for one in found if one[2] != HELD]
 
 
 def _exact(survey: Survey, channel: int, first: int, last: int) -> tuple[int, int]:
@@ -269,10 +290,15 @@ def _coarse(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     found = []
     if coarse:
         step = float(np.median(steps[coarse]))
-        text = f"{named(coarse)} take{'s' if len(coarse) == 1 else ''} steps of {step:g}, others {usual:.3g}."
+        text = subject(coarse, "takes", "take") + f" steps of {step:g}, others of {usual:.3g}."
         found.append(finding("quantised", text, channels=coarse, confidence=0.95))
     lively = ~survey.constant
-    if whole and usual >= 4 and (steps[lively] % usual == 0).all() and (steps[lively] > 0).mean() > 0.8:
+    if (
+        whole
+        and usual >= 4
+        and (steps[lively] % usual == 0).all()
+        and (steps[lively] > 0).mean() > 0.8
+    ):
         text = f"All channels take steps of {usual:g}: lighter touches than that are not seen."
         found.append(finding("quantised", text, confidence=0.9))
     return found
@@ -305,11 +331,13 @@ def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         shared = piled & (top == highest)
         own = piled & (often >= 3) & (cells >= 6)
         groups = [(highest, shared)] if shared.sum() >= 2 or (shared & (often >= 2)).any() else []
-        groups += [(v, own & (top == v) & (top != highest)) for v in np.unique(top[own]) if v != highest]
+        groups += [
+            (v, own & (top == v) & (top != highest)) for v in np.unique(top[own]) if v != highest
+        ]
         for value, which in groups:
             channels = lively[which]
             if len(channels):
-                text = f"{named(channels)} {'is' if len(channels) == 1 else 'are'} cut off at {value * side:g}."
+                text = subject(channels, "is", "are") + f" cut off at {value * side:g}."
                 found.append(finding("clipped", text, channels=channels, value=float(value * side)))
     return found
 
@@ -335,7 +363,7 @@ def smooth(series: NDArray[np.float32], width: int) -> FloatArray:
 def _thermal(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that follow nothing but a slow course of their own."""
     cells = len(survey.mean)
-    if cells < 24 or (episodes(survey)[~bad] > 0).mean() < 0.3:
+    if cells < 24 or survey.uniform or (episodes(survey)[~bad] > 0).mean() < 0.3:
         return []
     slow = smooth(survey.mean, max(cells // 8, 5))
     course = slow.max(axis=0) - slow.min(axis=0)
@@ -355,12 +383,12 @@ def _thermal(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if len(channels) == 0 or len(channels) > 0.35 * survey.width:
         return []
     bad[channels] = True
-    text = f"{named(channels)} follow a slow course and no touch: temperatures, not taxels."
+    text = subject(channels, "follows", "follow") + " a slow course and no touch: temperatures."
     return [finding("thermal", text, channels=channels, confidence=0.9)]
 
 
 def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
-    """Channels that are several times as noisy at rest as the others, all the time or for a while."""
+    """Channels several times as noisy at rest as the others, always or for a while."""
     lively = ~survey.constant & ~bad
     if lively.sum() < 3:
         return []
@@ -368,7 +396,7 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     several = 1 if survey.loaded else int(np.clip(len(calm) // 6, 1, 12))
     pieces = np.array_split(calm, several)
     level = np.array([np.percentile(survey.rough[own], 60.0, axis=0) for own in pieces])
-    level *= SIGMA
+    level *= SIGMA_OF_SECOND
     usual = max(float(np.median(level[:, lively])), 0.12 * survey.quantum)
     span = np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively])
     usual = max(usual, 0.002 * float(span))
@@ -378,13 +406,15 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     reach = np.percentile(survey.mean, 99.0, axis=0) - np.percentile(survey.mean, 1.0, axis=0)
     share = level / np.maximum(reach, 1e-12)  # a channel of a larger gain has more noise too
     wild = (level > limit) & lively & (share > 2.5 * np.median(share[:, lively]))
+    if survey.uniform:
+        wild &= np.abs(survey.follows) < 0.9
     found = []
     always = np.flatnonzero(wild.mean(axis=0) >= 0.75)
     some = np.flatnonzero((wild.mean(axis=0) < 0.75) & (wild.sum(axis=0) >= 2))
     if len(always) and len(always) < 0.4 * survey.width:
         bad[always] = True
         times = float(np.median(level[:, always])) / usual
-        text = f"{named(always)} {'is' if len(always) == 1 else 'are'} {times:.0f} times as noisy as the others."
+        text = subject(always, "is", "are") + f" {times:.0f} times as noisy as the others."
         found.append(finding("noisy", text, channels=always, confidence=0.97))
     for channel in some if len(some) < 0.2 * survey.width else []:
         spans = [
@@ -393,12 +423,9 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
             for a, b in spans_of(np.flatnonzero(wild[:, channel]))
         ]  # fmt: skip
         bad[channel] = True
-        text = f"{named([channel])} is noisy for a while."
+        text = f"Channel {channel} is noisy for a while."
         found.append(_placed(survey, "noisy", text, np.array([channel]), spans, 0.9))
     return found
-
-
-SIGMA = 0.5117  # of noise, per mean absolute second difference
 
 
 def _sign(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
@@ -407,23 +434,15 @@ def _sign(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if lively.sum() < 4:
         return []
     sign = 1.0 if survey.rising else -1.0
-    low, middle, high = np.percentile(survey.mean * sign, (0.5, 50.0, 99.5), axis=0)
-    up, down = high - middle, middle - low
+    low, high = np.percentile(survey.fast * sign, (0.5, 99.5), axis=0)
+    up, down = high, -low
     least = np.maximum(0.25 * np.median(up[lively]), survey.floor)
     turned = lively & (down > 3.0 * up) & (down > least)
-    skin = np.median(survey.mean[:, lively], axis=1)
-    if skin.std() > 2.0 * float(np.median(survey.floor)) / TOUCHED:
-        own = survey.mean - survey.mean.mean(axis=0)
-        follow = (own * (skin - skin.mean())[:, None]).mean(axis=0)
-        follow /= np.maximum(own.std(axis=0) * skin.std(), 1e-12)
-        if np.median(follow[lively]) > 0.8:  # all taxels feel the same
-            turned = lively & (follow < -0.6)
+    if survey.uniform:  # all taxels feel the same
+        turned = lively & (survey.follows * np.sign(np.median(survey.follows[lively])) < -0.6)
     channels = np.flatnonzero(turned)
     if len(channels) == 0 or len(channels) > 0.4 * lively.sum():
         return []
     bad[channels] = True
-    text = f"{named(channels)} fall{'s' if len(channels) == 1 else ''} where the others rise: the sign is turned."
+    text = subject(channels, "falls", "fall") + " where the others rise: the sign is turned."
     return [finding("sign", text, channels=channels, confidence=0.95)]
-
-
-TOUCHED = 6.0

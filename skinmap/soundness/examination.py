@@ -10,6 +10,7 @@ import numpy as np
 
 from skinmap.rows import column, row
 from skinmap.soundness.channel_faults import channel_faults
+from skinmap.soundness.clock_faults import clock_faults
 from skinmap.soundness.finding import Finding
 from skinmap.soundness.rest_faults import rest_faults, session_offsets
 from skinmap.soundness.set_faults import set_faults, together
@@ -79,7 +80,7 @@ def examine_track(track: Track) -> tuple[ExaminedFile, Survey]:
     with np.errstate(all="ignore"):
         looked = survey(track)
         times = time_faults(looked)
-        found = list(times.findings)
+        found = [*times.findings, *clock_faults(looked, times.step)]
         own, bad = channel_faults(looked)
         found += own
         found += rest_faults(looked, bad) or session_offsets(looked, bad)

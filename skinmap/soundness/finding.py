@@ -1,4 +1,4 @@
-"""A fault of a recording: where it is, how sure it is, the harm it does and the remedy."""
+"""A fault of a recording: its place, confidence, harm and remedy."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from skinmap.arrays import FloatArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.rows import column, row
 
 Kind = Literal[
@@ -65,15 +65,13 @@ class Finding:
     seconds: list[list[float]] | None = column(
         "First and last time of each stretch [s]; null for all, or without times.", default=None
     )
-    confidence: float = column("How sure it is, 0 to 1.")
+    confidence: float = column("Confidence, 0 to 1.")
     harm: float = column("Harm to a model or a measurement, 0 to 1.")
     matters: bool = column("Whether it makes the recording unsound.")
     text: str = column("The fault in a sentence.")
     do: str = column("The remedy.")
     value: float | UnsetType = column("Value at which the channels are clipped.", default=UNSET)
-    offset_rows: float | UnsetType = column(
-        "Skin row of the first reference row.", default=UNSET
-    )
+    offset_rows: float | UnsetType = column("Skin row of the first reference row.", default=UNSET)
     slope: float | UnsetType = column("Skin rows in one reference row.", default=UNSET)
     residual_rows: float | UnsetType = column(
         "How far the pairs of rows lie from the line [rows].", default=UNSET
@@ -123,7 +121,12 @@ def spans_of(rows: Any, join: int = 1) -> list[Span]:
     return [[int(a), int(b)] for a, b in zip(first, last, strict=True)]
 
 
-def named(channels: Sequence[int], most: int = 8) -> str:
+def subject(channels: Sequence[int] | IntArray, one: str, many: str) -> str:
+    """Channels with the verb that fits their number: "Channel 5 is", "Channels 1 and 2 are"."""
+    return f"{named(channels).capitalize()} {one if len(channels) == 1 else many}"
+
+
+def named(channels: Sequence[int] | IntArray, most: int = 8) -> str:
     """Channels in words: "channel 5", "channels 1, 2 and 14 more"."""
     head = ", ".join(str(int(one)) for one in list(channels)[:most])
     rest = f" and {len(channels) - most} more" if len(channels) > most else ""

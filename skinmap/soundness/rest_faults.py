@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.soundness.finding import Finding, finding, named
+from skinmap.soundness.finding import Finding, finding, named, subject
 from skinmap.soundness.survey import PIECES, Survey
 
 STEP = 0.65  # share of the whole change that happens at one place: a step, not a drift
@@ -19,7 +21,7 @@ def rest_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     lively = np.flatnonzero(~survey.constant & ~bad)
     if cells < 3 * PIECES or len(lively) < 2:
         return []
-    level = survey.levels[:, lively]
+    level = _without_spikes(survey.levels[:, lively])
     if survey.loaded:
         return _before_and_after(survey, lively)
     change = np.diff(level, axis=0)
@@ -29,25 +31,44 @@ def rest_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     span = np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively])
     scatter = survey.noise[lively] / np.sqrt(survey.cell)
     limit = np.maximum.reduce(
-        [6.0 * scatter, np.full(len(lively), 1.2 * survey.quantum), np.full(len(lively), 0.03 * span)]
+        [
+            6.0 * scatter,
+            np.full(len(lively), 1.2 * survey.quantum),
+            np.full(len(lively), 0.03 * span),
+        ]
     )
     moved = (reach > limit) & (rough < 1.8 * reach) & (np.abs(total) > 0.6 * reach)
     if not moved.any():
         return []
     jumps = np.abs(change)
     pair = jumps[:-1] + jumps[1:]
-    sudden = moved & (pair.max(axis=0) > STEP * np.abs(total)) & _stays(pair)
+    begin, end = np.median(level[:3], axis=0), np.median(level[-3:], axis=0)
+    sudden = (
+        moved
+        & (np.abs(end - begin) > limit)
+        & (pair.max(axis=0) > STEP * np.abs(total))
+        & _stays(pair)
+    )
     found = []
     gradual = lively[moved & ~sudden]
     if len(gradual):
         whole = len(gradual) > ALL * len(lively)
         most = float(np.median(np.abs(total[moved & ~sudden])))
-        subject = "The whole skin" if whole else named(gradual).capitalize()
-        text = f"{subject} drift{'s' if whole or len(gradual) == 1 else ''} by {most:.3g} from begin to end."
+        who = "The whole skin drifts" if whole else subject(gradual, "drifts", "drift")
+        text = f"{who} by {most:.3g} from begin to end."
         found.append(finding("drift", text, channels=None if whole else gradual, confidence=0.9))
     if sudden.any():
         found.append(_step(survey, lively, np.flatnonzero(sudden), level))
     return found
+
+
+def _without_spikes(level: FloatArray) -> FloatArray:
+    """Levels of pieces without what lasts for one piece only."""
+    inner = np.median([level[:-2], level[1:-1], level[2:]], axis=0)
+    first, last = np.median(level[:3], axis=0), np.median(level[-3:], axis=0)
+    ends = [np.where(np.abs(level[0] - inner[0]) > np.abs(first - inner[0]), level[0], first)]
+    ends.append(np.where(np.abs(level[-1] - inner[-1]) > np.abs(last - inner[-1]), level[-1], last))
+    return np.concatenate([ends[0][None], inner, ends[1][None]])
 
 
 def _stays(pair: FloatArray) -> NDArray[np.bool_]:
@@ -73,8 +94,8 @@ def _step(
     channels = lively[which]
     whole = len(channels) > ALL * len(lively)
     size = float(np.median(np.abs(end - begin)[which]))
-    subject = "the whole skin" if whole else named(channels)
-    text = f"From row {row} on the rest of {subject} is another one, by {size:.3g}."
+    who = "the whole skin" if whole else named(channels)
+    text = f"From row {row} on the rest of {who} is another one, by {size:.3g}."
     return finding(
         "rest", text, channels=None if whole else channels, rows=[[row, survey.count - 1]],
         times=survey.track.times, confidence=0.9,
@@ -120,7 +141,8 @@ def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         rests.append(np.percentile(inside, 20.0 if survey.rising else 80.0, axis=0))
         names.append(name)
         where.append([int(rows[0]), int(rows[-1])])
-    if len(rests) < 2 or any(a[0] <= b[1] and b[0] <= a[1] for a in where for b in where if a is not b):
+    turns = sorted(where)
+    if len(rests) < 2 or any(a[1] >= b[0] for a, b in pairwise(turns)):
         return []
     level = np.array(rests)
     usual = np.median(level, axis=0)

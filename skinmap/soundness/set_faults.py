@@ -53,7 +53,9 @@ def _groups(labels: list[str], groups: list[str], name: str) -> list[Finding]:
         text = f"The {name} names the label: each {name} holds one label only."
         return [finding("leak", text, confidence=0.97)]
     if alone and len(several) > 1:
-        text = f"Labels in one {name} only: {', '.join(sorted(alone)[:5])}; no {name} can be left out."
+        text = (
+            f"Labels in one {name} only: {', '.join(sorted(alone)[:5])}; no {name} can be left out."
+        )
         return [finding("leak", text, confidence=0.9, harm=0.6)]
     return []
 
@@ -106,7 +108,9 @@ def _tail(right: int, count: int, share: float) -> float:
     if count > 400:
         size = np.sqrt(count * share * (1 - share))
         return float(0.0 if right > count * share + 4.5 * size else 1.0)
-    return float(sum(comb(count, k) * share**k * (1 - share) ** (count - k) for k in range(right, count + 1)))
+    return float(
+        sum(comb(count, k) * share**k * (1 - share) ** (count - k) for k in range(right, count + 1))
+    )
 
 
 def _strength(survey: Survey, rows: IntArray) -> float:
@@ -130,7 +134,10 @@ def _unfelt(
     empty = np.flatnonzero((felt < 0.6) & (felt < 0.2 * usual) & (felt <= quiet))
     if usual < 2.0 or len(empty) == 0 or len(empty) > 0.5 * len(rows):
         return []
-    text = f"{len(empty)} labelled touches are not felt, such as {labels[empty[0]]!r} at row {rows[empty[0]][0]}."
+    text = (
+        f"{len(empty)} labelled touches are not felt, such as {labels[empty[0]]!r} at row "
+        f"{rows[empty[0]][0]}."
+    )
     spans = [[int(rows[k][0]), int(rows[k][-1])] for k in empty]
     return [finding("labels", text, rows=spans, times=survey.track.times, confidence=0.95)]
 
@@ -157,7 +164,10 @@ def _misnamed(
     clear = (own < other).mean()
     if clear < 0.9 or len(wrong) == 0 or len(wrong) > 0.25 * len(rows):
         return []
-    text = f"{len(wrong)} touches look like another label, such as {labels[wrong[0]]!r} at row {rows[wrong[0]][0]}."
+    text = (
+        f"{len(wrong)} touches look like another label, such as {labels[wrong[0]]!r} at row "
+        f"{rows[wrong[0]][0]}."
+    )
     spans = [[int(rows[k][0]), int(rows[k][-1])] for k in wrong]
     return [finding("labels", text, rows=spans, times=survey.track.times, confidence=0.85)]
 
@@ -241,7 +251,11 @@ def _common(
     kinds, first = kinds[counts == 1], a[first[counts == 1]]
     b = np.flatnonzero(other > 0)
     at = np.searchsorted(kinds, two[b])
-    hit = (at < len(kinds)) & (kinds[np.minimum(at, len(kinds) - 1)] == two[b]) if len(kinds) else np.zeros(len(b), bool)
+    hit = (
+        (at < len(kinds)) & (kinds[np.minimum(at, len(kinds) - 1)] == two[b])
+        if len(kinds)
+        else np.zeros(len(b), bool)
+    )
     if hit.sum() < SHARED:
         return None
     rows, there = first[at[hit]], b[hit]

@@ -81,13 +81,40 @@ class Survey:
         return np.asarray(self.missing > 0.9 * self.count)
 
     @cached_property
+    def fast(self) -> FloatArray:
+        """(k, n) Deviation of each cell from the running median of its channel."""
+        pieces = np.array_split(np.arange(len(self.mean)), min(PIECES, len(self.mean)))
+        middle = np.array([np.median(self.mean[own], axis=0) for own in pieces])
+        return self.mean - self._between(middle)
+
+    def _between(self, levels: FloatArray) -> FloatArray:
+        """(k, n) Levels (p, n) of pieces, at each cell."""
+        several = len(levels)
+        if several < 2:
+            return np.broadcast_to(levels, self.mean.shape)
+        middles = (np.arange(several) + 0.5) * len(self.mean) / several - 0.5
+        at = np.clip(np.arange(len(self.mean)), middles[0], middles[-1])
+        low = np.minimum(np.searchsorted(middles, at, side="right") - 1, several - 2)
+        share = ((at - middles[low]) / (middles[1] - middles[0]))[:, None]
+        return np.asarray(levels[low] * (1.0 - share) + levels[low + 1] * share)
+
+    @cached_property
     def rising(self) -> bool:
-        """Whether values rise under load: most channels reach far that way, and begin low."""
-        some = self.mean[:, ~self.constant] if not self.constant.all() else self.mean
-        low, middle, high = np.percentile(some, (1.0, 50.0, 99.0), axis=0)
-        size = np.maximum(high - low, 1e-12)
-        reach = np.clip(((high - middle) - (middle - low)) / size, -0.8, 0.8)
-        begin = np.clip((high + low - 2.0 * np.median(some[:5], axis=0)) / size, -1.0, 1.0)
+        """Whether values rise under load: most channels reach far that way.
+
+        Where all feel the same load, which may last, they begin at rest as well.
+        """
+        lively = ~self.constant if not self.constant.all() else slice(None)
+        low, high = np.percentile(self.fast[:, lively], (0.5, 99.5), axis=0)
+        reach = np.clip((high + low) / np.maximum(high - low, 1e-12), -0.8, 0.8)
+        begin = 0.0
+        if self.uniform:
+            some = self.mean[:, lively]
+            low, middle, high = np.percentile(some, (1.0, 50.0, 99.0), axis=0)
+            size = np.maximum(high - low, 1e-12)
+            reach = np.clip((high + low - 2.0 * middle) / size, -0.8, 0.8)
+            first = np.median(some[:5], axis=0)
+            begin = np.clip((high + low - 2.0 * first) / size, -1.0, 1.0)
         return bool(np.nansum(reach + begin) >= 0)
 
     @cached_property
@@ -114,9 +141,7 @@ class Survey:
     @cached_property
     def noise(self) -> FloatArray:
         """(n,) Standard deviation of each channel at rest, from its second differences."""
-        return np.asarray(
-            np.percentile(self.rough, 30.0, axis=0) * SIGMA_OF_SECOND, np.float64
-        )
+        return np.asarray(np.percentile(self.rough, 30.0, axis=0) * SIGMA_OF_SECOND, np.float64)
 
     @cached_property
     def usual_noise(self) -> float:
@@ -147,31 +172,42 @@ class Survey:
         return np.array([np.percentile(self.mean[own], share, axis=0) for own in pieces])
 
     @cached_property
-    def loaded(self) -> bool:
-        """Whether most of the skin is loaded at once, so that rest is not between touches."""
+    def follows(self) -> FloatArray:
+        """(n,) Correlation of each channel with the median of the skin, over cells."""
+        own = self.mean - self.mean.mean(axis=0)
+        course = np.median(own[:, ~self.constant], axis=1)
+        course = course - course.mean()
+        size = np.linalg.norm(course) * np.linalg.norm(own, axis=0)
+        return np.asarray(course @ own / np.maximum(size, 1e-12), np.float64)
+
+    @cached_property
+    def uniform(self) -> bool:
+        """Whether all channels feel the same load, which comes and goes."""
         lively = ~self.constant
-        if not lively.any():
+        if lively.sum() < 4 or np.median(np.abs(self.follows[lively])) < 0.8:
             return False
-        far = np.abs(self.mean - self.rest)[:, lively] > self.floor[lively]
-        if (far.mean(axis=1) > 0.5).mean() < 0.25:
+        course = np.median(self.mean[:, lively] - self.mean[0, lively], axis=1)
+        pieces = np.array([np.median(one) for one in np.array_split(course, PIECES)])
+        # A drift or a step goes one way.
+        return bool(np.abs(np.diff(pieces)).sum() > 1.5 * np.ptp(pieces))
+
+    @cached_property
+    def loaded(self) -> bool:
+        """Whether a load on the whole skin lasts, so that rest is not in each piece."""
+        if not self.uniform:
             return False
-        skin = np.median((self.levels - self.rest)[:, lively], axis=1)
-        reach = float(np.ptp(skin))
+        lively = ~self.constant
+        level = np.median((self.levels - self.rest)[:, lively], axis=1)
         course = np.median((self.mean - self.rest)[:, lively], axis=1)
-        # A drift goes one way, and slowly; a load comes and goes.
-        return bool(np.abs(np.diff(skin)).sum() > 2.0 * reach or np.ptp(course) > 2.0 * reach)
+        rough = np.abs(np.diff(level)).sum() > 1.5 * np.ptp(level)
+        return bool(rough and np.ptp(level) > 0.1 * np.ptp(course))
 
     @cached_property
     def response(self) -> NDArray[np.float32]:
         """(k, n) Deviation of each cell from rest, which may drift, positive under load."""
         sign = 1.0 if self.rising else -1.0
-        rest = self.rest[None]
-        if not self.loaded and len(self.mean) >= 3 * PIECES:
-            middles = (np.arange(PIECES) + 0.5) * len(self.mean) / PIECES - 0.5
-            at = np.clip(np.arange(len(self.mean)), middles[0], middles[-1])
-            low = np.minimum(np.searchsorted(middles, at, side="right") - 1, PIECES - 2)
-            share = ((at - middles[low]) / (middles[1] - middles[0]))[:, None]
-            rest = self.levels[low] * (1.0 - share) + self.levels[low + 1] * share
+        steady = self.loaded or len(self.mean) < 3 * PIECES
+        rest = self.rest[None] if steady else self._between(self.levels)
         return ((self.mean - rest) * sign).astype(np.float32)
 
     @cached_property
@@ -231,8 +267,8 @@ def _cells(
     """Figures of whole cells of a block; the rows behind them count for the last cell."""
     cells, width = into["mean"].shape
     whole = block[: cells * cell].astype(np.float32, copy=False).reshape(cells, cell, width)
-    into["changes"][:] = moved[: cells * cell].reshape(cells, cell, width).mean(
-        axis=1, dtype=np.float32
+    into["changes"][:] = (
+        moved[: cells * cell].reshape(cells, cell, width).mean(axis=1, dtype=np.float32)
     )
     into["mean"][:] = whole.mean(axis=1)
     into["low"][:] = whole.min(axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,13 +76,12 @@ def time_faults(survey: Survey) -> TimeFaults:
     step = _step(times, rows, track.stretches)
     pieces, restarts = _pieces(times, rows, step, track.stretches)
     if restarts:
-        spans = [[a, count - 1 if b is None else b] for a, b in restarts]
         found.append(
             finding(
                 "restart",
-                f"The clock begins anew at row {', '.join(str(a) for a, _ in spans[:5])}: a time "
-                "occurs more than once, and rows cannot be put into order by time.",
-                rows=spans, times=times,
+                f"The clock begins anew at row {', '.join(str(a) for a, _ in restarts[:5])}: a "
+                "time occurs more than once, and rows cannot be put into order by time.",
+                rows=restarts, times=times,
             )
         )  # fmt: skip
     slips = [own[times[own] != np.sort(times[own])] for own in pieces]
@@ -159,7 +159,9 @@ def _recurs(survey: Survey, rows: IntArray) -> bool:
     starts = np.array([a for a, _ in spans_of(rows)])[:2000]
     patterns = np.ascontiguousarray(survey.track.values[starts])
     _, counts = np.unique(patterns, axis=0, return_counts=True)
-    return bool(counts[counts > 1].sum() > 0.02 * len(starts) or _longest(rows) > 0.2 * survey.count)
+    return bool(
+        counts[counts > 1].sum() > 0.02 * len(starts) or _longest(rows) > 0.2 * survey.count
+    )
 
 
 def _longest(rows: IntArray) -> int:
@@ -204,20 +206,18 @@ def _repeated_finding(repeated: NDArray[np.bool_], times: FloatArray | None) -> 
 
 def _pieces(
     times: FloatArray, rows: IntArray, step: float, stretches: IntArray | None
-) -> tuple[list[IntArray], list[tuple[int, int | None]]]:
+) -> tuple[list[IntArray], list[list[int]]]:
     """Rows with one clock each, and where a clock begins anew in the middle of a stretch."""
     groups = [rows] if stretches is None else [
         rows[stretches[rows] == one] for one in np.unique(stretches[rows])
     ]  # fmt: skip
-    pieces, restarts = [], []
+    pieces: list[IntArray] = []
+    restarts: list[list[int]] = []
     for own in groups:
         cuts = _restarts(times[own], step)
         bounds = [0, *cuts, len(own)]
-        pieces += [own[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
-        restarts += [
-            (int(own[a]), int(own[b - 1]))
-            for a, b in zip(bounds[1:-1], bounds[2:], strict=True)
-        ]
+        pieces += [own[a:b] for a, b in pairwise(bounds)]
+        restarts += [[int(own[a]), int(own[b - 1])] for a, b in pairwise(bounds[1:])]
     return pieces, restarts
 
 
@@ -274,7 +274,9 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
         scatter.append(off)
         scattered.append(own)
     found = []
-    stamps = _stamps(np.concatenate(scatter), np.concatenate(scattered), times, step) if scatter else []
+    stamps = (
+        _stamps(np.concatenate(scatter), np.concatenate(scattered), times, step) if scatter else []
+    )
     if any(one.rows is None for one in stamps):  # of such times a burst is a part
         bursts, big = [], [one for one in sizes if one[0] >= 4]
         gaps, lost = [one[1] for one in big], sum(one[0] for one in big)
@@ -300,9 +302,7 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
     return found + stamps
 
 
-def _gaps(
-    times: FloatArray, inside: NDArray[np.bool_], step: float
-) -> list[tuple[int, int, int]]:
+def _gaps(times: FloatArray, inside: NDArray[np.bool_], step: float) -> list[tuple[int, int, int]]:
     """Gaps (row before, row after, rows missing) that no shorter step makes up for."""
     calm = np.flatnonzero(~inside)
     if len(calm) < 3:

@@ -172,7 +172,7 @@ def _mat(path: Path) -> dict[str, NDArray[Any]]:
             found = loadmat(path, squeeze_me=False, chars_as_strings=True)
     except NotImplementedError as error:
         raise DataFormatError("a MAT file of version 7.3; save it with -v7", path) from error
-    except Exception as error:  # noqa: BLE001 - SciPy raises whatever a damaged byte leads to
+    except Exception as error:
         raise DataFormatError(f"not a MAT file: {str(error)[:200]}", path) from error
     held = {name: np.asarray(one) for name, one in found.items() if not name.startswith("__")}
     return {name: _unboxed(one) for name, one in held.items()}
@@ -311,9 +311,13 @@ def _from_table(path: Path) -> Track:
     counts = {one: head.count(one) for one in (",", ";", "\t")}
     mark = max(counts, key=lambda one: counts[one])
     split = mark if counts[mark] else " "
-    names = [one.strip() for one in next(csv.reader([head], delimiter=split, skipinitialspace=True))]
+    names = [
+        one.strip() for one in next(csv.reader([head], delimiter=split, skipinitialspace=True))
+    ]
     if all(_is_number(one) for one in names if one):
-        raise DataFormatError("no header: a column `time` and a name for each channel expected", path)
+        raise DataFormatError(
+            "no header: a column `time` and a name for each channel expected", path
+        )
     rest = list(lines)
     if not rest:
         raise DataFormatError("a header and no rows", path)
@@ -377,7 +381,7 @@ def _numbers_of(
 
 
 def _from_recordings(path: Path) -> Track:
-    """A recording of ours: its parts beside each other."""
+    """A recording of Skinmap: its parts beside each other."""
     from skinmap.io.recordings.touch_files import load_recordings
 
     return track_of(load_recordings(path), str(path))
@@ -398,7 +402,7 @@ def track_of(recordings: Any, file: str = "recording") -> Track:
     count = min(len(one.times) for one in several)
     first = max(several, key=lambda one: len(one.labels))
     places = [_places_of(one.robot, one.part, one.pressures.shape[1]) for one in several]
-    whole = None if any(one is None for one in places) else np.concatenate(places)
+    known = [one for one in places if one is not None]
     return Track(
         file,
         np.concatenate([one.pressures[:count] for one in several], axis=1),
@@ -407,7 +411,7 @@ def track_of(recordings: Any, file: str = "recording") -> Track:
         labels=tuple(first.labels),
         sessions=tuple(first.sessions) if any(first.sessions) else (),
         people=tuple(first.people) if any(first.people) else (),
-        places=whole,
+        places=np.concatenate(known) if len(known) == len(several) else None,
     )
 
 

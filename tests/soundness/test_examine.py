@@ -1,0 +1,168 @@
+"""Recordings with one planted fault each: kind and place; clean and damaged ones."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.io import savemat
+
+import skinmap
+from benchmarks.reliability.planted_faults import PLANTS, Made, meets, sheet, track
+from skinmap.cli.main import cli
+from skinmap.errors import DataFormatError
+from skinmap.soundness.examination import examine_track, examine_tracks
+from skinmap.soundness.finding import HARM, KINDS
+from skinmap.soundness.track import Track, read_track
+
+EASY = 3  # of each fault: a skin that the generator draws may hide it
+
+
+def planted(kind: str, number: int) -> Made:
+    """A recording with a fault."""
+    rng = np.random.default_rng([77, number])
+    made = sheet(rng)
+    made.kind = kind
+    PLANTS[kind](made, rng)
+    return made
+
+
+@pytest.mark.parametrize("kind", PLANTS)
+def test_a_planted_fault_is_found_at_its_place(kind):
+    several = [planted(kind, number) for number in range(EASY)]
+    found = [examine_track(track(made))[0].findings for made in several]
+    hits = [any(meets(one, made) for one in own) for made, own in zip(several, found, strict=True)]
+    # The benchmark asks for 95 % of many; of three the generator may draw one that hides it.
+    assert sum(hits) >= EASY - 1
+
+
+def test_every_kind_has_its_harm_and_remedy():
+    assert set(HARM) == set(KINDS)
+
+
+def test_a_recording_that_is_silent_at_rest_has_no_duplicates():
+    values = np.zeros((1000, 20), np.uint8)
+    for start in range(50, 900, 100):
+        values[start : start + 40, 3:9] = (100 * np.hanning(40))[:, None]
+    own = examine_track(Track("silent", values, np.arange(1000) / 50))[0].findings
+    assert "duplicate" not in [one.kind for one in own]
+
+
+def noise(count: int = 1000, width: int = 12) -> np.ndarray:
+    return np.random.default_rng(3).normal(size=(count, width))
+
+
+def test_two_files_with_the_same_rows_are_named_together():
+    values = noise()
+    one = Track("a", values[:800], np.arange(800) / 50)
+    two = Track("b", values[300:].astype(np.float32).astype(np.float64), np.arange(700) / 50)
+    one = replace(one, values=one.values.astype(np.float32))
+    result, _ = examine_tracks([one, two])
+    (found,) = result.findings
+    assert (found.kind, found.files, found.rows) == ("repeated_recording", ["a", "b"], [[300, 799]])
+    assert not result.sound
+
+
+def test_a_reference_used_twice_is_named():
+    load = np.cumsum(np.random.default_rng(1).normal(size=2000))
+    rng = np.random.default_rng(2)
+    several = [
+        Track(name, rng.normal(size=(900, 12)), np.arange(900) / 50, reference=own)
+        for name, own in (("a", load[:1500]), ("b", load[200:]))
+    ]
+    kinds = {(one.kind, tuple(one.files)) for one in examine_tracks(several)[0].findings}
+    assert ("repeated_reference", ("a", "b")) in kinds
+
+
+def test_two_clocks_are_a_line():
+    knots = np.random.default_rng(1).uniform(0, 1, 60)
+    load = np.interp(np.arange(6000), np.arange(0, 6000, 100), knots)
+    values = np.rint(np.outer(load, np.linspace(60, 120, 20)))
+    rows = np.arange(5500)
+    own = np.interp(rows + 80.0 - 0.01 * rows, np.arange(6000), load)
+    made = Track("a", values, np.arange(6000) / 50, reference=own)
+    (found,) = [one for one in examine_track(made)[0].findings if one.kind == "clocks"]
+    # The bounds that recordings of a pressure chamber are judged by.
+    assert abs(found.offset_rows - 80) < 12
+    assert abs(found.slope + 0.01) < 0.001
+
+
+def run(*words: str) -> tuple[int, str]:
+    done = CliRunner().invoke(cli, ["examine", *map(str, words)])
+    # What `main` turns into one line and exit code 2.
+    if isinstance(done.exception, skinmap.SkinError):
+        return 2, str(done.exception)
+    assert done.exception is None or isinstance(done.exception, SystemExit)
+    return done.exit_code, done.output
+
+
+def test_the_command_prints_files_findings_and_sound(tmp_path):
+    values = noise()
+    values[:, 3] = 0.0
+    np.savez(tmp_path / "a.npz", samples=values, times=np.arange(1000) / 50)
+    code, text = run(tmp_path / "a.npz", "--json")
+    found = json.loads(text)
+    assert (code, found["sound"], found["findings"]) == (3, False, [])
+    (file,) = found["files"]
+    assert (file["rows"], file["channels"], round(file["rate_hz"])) == (1000, 12, 50)
+    (dead,) = file["findings"]
+    assert (dead["kind"], dead["channels"], dead["rows"]) == ("dead", [3], None)
+    assert set(dead) == {
+        "kind", "file", "channels", "rows", "seconds", "confidence", "harm", "matters", "text", "do"
+    }  # fmt: skip
+
+
+def test_the_same_samples_are_read_from_npz_csv_and_mat(tmp_path):
+    values, times = noise(), np.arange(1000) / 50
+    np.savez(tmp_path / "a.npz", values=values, times=times)
+    savemat(tmp_path / "a.mat", {"samples": values, "times": times})
+    head = ",".join(["time", *(f"x{k}" for k in range(12))])
+    table = np.column_stack([times, values])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=head, comments="")
+    for name in ("a.npz", "a.mat", "a.csv"):
+        found = read_track(tmp_path / name)
+        np.testing.assert_allclose(found.values, values, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found.times, times, rtol=0, atol=1e-12)
+        assert run(tmp_path / name)[0] == 0
+
+
+BAD = {
+    "empty": {"samples": np.zeros((0, 5)), "times": np.zeros(0)},
+    "one row": {"samples": np.zeros((1, 5)), "times": np.zeros(1)},
+    "one channel": {"samples": np.zeros((50, 1)), "times": np.arange(50)},
+    "all NaN": {"samples": np.full((50, 5), np.nan), "times": np.arange(50)},
+    "words": {"samples": np.full((50, 5), "a"), "times": np.arange(50)},
+    "channels": {"samples": np.zeros((2, 100_000), np.uint8), "times": np.arange(2)},
+    "no times": {"samples": noise()},
+    "text times": {"samples": noise(), "times": np.array([f"{k} s" for k in range(1000)])},
+    "milliseconds": {"samples": noise(), "times": np.arange(1000) * 20.0},
+    "microseconds": {"samples": noise(), "times": np.arange(1000) * 20_000},
+    "nanoseconds": {"samples": noise(), "times": np.arange(1000) * 20_000_000},
+    "reference only": {"pressure_bar": np.arange(50.0)},
+    "no arrays": {"head": np.array(3)},
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_named_in_one_line_or_a_finding(name, tmp_path):
+    np.savez(tmp_path / "bad.npz", **BAD[name])
+    code, text = run(tmp_path / "bad.npz")
+    assert code in (2, 3)
+    assert "bad.npz" in text
+    assert code == 3 or "\n" not in text.strip()
+
+
+def test_two_recordings_with_different_channels_are_named(tmp_path):
+    for width in (8, 12):
+        np.savez(tmp_path / f"{width}.npz", samples=noise(500, width), times=np.arange(500) / 50)
+    code, text = run(tmp_path, "--json")
+    (found,) = json.loads(text)["findings"]
+    assert (code, found["kind"], len(found["files"])) == (3, "place", 2)
+
+
+def test_a_folder_without_recordings_is_refused(tmp_path):
+    with pytest.raises(DataFormatError, match="a folder without recordings"):
+        skinmap.soundness.track.files_of(tmp_path)
