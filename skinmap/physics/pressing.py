@@ -54,12 +54,15 @@ class Pressed:
         Contact force of MuJoCo's solver, summed over contacts [N].
     centres : (t, 3) float
         Where it acts [m], in the frame of the link; NaN where nothing touches.
+    vectors : (t, 3) float
+        Sum of these forces on the skin along their normals [N], in the frame of the link.
     """
 
     springs: IntArray
     loads: FloatArray
     forces: FloatArray
     centres: FloatArray
+    vectors: FloatArray
 
 
 def press(
@@ -108,36 +111,36 @@ def press(
     _lift(mujoco, model, data, places, len(presser.mounts))
     mounts = np.array([int(name.split("_")[1]) for name in _names(model)])
     full = full_forces(presser)
-    loads, forces, centres = [], [], []
+    read: list[tuple[Any, ...]] = []
     first = model.ngeom - len(springs)
     for number, share in enumerate(course):
         data.ctrl[:] = full * share[mounts]
         mujoco.mj_step(model, data)
         if number % samples == samples - 1:
-            one = _read(data, first, len(springs), spring)
-            loads.append(one[0])
-            forces.append(one[1])
-            centres.append(one[2])
-    return Pressed(springs, np.array(loads), np.array(forces), np.array(centres))
+            read.append(_read(data, first, len(springs), spring))
+    return Pressed(springs, *(np.array(column) for column in zip(*read, strict=True)))
 
 
 def _read(
     data: Any, first: int, count: int, spring: FloatArray
-) -> tuple[FloatArray, float, FloatArray]:
-    """Force of each spring, force of all contacts, and where that acts."""
+) -> tuple[FloatArray, float, FloatArray, FloatArray]:
+    """Force of each spring, force of all contacts, where that acts, and its sum on the springs."""
     contact = data.contact
     push = np.zeros(count)
     touching = contact.dist < 0
     touching &= contact.efc_address >= 0
     if not touching.any():
-        return push, 0.0, np.full(3, np.nan)
+        return push, 0.0, np.full(3, np.nan), np.zeros(3)
     geoms = contact.geom[touching]
     rows = geoms.max(axis=1) - first
     depth = -contact.dist[touching]
     np.add.at(push, rows, depth * secant_stiffness(depth, spring[geoms.min(axis=1)]))
     force = data.efc_force[contact.efc_address[touching]]
     centre = force @ contact.pos[touching] / max(float(force.sum()), 1e-12)
-    return push, float(force.sum()), np.asarray(centre)
+    # Normals point from the first geom of a contact to the second.
+    towards = np.where(geoms[:, 1] >= first, 1.0, -1.0)
+    vector = (force * towards) @ contact.frame[touching, :3]
+    return push, float(force.sum()), np.asarray(centre), np.asarray(vector)
 
 
 def secant_stiffness(depth: FloatArray, spring: FloatArray) -> FloatArray:

@@ -704,6 +704,74 @@ class PrintsResult(Evaluated):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class ForceRow:
+    """Total normal forces of some touches; numbers are null where none was judged.
+
+    Attributes
+    ----------
+    name
+        Body or part, or `all`.
+    touches, judged
+        Pressed, and answered.
+    beyond
+        Share whose heaviest moment lies above the calibrated range: an earlier one is judged.
+    force_n_median
+        True force [N].
+    bias
+        Median of our force through the true one, less 1.
+    error_median, error_p95
+        Error as a share of the true force: median and 95th percentile.
+    plain_error_median
+        The control: pressures times the areas of active taxels.
+    direction_deg_median
+        Angle between our force and the true one [deg].
+    holds
+        Share of the true forces inside their interval of 90 %.
+    """
+
+    name: str
+    touches: int
+    judged: int
+    beyond: float
+    force_n_median: float | None
+    bias: float | None
+    error_median: float | None
+    error_p95: float | None
+    plain_error_median: float | None
+    direction_deg_median: float | None
+    holds: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ForceResult(Evaluated):
+    """The protocol `force`: forces of contacts against those of MuJoCo.
+
+    Attributes
+    ----------
+    parts
+        Judged. The width of the intervals comes from other parts and other variants.
+    bodies, per_body
+        That press, and how often each on each part.
+    physics
+        Variant that nothing is tuned on.
+    seeds
+        Of the repetitions.
+    all, by_body, by_part
+        Errors of the force.
+    """
+
+    protocol: Literal["force"] = "force"
+    parts: list[str]
+    bodies: list[str]
+    per_body: int
+    physics: str
+    seeds: list[int]
+    all: ForceRow
+    by_body: list[ForceRow]
+    by_part: list[ForceRow]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class LeakRow:
     """How much plain folds flatter a classifier.
 
@@ -816,4 +884,5 @@ EvaluateResult = (
     | FingersResult
     | HandsResult
     | PrintsResult
+    | ForceResult
 )

@@ -35,6 +35,7 @@ from skinmap.report.present import present
 from skinmap.report.result import plain
 
 PREDICTING = ("prints",)  # protocols that write what they answered
+SEEDS = {"baxter": 10, "physics": 1, "time": 1, "force": 1}  # of the others 5
 CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clean sensors
 
 
@@ -61,7 +62,7 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
 @click.option(
     "--seeds",
     type=click.IntRange(1, 1000),
-    help="Repetitions.  [default: 5; baxter: 10, physics, time: 1]",
+    help="Repetitions.  [default: 5; baxter: 10, physics, time, force: 1]",
 )
 @click.option(
     "--classifier",
@@ -77,7 +78,9 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
     metavar="four|eight|all|time|NAME,NAME...",
     help="Touches to tell apart (recordings: all by default; time: time).",
 )
-@per_gesture_option("cross-patch, physics, time: touches of each gesture on each patch or part.")
+@per_gesture_option(
+    "cross-patch, physics, time, force: touches of each gesture on each patch or part."
+)
 @click.option(
     "--variety",
     metavar="none|some|wide|X",
@@ -136,6 +139,7 @@ def command(
               skinmap evaluate --protocol physics --seeds 1 --per-gesture 5
               skinmap evaluate --protocol time --per-gesture 8
               skinmap evaluate --protocol fingers DATA
+              skinmap evaluate --protocol force --per-gesture 4
               skinmap evaluate --protocol prints TRAIN.npz TEST.npz --predictions areas.npz
               skinmap evaluate touches.npz --robot icub
               skinmap evaluate monday.mcap tuesday.mcap --leave-out session
@@ -144,7 +148,9 @@ def command(
     chosen, files = _protocol(protocol, recordings)
     if options["predictions"] and chosen not in PREDICTING:
         raise click.UsageError(f"--predictions: {chosen} writes none; of {', '.join(PREDICTING)}")
-    options["seeds"] = options["seeds"] or {"baxter": 10, "physics": 1, "time": 1}.get(chosen, 5)
+    options["seeds"] = options["seeds"] or {"baxter": 10, "physics": 1, "time": 1, "force": 1}.get(
+        chosen, 5
+    )
     options["variety"] = _variety(chosen, options["variety"])
     evaluation = find_evaluation(chosen)
     own = own_settings(evaluation.SETTINGS, chosen, options.pop("own"))

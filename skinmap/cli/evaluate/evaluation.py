@@ -18,7 +18,17 @@ if TYPE_CHECKING:
     from skinmap.classifiers.protocols.left_out import Way
     from skinmap.parallel.workers import Workers
 
-PROTOCOLS = ("kaspar", "baxter", "cross-patch", "physics", "time", "fingers", "hands", "prints")
+PROTOCOLS = (
+    "kaspar",
+    "baxter",
+    "cross-patch",
+    "physics",
+    "time",
+    "fingers",
+    "hands",
+    "prints",
+    "force",
+)
 ON_DATA = {  # protocols of files that users bring: how many, and their names
     "fingers": (1, 1, "its file or folder"),
     "hands": (1, 1, "its file or folder"),

@@ -1,0 +1,238 @@
+"""`skinmap evaluate --protocol force`: forces of contacts against those of MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from skinmap.arrays import BoolArray, FloatArray
+from skinmap.classifiers.protocols.results import ForceResult, ForceRow
+from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, percent
+from skinmap.commands.options import open_robot
+from skinmap.commands.progress import progress
+from skinmap.errors import InvalidArrayError
+from skinmap.report.table import Cell, Table
+
+if TYPE_CHECKING:
+    from skinmap.live.contacts.contact_forces import PartForces
+    from skinmap.physics.simulation import Ground
+    from skinmap.touch.prepared_skin import PreparedSkin
+    from skinmap.touch.simulation.sensing import Sensors
+
+SETTINGS = Own
+BODIES = ("poke", "full_finger", "three_finger", "whole_hand", "ball")
+TUNED_ON = ("torso", "left_forearm")  # parts whose touches set how wide the intervals are
+PEOPLE = 5
+NORMAL_90 = 1.645  # standard deviations on either side that hold 90 %
+STEPS, EACH, TOP = 9, 20, 1.2  # of the chamber: pressures, samples each, highest, 1 = firm finger
+SATURATED = 250.0  # counts
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Part:
+    """Touches on one part, each body so often: what a worker needs."""
+
+    skin: PreparedSkin
+    variant: str
+    count: int
+    seed: tuple[int, ...]
+
+
+class Judged(NamedTuple):
+    """One touch: its true force [N] and ours with its interval; NaN where it was refused."""
+
+    part: str
+    body: str
+    truth: float
+    force: float
+    low: float
+    high: float
+    plain: float  # by the areas of the taxels alone: the control
+    away_deg: float
+    whole: bool  # whether its heaviest moment lies within the calibrated range
+
+
+def work(settings: Settings) -> ForceResult:
+    """Run the protocol.
+
+    Raises
+    ------
+    SkinError
+        MuJoCo is not installed, a part that does not exist, or parts that no body fits.
+    """
+    from skinmap.parallel.run import run_tasks
+    from skinmap.physics.engine import import_mujoco
+    from skinmap.physics.variants import FROZEN
+    from skinmap.skin.checks import twin_parts
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    import_mujoco()
+    loaded, parts = open_robot(settings.robot or "icub", settings.parts)
+    twins = twin_parts({part: loaded.skin(part) for part in loaded.parts})
+    if not settings.parts:
+        tuned = {twins[part] for part in TUNED_ON if part in twins}
+        parts = tuple(p for p in parts if twins[p] == p and p not in tuned)
+    skins = [PreparedSkin(loaded.skin(part)) for part in parts]
+    tasks = [
+        Part(skin, FROZEN, settings.per_gesture, (seed, row))
+        for seed in settings.all_seeds
+        for row, skin in enumerate(skins)
+    ]
+    with progress(len(tasks), "force") as advance:
+        found = run_tasks(press_part, tasks, workers=settings.workers, progress=advance)
+    judged = [one for rows in found for one in rows]
+    if not any(np.isfinite(one.force) for one in judged):
+        raise InvalidArrayError(f"no touch could be judged on {', '.join(parts)}")
+    return ForceResult(
+        robot=loaded.name,
+        parts=list(parts),
+        bodies=list(BODIES),
+        per_body=settings.per_gesture,
+        physics=FROZEN,
+        seeds=settings.all_seeds,
+        all=row("all", judged),
+        by_body=[row(b, own) for b in BODIES if (own := [j for j in judged if j.body == b])],
+        by_part=[row(p, own) for p in parts if (own := [j for j in judged if j.part == p])],
+    )
+
+
+def press_part(task: Part) -> list[Judged]:
+    """Touch a part with each body, its taxels calibrated in a chamber before."""
+    from skinmap.live.contacts.contact_forces import PartForces
+    from skinmap.parallel.run import task_rng
+    from skinmap.physics.simulation import (
+        draw_people,
+        find_place,
+        make_ground,
+        press_place,
+        taxel_loads,
+    )
+    from skinmap.physics.variants import find_variant
+    from skinmap.touch.simulation.sensing import Sensing, Sensors
+
+    rng = task_rng(task.seed)
+    skin, variant = task.skin.skin, find_variant(task.variant)
+    ground = make_ground(skin, variant, rng=rng)
+    sensors = Sensors(skin, Sensing(), rng=rng)
+    slope, spread = in_chamber(ground, sensors, rng)
+    forces = PartForces(task.skin, ~sensors.dead)
+    people = draw_people(PEOPLE, variant, rng=rng)
+    rest, found = np.zeros((EACH, len(skin))), []
+    for body in BODIES:
+        for number in range(task.count):
+            person = people[number % PEOPLE]
+            place = find_place(ground, body, person, rng=rng)
+            if place is None:
+                break
+            pressed = press_place(ground, place, person, rate=sensors.sensing.rate, rng=rng)
+            zero = sensors.read(rest, rng=rng).mean(axis=0)
+            counts = sensors.read(taxel_loads(ground, pressed), rng=rng).astype(np.float64)
+            found.append(
+                _judge(skin.part, body, pressed.forces, pressed.vectors, counts, zero,
+                       slope, spread, forces)
+            )  # fmt: skip
+    return found
+
+
+def in_chamber(
+    ground: Ground, sensors: Sensors, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Slope (n,) [Pa a count] of each taxel under even pressures, and its doubt (n,) [Pa]."""
+    from skinmap.physics.simulation import FULL_PRESSURE
+
+    levels = np.repeat(np.linspace(0.0, TOP, STEPS), EACH)
+    n = len(ground.bed.skin)
+    counts = sensors.read(np.repeat(levels[:, None], n, axis=1), rng=rng).astype(np.float64)
+    zero = counts[:EACH].mean(axis=0)
+    pressures = levels[:, None] / FULL_PRESSURE * ground.full_scale
+    used = counts < SATURATED
+    above = np.where(used, counts - zero, 0.0)
+    slope = (above * pressures).sum(axis=0) / np.maximum((above**2).sum(axis=0), 1e-9)
+    error = np.where(used, pressures - slope * (counts - zero), 0.0)
+    return slope, np.sqrt((error**2).sum(axis=0) / np.maximum(used.sum(axis=0), 1))
+
+
+def _judge(
+    part: str,
+    body: str,
+    truth: FloatArray,
+    vectors: FloatArray,
+    counts: FloatArray,
+    zero: FloatArray,
+    slope: FloatArray,
+    spread: FloatArray,
+    forces: PartForces,
+) -> Judged:
+    """Our answer at the heaviest moment within range, which the readings alone choose."""
+    from skinmap.touch.contacts.skin_geometry import ACTIVE
+
+    inside: BoolArray = np.asarray((counts < SATURATED).all(axis=1))
+    sums = np.where(inside, counts.sum(axis=1), -1.0)
+    moment = int(sums.argmax())
+    above = counts[moment] - zero
+    pressure, half = slope * above, NORMAL_90 * spread
+    answer = forces.contact(
+        np.flatnonzero(above > ACTIVE), pressure, pressure - half, pressure + half, shared=0.5
+    )
+    whole = bool(inside[int(truth.argmax())])
+    push = vectors[moment]
+    if answer.refused or truth[moment] <= 0.0:
+        nan = float("nan")
+        return Judged(part, body, float(truth[moment]), nan, nan, nan, nan, nan, whole)
+    cosine = -answer.normal @ push / max(float(np.linalg.norm(push)), 1e-12)
+    away = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    force, low, high = answer.force
+    plain = float(np.where(above > ACTIVE, pressure, 0.0) @ forces.areas)
+    return Judged(part, body, float(truth[moment]), force, low, high, plain, away, whole)
+
+
+def row(name: str, judged: Sequence[Judged]) -> ForceRow:
+    """Errors of some touches; null where all were refused."""
+    values = np.array([one[2:8] for one in judged])
+    values = values[np.isfinite(values[:, 1])]
+    truth, force, low, high, plain, away = values.T
+    error = np.abs(force / truth - 1.0)
+    known = len(values) > 0
+    return ForceRow(
+        name=name,
+        touches=len(judged),
+        judged=len(values),
+        beyond=float(np.mean([not one.whole for one in judged])),
+        force_n_median=float(np.median(truth)) if known else None,
+        bias=float(np.median(force / truth) - 1.0) if known else None,
+        error_median=float(np.median(error)) if known else None,
+        error_p95=float(np.quantile(error, 0.95)) if known else None,
+        plain_error_median=float(np.median(np.abs(plain / truth - 1.0))) if known else None,
+        direction_deg_median=float(np.median(away)) if known else None,
+        holds=float(np.mean((low <= truth) & (truth <= high))) if known else None,
+    )
+
+
+def lines(result: ForceResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    yield (
+        f"{result.robot}, {', '.join(result.parts)}: total normal force of touches pressed by "
+        f"MuJoCo (physics {result.physics!r}), taxels calibrated by even pressures; in %"
+    )
+    head = ["", "touches", "judged", "beyond range", "median [N]", "bias", "error, median",
+            "95 %", "plain areas", "direction [deg]", "inside the interval"]  # fmt: skip
+    yield Table(head, _cells([*result.by_body, *result.by_part, result.all]))
+    yield "each touch is judged at its heaviest moment within the calibrated range"
+    yield "plain areas: the control, median error of pressures times the areas of active taxels"
+
+
+def _cells(rows: Sequence[ForceRow]) -> Rows:
+    def plain(value: float | None) -> Cell:
+        return "" if value is None else f"{value:.1f}"
+
+    return [
+        [
+            one.name, one.touches, one.judged, percent(one.beyond), plain(one.force_n_median),
+            percent(one.bias), percent(one.error_median), percent(one.error_p95),
+            percent(one.plain_error_median), plain(one.direction_deg_median), percent(one.holds),
+        ]
+        for one in rows
+    ]  # fmt: skip

@@ -1,0 +1,223 @@
+"""Force, moment, area and pressures of a contact out of the pressures of its taxels.
+
+A taxel feels the skin around it through the foam. Weights (one a taxel) are chosen so that a
+newton anywhere on the surface mesh adds up to a newton: least squares over the cells of the mesh,
+held to the plain areas of the taxels. Gaps between modules and taxels without an answer are bridged
+by their neighbours in this way, and on a curved skin each cell has its own normal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import spsolve
+
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.errors import SkinMismatchError
+from skinmap.geometry.triangles import unit
+from skinmap.physics.spring_bed import spring_bed
+from skinmap.touch.prepared_skin import PreparedSkin
+
+SPREAD = 2e-3  # of a pressure through foam, standard deviation [m]
+HELD = 0.1  # how strongly weights are held to plain areas
+# What lies between taxels: 90 % of the forces lie within this share of theirs, with the pressures
+# exact. Of touches by the tuned variants of MuJoCo; `evaluate --protocol force` judges by another.
+BETWEEN = 0.22
+FELT = 0.05  # of the peak: taxels above it may be touched
+# A contact whose pressure falls off as that of two round bodies covers 9/8 of the square of the
+# sum through the sum of the squares (Johnson, "Contact Mechanics", 1985, 3.4).
+ROUND = 9.0 / 8.0
+
+
+class Interval(NamedTuple):
+    """A value and the ends of its interval of 90 %."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ContactForce:
+    """What presses on one contact, in the frame of its link.
+
+    Attributes
+    ----------
+    force : Interval
+        Sum of the pressure over the skin [N]: all of it, also where a closed part is held around.
+    vector, moment : (3,) float
+        Force on the skin [N], and its moment about `centre` [N m].
+    normal : (3,) float
+        Outward direction against the force, unit length.
+    centre : (3,) float
+        Centre of the contact [m].
+    area : Interval
+        [m2].
+    mean, peak : Interval
+        Pressure [Pa].
+    refused : str
+        Why there is no answer; empty where there is one. All numbers are NaN then.
+    """
+
+    force: Interval
+    vector: FloatArray
+    moment: FloatArray
+    normal: FloatArray
+    centre: FloatArray
+    area: Interval
+    mean: Interval
+    peak: Interval
+    refused: str = ""
+
+    @classmethod
+    def none(cls, refused: str) -> ContactForce:
+        """Without an answer."""
+        lost, nowhere = Interval(*[float("nan")] * 3), np.full(3, np.nan)
+        return cls(lost, nowhere, nowhere, nowhere, nowhere, lost, lost, lost, refused)
+
+    def in_words(self) -> str:
+        """`12.4 N (10.9 to 14.1)`, or why not."""
+        return self.refused or "{:.3g} N ({:.3g} to {:.3g})".format(*self.force)
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON: numbers in the units of their names, null where there is no answer."""
+
+        def ends(of: Interval, scale: float = 1.0) -> list[float] | None:
+            return None if self.refused else [scale * of.low, scale * of.high]
+
+        def number(value: float) -> float | None:
+            return None if self.refused else value
+
+        def numbers(values: FloatArray) -> list[float] | None:
+            return None if self.refused else values.tolist()
+
+        return {
+            "force_n": number(self.force.value),
+            "force_n_90": ends(self.force),
+            "vector_n": numbers(self.vector),
+            "moment_nm": numbers(self.moment),
+            "normal": numbers(self.normal),
+            "centre_m": numbers(self.centre),
+            "area_mm2": number(1e6 * self.area.value),
+            "area_mm2_90": ends(self.area, 1e6),
+            "mean_kpa": number(1e-3 * self.mean.value),
+            "mean_kpa_90": ends(self.mean, 1e-3),
+            "peak_kpa": number(1e-3 * self.peak.value),
+            "peak_kpa_90": ends(self.peak, 1e-3),
+            "refused": self.refused,
+        }
+
+
+class PartForces:
+    """Adds up pressures on one part with n taxels.
+
+    Parameters
+    ----------
+    skin : PreparedSkin
+    answered : (n,) bool, optional
+        Taxels whose pressure is known; all by default. Neighbours stand for the others.
+    spread : float
+        Of a pressure through the foam, standard deviation [m].
+    areas : FloatArray
+        Plain areas of the taxels [m2].
+    weights : (n,) float
+        Force for a pressure [m2].
+    vectors, moments : (n, 3) float
+        Force on the skin [m2], and its moment about the origin of the link [m3], for a pressure.
+    """
+
+    def __init__(
+        self, skin: PreparedSkin, answered: BoolArray | None = None, *, spread: float = SPREAD
+    ) -> None:
+        n = len(skin)
+        self.answered = np.ones(n, bool) if answered is None else np.asarray(answered, bool)
+        if self.answered.shape != (n,):
+            raise SkinMismatchError(f"{len(self.answered)} taxels are calibrated, the part has {n}")
+        self.skin, self.areas = skin, skin.geometry.areas
+        bed = spring_bed(skin.skin, skin.mesh)
+        own = np.flatnonzero(self.answered)
+        feels = csr_array(bed.spread(spread)[own])
+        moments = np.cross(bed.places, bed.normals)
+        wanted = np.column_stack([np.ones(len(bed.places)), -bed.normals, -moments])
+        normals, places = skin.skin.normals[own], skin.skin.positions[own]
+        plain = self.areas[own, None] * np.column_stack(
+            [np.ones(len(own)), -normals, -np.cross(places, normals)]
+        )
+        square = feels @ feels.T
+        # A taxel that feels no cell keeps its plain area.
+        held = diags_array(HELD * np.maximum(square.diagonal(), 1e-6))
+        found = np.zeros((n, 7))
+        found[own] = spsolve((square + held).tocsc(), feels @ wanted + held @ plain)
+        self.weights, self.vectors, self.moments = found[:, 0], found[:, 1:4], found[:, 4:]
+
+    def contact(
+        self,
+        taxels: IntArray,
+        values: FloatArray,
+        low: FloatArray,
+        high: FloatArray,
+        *,
+        shared: float | FloatArray = 1.0,
+    ) -> ContactForce:
+        """Force of the contact that covers some taxels (k,).
+
+        Parameters
+        ----------
+        values, low, high : (n,) float
+            Pressures of the part and ends of their intervals of 90 % [Pa]; NaN above the range of
+            the calibration and where a taxel is not answered.
+        shared : float or (n,) float
+            Share of the variance that all taxels have in common: it does not average out.
+        """
+        around = np.unique(np.append(self.skin.geometry.beside[taxels].ravel(), taxels))
+        rows = around[around < len(self.skin)]
+        rows = rows[self.answered[rows]]
+        if not self.answered[taxels].any():
+            return ContactForce.none("none of its taxels is calibrated")
+        pressure = values[rows]
+        if not np.isfinite(pressure).all():
+            return ContactForce.none("above the calibrated range")
+        weight = np.maximum(self.weights[rows], 0.0)
+        total = float(pressure @ self.weights[rows])
+        if total <= 0.0 or pressure.max() <= 0.0:
+            return ContactForce.none("too light for a force")
+        half = np.stack([pressure - low[rows], high[rows] - pressure])
+        common = np.sqrt(np.broadcast_to(shared, self.answered.shape)[rows])
+        alone = np.sqrt(1.0 - common**2)
+        away = np.hypot((half * common) @ weight, np.linalg.norm(half * alone * weight, axis=1))
+        below, above = np.hypot(away, BETWEEN * total).tolist()
+        force = Interval(total, max(0.0, total - below), total + above)
+        places = self.skin.skin.positions[rows]
+        pressed = np.maximum(pressure, 0.0)
+        centre = pressed * weight @ places / (pressed @ weight)
+        vector = pressure @ self.vectors[rows]
+        moment = pressure @ self.moments[rows] - np.cross(centre, vector)
+        area = self._area(rows, pressed)
+        top = int(pressure.argmax())
+        return ContactForce(
+            force,
+            vector,
+            moment,
+            -unit(vector),
+            centre,
+            area,
+            Interval(total / area.value, force.low / area.high, force.high / area.low),
+            # What stands between taxels may be pressed harder than any of them.
+            Interval(
+                float(pressure[top]),
+                float(low[rows[top]]),
+                float(high[rows[top]]) + BETWEEN * float(pressure[top]),
+            ),
+        )
+
+    def _area(self, rows: IntArray, pressed: FloatArray) -> Interval:
+        """At least what is pressed half as hard as the peak, at most all that feels it."""
+        areas = self.areas[rows]
+        peak = pressed.max()
+        low = float(areas[pressed >= 0.5 * peak].sum())
+        high = float(areas[pressed >= FELT * peak].sum())
+        guess = ROUND * float((pressed @ areas) ** 2 / (pressed**2 @ areas))
+        return Interval(float(np.clip(guess, low, high)), low, high)
