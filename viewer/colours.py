@@ -83,7 +83,13 @@ CLASS_COLOURS = (
     "#1f6fd0", "#5a961f", "#6a1b7a", "#101418", "#27c6a9", "#94bf57",
     "#ee8dfa", "#015f03", "#996882",
 )  # fmt: skip
+# Of touches that are told by their course: at least 0.17 from each other and from those above.
+MOTION_COLOURS = (
+    "#c982d4", "#465343", "#401d4c", "#4c40ae", "#50af7e", "#3d9151", "#040a6f", "#9485a8",
+)  # fmt: skip
 NAMELESS = "#66717d"
+READABLE = 4.5  # contrast of letters (WCAG 2.1)
+BLACK = "#000000"
 NO_NAMES = ("touch", "unknown", "no_contact")  # as the loop and classifiers have them
 
 
@@ -113,12 +119,16 @@ def ramp(stops_: Sequence[tuple[float, str]], n: int = 256) -> NDArray[np.uint8]
 
 
 def class_colour(label: str) -> str:
-    """The colour of a class of touches: the same in every picture and every run."""
+    """The colour of a class of touches: the same in every picture and every run.
+
+    Each name of ours has its own; other names take one by their letters.
+    """
     if label in NO_NAMES:
         return NAMELESS
-    names = [*GESTURES, *TIME]
-    number = names.index(label) if label in names else len(names) + zlib.crc32(label.encode())
-    return CLASS_COLOURS[number % len(CLASS_COLOURS)]
+    own = dict(zip(GESTURES, CLASS_COLOURS, strict=False))
+    own |= dict(zip(TIME, MOTION_COLOURS, strict=False))
+    every = (*CLASS_COLOURS, *MOTION_COLOURS)
+    return own.get(label) or every[zlib.crc32(label.encode()) % len(every)]
 
 
 def faded(colour: str) -> str:
@@ -133,10 +143,13 @@ def luminance(colours: FloatArray) -> FloatArray:
     return np.asarray(linear @ np.array([0.2126, 0.7152, 0.0722]))
 
 
-def ink_on(colour: str) -> str:
-    """White letters where they can be read on a colour, else dark ones.
+def contrast(colour: str, other: str) -> float:
+    """1 to 21, of letters on their ground (WCAG 2.1)."""
+    light = luminance(np.array([rgb(colour), rgb(other)])) + 0.05
+    return float(light.max() / light.min())
 
-    A contrast of 3 is enough for large bold letters (WCAG 2.1).
-    """
-    light = float(luminance(rgb(colour)[None])[0]) + 0.05
-    return "#ffffff" if 1.05 / light > 3.0 else INK
+
+@lru_cache(maxsize=256)
+def ink_on(colour: str) -> str:
+    """White, dark or black letters, the first that can be read on a colour."""
+    return next(ink for ink in ("#ffffff", INK, BLACK) if contrast(ink, colour) >= READABLE)

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from skinmap.touch.simulation.gestures import GESTURES
+import skinmap
+from skinmap.touch.simulation.gestures import GESTURES, TIME
 from viewer.colours import (
     BACKGROUND,
     BODY,
@@ -10,6 +11,8 @@ from viewer.colours import (
     DISTORTION_STOPS,
     FAINT,
     HEALTH,
+    MOTION_COLOURS,
+    NAMELESS,
     NONE,
     PANEL,
     PRESSURE_STOPS,
@@ -136,10 +139,21 @@ def test_grey_letters_can_be_read():
 
 
 def test_letters_on_a_label_can_be_read():
-    for colour in CLASS_COLOURS:
+    greys = [f"#{level:02x}{level:02x}{level:02x}" for level in range(256)]
+    for colour in (*CLASS_COLOURS, *MOTION_COLOURS, NAMELESS, *greys):
         light = luminance(np.array([rgb(colour), rgb(ink_on(colour))]))
-        # WCAG 2.1, large bold text: a contrast of at least 3.
-        assert (light.max() + 0.05) / (light.min() + 0.05) > 3.0
+        assert (light.max() + 0.05) / (light.min() + 0.05) >= 4.5  # WCAG 2.1, any letters
+
+
+def test_no_two_names_share_a_colour():
+    names = {*GESTURES, *TIME, *skinmap.default_model().labels, "touch"}
+    assert len({class_colour(name) for name in names}) == len(names)
+
+
+@pytest.mark.parametrize("kind", DICHROMATS)
+def test_colours_of_all_names_stay_apart_for_colour_blind_eyes(kind):
+    every = np.array([rgb(name) for name in (*CLASS_COLOURS, *MOTION_COLOURS)])
+    assert least_apart(seen(every, kind)) > 0.17
 
 
 def test_touches_without_a_name_are_grey():

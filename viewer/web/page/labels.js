@@ -6,11 +6,22 @@ import { colours } from "./theme.js";
 const GAP = 6; // between two boxes [px]
 const SVG = "http://www.w3.org/2000/svg";
 
-// The colour of a class for letters on white; ink where it is too light to be read.
+const READABLE = 4.5; // contrast of letters (WCAG 2.1)
+const linear = (share) => (share <= 0.04045 ? share / 12.92 : ((share + 0.055) / 1.055) ** 2.4);
+
+// 1 to 21, of letters on their ground.
+export function contrast(one, other) {
+  const [a, b] = [one, other].map((hex) => {
+    const [r, g, blue] = colour(hex).map(linear);
+    return 0.2126 * r + 0.7152 * g + 0.0722 * blue + 0.05;
+  });
+  return Math.max(a, b) / Math.min(a, b);
+}
+
+// The colour of a class for letters on a panel; ink where they could not be read.
 export function readable(hex) {
-  const [r, g, b] = colour(hex);
-  const light = 0.21 * r + 0.72 * g + 0.07 * b, { dark, ink } = colours();
-  return (dark ? light < 0.45 : light > 0.42) ? ink : hex;
+  const { card, ink } = colours();
+  return contrast(hex, card) < READABLE ? ink : hex;
 }
 
 export class Labels {

@@ -1,5 +1,6 @@
 // Touches on the time line: a coloured span for each, above the slider.
 
+import { contrast } from "./labels.js";
 import { colours } from "./theme.js";
 
 const EDGE = 8; // of the slider: half its handle [px]
@@ -31,6 +32,9 @@ export class Timeline {
       const left = place(Math.max(from, first)), right = place(Math.min(to, last));
       pen.fillStyle = tint;
       pen.fillRect(left, 1, Math.max(2, right - left), height - 2);
+      if (contrast(tint, colours().card) > 2) continue; // dark on dark, light on light: a rim shows it
+      pen.strokeStyle = colours().faint;
+      pen.strokeRect(left + 0.5, 1.5, Math.max(2, right - left) - 1, height - 3);
     }
   }
 }
