@@ -286,8 +286,8 @@ def _versions(libraries: Iterable[str]) -> dict[str, str]:
 
 
 def _warn_of_versions(made_with: dict[str, str], path: Path) -> None:
-    """Major and minor versions only: patches keep estimators as they are."""
-    now = _versions([name for name in LIBRARIES if name in made_with])
+    """Major and minor versions only, as patches keep estimators, and all of NumPy its arrays."""
+    now = _versions([name for name in LIBRARIES[1:] if name in made_with])
     other = [
         f"{name} {made_with.get(name, 'unknown')} (here {have})"
         for name, have in now.items()
