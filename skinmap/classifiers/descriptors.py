@@ -11,11 +11,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import FloatArray
 from skinmap.errors import NotFittedError
-from skinmap.geometry.rigid import plane_turns
 from skinmap.neighbours.offsets import LATTICE, Neighbourhoods, concatenate
-from skinmap.neighbours.structures import Prototypes, Structures, assign, find_structures
+from skinmap.neighbours.structures import adopt_nearest, assign, find_structures
 from skinmap.touch.contacts.contact_geometry import contact_geometry
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, MOVES, in_time, motion_features
 from skinmap.touch.contacts.rest import felt
@@ -32,53 +31,8 @@ from skinmap.touch.histograms.votes import VoteCounter
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 
-
-def adopt_nearest(hoods: Neighbourhoods, found: Structures) -> Structures:
-    """Structures in which taxels of none (-1) take the nearest prototype.
-
-    The distance of a neighbourhood from a prototype is the mean, over the points of both, of
-    the distance to the nearest point of the other, cut off at twice the tolerance (under half
-    a pitch, where another taxel's place begins). Places without a neighbour within that read
-    as rest. Taxels without neighbours stay without structure.
-    """
-    shapes = found.prototypes
-    strangers = np.flatnonzero((found.labels < 0) & hoods.filled.any(axis=1))
-    if len(strangers) == 0 or len(shapes) == 0:
-        return found
-    limit = 2.0 * shapes.tolerance
-    best = np.full(len(strangers), np.inf)
-    labels, rotation = found.labels.copy(), found.rotation.copy()
-    neighbours = found.neighbours.copy()
-    for s in range(len(shapes)):
-        for step in range(shapes.rotations):
-            cost, places = _distance(hoods, strangers, shapes, s, step, limit)
-            better = cost < best
-            chosen = strangers[better]
-            best[better], labels[chosen], rotation[chosen] = cost[better], s, step
-            neighbours[chosen] = places[better]
-    return Structures(shapes, labels, neighbours, rotation)
-
-
-def _distance(
-    hoods: Neighbourhoods, rows: IntArray, shapes: Prototypes, s: int, step: int, limit: float
-) -> tuple[FloatArray, IntArray]:
-    """Distance (r,) of some taxels from a turned prototype, and the neighbour in each place."""
-    turn = plane_turns(2.0 * np.pi * step / shapes.rotations)
-    turned, filled = shapes.offsets[s] @ turn.T, shapes.filled[s]
-    holds = hoods.filled[rows]
-    gap = np.linalg.norm(hoods.offsets[rows][:, None] - turned[None, :, None], axis=3)
-    gap = np.where(holds[:, None] & filled[None, :, None], gap, np.inf)
-    forth, back = np.minimum(gap.min(axis=2), limit), np.minimum(gap.min(axis=1), limit)
-    total = (forth * filled).sum(axis=1) + (back * holds).sum(axis=1)
-    nearest = gap.argmin(axis=2)
-    close = np.take_along_axis(gap, nearest[..., None], 2)[..., 0] < limit
-    index = np.take_along_axis(hoods.index[rows], nearest, 1)
-    return total / (filled.sum() + holds.sum(axis=1)), np.where(close, index, -1)
-
-
 ROWS = 8  # samples of one touch that histograms are counted on: neighbours in time are alike
 BOOK_SAMPLES = 120  # samples of one part that the codebook is learnt from
-Unseen = Literal["skip", "nearest"]
 Distance = Literal["euclidean", "geodesic"]
 logger = logging.getLogger(__name__)
 HELP_FOLDS = 3
@@ -253,9 +207,6 @@ class Histograms:
         rest dropped and one row a touch, the mean over its samples.
     words : int
         Codewords a structure.
-    unseen : {"skip", "nearest"}
-        What becomes of taxels that match no learnt structure: they do not vote, or vote as
-        the structure that is nearest to theirs.
     radius : float, optional
         Of the neighbourhoods [m]; the skin's own by default.
     rotations : {1, 4, 6}, optional
@@ -269,12 +220,11 @@ class Histograms:
         *,
         literal: bool = False,
         words: int = WORDS,
-        unseen: Unseen = "skip",
         radius: float | None = None,
         rotations: int | None = None,
         distance: Distance = "euclidean",
     ) -> None:
-        self.literal, self.words, self.unseen = literal, words, unseen
+        self.literal, self.words = literal, words
         self.radius, self.rotations, self.distance = radius, rotations, distance
         self.codebook: Codebook | None = None
         self._counters: dict[PreparedSkin, VoteCounter] = {}
@@ -286,7 +236,9 @@ class Histograms:
         hoods = {skin: self._hoods(skin, rotations) for skin in skins}
         found = find_structures(concatenate(list(hoods.values())), rotations=rotations)
         self._counters = {}
-        matched = {skin: assign(own, found.prototypes) for skin, own in hoods.items()}
+        matched = {
+            skin: adopt_nearest(own, assign(own, found.prototypes)) for skin, own in hoods.items()
+        }
         pools = []
         for skin in skins:
             own = [touch.samples for touch in touches if touch.skin is skin]
@@ -316,9 +268,8 @@ class Histograms:
         known = self._counters.get(skin)
         if known is None or (compiled and not known.compiled):
             hoods = self._hoods(skin, self.codebook.prototypes.rotations)
-            matched = assign(hoods, self.codebook.prototypes)
-            if self.unseen == "nearest":
-                matched = adopt_nearest(hoods, matched)
+            # A taxel whose structure was never learnt votes as the one that it resembles most.
+            matched = adopt_nearest(hoods, assign(hoods, self.codebook.prototypes))
             known = VoteCounter(self.codebook, matched, compiled=compiled)
             self._counters[skin] = known
             voting = np.count_nonzero(matched.labels >= 0)

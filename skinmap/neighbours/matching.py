@@ -89,6 +89,8 @@ def clockwise(offsets: FloatArray, filled: BoolArray) -> IntArray:
 
 
 PAYS = 20_000_000  # combinations; below, the import of numba costs more than it saves
+TYPICAL = 32  # neighbours; more of them cost far more
+LOOKS = 8  # places of wide neighbourhoods that are looked at before all are
 CELLS = 13  # cells of the coarse raster along one axis: all of them fit into three words
 WORDS = -(-CELLS * CELLS // 64)
 TRIPLES = 16384  # neighbourhood, prototype and rotation that are matched at a time
@@ -203,6 +205,7 @@ def match_costs(
     if 0 in shape:
         return cost, stray, turn
     combinations = len(rows) * len(ready.count) * ready.offsets.shape[1]
+    combinations *= max(1, seen.filled.shape[1] // TYPICAL) ** 3
     compiled = pays(combinations, PAYS) if compiled is None else compiled
     kernel = compiled_loop(_match) if compiled else None
     if kernel is not None:
@@ -284,7 +287,9 @@ def _passing(seen: View, rows: IntArray, ready: Matcher) -> Iterator[Triples]:
     held, must = seen.held[rows], seen.needed[rows]
     words = np.ascontiguousarray(seen.raster[rows].T)
     batch: list[tuple[IntArray, int, int]] = []
-    size = 0
+    width, size = seen.filled.shape[1], 0
+    # Pairings of wide neighbourhoods cost much, so a few places are looked at before.
+    wide, most = width > 2 * TYPICAL, max(1, TRIPLES * TYPICAL**2 // max(width, TYPICAL) ** 2)
     for s in range(len(ready.count)):
         able = np.flatnonzero((must <= ready.count[s]) & (held >= ready.needed[s]))
         for t in range(ready.offsets.shape[1]):
@@ -297,10 +302,17 @@ def _passing(seen: View, rows: IntArray, ready: Matcher) -> Iterator[Triples]:
                 for word in range(1, WORDS):
                     hit |= words[word][left] & mask[word]
                 left = left[hit != 0]
+            for place in np.flatnonzero(ready.required[s])[:: width // LOOKS] if wide else ():
+                step = seen.hoods.offsets[rows[left]] - ready.offsets[s, t, place]
+                gap = step[..., 0] ** 2 + step[..., 1] ** 2
+                near = np.where(seen.filled[rows[left]], gap, np.inf).min(axis=1, initial=np.inf)
+                left = left[near <= ready.reach**2]
+                if len(left) == 0:
+                    break
             if len(left):
                 batch.append((left, s, t))
                 size += len(left)
-            if size >= TRIPLES:
+            if size >= most:
                 yield _joined(batch)
                 batch, size = [], 0
     if batch:
@@ -357,6 +369,11 @@ def _match(
                             gap[p], partner[p] = d, j
                         if d < near[j]:
                             near[j], place[j] = d, p
+                    if required[s, p] and gap[p] > reach2:
+                        fits = False
+                        break
+                if not fits:
+                    continue
                 total, lone, number = 0.0, 0.0, 0
                 for p in range(count[s]):
                     if gap[p] <= reach2 and place[partner[p]] == p:

@@ -32,6 +32,7 @@ from skinmap.neighbours.offsets import (
     neighbourhoods,
     ramp,
 )
+from skinmap.neighbours.resemblance import cover_resembling, most_alike
 from skinmap.summary import Summary, listed
 
 __all__ = ["RADIUS", "TOLERANCE", "Prototypes", "Structures", "assign", "find_structures"]
@@ -43,9 +44,12 @@ CANDIDATES = 96  # shapes that are compared at a time, and
 COLUMNS = 512  # neighbourhoods that they are counted on: sampled evenly from what is uncovered
 POOLS = 16  # rounds of candidates
 REFINED = 3  # times that a prototype moves to the mean of its members
-MAX_PROTOTYPES = 512  # prototypes: what noise leaves beyond them has no structure
+MAX_PROTOTYPES = 512  # prototypes: what is left beyond them takes the one that it resembles most
 RARELY = 0.25  # a place that holds less of a neighbour than this, on average, is none
-ROWS = 16384  # neighbourhoods assigned at a time
+PAIRS = 1 << 23  # of neighbours and places that are compared at a time
+NOISY = 0.5  # share of the taxels: where so many match no other's shape, noise is to blame, unless
+WIDE = 32  # neighbours or more make shapes that differ wherever a patch ends
+AVERAGED = 2  # times that shapes move to the mean of what resembles them
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -56,7 +60,7 @@ class Structures(Summary):
     ----------
     prototypes : Prototypes
     labels : (n,) int
-        Structure of each taxel, the most common first; -1 for none.
+        Structure of each taxel, the most common first; -1 for none, which only `assign` gives.
     neighbours : (n, k) int
         Taxel in each place of the taxel's prototype, so in its order; -1 for none.
     rotation : (n,) int
@@ -106,7 +110,8 @@ def find_structures(
     Of a sample of uncovered neighbourhoods the one that matches most others becomes a prototype;
     it moves to the mean of its members before the next is chosen, so that its own noise does not
     count. What no prototype covers may join one that it strays from a little (see `assign`); what
-    is still left gets shapes of its own.
+    is still left gets shapes of its own. Where positions are so noisy that most would be left,
+    neighbourhoods need only resemble each other (`resemblance.py`): every taxel has a structure.
 
     Parameters
     ----------
@@ -150,12 +155,55 @@ def find_structures(
     shapes, left = _cover(seen, order, none, compiled)
     if len(shapes):
         shapes = _settled(seen, shapes, compiled)
-        labels = _assigned(seen, shapes, compiled).labels
-        left = order[labels[order] < 0]
+        left = _unmatched(seen, shapes, order, compiled)
+    if len(left) > NOISY * len(hoods) and hoods.index.shape[1] <= WIDE:
+        return _resembling(hoods, order, none)
     if len(left):
-        own, _ = _cover(seen, left, none, compiled, fewest=1)
+        shapes = shapes.joined(_cover(seen, left, none, compiled, fewest=1)[0])
+        left = _unmatched(seen, shapes, order, compiled)[: max(MAX_PROTOTYPES - len(shapes), 0)]
+        own = as_prototypes(hoods, left, tolerance=tolerance, rotations=rotations)
         shapes = shapes.joined(own)
-    return _by_frequency(_assigned(seen, shapes, compiled))
+    return _by_frequency(adopt_nearest(hoods, _assigned(seen, shapes, compiled)))
+
+
+def _unmatched(seen: View, shapes: Prototypes, rows: IntArray, compiled: bool | None) -> IntArray:
+    """Those of some rows that match no shape."""
+    return rows[_assigned(seen, shapes, compiled).labels[rows] < 0]
+
+
+def _resembling(hoods: Neighbourhoods, rows: IntArray, none: Prototypes) -> Structures:
+    """Structures of neighbourhoods that resemble each other, each moved to its members' mean."""
+    shapes = cover_resembling(hoods, rows, none, most=MAX_PROTOTYPES)
+    found = _by_frequency(adopt_nearest(hoods, _nowhere(len(hoods), shapes)))
+    for _ in range(AVERAGED):
+        moved = none
+        for s in range(len(found.prototypes)):
+            moved = moved.joined(_mean(hoods, found, s, np.flatnonzero(found.labels == s)))
+        found = _by_frequency(adopt_nearest(hoods, _nowhere(len(hoods), moved)))
+    return found
+
+
+def _nowhere(n: int, shapes: Prototypes) -> Structures:
+    """Structures of n taxels before any of them has one."""
+    empty = np.full((n, shapes.offsets.shape[1]), -1)
+    return Structures(shapes, np.full(n, -1), empty, np.zeros(n, np.int64))
+
+
+def adopt_nearest(hoods: Neighbourhoods, found: Structures) -> Structures:
+    """Structures in which taxels of none (-1) take the prototype that they resemble most.
+
+    Places without a neighbour within twice the tolerance read as rest. Where there is no
+    prototype at all, labels stay -1.
+    """
+    strangers = np.flatnonzero(found.labels < 0)
+    if len(strangers) == 0 or len(found.prototypes) == 0:
+        return found
+    labels, rotation = found.labels.copy(), found.rotation.copy()
+    neighbours = found.neighbours.copy()
+    labels[strangers], rotation[strangers], neighbours[strangers] = most_alike(
+        hoods, strangers, found.prototypes
+    )
+    return Structures(found.prototypes, labels, neighbours, rotation)
 
 
 def _flat_neighbourhoods(flat: FlatMap, radius: float) -> Neighbourhoods:
@@ -204,12 +252,13 @@ def _assigned(seen: View, prototypes: Prototypes, compiled: bool | None) -> Stru
     hoods, n = seen.hoods, len(seen.hoods)
     labels, turn = np.full(n, -1), np.zeros(n, np.int64)
     neighbours = np.full((n, prototypes.offsets.shape[1]), -1)
+    step = max(1, PAIRS // neighbours[:1].size // max(hoods.index.shape[1], 1))
     tolerance = prototypes.tolerance
     for reach, rms in ((tolerance, tolerance), (STRAY * tolerance, tolerance / STRAY)):
         ready = matcher(prototypes, hoods, reach=reach)
         waiting = np.flatnonzero(labels < 0)
-        for start in range(0, len(waiting), ROWS):
-            rows = waiting[start : start + ROWS]
+        for start in range(0, len(waiting), step):
+            rows = waiting[start : start + step]
             cost, stray, turns = match_costs(seen, rows, ready, compiled=compiled)
             cost[stray > rms**2] = np.inf
             best, lowest = _lowest(cost)
@@ -353,15 +402,19 @@ def _settled(seen: View, shapes: Prototypes, compiled: bool | None) -> Prototype
     kept = found.prototypes.take(np.zeros(0, np.int64))
     ends = np.searchsorted(found.labels[order], np.arange(len(found.prototypes) + 1))
     for s in range(len(found.prototypes)):
-        members = order[ends[s] : ends[s + 1]]
-        same = hoods.index[members][:, None, :] == found.neighbours[members][:, :, None]
-        same &= found.neighbours[members][:, :, None] >= 0
-        partner = np.where(same.any(axis=2), same.argmax(axis=2), -1)
-        shape = found.prototypes.take(np.array([s]))
-        shape = _refined(hoods, shape, members, (found.rotation[members], partner))
+        shape = _mean(hoods, found, s, order[ends[s] : ends[s + 1]])
         if not _matches_any(shape, kept, hoods):
             kept = kept.joined(shape)
     return kept
+
+
+def _mean(hoods: Neighbourhoods, found: Structures, s: int, members: IntArray) -> Prototypes:
+    """One prototype moved to the mean of its members."""
+    same = hoods.index[members][:, None, :] == found.neighbours[members][:, :, None]
+    same &= found.neighbours[members][:, :, None] >= 0
+    partner = np.where(same.any(axis=2), same.argmax(axis=2), -1)
+    shape = found.prototypes.take(np.array([s]))
+    return _refined(hoods, shape, members, (found.rotation[members], partner))
 
 
 def _matches_any(shape: Prototypes, others: Prototypes, hoods: Neighbourhoods) -> bool:

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from sklearn.base import BaseEstimator
 
-from skinmap.classifiers.classifier import TouchClassifier, classifiers
-from skinmap.classifiers.descriptors import Histograms, Touch, recorded_touches
+from skinmap.classifiers.classifier import classifiers
+from skinmap.classifiers.descriptors import Touch, recorded_touches
 from skinmap.classifiers.evaluate import Score, score
 from skinmap.classifiers.protocols.folds import mean_and_spread
 from skinmap.classifiers.protocols.results import PatchesRow
@@ -53,8 +53,7 @@ def _cut(skin: Skin, rows: np.ndarray, number: int) -> Skin:
     )
 
 
-DEFAULTS = ("contact-geometry", "histogram", "histogram:nearest", "paper")
-NEAREST = ":nearest"
+DEFAULTS = ("contact-geometry", "histogram", "paper")
 Scores = Mapping[str, Score]  # by patch
 
 
@@ -241,7 +240,7 @@ def score_patches(
 def _run(trial: _Trial) -> dict[str, Score]:
     """Train once; scores for each test patch by name."""
     touches = [touch for patch in trial.train for touch in patch.touches]
-    model = make(trial.classifier).fit(touches, rng=task_rng(trial.seed))
+    model = classifiers.get(trial.classifier)().fit(touches, rng=task_rng(trial.seed))
     return {patch.name: score(model, patch.touches) for patch in trial.test}
 
 
@@ -253,26 +252,10 @@ def check_carries_over(names: Sequence[str]) -> None:
     InvalidArrayError, UnknownNameError
     """
     for name in names:
-        if getattr(make(name).descriptor, "one_skin", False):
+        if getattr(classifiers.get(name)().descriptor, "one_skin", False):
             raise InvalidArrayError(
                 f"{name!r} learns the taxels of one part: it cannot be tested on another"
             )
-
-
-def make(name: str) -> TouchClassifier:
-    """An untrained classifier by its name; "histogram:nearest" adopts unseen structures.
-
-    Raises
-    ------
-    UnknownNameError, InvalidArrayError
-        No such classifier, or one without structures that could be adopted.
-    """
-    model = classifiers.get(name.removesuffix(NEAREST))()
-    if name.endswith(NEAREST):
-        if not isinstance(model.descriptor, Histograms):
-            raise InvalidArrayError(f"{name!r}: only histograms know structures")
-        model.descriptor.unseen = "nearest"
-    return model
 
 
 def summarise(name: str, seeds: Sequence[Scores]) -> PatchesRow:
@@ -293,7 +276,7 @@ def summarise(name: str, seeds: Sequence[Scores]) -> PatchesRow:
     worst = min(per_patch, key=lambda patch: per_patch[patch])
     return PatchesRow(
         features=name,
-        classifier=_machine(make(name).estimator),
+        classifier=_machine(classifiers.get(name)().estimator),
         mean=mean,
         std=std,
         worst=per_patch[worst],
