@@ -22,6 +22,7 @@ from skinmap.flat.periodic import METHOD as PERIODIC
 from skinmap.flat.periodic import periodic_map, tube_rims
 from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
 from skinmap.flat.seams import CutMesh, open_surface, price_of, touch_counts
+from skinmap.geometry.raster import enclosing_triangles
 from skinmap.geometry.topology import check_surface, edges
 from skinmap.skin.svg_picture import svg_picture
 from skinmap.summary import Drawable, Summary, listed
@@ -137,6 +138,45 @@ class FlatMap(Drawable):
     def flips(self) -> int:
         """Triangles turned over, all charts together."""
         return sum(chart.distortion.flips for chart in self.charts)
+
+    def on_body(self, points: ArrayLike) -> FloatArray:
+        """Where points of the map lie on the body, in the frame of its link.
+
+        The inverse of the map, linear in each of its triangles: vertices of a chart come back to
+        their taxels.
+
+        Parameters
+        ----------
+        points : (p, 2) array-like of float
+            Map coordinates [m].
+
+        Returns
+        -------
+        (p, 3) array of float
+            Positions [m]; NaN for points beside the map.
+
+        Raises
+        ------
+        InvalidArrayError
+            Points that are not finite, or not of two coordinates.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import skinmap
+        >>> skin = skinmap.load_robot("kaspar").skin("left_hand")
+        >>> flat = skinmap.flatten(skinmap.build_surface(skin))
+        >>> bool(np.allclose(flat.on_body(flat.uv), skin.positions))
+        True
+        """
+        wanted = check_finite(points, "points of the map", (None, 2))
+        found = np.full((len(wanted), 3), np.nan)
+        for chart in self.charts:
+            face, weights = enclosing_triangles(chart.uv, chart.faces, wanted)
+            inside = np.flatnonzero(face >= 0)
+            corners = self.mesh.vertices[chart.taxels[chart.faces[face[inside]]]]
+            found[inside] = np.einsum("pc,pcd->pd", weights[inside], corners)
+        return found
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

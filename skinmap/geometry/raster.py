@@ -52,6 +52,43 @@ def locate_pixels(
     return pixels[first], face[first], weights / weights.sum(axis=1, keepdims=True)
 
 
+def enclosing_triangles(
+    points: FloatArray, faces: IntArray, wanted: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """The triangle that each of some points lies deepest in, -1 for none, and where in it.
+
+    Parameters
+    ----------
+    points : (n, 2) array of float
+    faces : (m, 3) array of int
+    wanted : (p, 2) array of float
+
+    Returns
+    -------
+    (p,) array of int
+    (p, 3) array of float
+        Barycentric, not negative, summing to 1; NaN without a triangle.
+    """
+    a, b, c = points[faces].swapaxes(0, 1)
+    side, other = b - a, c - a
+    area = side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]
+    face, weights = np.full(len(wanted), -1), np.full((len(wanted), 3), np.nan)
+    step = max(1, CHUNK // max(len(faces), 1))
+    for start in range(0, len(wanted) if len(faces) else 0, step):
+        to = wanted[start : start + step, None] - a
+        with np.errstate(divide="ignore", invalid="ignore"):
+            beta = (to[..., 0] * other[:, 1] - to[..., 1] * other[:, 0]) / area
+            gamma = (side[:, 0] * to[..., 1] - side[:, 1] * to[..., 0]) / area
+        every = np.stack([1.0 - beta - gamma, beta, gamma], axis=2)
+        depth = np.where(np.isfinite(beta + gamma), every.min(axis=2), -np.inf)
+        best = depth.argmax(axis=1)
+        rows = np.flatnonzero(depth[np.arange(len(best)), best] >= ON_EDGE)
+        inside = np.maximum(every[rows, best[rows]], 0.0)
+        face[start + rows] = best[rows]
+        weights[start + rows] = inside / inside.sum(axis=1, keepdims=True)
+    return face, weights
+
+
 def _blocks(count: IntArray, limit: int) -> list[IntArray]:
     """Runs of triangles with about `limit` candidates each."""
     block = np.cumsum(count) // limit

@@ -22,7 +22,7 @@ from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, fingerprint
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
 from skinmap.touch.contacts.skin_geometry import SkinGeometry, measure_skin
-from skinmap.touch.images.contact_image import ContactImageGeometry, image_geometry
+from skinmap.touch.images.contact_image import ContactImageGeometry, taxel_grid
 from skinmap.touch.recording import Recording
 
 
@@ -82,8 +82,8 @@ class PreparedSkin:
 
     @cached_property
     def image_geometry(self) -> ContactImageGeometry:
-        """Contact images on the grid of 8 mm."""
-        return image_geometry(self.flat)
+        """Contact images on a grid as wide as the taxels lie apart, no taxel without a pixel."""
+        return taxel_grid(self.flat)
 
     @cached_property
     def hoods(self) -> Neighbourhoods:

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning, UnknownNameError
+from skinmap.errors import (
+    FlatteningError,
+    InvalidArrayError,
+    InvalidMeshError,
+    SkinWarning,
+    UnknownNameError,
+)
 from skinmap.flat.atlas import pack
 from skinmap.flat.disc import Disc
 from skinmap.flat.distortion import measure_distortion
@@ -166,3 +172,23 @@ def test_flatten_mesh_takes_every_component_of_a_soup(square_grid, sphere):
     assert cut.seam_length > 0
     rows = laid.mesh.skin.channels[flat.taxels]
     assert face_areas(vertices[rows], flat.faces).sum() == pytest.approx(1.0)
+
+
+def test_points_of_the_map_come_back_to_the_body(prepared, rng):
+    flat = prepared("right_forearm").flat
+    shown = np.isfinite(flat.uv[:, 0])
+    back = flat.on_body(flat.uv[shown])
+    np.testing.assert_allclose(back, flat.mesh.skin.positions[shown], atol=1e-9)
+    chart = flat.charts[0]
+    weights = rng.dirichlet([1, 1, 1], len(chart.faces))
+    inside = np.einsum("mc,mcd->md", weights, chart.uv[chart.faces])
+    planted = np.einsum("mc,mcd->md", weights, flat.mesh.vertices[chart.taxels[chart.faces]])
+    np.testing.assert_allclose(flat.on_body(inside), planted, atol=1e-9)
+
+
+def test_points_beside_the_map_are_nowhere_on_the_body(prepared):
+    flat = prepared("right_forearm").flat
+    assert np.isnan(flat.on_body([[9.0, 9.0]])).all()
+    assert flat.on_body(np.zeros((0, 2))).shape == (0, 3)
+    with pytest.raises(InvalidArrayError, match="points of the map"):
+        flat.on_body([[np.nan, 0.0]])

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError
+from skinmap.geometry.proximity import median_spacing
+from skinmap.io.robots.manifest import load_robot
 from skinmap.touch.images.contact_image import image_geometry
 from skinmap.touch.images.paper_image import grey_levels, paper_images, resize
+from skinmap.touch.prepared_skin import PreparedSkin
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +21,26 @@ def test_grey_levels_are_the_floor_of_255_p_over_max_p():
     for peak in (255, 200, 3, 7, 1):
         image = pressures[None, None, : peak + 1]
         exact = [255 * p // peak for p in range(peak + 1)]  # in whole numbers
-        np.testing.assert_array_equal(grey_levels(image)[0, 0], exact)
+        np.testing.assert_array_equal(grey_levels(image, [peak])[0, 0], exact)
+
+
+def test_grey_levels_are_of_the_largest_taxel_and_not_of_the_brightest_pixel(geometry):
+    alone = np.zeros((len(geometry), len(geometry)))
+    np.fill_diagonal(alone, 80.0)
+    pixels = geometry.images(alone).max(axis=(1, 2))
+    levels = grey_levels(geometry.images(alone), alone.max(axis=1)).max(axis=(1, 2))
+    np.testing.assert_array_equal(levels, np.floor(255.0 * pixels / 80.0 + 1e-3))
+    assert np.median(levels) < 255
+
+
+@pytest.mark.parametrize("robot", ["kaspar", "icub", "baxter-forearm", "ur10e-cyskin"])
+def test_no_taxel_is_without_a_pixel(robot):
+    for part in load_robot(robot).parts[:3]:
+        skin = PreparedSkin(load_robot(robot).skin(part))
+        geometry = skin.image_geometry
+        assert (geometry.matrix.sum(axis=0) > 0).all()
+        spacing = median_spacing(skin.skin.positions)
+        assert 0.4 * spacing < geometry.pitch <= spacing
 
 
 def test_no_pressure_gives_a_zero_image(geometry):

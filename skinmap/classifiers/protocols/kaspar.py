@@ -48,10 +48,11 @@ from skinmap.touch.simulation.subjects import Places
 SAMPLES = {"poke": 1419, "full_finger": 1712, "three_finger": 1697, "whole_hand": 2318}
 PERCENTS = (2, 10)
 FOLDS = 4
-# Swept are radii between the rings of the 12-pad lattice (5, 8.7, 10, 13.2 and 15 mm), and the
-# paper's 8 mm, and codewords a structure; it left both open.
-RADII = (0.0055, 0.008, 0.0095, 0.0115, 0.014)
-WORD_COUNTS = (2, 4, 8, 16, 32)
+# Swept are radii and codewords a structure; the paper left both open. The rings of the 12-pad
+# lattice lie at 5, 5.8, 7.6, 10, 10.4, 13.2, 14.4 and 15 mm. Both extremes of its discussion are
+# there: single taxels, and the whole part.
+RADII = (0.0001, 0.0055, 0.008, 0.0095, 0.0115, 0.014, 0.03, 1.0)
+WORD_COUNTS = (2, 4, 8, 16, 32, 64)
 SWEPT = 10  # percent
 KINDS: tuple[FoldKind, ...] = ("plain", "event")
 ROBOT, PART = "kaspar", "right_hand"

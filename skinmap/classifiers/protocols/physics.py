@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from skinmap.arrays import FloatArray
+from skinmap.classifiers.catalogue import classifiers
 from skinmap.classifiers.classifier import NO_CONTACT, WITH_SETS
 from skinmap.classifiers.descriptors import Touch, recorded_touches
 from skinmap.classifiers.evaluate import likeliest
-from skinmap.classifiers.protocols.cross_patch import make
 from skinmap.classifiers.protocols.results import PhysicsRow
 from skinmap.errors import InvalidArrayError
 from skinmap.parallel.run import run_tasks, task_rng
@@ -224,7 +224,7 @@ def _train(task: _Training) -> list[tuple[str, str, list[Named], FloatArray]]:
     Sizes and truth are NaN for classifiers that are too slow to calibrate sets of.
     """
     sets = task.classifier in WITH_SETS
-    model = make(task.classifier).fit(task.train, rng=task_rng(task.seed), sets=sets)
+    model = classifiers.get(task.classifier)().fit(task.train, rng=task_rng(task.seed), sets=sets)
     if sets:
         model.promise(COVERAGE)
     found = []

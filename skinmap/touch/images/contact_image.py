@@ -19,10 +19,12 @@ from scipy.sparse import csr_array
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinMismatchError
 from skinmap.flat.flat_map import FlatMap
+from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.raster import locate_pixels, pixel_coverage
 from skinmap.numba_loops import compiled
 
 PITCH = 8e-3  # [m]: about that of the taxels, as published (Albini, Denei and Cannata, IROS 2017)
+NARROWING = 1.0 - 0.02 * np.arange(41)  # shares of the taxels' pitch that a grid may have
 PIXELS = 2**26  # a grid of more is a mistake in its pitch
 LARGEST = 3.4e38  # pressure that an image in float32 holds
 
@@ -214,6 +216,21 @@ def image_geometry(
         weights.astype(np.float32),
         flat.mesh.representative,
     )
+
+
+def taxel_grid(flat: FlatMap) -> ContactImageGeometry:
+    """The grid of the second paper: as wide as the taxels lie apart, and none without a pixel.
+
+    Starts at the median distance between taxels (8 mm on the paper's skin) and narrows by steps of
+    2 % until each taxel of the map has a pixel; on the built-in robots it ends at half or more.
+    """
+    spacing = median_spacing(flat.mesh.skin.positions)
+    placed = np.isfinite(flat.uv[:, 0])
+    for share in NARROWING:
+        geometry = image_geometry(flat, pitch=share * spacing)
+        if (geometry.matrix.sum(axis=0)[placed] > 0).all():
+            break
+    return geometry
 
 
 def contact_image(

@@ -1,8 +1,9 @@
-"""Contact images as the second paper has them: 8 mm grid, 256 grey levels, resized to 66 x 100.
+"""Contact images as the second paper has them: 256 grey levels, resized to 66 x 100.
 
 A. Albini, S. Denei and G. Cannata, "Human hand recognition from robotic skin measurements in
 human-robot physical interactions", IROS 2017. The grid there is about the pitch of the taxels,
-k = floor(255 p / max P) for the pressures P of one image, and images are resized to 66 x 100.
+k = floor(255 p / max P) for the pressures P of all taxels at one moment, and images are resized
+to 66 x 100.
 """
 
 from __future__ import annotations
@@ -33,7 +34,9 @@ def paper_images(
     SkinMismatchError, InvalidArrayError
         As `ContactImageGeometry.images`, but for values too large for float32, which are scaled.
     """
-    return resize(grey_levels(geometry.images(unit_exponent(samples))), size)
+    values = unit_exponent(samples)
+    images = geometry.images(values)
+    return resize(grey_levels(images, values.max(axis=1, initial=0)), size)
 
 
 def unit_exponent(samples: ArrayLike) -> NDArray[np.generic]:
@@ -48,12 +51,16 @@ def unit_exponent(samples: ArrayLike) -> NDArray[np.generic]:
     return np.asarray(np.ldexp(values, -exponent))
 
 
-def grey_levels(images: Image) -> NDArray[np.uint8]:
-    """floor(255 p / max P) for images (t, rows, columns) of pressures; zero where max P = 0."""
+def grey_levels(images: Image, largest: ArrayLike) -> NDArray[np.uint8]:
+    """floor(255 p / max P) for images (t, rows, columns) of pressures; zero where max P = 0.
+
+    `largest` (t,) is max P, the largest pressure of any taxel: no pixel lies above it, and one
+    between the taxels of a small touch well below.
+    """
     flat = np.maximum(images, 0.0, dtype=np.float64)
-    peak = flat.max(axis=(1, 2), keepdims=True, initial=0.0)
+    peak = np.asarray(largest, np.float64)[:, None, None]
     level = np.floor(255.0 * flat / np.where(peak > 0, peak, 1.0) + HAIR)
-    return level.astype(np.uint8)
+    return np.minimum(level, 255.0).astype(np.uint8)
 
 
 def resize(images: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:

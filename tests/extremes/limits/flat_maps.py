@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from skinmap.errors import FlatteningError, InvalidArrayError
 from skinmap.flat.distortion import measure_distortion
 from skinmap.flat.flat_map import flatten_disc
 from skinmap.flat.geodesic import geodesic_stress
+from skinmap.io.robots.manifest import load_robot
 from skinmap.neighbours.geodesic_neighbours import geodesic_neighbourhoods
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.radius import auto_radius
 from skinmap.neighbours.structures import find_structures
-from skinmap.skin.skin import skin_from_points
+from skinmap.skin.skin import Skin, skin_from_points
 from skinmap.surface.surface_mesh import build_surface
 
 from .law import Law, Outside
@@ -63,6 +66,19 @@ def structures_in_noise(share: float) -> float:
     points = flat_lattice()
     points[:, :2] += share * PITCH * np.random.default_rng(0).normal(size=(144, 2))
     return float(abs(shapes_found(points) - shapes_found(flat_lattice())))
+
+
+def without_structure(radius_mm: float = 8.8, noise_mm: float = 0.0) -> float:
+    """Taxels of a sheet of 12-pad boards, on a bent plate, that have no structure."""
+    points = hand().positions + 1e-3 * noise_mm * np.random.default_rng(0).normal(size=(144, 3))
+    directions = np.tile([0.0, 1.0, 0.0], (144, 1))
+    hoods = neighbourhoods(points, hand().normals, directions, radius=1e-3 * radius_mm)
+    return float(np.count_nonzero(find_structures(hoods).labels < 0))
+
+
+@cache
+def hand() -> Skin:
+    return load_robot("kaspar").skin("right_hand")
 
 
 def around(scale: float) -> float:
@@ -178,6 +194,26 @@ LAWS = [
             ),
         ),
         unit="of the pitch",
+    ),
+    Law(
+        "find_structures",
+        "radius",
+        "taxels without a structure",
+        without_structure,
+        0.0,
+        "counted",
+        (0.1, 2.0, 5.0, 8.0, 8.8, 15.0, 30.0, 100.0, 1000.0),
+        unit="mm",
+    ),
+    Law(
+        "find_structures",
+        "noise",
+        "taxels without a structure",
+        lambda sigma: without_structure(noise_mm=sigma),
+        0.0,
+        "counted",
+        (0.0, 0.25, 0.5, 1.0, 2.0),
+        unit="mm",
     ),
     Law(
         "geodesic_neighbourhoods",
