@@ -11,10 +11,11 @@ from sklearn.svm import SVC
 from skinmap.classifiers.check import check_classifier, planted_touches
 from skinmap.classifiers.classifier import classifiers
 from skinmap.classifiers.descriptors import Histograms, Touch
-from skinmap.classifiers.images.image_descriptor import PaperImages
+from skinmap.classifiers.images.image_descriptor import PaperImages, moments
 from skinmap.classifiers.named_classifiers import PENALTIES, WIDTHS
 from skinmap.classifiers.sample_descriptors import RawSamples, descriptor_of
 from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError, UnknownNameError
+from skinmap.touch.contacts.skin_geometry import pressed
 
 NAMES = ("raw-rbf", "raw-intersection", "histogram-chi2", "histogram-sqrt")
 
@@ -50,13 +51,17 @@ def test_raw_values_are_of_one_skin_only(rng, prepared):
     assert raw.describe(touches[0]).max() <= 1.0
 
 
-def test_contact_images_are_scaled_to_their_own_maximum(rng):
+def test_contact_images_are_scaled_to_the_largest_taxel(rng):
     touch = planted_touches(1, rng=rng)[0]
     image = PaperImages().describe(touch)
     assert image.shape == (2, 6600)  # two moments of the touch
     np.testing.assert_array_equal(image, np.floor(image))
-    # Each grid has a pixel of 255; enlarging it to 66 x 100 keeps most of that level.
-    assert ((image.max(axis=1) > 200) & (image.max(axis=1) <= 255)).all()
+    # The largest taxel has level 255, pixels between taxels less; enlarging keeps most of that.
+    held = pressed(touch.samples)
+    seen = held[moments(len(held))]
+    brightest = touch.skin.image_geometry.images(seen).max(axis=(1, 2)) / seen.max(axis=1)
+    share = image.max(axis=1) / (255 * brightest)
+    assert ((share > 0.8) & (share <= 1.0)).all()
     still = replace(touch, samples=np.zeros_like(touch.samples))
     assert PaperImages().describe(still).shape == (0, 6600)  # no division by zero
 
