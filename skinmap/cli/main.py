@@ -22,6 +22,7 @@ from skinmap.report.table import visible
 
 # name: (module, one line for the list); the module holds a click command called `command`.
 COMMANDS = {
+    "new": ("skinmap.cli.new", "A manifest for your own robot, from its URDF and taxel tables."),
     "inspect": (
         "skinmap.cli.inspect.command",
         "What a robot's skin is made of, and whether it fits.",

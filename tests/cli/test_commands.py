@@ -155,7 +155,7 @@ def test_same_seed_writes_the_same_recording(tmp_path):
         (("classify", "gone.skinmodel", "gone.npz"), r"no file 'gone\.skinmodel'"),
         (("classify", "touch.skinmodel"), "touch.skinmodel is a model: name what it should"),
         (("classify", "a.skinmodel", "b.npz", "c.npz"), "a model and one source, got 3"),
-        (("dance",), "no command 'dance'; the commands are: demo, inspect"),
+        (("dance",), "no command 'dance'; the commands are: demo, new, inspect"),
         (
             ("calibrate", "wrp"),
             "no command 'wrp'; did you mean 'wrap'\\? The commands are: wrap, batch",

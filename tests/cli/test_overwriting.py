@@ -32,6 +32,7 @@ FILES = {
     "view icub --gltf": ("icub.glb",),
     "view icub --html": ("icub.html",),
     "anchors {PATCH} --screenshot": ("anchors.png",),
+    "new ../robot/robot.urdf --taxels ../robot/forearm.csv -o": ("robot.toml",),
     "wiring wiring/pokes.mcap --part right_forearm -o": ("map.csv",),
 }
 FOLDERS = (

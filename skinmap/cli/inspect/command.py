@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -61,8 +61,9 @@ def command(
     Example:  skinmap inspect icub --part right_forearm --json
               skinmap inspect ur10e-cyskin
     """
-    result = work(robots or ("icub",), parts, module, skipped)
-    present(result, _lines, as_json=as_json)
+    names = robots or ("icub",)
+    result = work(names, parts, module, skipped)
+    present(result, lambda one: [*_lines(one), _next(one, names)], as_json=as_json)
 
 
 def work(
@@ -114,3 +115,19 @@ def _lines(result: InspectResult) -> Iterator[str | Table]:
     yield Table([*columns, "rebuilt", "inward", "covered", "verdict"], rows)
     for row in result.parts:
         yield from (f"{row.name}: {warning}" for warning in row.warnings)
+
+
+def _next(result: InspectResult, names: Sequence[str]) -> str:
+    """The verdict in one line, and the command that goes on from there."""
+    odd: dict[str, list[str]] = {}
+    for row in result.parts:
+        if row.verdict != "ok":
+            odd.setdefault(row.verdict, []).append(row.name)
+    found = "; ".join(f"{verdict} ({', '.join(parts)})" for verdict, parts in odd.items())
+    told = f"verdict: {found or 'ok'}"
+    if Path(names[0]).suffix.lower() in TABLES:
+        return f"{told}; next: skinmap new ROBOT.urdf --taxels {' '.join(names)} -o robot.toml"
+    if odd:
+        part = next(iter(odd.values()))[0]
+        return f"{told}; next: skinmap view {names[0]} --part {part}"
+    return f"{told}; next: skinmap flatten {names[0]} --out maps"

@@ -39,6 +39,7 @@ FAULTY = "usable; its file has faults"
 COINCIDENT = 1e-4  # two shells whose taxels are nearer than this are at one place [m]
 UNLIKE = 2e-3  # mirror images further apart than this are not of one design [m]
 OFF_SIDE = 0.15  # module sides may differ from the layout's by this share: boards are cut and bent
+NO_MESH = "has no mesh"
 PLACEHOLDER = np.radians(20.0)  # stored normals further off than this are no normals
 
 
@@ -46,19 +47,14 @@ def inspect_part(robot: Robot, name: str) -> PartRow:
     """The numbers of one part of a robot."""
     report, skin, spec = robot.repair(name), robot.skin(name), robot.part(name)
     mesh = robot.mesh_under(name)
-    found = measure_fit(skin, mesh)
-    angle = np.degrees(found.normal_angle)
-    more: dict[str, Any] = {
-        "distance_mm": spread(found.distance * MM),
-        "frame": robot.frame(name),
-        "normal_angle_deg": AngleSpread(
-            **_spread(angle), share_within_15=float((angle <= 15.0).mean())
-        ),
-        "inward": int(found.inward.sum()),
-        "covered": int(found.covered.sum()),
-    }
-    more["standing"] = standing = _standing(skin, mesh, found, spec.cover)
-    warnings = [*_fit_warnings(found, standing), *_same_place(robot, name)]
+    more: dict[str, Any] = {"distance_mm": None, "frame": robot.frame(name)}
+    warnings = [f"link {spec.link!r} {NO_MESH}: distances from it are not known"]
+    if len(mesh.faces):
+        found = measure_fit(skin, mesh)
+        standing = _standing(skin, mesh, found, spec.cover)
+        more |= _fit_figures(found) | {"standing": standing}
+        warnings = _fit_warnings(found, standing)
+    warnings += _same_place(robot, name)
     if spec.layout is not None:
         check = check_modules(report.table, skin, spec.layout, robot.module_frames(name))
         more["module_side_mm"] = check.side * MM
@@ -78,6 +74,18 @@ def inspect_part(robot: Robot, name: str) -> PartRow:
         if more["mirror_mm"] > UNLIKE * MM:
             warnings.append(f"not the mirror image of {twin}: {more['mirror_mm']:.1f} mm apart")
     return _row(report, name, spec.link, skin.normals, spec.layout, warnings, **more)
+
+
+def _fit_figures(found: SkinFit) -> dict[str, Any]:
+    angle = np.degrees(found.normal_angle)
+    return {
+        "distance_mm": spread(found.distance * MM),
+        "normal_angle_deg": AngleSpread(
+            **_spread(angle), share_within_15=float((angle <= 15.0).mean())
+        ),
+        "inward": int(found.inward.sum()),
+        "covered": int(found.covered.sum()),
+    }
 
 
 def file_faults_of(paths: Sequence[Path]) -> dict[Path, list[str]]:
@@ -179,6 +187,11 @@ def _row(
             f"rows {first_few(np.flatnonzero(table.ids == NO_ID).tolist())}"
         )
     notes += _shared_places(table, layout)
+    if np.array_equal(np.sort(before.channels), np.arange(1, len(before) + 1)):
+        notes.append(
+            "channels begin at 1, and the first value of a sample is channel 0: if they count from "
+            "1 there too, every touch is a taxel off"
+        )
     if report.unit != "m":
         notes.append(f"positions were in {report.unit} and were converted")
     pads = len(report.thermal)
@@ -319,6 +332,8 @@ def _verdict(warnings: list[str]) -> str:
         verdict = "name the cover, or check the frame"
     if any("normals point" in text or "frame or unit" in text for text in warnings):
         verdict = "check frame and unit"
+    if any(NO_MESH in text for text in warnings):
+        verdict = "check the link, which has no mesh"
     if any("give it a pose" in text for text in warnings):
         verdict = "give each shape its pose"
     if any("all taxels of module" in text for text in warnings):

@@ -159,7 +159,7 @@ class UrdfBody:
         return TriangleMesh(np.concatenate(vertices), np.concatenate(faces))
 
     def _resolve(self, name: str) -> Path:
-        path = self._locate(name)
+        path = self.locate(name)
         if self.inside is not None and not path.resolve().is_relative_to(self.inside):
             raise ForbiddenPathError(
                 f"{self.path} names the mesh {name!r}, outside {self.inside}; "
@@ -167,7 +167,14 @@ class UrdfBody:
             )
         return path
 
-    def _locate(self, name: str) -> Path:
+    def locate(self, name: str) -> Path:
+        """The file that a mesh name of the URDF stands for.
+
+        Raises
+        ------
+        MissingFileError
+            There is none.
+        """
         if name.startswith("package://"):
             package, _, rest = name.removeprefix("package://").partition("/")
             for folder in self.path.resolve().parents:

@@ -1,0 +1,334 @@
+"""`skinmap new`: a manifest for one's own robot, from its URDF and its taxel tables."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from skinmap.commands.options import out_file, outside_option, prints
+from skinmap.commands.overwriting import FORCE
+from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.io.robots.new_manifest import KNOWN_UNITS, NEAR, Candidate
+from skinmap.io.units import UNITS
+from skinmap.report.present import emit, present, show
+from skinmap.report.table import Table
+
+if TYPE_CHECKING:
+    from skinmap.skin.robot import Robot
+    from skinmap.skin.taxels import TaxelTable
+
+TABLES = "--taxels"
+SHOWN = 40  # candidates of a table; the JSON has all
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NewResult:
+    """A manifest that was written.
+
+    Attributes
+    ----------
+    robot
+        Name of the robot, as its URDF has it.
+    parts
+        The unit and the link that were taken for each table.
+    taxels
+        Number of taxels of each part.
+    files
+        The manifest, and the copies beside it.
+    """
+
+    robot: str
+    parts: list[Candidate]
+    taxels: dict[str, int]
+    files: list[str]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NewQuestions:
+    """What the files leave open; nothing was written.
+
+    Attributes
+    ----------
+    unclear
+        Of each part with an open question: "units", "link" or both.
+    candidates
+        Units and links for these parts, the nearest of each part first.
+    """
+
+    unclear: dict[str, list[str]]
+    candidates: list[Candidate]
+
+
+class SeveralTables(click.Command):
+    """All words after `--taxels` up to the next option are tables, as a shell gives `*.csv`."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Give each table an option of its own."""
+        words, inside, first = [], False, False
+        for arg in args:
+            if arg.startswith("-") and arg != "-":
+                inside, first = arg.partition("=")[0] == TABLES, "=" not in arg
+                words.append(arg)
+            elif inside and not first:
+                words += [TABLES, arg]
+            else:
+                words.append(arg)
+                first = False
+        return super().parse_args(ctx, words)
+
+
+@click.command("new", cls=SeveralTables)
+@click.argument("urdf", metavar="ROBOT.urdf", type=click.Path(path_type=Path))
+@click.option(
+    TABLES,
+    "tables",
+    metavar="FILE [FILE...]",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    required=True,
+    help="Taxel tables, one for each part.",
+)
+@click.option(
+    "--units",
+    type=click.Choice(tuple(UNITS)),
+    help="Unit of lengths in the tables.  [default: the one in which the skin lies on a link]",
+)
+@click.option(
+    "--link",
+    "links",
+    metavar="NAME",
+    multiple=True,
+    help="Link that carries the skin; of several tables one for all, or one for each in their "
+    "order.  [default: the one that the skin lies on]",
+)
+@out_file("Manifest to write (.toml).", required=True)
+@outside_option
+@retired(profile=NO_PROFILE)
+@prints(NewResult, NewQuestions)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    urdf: Path,
+    tables: tuple[Path, ...],
+    units: str | None,
+    links: tuple[str, ...],
+    output: Path,
+    as_json: bool,
+) -> None:
+    """Write a manifest for your own robot: its URDF, and one taxel table for each part.
+
+    The unit of the positions and the link of each table are found by laying the taxels on the
+    meshes. A question that the files leave open is asked in a terminal; elsewhere the candidates
+    are printed, and nothing is written. Files from other folders are copied beside the manifest.
+
+    \b
+    Example:  skinmap new robot.urdf --taxels forearm.csv -o robot.toml
+              skinmap new robot.urdf --taxels *.csv --units mm --link forearm_link -o robot.toml
+    """
+    units = "in" if units == "inch" else units
+    result = work(urdf, tables, units, links, output, force=ctx.meta.get(FORCE, False))
+    if isinstance(result, NewQuestions):
+        emit(result) if as_json else show(_questions(result))
+        raise click.UsageError(_open(result), ctx)
+    present(result, _lines, as_json=as_json)
+
+
+def work(
+    urdf: Path,
+    files: Sequence[Path],
+    units: str | None,
+    links: Sequence[str],
+    output: Path,
+    *,
+    force: bool,
+) -> NewResult | NewQuestions:
+    """Read the files, find units and links, ask where a terminal is there, and write."""
+    from skinmap.errors import UnknownNameError
+    from skinmap.io.robots.new_manifest import NewPart, part_names, write_manifest
+    from skinmap.io.robots.urdf import UrdfBody, read_urdf
+    from skinmap.io.taxels.taxel_readers import read_taxels
+    from skinmap.skin.robot import Robot
+
+    _check(urdf, files, links, output)
+    body = UrdfBody(urdf)
+    for link in links:
+        if link not in body.links:
+            raise UnknownNameError("link", link, body.links)
+    robot = Robot(str(read_urdf(urdf).get("name")), body, {})
+    read = dict(zip(part_names(files), map(read_taxels, files), strict=True))
+    given: list[str | None] = [*links] or [None]
+    given *= len(files) if len(given) == 1 else 1
+    chosen, asked, open_ = [], [], {}
+    for (part, table), carrier in zip(read.items(), given, strict=True):
+        found, questions = _settle(part, table, robot, units, carrier)
+        if questions:
+            open_[part] = questions
+            asked += found
+        chosen.append(found[0])
+    if open_:
+        return NewQuestions(unclear=open_, candidates=asked)
+    for one in chosen:
+        _warn(one, read[one.part], robot, units)
+    parts = [
+        NewPart(one.part, file, one.units, one.link)
+        for one, file in zip(chosen, files, strict=True)
+    ]
+    return NewResult(
+        robot=robot.name,
+        parts=chosen,
+        taxels={part: len(table) for part, table in read.items()},
+        files=write_manifest(output, urdf, parts, force=force),
+    )
+
+
+def _check(urdf: Path, files: Sequence[Path], links: Sequence[str], output: Path) -> None:
+    """Refuse what is another kind of file, before anything is read."""
+    from skinmap.io.robots.mesh_file import MESH_SUFFIXES
+
+    if output.suffix.lower() != ".toml":
+        raise click.UsageError(f"-o {output}: a manifest ends in .toml")
+    if urdf.suffix.lower() == ".toml":
+        raise click.UsageError(f"{urdf} is a manifest already: skinmap inspect {urdf}")
+    if urdf.suffix.lower() in MESH_SUFFIXES:
+        raise click.UsageError(
+            f"{urdf} is a mesh, expected a URDF; a robot of one mesh has `mesh` in its manifest "
+            "(docs/manifest.md)"
+        )
+    twice = [str(file) for row, file in enumerate(files) if file in files[:row]]
+    if twice:
+        raise click.UsageError(f"{TABLES} names {', '.join(twice)} twice")
+    if len(links) not in (0, 1, len(files)):
+        raise click.UsageError(
+            f"--link is given {len(links)} times for {len(files)} tables: give it once, or once "
+            "for each"
+        )
+
+
+def _settle(
+    part: str, table: TaxelTable, robot: Robot, units: str | None, link: str | None
+) -> tuple[list[Candidate], list[str]]:
+    """Candidates for a table, the choice first, and the questions that nobody answered."""
+    from skinmap.io.robots.new_manifest import candidates, in_question, unclear
+
+    if link is None and table.link in robot.body.links:
+        link = table.link
+    known: dict[str, str | None] = {"units": units, "link": link}
+    while True:
+        found = candidates(
+            part,
+            table,
+            robot,
+            KNOWN_UNITS if known["units"] is None else (known["units"],),
+            (robot.body.visible_links or robot.body.links)
+            if known["link"] is None
+            else (known["link"],),
+        )
+        questions = unclear(found)
+        found = in_question(found, questions)
+        if not questions or not in_terminal():
+            return found, questions
+        show([_heading(part, questions), _table(found)])
+        question = questions[0]
+        names = list(dict.fromkeys(getattr(one, question) for one in found))
+        known[question] = click.prompt(
+            f"{question} of {part}", type=click.Choice(names), default=names[0]
+        )
+
+
+def in_terminal() -> bool:
+    """Whether somebody can be asked."""
+    return sys.stdin.isatty() and sys.stdout.isatty()
+
+
+def _warn(chosen: Candidate, table: TaxelTable, robot: Robot, stated: str | None) -> None:
+    """Warn of a stated unit that another one fits better than, and of a skin far off its link."""
+    import warnings
+
+    from skinmap.errors import SkinWarning
+    from skinmap.io.robots.new_manifest import candidates, unclear
+
+    others = candidates(chosen.part, table, robot, KNOWN_UNITS, (chosen.link,))
+    better = others[0]
+    if stated is not None and better.units != stated and not unclear(others):
+        warnings.warn(
+            f"{chosen.part}: in {stated}, as --units states, {_standing(chosen)}; "
+            f"in {better.units} {_standing(better)}",
+            SkinWarning,
+            stacklevel=2,
+        )
+    elif chosen.most_mm is not None and chosen.off > NEAR:
+        warnings.warn(
+            f"{chosen.part}: {_standing(chosen)} of {chosen.link}: check units, link and frame",
+            SkinWarning,
+            stacklevel=2,
+        )
+
+
+def _standing(one: Candidate) -> str:
+    text = f"taxels are {one.pitch_mm:.3g} mm apart"
+    if one.distance_mm is None:
+        return text
+    return f"{text} and {one.distance_mm:.3g} mm off the mesh"
+
+
+def _table(found: Sequence[Candidate], *first: str) -> Table:
+    """Candidates, the nearest first; `off` is the median distance from the link's mesh."""
+    rows: list[list[Any]] = [
+        [
+            *(getattr(one, name) for name in first), one.units, one.link, _size(one.skin_mm),
+            one.pitch_mm, _size(one.link_mm), one.distance_mm, one.most_mm,
+        ]
+        for one in found[:SHOWN]
+    ]  # fmt: skip
+    columns = ["units", "link", "skin mm", "pitch mm", "link mm", "off mm", "80 % mm"]
+    return Table([*first, *columns], rows)
+
+
+def _size(lengths: list[float] | None) -> str:
+    return (
+        "-"
+        if lengths is None
+        else " x ".join(
+            f"{length:,.0f}" if length >= 100 else f"{length:.3g}" for length in lengths
+        )
+    )
+
+
+def _questions(result: NewQuestions) -> Iterator[str | Table]:
+    for part, questions in result.unclear.items():
+        yield _heading(part, questions)
+        yield _table([one for one in result.candidates if one.part == part])
+
+
+def _heading(part: str, questions: Sequence[str]) -> str:
+    return (
+        f"{part}: {' and '.join(questions)} unclear. Candidates, the nearest first "
+        "(off: from the link's mesh, median; 80 %: four of five taxels are nearer):"
+    )
+
+
+def _open(result: NewQuestions) -> str:
+    """One line: for which tables what is to be given."""
+    told = []
+    for question in ("units", "link"):
+        parts = [part for part, open_ in result.unclear.items() if question in open_]
+        if parts:
+            words = [getattr(one, question) for one in result.candidates if one.part in parts]
+            names = list(dict.fromkeys(words))
+            told.append(
+                f"the {question} of {', '.join(parts)}: give --{question} "
+                + "|".join(names[:SHOWN] + ["..."] * (len(names) > SHOWN))
+            )
+    return f"the files do not tell {' and '.join(told)}"
+
+
+def _lines(result: NewResult) -> Iterator[str | Table]:
+    count = len(result.parts)
+    yield f"{result.robot}: {count} part{'s' * (count != 1)}, {sum(result.taxels.values())} taxels"
+    yield _table(result.parts, "part")
+    yield f"next: skinmap inspect {result.files[0]}"

@@ -1,0 +1,327 @@
+"""A manifest for a URDF and taxel tables: which unit and link each has, and what lies beside it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import MissingFileError, OutputError, SkinError
+from skinmap.geometry.proximity import closest_on_mesh, median_spacing
+from skinmap.geometry.rigid import transform_points
+from skinmap.io.output import staged_folder
+from skinmap.io.robots.mesh_file import MESH_SUFFIXES
+from skinmap.io.robots.urdf import UrdfBody, read_urdf
+from skinmap.io.safe_xml import local_name
+from skinmap.io.units import UNITS
+from skinmap.skin.repair import PITCHES
+from skinmap.skin.robot import DH_SUFFIX, Robot
+from skinmap.skin.taxels import TaxelTable
+
+KNOWN_UNITS = ("m", "cm", "mm", "in")
+SAMPLED = 300  # taxels that are laid on every link
+MOST = 80.0  # percent of the taxels that have to lie on a link: the rest may stand over its edge
+NEAR = 0.02  # a skin further off than this does not tell that it belongs there [m]
+CLEARER, APART = 3.0, 2e-3  # the next best is this many times further off, and this far [m]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Candidate:
+    """A unit and a link that a taxel table may be for.
+
+    Attributes
+    ----------
+    part
+        Name of the part.
+    units
+        Unit of the positions.
+    link
+        Link of the URDF.
+    skin_mm
+        Size of the skin in this unit, along the axes.
+    pitch_mm
+        Distance from a taxel to the next one, median.
+    link_mm
+        Size of the link's mesh along the axes; null where it has none that can be read.
+    distance_mm
+        Distance of the taxels from the mesh, median; null without a mesh.
+    most_mm
+        Four of five taxels are nearer to the mesh; null without a mesh.
+    """
+
+    part: str
+    units: str
+    link: str
+    skin_mm: list[float]
+    pitch_mm: float
+    link_mm: list[float] | None
+    distance_mm: float | None
+    most_mm: float | None
+
+    @property
+    def plausible(self) -> bool:
+        """Whether taxels are as far apart as those of robot skins."""
+        low, high = PITCHES
+        return low <= 1e-3 * self.pitch_mm <= high
+
+    @property
+    def off(self) -> float:
+        """How far most taxels are off the link [m]."""
+        return np.inf if self.most_mm is None else 1e-3 * self.most_mm
+
+
+def candidates(
+    part: str, table: TaxelTable, robot: Robot, units: Iterable[str], links: Iterable[str]
+) -> list[Candidate]:
+    """Every unit with every link, the nearest first; units of an odd pitch come last.
+
+    Parameters
+    ----------
+    part : str
+    table : TaxelTable
+        Its positions as the file has them.
+    robot : Robot
+        Its body is asked alone.
+    units, links : iterable of str
+        Those that come into question.
+    """
+    positions = np.unique(table.positions, axis=0)
+    pitch, some = median_spacing(positions), positions[:: max(1, len(positions) // SAMPLED)]
+    rest = robot.body.poses({})
+    found = []
+    for link in links:
+        try:
+            mesh = robot.mesh(link)
+        except SkinError:  # of another link than the part's, perhaps; `inspect` names it
+            mesh = None
+        if mesh is not None and not len(mesh.faces):
+            mesh = None
+        # As when a manifest without `frame` is read.
+        frames = [frame for frame in (link, link + DH_SUFFIX) if frame in rest]
+        for unit in units:
+            off = None
+            if mesh is not None:
+                moved = (np.linalg.inv(rest[link]) @ rest[frame] for frame in frames)
+                off = min(
+                    (
+                        closest_on_mesh(
+                            transform_points(T_link_frame, some * UNITS[unit]),
+                            mesh.vertices,
+                            mesh.faces,
+                        )[0]
+                        for T_link_frame in moved
+                    ),
+                    key=np.median,
+                )
+            found.append(
+                Candidate(
+                    part=part,
+                    units=unit,
+                    link=link,
+                    skin_mm=_millimetres(np.ptp(positions, axis=0) * UNITS[unit]),
+                    pitch_mm=1e3 * pitch * UNITS[unit],
+                    link_mm=None if mesh is None else _millimetres(np.ptp(mesh.vertices, axis=0)),
+                    distance_mm=None if off is None else 1e3 * float(np.median(off)),
+                    most_mm=None if off is None else 1e3 * float(np.percentile(off, MOST)),
+                )
+            )
+    return sorted(found, key=lambda one: (not one.plausible, one.off))
+
+
+def _millimetres(lengths: FloatArray) -> list[float]:
+    return [1e3 * float(length) for length in lengths]
+
+
+def unclear(found: Sequence[Candidate]) -> list[str]:
+    """Which of "units" and "link" candidates leave open; the first of them is the choice.
+
+    Clear is what no other plausible candidate contradicts: where the skin lies on a link in the
+    first, others contradict that only where it lies about as near.
+    """
+    best = found[0]
+    known, far = best.off <= NEAR, max(CLEARER * best.off, APART)
+    rivals = [
+        one
+        for one in found
+        if (one.plausible or not best.plausible) and not (known and one.off >= far)
+    ]
+    return [
+        question
+        for question in ("units", "link")
+        if any(getattr(one, question) != getattr(best, question) for one in rivals)
+    ]
+
+
+def in_question(found: Sequence[Candidate], questions: Collection[str]) -> list[Candidate]:
+    """Candidates that differ from the first only in what is open."""
+    return [
+        one
+        for one in found
+        if all(
+            question in questions or getattr(one, question) == getattr(found[0], question)
+            for question in ("units", "link")
+        )
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class NewPart:
+    """A part to be written: its name, its table's file, unit and link."""
+
+    name: str
+    taxels: Path
+    units: str
+    link: str
+
+
+def part_names(files: Sequence[Path]) -> list[str]:
+    """A name for each table: its file's, with its folder's where two files have one name."""
+    stems = [file.stem for file in files]
+    names = [
+        f"{file.resolve().parent.name}_{file.stem}" if stems.count(file.stem) > 1 else file.stem
+        for file in files
+    ]
+    return [
+        name if names.count(name) == 1 else f"{name}_{names[:row].count(name) + 1}"
+        for row, name in enumerate(names)
+    ]
+
+
+def write_manifest(
+    output: Path, urdf: Path, parts: Sequence[NewPart], *, force: bool = False
+) -> list[str]:
+    """Write a manifest, and copies beside it of what lies elsewhere; all of it or nothing.
+
+    Parameters
+    ----------
+    output : Path
+        The manifest.
+    urdf : Path
+    parts : sequence of NewPart
+    force : bool
+        Whether copies replace files that are there.
+
+    Returns
+    -------
+    list of str
+        What was written, the manifest first.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written to, or another file has the name of a copy.
+    MissingFileError
+        The mesh of a part's link does not exist.
+    """
+    folder = output.parent
+    beside = _Beside(folder)
+    body = UrdfBody(urdf)
+    for part in parts:
+        body.mesh(part.link)
+    taxels = [beside.place(part.taxels, part.name + part.taxels.suffix) for part in parts]
+    name = beside.place_urdf(urdf, body)
+    lines = [
+        "[robot]",
+        f"name = {_text(str(read_urdf(urdf).get('name')))}",
+        f"urdf = {_text(name)}",
+    ]
+    for part, table in zip(parts, taxels, strict=True):
+        lines += [
+            "",
+            "[[part]]",
+            f"name = {_text(part.name)}",
+            f"link = {_text(part.link)}     # the frame that the positions are in",
+            f"taxels = {_text(table)}",
+            f"units = {_text(part.units)}",
+        ]
+    copies = dict(beside.missing(force))
+    with staged_folder(folder) as stage:
+        for target, content in copies.items():
+            place = stage / target
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(content)
+        (stage / output.name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return [str(output), *(str(folder / target) for target in copies)]
+
+
+def _text(value: str) -> str:
+    """A text as TOML writes it, which is as JSON does."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+class _Beside:
+    """Files that a manifest names: those in its folder as they are, others as copies there."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.home = folder, folder.resolve()
+        self.copies: dict[str, Path | bytes] = {}
+
+    def place(self, file: Path, name: str) -> str:
+        """The name of a file in the folder; one from elsewhere is copied to a name."""
+        own = file.resolve()
+        if own.is_relative_to(self.home):
+            return own.relative_to(self.home).as_posix()
+        path, number = Path(name), 2
+        while self.copies.get(name, own) != own:  # another file has it
+            name, number = path.with_stem(f"{path.stem}_{number}").as_posix(), number + 1
+        self.copies[name] = own
+        return name
+
+    def place_urdf(self, urdf: Path, body: UrdfBody) -> str:
+        """The name of a URDF in the folder, with its meshes; changed where it names others."""
+        root, own = read_urdf(urdf), urdf.resolve()
+        inside = own.is_relative_to(self.home)
+        name = own.relative_to(self.home).as_posix() if inside else urdf.name
+        changed = False
+        for element in (one for one in root.iter() if local_name(one) == "mesh"):
+            said = str(element.get("filename"))
+            try:
+                mesh = body.locate(said).resolve()
+            except MissingFileError:
+                continue  # of a link that carries no skin, or for collisions
+            if inside and mesh.is_relative_to(self.home):
+                continue
+            if mesh.suffix.lower() not in MESH_SUFFIXES:
+                continue
+            near = Path(said.removeprefix("package://"))
+            if ":" in said.removeprefix("package://") or ".." in near.parts or near.is_absolute():
+                near = Path("meshes") / mesh.name
+            there = Path(self.place(mesh, (Path(name).parent / near).as_posix()))
+            for buffer in _buffers(mesh):
+                self.place(buffer, (there.parent / buffer.name).as_posix())
+            if there != Path(name).parent / said.removeprefix("package://"):
+                element.set("filename", there.relative_to(Path(name).parent).as_posix())
+                changed = True
+        if not changed:
+            return self.place(urdf, name)
+        if inside:
+            name = Path(name).with_stem(f"{urdf.stem}_here").as_posix()
+        from lxml import etree
+
+        self.copies[name] = etree.tostring(root.getroottree(), encoding="utf-8")
+        return name
+
+    def missing(self, force: bool) -> Iterator[tuple[str, bytes]]:
+        """The copies that are not there yet, by their names."""
+        for name, source in self.copies.items():
+            content = source if isinstance(source, bytes) else source.read_bytes()
+            there = self.folder / name
+            if there.is_file() and there.read_bytes() == content:
+                continue
+            if there.exists() and not (force and there.is_file()):
+                raise OutputError(f"{str(there)!r} is there already; --force replaces it")
+            yield name, content
+
+
+def _buffers(mesh: Path) -> list[Path]:
+    """Files beside a .gltf that hold its numbers."""
+    if mesh.suffix.lower() != ".gltf":
+        return []
+    told: dict[str, Any] = json.loads(mesh.read_text(encoding="utf-8"))
+    names = [str(one.get("uri", "data:")) for one in told.get("buffers", ())]
+    return [mesh.parent / name for name in names if (mesh.parent / Path(name).name).is_file()]
