@@ -27,6 +27,8 @@ SAME = 0.9  # correlation with the skin's median of a channel that follows it
 WINDOWS, REACH = 40, 150  # of the local lags, and how far they look [rows]
 BREAK = 15  # rows lost at once that make a line of their own
 GAIN = 0.8  # of the misfit that a further line must leave at most
+CHUNK = 10_000  # rows at once
+UNEXPLAINED = 0.2  # of the reference's variance: above it the clocks do not align
 PRIOR = 0.05  # weight of (slope / 1 %)^2 and (lag / 500 rows)^2 against the log of the misfit
 
 
@@ -43,8 +45,8 @@ class ClockLine:
     residual_rows
         Median distance of local lags from all lines.
     unexplained
-        Share of the reference's variance that the skin leaves open on all lines; above about .2
-        the clocks are not aligned.
+        Share of the reference's variance that the skin leaves open on all lines; above
+        `UNEXPLAINED` the clocks are not aligned.
     """
 
     first_row: int
@@ -61,6 +63,15 @@ def skin_rows(lines: Sequence[ClockLine], reference_rows: ArrayLike) -> FloatArr
     which = np.maximum(which, 0)
     offsets = np.array([one.offset_rows for one in lines])[which]
     return rows + offsets + np.array([one.slope for one in lines])[which] * rows
+
+
+def reference_at(lines: Sequence[ClockLine], reference: ArrayLike, count: int) -> FloatArray:
+    """The reference (count,) at each row of the skin; NaN where there is none."""
+    wanted = np.asarray(reference, np.float64)
+    places = skin_rows(lines, np.arange(len(wanted)))
+    order = np.argsort(places, kind="stable")
+    rows = np.arange(count)
+    return np.interp(rows, places[order], wanted[order], left=np.nan, right=np.nan)
 
 
 def following(samples: ArrayLike) -> IntArray:
@@ -101,7 +112,10 @@ def _signal(samples: FloatArray) -> FloatArray:
     few = samples[:: max(1, len(samples) // 5000)][:, own].astype(np.float64)
     low, high = np.percentile(few, [0.5, 99.5], axis=0)
     scale = sign / np.maximum(high - low, 1e-12) / len(own)
-    found = samples[:, own] @ scale - float(low @ scale)
+    parts = [
+        samples[start : start + CHUNK][:, own] @ scale for start in range(0, len(samples), CHUNK)
+    ]
+    found = np.concatenate(parts) - float(low @ scale)
     few = np.sort(found[:: max(1, len(found) // 5000)])
     return (found - few[0]) / max(few[-1] - few[0], 1e-12)
 

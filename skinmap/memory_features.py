@@ -1,4 +1,4 @@
-"""Features of a channel that remembers: its value, where it came from, and what it forgets.
+"""Features of a channel that remembers: its value, how far it lags behind, and what it forgets.
 
 Foam answers a load late and lets go later: play operators follow the loop between loading and
 unloading (Prandtl and Ishlinskii), slow means the creep. All are causal: a live stream and a
@@ -49,13 +49,17 @@ class MemoryState:
         mean = self._mean
         np.clip(self._plays, mean - self._radii, mean + self._radii, out=self._plays)
         self._slow += self._share * (mean - self._slow)
-        return np.vstack([mean[None], mean[None] ** 2, mean[None] ** 3, self._plays, self._slow])
+        lags = np.vstack([self._plays, self._slow])
+        return np.vstack([mean[None], mean[None] ** 2, mean[None] ** 3, mean - lags])
+
+    def steps(self, values: FloatArray) -> FloatArray:
+        """Features (t, FEATURES - 1, n) of rows (t, n) that follow."""
+        found = np.empty((len(values), FEATURES - 1, values.shape[1]))
+        for row, now in enumerate(values):
+            found[row] = self.step(now)
+        return found
 
 
 def memory_features(values: FloatArray, start: FloatArray, rate: float) -> FloatArray:
     """Features (t, n, FEATURES - 1) of all rows (t, n); see `MemoryState`."""
-    state = MemoryState(start, rate)
-    found = np.empty((len(values), FEATURES - 1, values.shape[1]))
-    for row, now in enumerate(values):
-        found[row] = state.step(now)
-    return found.transpose(0, 2, 1)
+    return MemoryState(start, rate).steps(values).transpose(0, 2, 1)

@@ -17,6 +17,8 @@ COMMANDS = {
     "plane": ("plane", "plane", "By presses on a table."),
     "scan": ("scan", "scan", "A 3D scan of the link to its mesh."),
     "wrench": ("wrench", "wrench", "By the lines of forces that were felt."),
+    "load": ("load", "load", "Pressures in bar, with intervals."),
+    "rest": ("rest", "rest", "The zero of a load calibration anew."),
     "response": ("response", "response", "Baselines, gains, health of taxels."),
 }
 

@@ -772,6 +772,67 @@ class ForceResult(Evaluated):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class LoadRow:
+    """Pressures of one recording beside its reference.
+
+    Attributes
+    ----------
+    recording
+        Its file.
+    rms_bar
+        Root mean square error of a taxel, mean of the answered ones [bar]; null without a
+        reference, as `holds`.
+    holds
+        Share of the answers whose interval of 90 % holds the reference.
+    width_bar
+        Mean width of the intervals [bar].
+    refused
+        Share of the answers that were refused: taxels that are left out, and pressures above the
+        calibrated range.
+    answered
+        Taxels that answered at least once.
+    zeroed
+        Whether the recording had a rest before load that set its zero.
+    zero_age_seconds
+        Age of the zero at the first sample; null where it came from the calibration and the times
+        of the recording are not those of a calendar.
+    unexplained
+        Share of the reference that the skin leaves open once both clocks are aligned.
+    """
+
+    recording: str
+    rms_bar: float | None
+    holds: float | None
+    width_bar: float | None
+    refused: float
+    answered: int
+    zeroed: bool
+    zero_age_seconds: float | None
+    unexplained: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoadsResult(Evaluated):
+    """The protocol `load`: pressures of taxels beside those of a chamber.
+
+    Attributes
+    ----------
+    model
+        Step of the ladder that the calibration took.
+    taxels, calibrated
+        All, and those that the calibration answers.
+    rows
+        One for each recording.
+    """
+
+    protocol: Literal["load"] = "load"
+    model: str
+    taxels: int
+    calibrated: int
+    rows: list[LoadRow]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class LeakRow:
     """How much plain folds flatter a classifier.
 
@@ -885,4 +946,5 @@ EvaluateResult = (
     | HandsResult
     | PrintsResult
     | ForceResult
+    | LoadsResult
 )

@@ -34,7 +34,7 @@ from skinmap.report.page import lines_page
 from skinmap.report.present import present
 from skinmap.report.result import plain
 
-PREDICTING = ("prints",)  # protocols that write what they answered
+PREDICTING = ("prints", "load")  # protocols that write what they answered
 SEEDS = {"baxter": 10, "physics": 1, "time": 1, "force": 1}  # of the others 5
 CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clean sensors
 
@@ -132,6 +132,7 @@ def command(
       cross-patch  train_robot=ROBOT         train on this robot, test on --robot
       recordings   folds=4                   folds, 2 to 20
       prints       pitch_mm=4.79             between readings
+      load         zero=auto|none|first      rest before and after load, or before it
 
     \b
     Example:  skinmap evaluate --protocol kaspar --seeds 3 --json
@@ -141,6 +142,7 @@ def command(
               skinmap evaluate --protocol fingers DATA
               skinmap evaluate --protocol force --per-gesture 4
               skinmap evaluate --protocol prints TRAIN.npz TEST.npz --predictions areas.npz
+              skinmap evaluate --protocol load MODEL RECORDING.npz --json
               skinmap evaluate touches.npz --robot icub
               skinmap evaluate monday.mcap tuesday.mcap --leave-out session
               skinmap evaluate --protocol kaspar --set sweep=yes --jobs 4 --resume kaspar.resume

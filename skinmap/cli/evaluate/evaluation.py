@@ -28,11 +28,13 @@ PROTOCOLS = (
     "hands",
     "prints",
     "force",
+    "load",
 )
 ON_DATA = {  # protocols of files that users bring: how many, and their names
     "fingers": (1, 1, "its file or folder"),
     "hands": (1, 1, "its file or folder"),
     "prints": (2, 2, "TRAIN.npz TEST.npz"),
+    "load": (2, 1000, "MODEL RECORDING..."),
 }
 
 Rows = list[list[Cell]]

@@ -1,0 +1,305 @@
+"""`skinmap calibrate load`: pressures of taxels in bar, from a known load beside the samples."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from calibration.commands.calibration_options import FILE, Outputs, outputs
+from calibration.commands.results import Calibrated, Spread, judged
+from skinmap.commands.options import Number, open_robot, prints
+from skinmap.commands.progress import progress
+from skinmap.errors import SkinMismatchError
+
+if TYPE_CHECKING:
+    from calibration.response.load_fit import LoadFit, Pressed
+
+MAX_NAMED = 40  # taxels left out that words name
+DRAWN = 40  # points of a curve
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ClockRow:
+    """One line between the clock of a reference and that of the skin.
+
+    Attributes
+    ----------
+    recording
+        Its file.
+    first_row
+        Row of the reference from which the line holds.
+    offset_rows, slope_percent
+        Skin row = reference row + offset + slope x reference row.
+    residual_rows
+        Median distance of local lags from the lines.
+    """
+
+    recording: str
+    first_row: int
+    offset_rows: float
+    slope_percent: float
+    residual_rows: float
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoadResult(Calibrated):
+    """Pressures of the taxels of a skin.
+
+    Attributes
+    ----------
+    channels, answered
+        All, and those whose pressure is known.
+    dead, stray
+        Channels that never moved, and that did not follow the others: left out of all sums.
+    model
+        Step of the ladder that did best on held-out stretches: `linear`, `cubic`, `hysteresis`.
+    held_out_bar
+        Median error of each step on held-out stretches [bar].
+    shared_shape
+        Taxels with the shape that all share, scaled to each.
+    error_bar
+        Error of the taxels on held-out stretches [bar].
+    doubt_bar
+        Of a session's offset that all taxels share [bar].
+    top_bar
+        End of the calibrated range [bar].
+    clocks
+        A line or more for each recording.
+    area_mm2
+        Of a taxel; null where nobody said.
+    fingerprint
+        Of the skin; empty without `--part`.
+    seconds
+        CPU time of the solution.
+    files
+        Inside `--out`.
+    """
+
+    channels: int
+    answered: int
+    dead: list[int]
+    stray: list[int]
+    model: str
+    held_out_bar: dict[str, float]
+    shared_shape: int
+    error_bar: Spread
+    doubt_bar: float
+    top_bar: float
+    clocks: list[ClockRow]
+    area_mm2: float | None
+    fingerprint: str
+    seconds: float
+    files: list[str] = field(default_factory=list)
+
+
+@click.command("load")
+@click.argument("evidence", nargs=-1, required=True, type=FILE)
+@click.option(
+    "--robot", default="icub", show_default=True, metavar="ROBOT", help="Robot of --part."
+)
+@click.option("--part", metavar="PART",
+              help="Only this part of the robot: the result remembers its skin.")  # fmt: skip
+@click.option(
+    "--area-mm2", type=Number(0.0, 1e4, min_open=True), help="Area of a taxel, for newtons."
+)
+@outputs("load.npz and the report", required=True)
+@prints(LoadResult)
+def load(output: Outputs, **given: Any) -> None:
+    """Pressures of taxels in bar, with intervals that hold on another day.
+
+    EVIDENCE holds `samples (t, n)` in counts and `times (t,)` [s] beside one reference on its own
+    clock: `pressure_bar`, `pressure_kpa` or `pressure_pa (u,)` of a chamber or a bag, `mass_kg`
+    (with `footprint (k,)`: channels it lies on), `stand` (kilograms of a person who stands on all),
+    or `force_n` of a load cell on `channels (k,)`. `reference_times (u,)` may be absent where both
+    have the same nominal rate. CSV: a column `time`, one reference, every other column a channel.
+
+    \b
+    Example:  skinmap calibrate load calibration.npz -o load
+    """
+    with progress(1, "calibrate") as advance:
+        advance("load")
+        result, fit, pressed = work(**given)
+    output.finish(
+        result,
+        _lines,
+        lambda folder: _write(fit, folder),
+        lambda: _page(fit, pressed, result),
+    )
+
+
+def work(
+    *, evidence: tuple[Path, ...], robot: str, part: str | None, area_mm2: float | None
+) -> tuple[LoadResult, LoadFit, list[Pressed]]:
+    """Fit the pressures of a skin."""
+    from calibration.response.load_fit import fit_load
+
+    pressed, marks = [], ""
+    for path in evidence:
+        pressed.append(_pressed(path, area_mm2))
+        count = pressed[-1].samples.shape[1]
+        if count != pressed[0].samples.shape[1]:
+            raise SkinMismatchError(
+                f"{path} has {count} channels, {evidence[0]} {pressed[0].samples.shape[1]}"
+            )
+    if part is not None:
+        from skinmap.skin.skin import fingerprint
+
+        skin = open_robot(robot, (part,))[0].skin(part)
+        if len(skin) != count:
+            raise SkinMismatchError(
+                f"{part!r} has {len(skin)} taxels, the samples {count} channels"
+            )
+        marks = fingerprint(skin)
+    start = time.process_time()
+    fit = fit_load(
+        pressed,
+        when=max(path.stat().st_mtime for path in evidence),
+        area_mm2=float("nan") if area_mm2 is None else area_mm2,
+        fingerprint=marks,
+    )
+    seconds = time.process_time() - start
+    found = fit.calibration
+    answered = int(found.answered.sum())
+    reasons = []
+    if answered < count / 2:
+        reasons = [f"{answered} of {count} taxels follow the reference, half are needed"]
+    result = LoadResult(
+        status="low_coverage" if reasons else "ok",
+        reasons=reasons,
+        channels=count,
+        answered=answered,
+        dead=fit.dead,
+        stray=fit.stray,
+        model=found.model,
+        held_out_bar=fit.held_out,
+        shared_shape=fit.shared,
+        error_bar=Spread.of(found.error[found.answered]),
+        doubt_bar=found.doubt,
+        top_bar=float(found.top.max()),
+        clocks=[
+            ClockRow(
+                recording=one.name,
+                first_row=line.first_row,
+                offset_rows=line.offset_rows,
+                slope_percent=100 * line.slope,
+                residual_rows=line.residual_rows,
+            )
+            for one, lines in zip(pressed, fit.clocks, strict=True)
+            for line in lines
+        ],
+        area_mm2=area_mm2,
+        fingerprint=marks,
+        seconds=seconds,
+    )
+    return result, fit, pressed
+
+
+def _pressed(path: Path, area_mm2: float | None) -> Pressed:
+    """One file as a pressure on its channels."""
+    from calibration.response.load_fit import Pressed
+    from skinmap.errors import DataFormatError
+    from skinmap.io.recordings.load_evidence import BAR, FORCES, read_evidence
+
+    one = read_evidence(path)
+    reference = one.on_nominal_rows()
+    if one.kind in FORCES:
+        if one.channels is None and one.kind != "stand":
+            names = "`footprint (k,)`" if one.kind == "mass_kg" else "`channels (k,)`"
+            raise DataFormatError(f"{one.kind} needs {names}: the channels that carry it", path)
+        if area_mm2 is None:
+            raise DataFormatError(f"{one.kind} needs --area-mm2, the area of a taxel", path)
+        count = one.samples.shape[1] if one.channels is None else len(one.channels)
+        reference = reference / (area_mm2 * 1e-6 * count) * BAR
+    return Pressed(one.name, one.samples, one.rate, reference, one.channels)
+
+
+def _write(fit: LoadFit, folder: Path) -> list[str]:
+    from skinmap.touch.load_calibration import FILE as NAME
+
+    (folder / NAME).write_bytes(fit.calibration.to_bytes())
+    return [NAME]
+
+
+def _named(channels: list[int]) -> str:
+    more = f" and {len(channels) - MAX_NAMED} more" if len(channels) > MAX_NAMED else ""
+    return (", ".join(map(str, channels[:MAX_NAMED])) + more) or "none"
+
+
+def _clock(row: ClockRow) -> str:
+    return (
+        f"{row.recording}, from row {row.first_row}: {row.offset_rows:+.0f} rows "
+        f"{row.slope_percent:+.2f} %, residual {row.residual_rows:.0f} rows"
+    )
+
+
+def _lines(result: LoadResult) -> Iterator[str]:
+    yield from judged(result)
+    yield (
+        f"{result.answered} of {result.channels} taxels, 0 to {result.top_bar:.2f} bar, model "
+        f"{result.model}: error {result.error_bar.median:.3f} bar (median, held out)"
+    )
+    yield from (f"clock of {_clock(row)}" for row in result.clocks)
+    yield f"left out, dead: {_named(result.dead)}"
+    yield f"left out, do not follow: {_named(result.stray)}"
+
+
+def _page(fit: LoadFit, pressed: list[Pressed], result: LoadResult) -> str:
+    from calibration.commands.pages import judged_page
+
+    rows = [
+        ("taxels with pressures", f"{result.answered} of {result.channels}"),
+        ("calibrated range", f"0 to {result.top_bar:.2f} bar"),
+        ("model", result.model),
+        *((f"held out, {name}", f"{error:.3f} bar") for name, error in result.held_out_bar.items()),
+        ("doubt of a session's zero", f"{result.doubt_bar:.3f} bar"),
+        *((f"clock {i + 1}", _clock(row)) for i, row in enumerate(result.clocks)),
+        ("left out, dead", _named(result.dead)),
+        ("left out, do not follow", _named(result.stray)),
+    ]
+    words = (
+        "Pressures that the calibration reads against those of the reference: median of the "
+        "taxels, the half of them in the dark band, 90 % intervals of a taxel in the light one."
+    )
+    return judged_page("Loads", result, rows, [("Curves", _picture(fit, pressed[0]), words)])
+
+
+def _picture(fit: LoadFit, one: Pressed) -> bytes:
+    """PNG: what taxels read over the reference, with bands; the error of each taxel."""
+    import numpy as np
+
+    from skinmap.clock_lines import reference_at
+    from skinmap.report.image import picture_bytes, plain_figure
+
+    wanted = reference_at(fit.clocks[0], one.reference, len(one.samples))
+    values, low, high = fit.calibration.pressures(one.samples, zero="none")
+    own = fit.calibration.answered
+    edges = np.linspace(np.nanmin(wanted), np.nanmax(wanted), DRAWN + 1)
+    middle, bands = [], []
+    for start, end in pairwise(edges):
+        use = np.flatnonzero((wanted >= start) & (wanted <= end))[::5]
+        if len(use) < 3:
+            continue
+        middle.append((start + end) / 2)
+        read = np.nanmedian(values[use][:, own], axis=0)
+        ends = [np.nanmedian(np.nanmedian(side[use][:, own], axis=0)) for side in (low, high)]
+        bands.append([*np.nanpercentile(read, (25, 50, 75)), *ends])
+    lines = np.array(bands).T
+    figure = plain_figure((9.0, 4.4))
+    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    left.fill_between(middle, lines[3], lines[4], color="#00795c", alpha=0.15, lw=0)
+    left.fill_between(middle, lines[0], lines[2], color="#00795c", alpha=0.4, lw=0)
+    left.plot(middle, lines[1], color="#00795c")
+    left.plot(edges[[0, -1]], edges[[0, -1]], color="#9aa5b1", lw=0.8, ls="--")
+    left.set_xlabel("reference [bar]")
+    left.set_ylabel("read by taxels [bar]")
+    right.scatter(np.flatnonzero(own), fit.calibration.error[own], s=9, color="#00795c")
+    right.set_xlabel("channel")
+    right.set_ylabel("error, held out [bar]")
+    right.set_ylim(bottom=0)
+    return picture_bytes(figure)

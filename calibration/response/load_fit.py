@@ -1,0 +1,386 @@
+"""Fits pressures of taxels to evidence: a ladder of models, each judged on held-out stretches.
+
+Linear, a monotone cubic, and one with hysteresis (play operators and slow means) are compared by
+sums of squares alone, so that no feature of a recording has to be kept. A taxel that does better by
+the shape that all share, scaled to it, takes that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.clock_lines import UNEXPLAINED, ClockLine, align, following, reference_at
+from skinmap.errors import InvalidArrayError
+from skinmap.memory_features import FEATURES, RADII, MemoryState
+from skinmap.touch.load_calibration import (
+    SHRINK,
+    LoadCalibration,
+    calm_rests,
+    chunks,
+    skin_level,
+)
+
+LADDER = ("linear", "cubic", "hysteresis")
+EVERY = 5  # rows from one that is fitted to the next: neighbours tell the same
+MOST_ROWS = 20_000  # that ranges of counts are taken from
+FOLDS = 5  # stretches of a recording of which each is held out
+LEAST_SPAN = 3.0  # counts from rest to the top: below it a taxel tells too little
+LEAST_SPREAD = 0.5  # counts: below it a taxel is dead
+# Ridge a row: of the cubic, the plays and the slow means.
+RIDGE = np.array([0.0] + [1e-4] * 3 + [1e-2] * len(RADII) + [1e-3] * (FEATURES - 4 - len(RADII)))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Pressed:
+    """One recording whose channels felt a known pressure.
+
+    Attributes
+    ----------
+    name : str
+        Of its file.
+    samples : (t, n) array
+        Raw counts.
+    rate : float
+        Samples a second.
+    reference : (u,) array of float
+        [bar] at the same rate, on its own clock.
+    channels : (k,) array of int, optional
+        Which channels felt it; all without.
+    """
+
+    name: str
+    samples: FloatArray
+    rate: float
+    reference: FloatArray
+    channels: IntArray | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sums:
+    """Sums of squares (FOLDS, n, FEATURES, FEATURES), products with the reference and its own."""
+
+    square: FloatArray
+    toward: FloatArray
+    power: FloatArray
+    rows: FloatArray
+
+    def __add__(self, other: Sums) -> Sums:
+        return Sums(
+            self.square + other.square,
+            self.toward + other.toward,
+            self.power + other.power,
+            self.rows + other.rows,
+        )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LoadFit:
+    """A calibration, and how it came about.
+
+    Attributes
+    ----------
+    calibration : LoadCalibration
+    clocks : list of tuple of ClockLine
+        Of each file.
+    held_out : dict of str to float
+        Median error of each model on held-out stretches [bar].
+    dead, stray : (k,) int
+        Taxels that never moved, and that did not follow the skin.
+    shared : int
+        Taxels that took the shape of all.
+    """
+
+    calibration: LoadCalibration
+    clocks: list[tuple[ClockLine, ...]]
+    held_out: dict[str, float]
+    dead: list[int]
+    stray: list[int]
+    shared: int
+
+
+def fit_load(
+    evidence: Sequence[Pressed],
+    *,
+    when: float = 0.0,
+    area_mm2: float = float("nan"),
+    fingerprint: str = "",
+) -> LoadFit:
+    """Fit the pressures of all taxels.
+
+    Parameters
+    ----------
+    evidence : sequence of Pressed
+        One or more recordings of the same n channels.
+    when : float
+        Time of the evidence [s since 1970].
+    area_mm2 : float
+        Of a taxel, which forces need.
+    fingerprint : str
+        Of the skin.
+
+    Returns
+    -------
+    LoadFit
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> load = np.interp(np.arange(5000), np.arange(0, 5000, 100),
+    ...                  np.random.default_rng(1).uniform(0, 2, 50))
+    >>> counts = (240 - np.outer(load, np.linspace(20, 30, 8))).round()
+    >>> fit = fit_load([Pressed("press.npz", counts, 50.0, load)])
+    >>> int(fit.calibration.answered.sum()), bool(np.nanmax(fit.calibration.error) < 0.05)
+    (8, True)
+
+    Raises
+    ------
+    InvalidArrayError
+        Clocks that do not align, no taxel that follows, or recordings that contradict each other.
+    """
+    first = evidence[0]
+    n = first.samples.shape[1]
+    lines = [_aligned(one) for one in evidence]
+    wanted = [
+        reference_at(line, one.reference, len(one.samples))
+        for one, line in zip(evidence, lines, strict=True)
+    ]
+    told = np.zeros(n, bool)
+    dead = np.ones(n, bool)
+    for one in evidence:
+        own = np.arange(n) if one.channels is None else np.asarray(one.channels, np.int64)
+        every = max(EVERY, len(one.samples) // MOST_ROWS)
+        moves = one.samples[::every].astype(np.float32).std(axis=0) > LEAST_SPREAD
+        dead &= ~moves
+        told[own[np.isin(own, own[following(one.samples[:, own])])]] = True
+    told &= ~dead
+    rest, span, recovery = np.zeros(n), np.ones(n), np.zeros(n)
+    shifts, known = [], np.zeros(n, bool)
+    for one, reference in zip(evidence, wanted, strict=True):
+        own_rest, own_span, own_recovery = _scales(one, reference, told & _felt(one, n))
+        new = _felt(one, n) & ~known
+        rest[new], recovery[new] = own_rest[new], own_recovery[new]
+        known |= new
+        wider = _felt(one, n) & (np.abs(own_span) > np.abs(span))
+        span[wider] = own_span[wider]
+        shifts.append(np.where(known, own_rest - rest, 0.0))
+    told &= np.abs(span) >= LEAST_SPAN
+    span = np.where(np.abs(span) < LEAST_SPAN, LEAST_SPAN, span)
+    sums = [
+        _sums(one, reference, rest + shift, span)
+        for one, reference, shift in zip(evidence, wanted, shifts, strict=True)
+    ]
+    if len(sums) > 1:
+        _agree(evidence, sums, told)
+    total = sums[0]
+    for more in sums[1:]:
+        total = total + more
+    return _solved(
+        total, told, dead, lines, rest, span, recovery,
+        top=np.nanmax([np.nanmax(one) for one in wanted]), rate=first.rate,
+        when=when, area_mm2=area_mm2, fingerprint=fingerprint,
+    )  # fmt: skip
+
+
+def _felt(one: Pressed, n: int) -> BoolArray:
+    """Channels (n,) that felt the load of a recording."""
+    return np.isin(np.arange(n), np.arange(n) if one.channels is None else one.channels)
+
+
+def _aligned(one: Pressed) -> tuple[ClockLine, ...]:
+    own = one.samples if one.channels is None else one.samples[:, one.channels]
+    try:
+        lines = align(own, one.reference, rate=one.rate)
+    except InvalidArrayError as error:
+        raise InvalidArrayError(f"{one.name}: {error}") from error
+    if lines[0].unexplained > UNEXPLAINED:
+        raise InvalidArrayError(
+            f"{one.name}: the clocks do not align: at the best lag the skin explains "
+            f"{100 * (1 - lines[0].unexplained):.0f} % of the reference, "
+            f"{100 * (1 - UNEXPLAINED):.0f} % are needed"
+        )
+    return lines
+
+
+def _scales(
+    one: Pressed, reference: FloatArray, told: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rest before load, signed span and recovery of each channel [counts]."""
+    every = max(EVERY, len(reference) // MOST_ROWS)
+    few, known = one.samples[::every], reference[::every]
+    good = np.isfinite(known)
+    few, known = few[good].astype(np.float64), known[good]
+    idle = known <= np.quantile(known, 0.02) + 0.02 * np.ptp(known)
+    full = known >= np.quantile(known, 0.98)
+    rest, loaded = np.median(few[idle], axis=0), np.median(few[full], axis=0)
+    sign = np.where(loaded < rest, -1.0, 1.0)
+    ends = np.percentile(few, (0.1, 99.9), axis=0)
+    before = after = None
+    if told.any():
+        width = np.maximum(np.abs(loaded - rest), 1.0) * sign
+        level = skin_level(one.samples, told, rest, width)
+        before, after = calm_rests(one.samples, level, one.rate)
+    recovery = np.zeros(len(rest))
+    if before is not None:
+        rest = before
+        recovery = recovery if after is None else after - before
+    span = np.where(sign < 0, ends[0], ends[1]) - rest
+    return rest, np.where(span * sign > 0, span, sign), recovery
+
+
+def _sums(one: Pressed, reference: FloatArray, rest: FloatArray, span: FloatArray) -> Sums:
+    """Go through a recording once."""
+    n = len(rest)
+    square = np.zeros((FOLDS, n, FEATURES, FEATURES))
+    toward = np.zeros((FOLDS, n, FEATURES))
+    power, rows = np.zeros((FOLDS, n)), np.zeros((FOLDS, n))
+    state = None
+    for part in chunks(len(one.samples)):
+        scaled = (one.samples[part] - rest) / span
+        state = state or MemoryState(scaled[0], one.rate)
+        found = state.steps(scaled)[::EVERY].transpose(2, 0, 1)  # (n, rows, features)
+        known = reference[part][::EVERY]
+        fold = (np.arange(part.start, part.start + len(scaled), EVERY)) * FOLDS * 4
+        fold = fold // max(len(one.samples), 1) % FOLDS  # each fold has four stretches
+        for which in np.unique(fold):
+            use = (fold == which) & np.isfinite(known)
+            if not use.any():
+                continue
+            own = np.concatenate([np.ones((n, int(use.sum()), 1)), found[:, use]], axis=2)
+            square[which] += own.transpose(0, 2, 1) @ own
+            toward[which] += known[use] @ own
+            power[which] += known[use] @ known[use]
+            rows[which] += use.sum()
+    keep = _felt(one, n).astype(np.float64)
+    return Sums(square * keep[:, None, None], toward * keep[:, None], power * keep, rows * keep)
+
+
+def _weights(model: str, square: FloatArray, toward: FloatArray, rows: float) -> FloatArray:
+    """Weights (FEATURES,) of a model of one taxel from its sums."""
+    count = {"linear": 2, "cubic": 4, "hysteresis": FEATURES}[model]
+    found = np.zeros(FEATURES)
+    if model == "cubic":
+        return _monotone(square, toward)
+    own = square[:count, :count] + rows * np.diag(RIDGE[:count])
+    own[np.diag_indices(count)] += 1e-9 * rows
+    found[:count] = np.linalg.solve(own, toward[:count])
+    return found
+
+
+# Rising cubics on 0 to 1: a constant, and sums of Bernstein polynomials with weights above 0.
+RISING = np.array([[1.0, 0, 0, 0], [0, 3, -3, 1], [0, 0, 3, -2], [0, 0, 0, 1]])
+
+
+def _monotone(square: FloatArray, toward: FloatArray) -> FloatArray:
+    """Weights of the cubic that rises everywhere."""
+    basis = np.vstack([RISING[:1], -RISING[:1], RISING[1:]])  # the constant of either sign
+    inner = basis @ square[:4, :4] @ basis.T
+    inner[np.diag_indices(5)] += 1e-9 * max(float(inner[0, 0]), 1.0)
+    factor = np.linalg.cholesky(inner)
+    parts, _ = nnls(factor.T, np.linalg.solve(factor, basis @ toward[:4]))
+    found = np.zeros(FEATURES)
+    found[:4] = parts @ basis
+    return found
+
+
+def _error(weights: FloatArray, square: FloatArray, toward: FloatArray, power: float) -> float:
+    """Sum of squared errors."""
+    return max(float(power - 2 * weights @ toward + weights @ square @ weights), 0.0)
+
+
+def _solved(
+    sums: Sums, told: BoolArray, dead: BoolArray, lines: list[tuple[ClockLine, ...]],
+    rest: FloatArray, span: FloatArray, recovery: FloatArray, *,
+    top: float, rate: float, when: float, area_mm2: float, fingerprint: str,
+) -> LoadFit:  # fmt: skip
+    """Choose the model by its held-out error, and fit it on all."""
+    n = len(rest)
+    told &= sums.rows.sum(axis=0) >= 20 * FEATURES
+    own = np.flatnonzero(told)
+    if not len(own):
+        raise InvalidArrayError(
+            "no taxel follows the reference: "
+            f"{int(dead.sum())} of {n} never move, the others do not go with it"
+        )
+    whole = Sums(*(values.sum(axis=0) for values in _each(sums)))
+    errors = {name: np.full(n, np.nan) for name in LADDER}
+    memoryless = np.full(n, np.nan)
+    for k in own:
+        for name in LADDER:
+            left = 0.0
+            for fold in range(FOLDS):
+                weights = _weights(
+                    name,
+                    whole.square[k] - sums.square[fold, k],
+                    whole.toward[k] - sums.toward[fold, k],
+                    whole.rows[k] - sums.rows[fold, k],
+                )
+                left += _error(weights, sums.square[fold, k], sums.toward[fold, k],
+                               float(sums.power[fold, k]))  # fmt: skip
+            errors[name][k] = np.sqrt(left / whole.rows[k])
+        weights = _monotone(whole.square[k], whole.toward[k])
+        memoryless[k] = np.sqrt(
+            _error(weights, whole.square[k], whole.toward[k], float(whole.power[k])) / whole.rows[k]
+        )
+    held_out = {name: float(np.nanmedian(errors[name])) for name in LADDER}
+    model = min(LADDER, key=lambda name: held_out[name])
+    weights = np.full((n, FEATURES), np.nan)
+    for k in own:
+        weights[k] = _weights(model, whole.square[k], whole.toward[k], float(whole.rows[k]))
+    error = errors[model].copy()
+    shared = _share(weights, error, whole, own)
+    calibration = LoadCalibration(
+        weights, rest, span, recovery, np.full(n, top), error,
+        doubt=float(SHRINK * np.nanmedian(memoryless)), rate=rate, model=model,
+        shift=np.zeros(n), zeroed=when, area_mm2=area_mm2, fingerprint=fingerprint,
+    )  # fmt: skip
+    return LoadFit(
+        calibration, lines, held_out, np.flatnonzero(dead).tolist(),
+        np.flatnonzero(~told & ~dead).tolist(), shared,
+    )  # fmt: skip
+
+
+def _each(sums: Sums) -> Iterable[FloatArray]:
+    return sums.square, sums.toward, sums.power, sums.rows
+
+
+def _share(weights: FloatArray, error: FloatArray, whole: Sums, own: IntArray) -> int:
+    """Give taxels the shape of all, scaled, where that does better than their own held out."""
+    shape = np.median(weights[own], axis=0)
+    changed = 0
+    for k in own:
+        size = shape @ whole.square[k] @ shape
+        scaled = shape * float(shape @ whole.toward[k] / max(size, 1e-12))
+        left = _error(scaled, whole.square[k], whole.toward[k], float(whole.power[k]))
+        now = np.sqrt(left / whole.rows[k])
+        if now < error[k]:
+            weights[k], error[k] = scaled, now
+            changed += 1
+    return changed
+
+
+def _agree(evidence: Sequence[Pressed], sums: Sequence[Sums], told: BoolArray) -> None:
+    """Refuse recordings of which one's curves mistake the other's loads."""
+    own = np.flatnonzero(told)
+    curves = []
+    for one in sums:
+        square, toward = one.square.sum(axis=0), one.toward.sum(axis=0)
+        rows = one.rows.sum(axis=0)
+        curves.append({k: _monotone(square[k], toward[k]) for k in own if rows[k] > 20 * FEATURES})
+    for i, first in enumerate(curves):
+        for j in range(i + 1, len(curves)):
+            both = [k for k in first if k in curves[j]]
+            if not both:
+                continue
+            heights = np.array([1.0, 0.5, 0.25, 0.125])
+            pair = np.array([[one[k][:4] @ heights for one in (first, curves[j])] for k in both])
+            ratio = float(np.median(pair[:, 1] / np.maximum(pair[:, 0], 1e-9)))
+            if not 0.5 < ratio < 2.0:
+                raise InvalidArrayError(
+                    f"{evidence[i].name} and {evidence[j].name} contradict each other: where the "
+                    f"first reads 1 bar, the second reads {ratio:.2g} bar at the same counts"
+                )

@@ -1,0 +1,155 @@
+"""`skinmap evaluate --protocol load MODEL RECORDING...`: pressures beside those of a chamber."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skinmap.arrays import FloatArray
+from skinmap.classifiers.protocols.results import LoadRow, LoadsResult
+from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, percent
+from skinmap.commands.progress import progress
+from skinmap.errors import InvalidArrayError
+from skinmap.report.table import Table
+from skinmap.touch.load_calibration import LoadCalibration, Zero
+
+if TYPE_CHECKING:
+    from skinmap.io.recordings.load_evidence import LoadEvidence
+
+CALENDAR = 1e9  # times above it are seconds since 1970
+ROWS = 4000  # judged at once
+
+
+class ZeroSetting(Own):
+    """Where the zero of a recording comes from."""
+
+    zero: Zero = "auto"
+
+
+SETTINGS = ZeroSetting
+
+
+def work(settings: Settings) -> LoadsResult:
+    """Run the protocol.
+
+    Raises
+    ------
+    SkinError
+        A file that is missing, damaged, of another number of taxels or without samples.
+    """
+    from skinmap.io.recordings.load_evidence import read_evidence
+
+    model, *recordings = settings.recordings
+    calibration = LoadCalibration.read(model)
+    zero: Zero = settings.own.zero
+    rows, written = [], []
+    with progress(len(recordings), "load") as advance:
+        for path in recordings:
+            one = read_evidence(path, needed=False)
+            found = calibration.pressures(one.samples, one.times, zero=zero)
+            rows.append(_row(calibration, one, found, zero))
+            if settings.predictions is not None:
+                written.append((one.times, *found))
+            advance(path.name)
+    if settings.predictions is not None:
+        _write(settings.predictions, written)
+    return LoadsResult(
+        robot=f"skin of {len(calibration)} taxels",
+        model=calibration.model,
+        taxels=len(calibration),
+        calibrated=int(calibration.answered.sum()),
+        rows=rows,
+    )
+
+
+def _row(
+    calibration: LoadCalibration,
+    one: LoadEvidence,
+    found: tuple[FloatArray, FloatArray, FloatArray],
+    zero: Zero,
+) -> LoadRow:
+    values, low, high = found
+    answered = np.isfinite(values)
+    zeroed = calibration.session(one.samples, one.rate, zero=zero).zeroed
+    start = float(one.times[0])
+    age = 0.0 if zeroed else (start - calibration.zeroed if start > CALENDAR else None)
+    width = float(np.nanmean(high - low)) if answered.any() else None
+    rms, holds, unexplained = _beside(one, found)
+    return LoadRow(
+        recording=one.name,
+        rms_bar=rms,
+        holds=holds,
+        width_bar=width,
+        refused=float(1.0 - answered.mean()),
+        answered=int(answered.any(axis=0).sum()),
+        zeroed=zeroed,
+        zero_age_seconds=age,
+        unexplained=unexplained,
+    )
+
+
+def _beside(
+    one: LoadEvidence, found: tuple[FloatArray, FloatArray, FloatArray]
+) -> tuple[float | None, float | None, float | None]:
+    """Error, share of intervals that hold, and what alignment leaves open; None without."""
+    from skinmap.clock_lines import UNEXPLAINED, align, reference_at
+
+    if not one.kind:
+        return None, None, None
+    reference = one.on_nominal_rows()
+    try:
+        lines = align(one.samples, reference, rate=one.rate)
+    except InvalidArrayError:
+        return None, None, None
+    if lines[0].unexplained > UNEXPLAINED:
+        return None, None, lines[0].unexplained
+    wanted = reference_at(lines, reference, len(one.samples))
+    squares, counts, inside = 0.0, 0, 0
+    for start in range(0, len(wanted), ROWS):
+        values, low, high = (each[start : start + ROWS] for each in found)
+        true = wanted[start : start + ROWS, None]
+        good = np.isfinite(values) & np.isfinite(true)
+        squares = squares + np.where(good, (values - true) ** 2, 0.0).sum(axis=0)
+        counts = counts + good.sum(axis=0)
+        inside += int((good & (low <= true) & (true <= high)).sum())
+    own = np.asarray(counts) > 0
+    if not own.any():
+        return None, None, lines[0].unexplained
+    rms = np.sqrt(np.asarray(squares)[own] / np.asarray(counts)[own])
+    return float(rms.mean()), inside / int(np.sum(counts)), lines[0].unexplained
+
+
+def _write(path: Path, written: list[tuple[Any, ...]]) -> None:
+    from skinmap.io.output import staged_file
+
+    times, values, low, high = (np.concatenate(each) for each in zip(*written, strict=True))
+    which = np.repeat(np.arange(len(written)), [len(one[0]) for one in written])
+    with staged_file(path) as stage, stage.open("wb") as file:
+        np.savez_compressed(
+            file, pressure_bar=values, low=low, high=high, times=times, recording=which
+        )
+
+
+def lines(result: LoadsResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    yield (
+        f"{result.robot}, {result.calibrated} of them calibrated (model {result.model}); answers "
+        "come from the samples and the calibration alone"
+    )
+
+    def words(value: float | None) -> str:
+        return "none" if value is None else f"{value:.3f}"
+
+    rows: Rows = [
+        [
+            row.recording, words(row.rms_bar), percent(row.holds), words(row.width_bar),
+            percent(row.refused), row.answered,
+            "its own" if row.zeroed else "the calibration's",
+        ]
+        for row in result.rows
+    ]  # fmt: skip
+    heads = ["recording", "error [bar]", "inside 90 % [%]", "width [bar]", "refused [%]"]
+    yield Table([*heads, "taxels that answer", "zero"], rows)

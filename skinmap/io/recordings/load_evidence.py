@@ -1,0 +1,245 @@
+"""Samples of a skin beside a known load, each on its own clock: `.npz` or `.csv`."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.archive import open_arrays
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError
+from skinmap.io.text import check_file
+
+PRESSURES = {"pressure_bar": 1.0, "pressure_kpa": 1e-2, "pressure_pa": 1e-5}
+FORCES = {"mass_kg": 9.80665, "stand": 9.80665, "force_n": 1.0}
+LATER = {
+    "wrench": "a wrench needs a mount: `skinmap calibrate wrench` fits that; pressures are fitted "
+    "to pressure_bar, mass_kg or force_n",
+    "prints": "prints teach areas, not pressures: `skinmap evaluate --protocol prints` reads them",
+}
+UNITS = {"psi": "bar = psi x 0.0689476", "mmhg": "bar = mmHg x 0.00133322"}
+BAR = 1e-5  # bar in a pascal
+MAX_BAR = 100.0  # above it the unit is wrong
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LoadEvidence:
+    """One recording.
+
+    Attributes
+    ----------
+    name : str
+        Of its file.
+    samples : (t, n) array
+        Raw counts.
+    times : (t,) float
+        [s].
+    kind : str
+        Name of the reference; empty without any.
+    reference : (u,) float
+        [bar], or [N] for masses and forces; none without any.
+    reference_times : (u,) float or None
+        [s]; None where the nominal rate is that of the samples.
+    channels : (k,) int or None
+        Which channels felt it; None for all.
+    """
+
+    name: str
+    samples: NDArray[Any]
+    times: FloatArray
+    kind: str
+    reference: FloatArray
+    reference_times: FloatArray | None
+    channels: IntArray | None
+
+    @property
+    def rate(self) -> float:
+        """Samples a second."""
+        return 1.0 / float(np.median(np.diff(self.times)))
+
+    def on_nominal_rows(self) -> FloatArray:
+        """The reference at the rate of the samples."""
+        if self.reference_times is None:
+            return self.reference
+        first, last = self.reference_times[[0, -1]]
+        wanted = np.arange(first, last, 1.0 / self.rate)
+        return np.interp(wanted, self.reference_times, self.reference)
+
+
+def read_evidence(path: Path, *, needed: bool = True) -> LoadEvidence:
+    """Read one recording with its reference; without `needed` it may have none, or a useless one.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, no such array, a unit that is not read, numbers that are none.
+    """
+    if path.suffix.lower() not in (".npz", ".csv"):
+        raise DataFormatError(
+            "evidence of loads is an .npz or .csv file; `skinmap export` writes recordings as .npz",
+            path,
+        )
+    check_file(path, "samples beside a known load (.npz or .csv)", 2**32)
+    held = _table(path) if path.suffix.lower() == ".csv" else _arrays(path)
+    there = ", ".join(held) or "none"
+    for name in ("samples", "times"):
+        if name not in held:
+            raise DataFormatError(f"no array {name!r}; its arrays: {there}", path)
+    samples = held["samples"]
+    if samples.ndim != 2 or samples.dtype.kind not in "uif" or not samples.size:
+        raise DataFormatError(f"samples must be numbers (t, n), got shape {samples.shape}", path)
+    if samples.dtype.kind == "f" and not np.isfinite(samples).all():
+        row, column = np.argwhere(~np.isfinite(samples))[0].tolist()
+        raise DataFormatError(
+            f"samples hold NaN or infinity, first in row {row}, channel {column}", path
+        )
+    times = _numbers(held, "times", path)
+    if len(times) != len(samples):
+        raise DataFormatError(f"{len(times)} times for {len(samples)} samples", path)
+    if len(times) < 2 or (np.diff(times) < 0).any() or times[-1] <= times[0]:
+        raise DataFormatError("times must rise [s]", path)
+    if np.median(np.diff(times)) <= 0:
+        raise DataFormatError(
+            "more than half of the times repeat: they need parts of a second", path
+        )
+    kind = _kind(held, path, needed)
+    if not kind:
+        return LoadEvidence(path.name, samples, times, "", np.zeros(0), None, None)
+    try:
+        return _with_reference(held, kind, samples, times, path)
+    except DataFormatError:
+        if needed:
+            raise
+        return LoadEvidence(path.name, samples, times, "", np.zeros(0), None, None)
+
+
+def _with_reference(
+    held: dict[str, NDArray[Any]],
+    kind: str,
+    samples: NDArray[Any],
+    times: FloatArray,
+    path: Path,
+) -> LoadEvidence:
+    reference = _numbers(held, kind, path)
+    own = _numbers(held, "reference_times", path) if "reference_times" in held else None
+    _check_reference(reference, own, kind, times, path)
+    scale = PRESSURES.get(kind) or FORCES[kind]
+    if kind in PRESSURES and reference.max() * scale > MAX_BAR:
+        raise DataFormatError(
+            f"{kind} reaches {reference.max() * scale:.0f} bar: is it another unit? "
+            f"{', '.join(PRESSURES)} are read",
+            path,
+        )
+    channels = _channels(held, samples.shape[1], path)
+    return LoadEvidence(path.name, samples, times, kind, reference * scale, own, channels)
+
+
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+    try:
+        with open_arrays(path) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except DAMAGED_ARCHIVE as error:
+        if isinstance(error, DataFormatError):
+            raise
+        raise DataFormatError(f"not an archive of arrays: {str(error)[:200]}", path) from None
+
+
+def _table(path: Path) -> dict[str, NDArray[Any]]:
+    """A column `time`, one reference perhaps, and every other column a channel."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            names = [name.strip() for name in next(csv.reader(file), [])]
+            values = np.loadtxt(file, delimiter=",", ndmin=2)
+    except (ValueError, UnicodeDecodeError, csv.Error) as error:
+        raise DataFormatError(f"not a table of numbers: {str(error)[:200]}", path) from None
+    if values.shape[1] != len(names):
+        raise DataFormatError(f"{len(names)} columns are named, rows have {values.shape[1]}", path)
+    if "time" not in names:
+        raise DataFormatError(f"no column 'time'; its columns: {', '.join(names[:12])}", path)
+    known = {*PRESSURES, *FORCES, *LATER, *(n for n in names if _unit(n)), "reference_times"}
+    found = {name: values[:, names.index(name)] for name in names if name in known}
+    found["times"] = values[:, names.index("time")]
+    channels = [i for i, name in enumerate(names) if name not in known and name != "time"]
+    found["samples"] = values[:, channels]
+    return found
+
+
+def _unit(name: str) -> str:
+    return next((unit for unit in UNITS if unit in name.lower()), "")
+
+
+def _kind(held: dict[str, NDArray[Any]], path: Path, needed: bool) -> str:
+    """The name of the one reference."""
+    found = [name for name in (*PRESSURES, *FORCES, *LATER) if name in held]
+    if not needed:
+        found = [name for name in found if name in PRESSURES]
+        return found[0] if len(found) == 1 else ""
+    for name in held:
+        if unit := _unit(name):
+            raise DataFormatError(
+                f"{name!r} is in another unit: {UNITS[unit]}; {', '.join(PRESSURES)} are read", path
+            )
+    if len(found) != 1:
+        raise DataFormatError(
+            f"needs one reference of {', '.join((*PRESSURES, *FORCES))}, it has "
+            f"{' and '.join(found) or 'none'}; its arrays: {', '.join(held)}",
+            path,
+        )
+    if found[0] in LATER:
+        raise DataFormatError(LATER[found[0]], path)
+    return found[0]
+
+
+def _check_reference(
+    reference: FloatArray, own: FloatArray | None, kind: str, times: FloatArray, path: Path
+) -> None:
+    if np.ptp(reference) <= 1e-9 * max(1.0, float(np.abs(reference).max())):
+        raise DataFormatError(f"{kind} never moves: it teaches nothing", path)
+    if own is None:
+        if not 0.6 * len(times) <= len(reference) <= 2.0 * len(times):
+            raise DataFormatError(
+                f"{kind} has {len(reference)} rows for {len(times)} samples: without "
+                "reference_times both need the same nominal rate and length",
+                path,
+            )
+        return
+    if len(own) != len(reference):
+        raise DataFormatError(f"{len(own)} reference_times for {len(reference)} of {kind}", path)
+    if (np.diff(own) < 0).any():
+        raise DataFormatError("reference_times must rise [s]", path)
+    covered = (own[-1] - own[0]) / (times[-1] - times[0])
+    if covered < 0.6:
+        raise DataFormatError(
+            f"{kind} covers {own[-1] - own[0]:.1f} s of {times[-1] - times[0]:.1f} s of samples: "
+            "at least 60 % are needed",
+            path,
+        )
+
+
+def _channels(held: dict[str, NDArray[Any]], n: int, path: Path) -> IntArray | None:
+    """Channels of the array `footprint`, or of `channels`."""
+    for name in ("footprint", "channels"):
+        if name in held:
+            found = _numbers(held, name, path)
+            if held[name].dtype.kind == "b" and len(found) == n:
+                found = np.flatnonzero(found).astype(np.float64)
+            if not len(found) or (found != np.floor(found)).any() or found.min() < 0 or (
+                found.max() >= n
+            ):  # fmt: skip
+                raise DataFormatError(f"{name} must be channels from 0 to {n - 1}", path)
+            return np.unique(found.astype(np.int64))
+    return None
+
+
+def _numbers(held: dict[str, NDArray[Any]], name: str, path: Path) -> FloatArray:
+    values = held[name]
+    if values.dtype.kind not in "buif" or values.ndim > 1 or not np.isfinite(values).all():
+        raise DataFormatError(
+            f"{name} must be finite numbers in one dimension, got shape {values.shape}", path
+        )
+    return np.atleast_1d(np.asarray(values, np.float64))

@@ -1,0 +1,408 @@
+"""From counts to bar: what `skinmap calibrate load` fits, and how it is used.
+
+A taxel's pressure is a linear function of the memory features of its counts over its span
+(`skinmap.memory_features`). Its zero is found anew in each session: a shift that all taxels share
+is taken over only as far as it exceeds what the model itself leaves in doubt. The interval holds
+the session: the doubt of the shared shift, the wander of the taxel's own rest, and its gain.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skinmap.archive import open_arrays
+from skinmap.arrays import BoolArray, FloatArray, check_finite, freeze
+from skinmap.errors import (
+    DAMAGED_ARCHIVE,
+    DataFormatError,
+    InvalidArrayError,
+    MissingFileError,
+    SkinMismatchError,
+)
+from skinmap.memory_features import FEATURES, MemoryState
+
+FORMAT, FILE = "skinmap-load-1", "load.npz"
+Zero = Literal["auto", "none", "first"]
+NORMAL_90 = 1.645  # standard deviations on either side that hold 90 %
+CHUNK = 2000  # rows at once
+WANDER = 0.7  # counts that rest wanders within a session, where it was not seen twice
+RANGE = 0.03  # beyond the calibrated counts that still are answered, in spans, and one count
+GAIN_SD = 0.02  # of a taxel between sessions; fitted on no other day, see `calibrate load`
+GAIN_BAR = 0.15  # values that a taxel still answers whose gain a session proved wrong
+WANDER_BAR = 0.3  # of a taxel's rest within a session, above which it is not answered
+SHRINK = 0.65  # of the error of the best curve without memory: a shared shift below it is doubted
+STILL_COUNTS, STILL_LOADED = 1.5, 0.3  # a taxel is stuck that moves less while others moved so far
+REST_FAR, REST_CALM = 0.12, 0.03  # of a session's range: how far rest may lie up, how far it moves
+REST_SECONDS, REST_MOST = 0.8, 10.0  # of rest that is needed, and that is looked at
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LoadCalibration:
+    """Pressures of n taxels in bar, with intervals that hold on another day.
+
+    Attributes
+    ----------
+    weights : (n, FEATURES) float
+        Of the constant and the memory features [bar]; NaN for taxels that are not answered.
+    rest, span : (n,) float
+        Counts at rest before load, and signed counts from there to the top of the calibration.
+    recovery : (n,) float
+        Counts that rest after load lay off rest before it.
+    top : (n,) float
+        End of the calibrated range [bar].
+    error : (n,) float
+        Root mean square on held-out stretches of the evidence [bar].
+    doubt : float
+        Of a session's shared shift [bar].
+    rate : float
+        Samples a second of the evidence.
+    model : str
+        Step of the ladder: linear, cubic or hysteresis.
+    shift : (n,) float
+        Counts that the last zeroing moved the rest by.
+    zeroed : float
+        When that was [s since 1970]; of evidence that does not say, when it was fitted.
+    area_mm2 : float
+        Of a taxel; NaN where nobody said.
+    fingerprint : str
+        Of the skin; empty where nobody said.
+    """
+
+    weights: FloatArray
+    rest: FloatArray
+    span: FloatArray
+    recovery: FloatArray
+    top: FloatArray
+    error: FloatArray
+    doubt: float
+    rate: float
+    model: str
+    shift: FloatArray
+    zeroed: float
+    area_mm2: float = float("nan")
+    fingerprint: str = ""
+
+    def __post_init__(self) -> None:
+        n = len(self.rest)
+        if self.weights.shape != (n, FEATURES):
+            raise InvalidArrayError(
+                f"weights must have shape ({n}, {FEATURES}), got {self.weights.shape}"
+            )
+        for name in ("span", "recovery", "top", "error", "shift"):
+            if getattr(self, name).shape != (n,):
+                raise InvalidArrayError(
+                    f"{name} must have shape ({n},), got {getattr(self, name).shape}"
+                )
+        freeze(self)
+
+    def __len__(self) -> int:
+        return len(self.rest)
+
+    @property
+    def answered(self) -> BoolArray:
+        """Taxels (n,) whose pressure is known."""
+        return np.isfinite(self.weights[:, 0])
+
+    @classmethod
+    def read(cls, path: Path | str, *, fingerprint: str = "") -> LoadCalibration:
+        """Read what `skinmap calibrate load -o` wrote: its folder, or the file in it.
+
+        Raises
+        ------
+        MissingFileError, DataFormatError
+            No such file, or not one of ours.
+        SkinMismatchError
+            Calibrated was another skin.
+        """
+        path = Path(path)
+        path = path / FILE if path.is_dir() else path
+        if not path.is_file():
+            raise MissingFileError(path, "a calibration made by `skinmap calibrate load -o`")
+        try:
+            with open_arrays(path) as arrays:
+                head = json.loads(arrays["head"].tobytes())
+                if head["format"] != FORMAT:
+                    raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
+                held: dict[str, Any] = {
+                    name: np.asarray(arrays[name], np.float64) for name in ARRAYS
+                }
+                found = cls(**held, **{name: kind(head[name]) for name, kind in HEAD.items()})
+        except DAMAGED_ARCHIVE as error:
+            if isinstance(error, DataFormatError):
+                raise
+            raise DataFormatError(f"not a calibration of loads: {error}", path) from error
+        if fingerprint and found.fingerprint and fingerprint != found.fingerprint:
+            raise SkinMismatchError(
+                f"{path}: calibrated was the skin {found.fingerprint[:8]}, this is "
+                f"{fingerprint[:8]}"
+            )
+        return found
+
+    def to_bytes(self) -> bytes:
+        """The file that `read` takes."""
+        head = {"format": FORMAT} | {name: getattr(self, name) for name in HEAD}
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in ARRAYS}
+        buffer = io.BytesIO()
+        text = np.frombuffer(json.dumps(head).encode(), np.uint8)
+        np.savez_compressed(buffer, head=text, **arrays)
+        return buffer.getvalue()
+
+    def pressures(
+        self, samples: ArrayLike, times: ArrayLike | None = None, *, zero: Zero = "auto"
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Pressures of a recording with their 90 % intervals.
+
+        Parameters
+        ----------
+        samples : (t, n) array-like
+            Raw counts.
+        times : (t,) array-like, optional
+            [s]; without them the rate of the evidence is taken.
+        zero : str
+            `auto` and `first` find rest before load in the samples, `auto` beside rest after it;
+            `none` keeps the zero of the calibration.
+
+        Returns
+        -------
+        values, low, high : (t, n) float32
+            [bar]; NaN where a taxel is not answered or above the calibrated range.
+
+        Raises
+        ------
+        InvalidArrayError, SkinMismatchError
+            Samples or times of another shape, or that hold NaN.
+        """
+        counts = self.checked(samples)
+        rate = rate_of_times(times, len(counts)) or self.rate
+        session = self.session(counts, rate, zero=zero)
+        found = np.full((3, *counts.shape), np.nan, np.float32)
+        stream = LoadStream(self, rate, session)
+        for start in range(0, len(counts), CHUNK):
+            rows = slice(start, start + CHUNK)
+            found[:, rows] = stream.rows(counts[rows])
+        return found[0], found[1], found[2]
+
+    def checked(self, samples: ArrayLike) -> FloatArray:
+        """Samples of as many taxels, without NaN; whole numbers stay as small as they are."""
+        counts = np.asarray(samples)
+        if counts.ndim != 2 or counts.dtype.kind not in "uif":
+            raise InvalidArrayError(f"samples must be numbers (t, n), got shape {counts.shape}")
+        if counts.shape[1] != len(self):
+            raise SkinMismatchError(f"{counts.shape[1]} taxels, calibrated are {len(self)}")
+        if counts.dtype.kind == "f" and not np.isfinite(counts).all():
+            row, column = np.argwhere(~np.isfinite(counts))[0].tolist()
+            raise InvalidArrayError(
+                f"samples hold NaN or infinity, first in row {row}, channel {column}"
+            )
+        return counts
+
+    def session(self, counts: FloatArray, rate: float, *, zero: Zero = "auto") -> Session:
+        """Zero of a recording: its rest before load, where it has any."""
+        gain, stuck = self._ends(counts)
+        before, after = (None, None) if zero == "none" else self.rests(counts, rate)
+        if zero == "first":
+            after = None
+        if before is None:
+            wander = np.full(len(self), np.nan)
+            found = Session(self.shift, wander, gain, self.doubt, False)
+        else:
+            found = self._zeroed(before, after, gain)
+        return replace(found, wander=np.where(stuck, np.inf, found.wander))
+
+    def _zeroed(self, before: FloatArray, after: FloatArray | None, gain: FloatArray) -> Session:
+        """Shift of each taxel, what all share shrunk by what is in doubt."""
+        moved, wander = before - self.rest, np.full(len(self), np.nan)
+        if after is not None:
+            late = after - self.recovery - self.rest
+            wander = np.abs(late - moved) / 2
+            moved = (moved + late) / 2
+        own = self.answered
+        slope = self.top / self.span  # bar a count
+        shared = float(np.median((moved * slope)[own])) if own.any() else 0.0
+        kept = max(0.0, 1.0 - (self.doubt / max(abs(shared), 1e-12)) ** 2)
+        shift = moved - (1.0 - kept) * shared / slope
+        return Session(shift, wander * np.abs(slope), gain, self.doubt, True)
+
+    def rests(self, counts: FloatArray, rate: float) -> tuple[FloatArray | None, FloatArray | None]:
+        """Counts (n,) at rest before load and after it; None where a recording has none."""
+        own = self.answered
+        if not own.any():
+            return None, None
+        return calm_rests(counts, skin_level(counts, own, self.rest, self.span), rate)
+
+    def _ends(self, counts: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """How far each taxel went beyond its calibrated counts; which stood still under load."""
+        ends = np.percentile(counts, (0.1, 99.9), axis=0)
+        scaled = (ends - self.rest - self.shift) / self.span
+        reached = np.abs(scaled[1] - scaled[0])
+        loaded = self.answered.any() and np.median(reached[self.answered]) > STILL_LOADED
+        stuck = (np.ptp(ends, axis=0) < STILL_COUNTS) & bool(loaded)
+        return np.maximum(scaled.max(axis=0) - 1.0, 0.0), stuck
+
+    def zero_at(self, samples: ArrayLike, when: float) -> LoadCalibration:
+        """The calibration zeroed anew by samples (t, n) at rest."""
+        counts = self.checked(samples)
+        before = np.asarray(np.median(counts, axis=0), np.float64)
+        session = self._zeroed(before, None, np.zeros(len(self)))
+        return replace(self, shift=session.shift, zeroed=when)
+
+    def stream(self, rate: float | None = None) -> LoadStream:
+        """Pressures of moments as they come, on the zero of this calibration."""
+        n = len(self)
+        session = Session(self.shift, np.full(n, np.nan), np.zeros(n), self.doubt, False)
+        return LoadStream(self, rate or self.rate, session)
+
+
+ARRAYS = ("weights", "rest", "span", "recovery", "top", "error", "shift")
+HEAD: dict[str, Any] = {
+    "doubt": float, "rate": float, "model": str, "zeroed": float, "area_mm2": float,
+    "fingerprint": str,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Session:
+    """Zero of one session.
+
+    Attributes
+    ----------
+    shift : (n,) float
+        Counts from the calibration's rest to this session's.
+    wander : (n,) float
+        Half the difference of the two rests [bar]; NaN where there was one at most, infinite for
+        a taxel that stood still while the others were loaded.
+    gain : (n,) float
+        How far a taxel went beyond its calibrated counts, against its span.
+    shared : float
+        Standard deviation of what all taxels share [bar].
+    zeroed : bool
+        Whether the session had a rest before load.
+    """
+
+    shift: FloatArray
+    wander: FloatArray
+    gain: FloatArray
+    shared: float
+    zeroed: bool
+
+
+class LoadStream:
+    """Pressures of rows as they come, with the memory of those before."""
+
+    def __init__(self, calibration: LoadCalibration, rate: float, session: Session) -> None:
+        self._calibration, self._rate, self.session = calibration, rate, session
+        self._state: MemoryState | None = None
+
+    def zero(self, samples: ArrayLike) -> None:
+        """Set the zero by samples (t, n) at rest."""
+        fresh = self._calibration.zero_at(samples, self._calibration.zeroed)
+        self.session = replace(self.session, shift=fresh.shift, zeroed=True)
+        self._state = None
+
+    def update(self, sample: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Values, low and high (n,) [bar] of one moment (n,) of counts."""
+        found = self.rows(np.asarray(sample, np.float64)[None])
+        return found[0, 0], found[1, 0], found[2, 0]
+
+    def rows(self, counts: FloatArray) -> FloatArray:
+        """Values, low and high (3, t, n) [bar] of rows (t, n) that follow."""
+        model = self._calibration
+        scaled = (counts - model.rest - self.session.shift) / model.span
+        if self._state is None:
+            self._state = MemoryState(scaled[0], self._rate)
+        features = self._state.steps(scaled)
+        raw = np.einsum("tfn,nf->tn", features, model.weights[:, 1:]) + model.weights[:, 0]
+        values = np.maximum(raw, 0.0)
+        half = NORMAL_90 * self.spread(values)
+        beyond = scaled > 1.0 + RANGE + 1.0 / np.abs(model.span)
+        beyond |= raw > (1.0 + RANGE) * model.top
+        proven = self.session.gain > 2 * RANGE + 2.0 / np.abs(model.span)
+        beyond |= proven & (values > GAIN_BAR)
+        beyond |= np.nan_to_num(self.session.wander) > WANDER_BAR
+        found = np.stack([values, np.maximum(values - half, 0.0), values + half])
+        found[:, beyond] = np.nan
+        return found
+
+    def spread(self, values: FloatArray) -> FloatArray:
+        """Standard deviation [bar] of values (t, n), what a session shares included."""
+        model, wander = self._calibration, self.session.wander
+        usual = WANDER * np.abs(model.top / model.span)
+        own = np.where(np.isfinite(wander), np.maximum(wander, usual), usual)
+        total = model.error**2 + self.session.shared**2 + own**2 + (GAIN_SD * values) ** 2
+        return np.asarray(np.sqrt(total))
+
+
+def skin_level(
+    counts: FloatArray, own: BoolArray, rest: FloatArray, span: FloatArray
+) -> FloatArray:
+    """Median (t,) over some taxels of counts (t, n) above rest, in spans."""
+    parts = [
+        np.median((counts[rows][:, own] - rest[own]) / span[own], axis=1)
+        for rows in chunks(len(counts))
+    ]
+    return np.concatenate(parts)
+
+
+def calm_rests(
+    counts: FloatArray, level: FloatArray, rate: float
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Rest (n,) before the first load and after the last, by a level (t,) of the whole skin.
+
+    None where the samples begin or end under load, or never hold still there.
+    """
+    wide = max(1, round(0.5 * rate))
+    padded = np.concatenate([np.zeros(1), np.cumsum(np.pad(level, (wide - 1, 0), mode="edge"))])
+    smooth = (padded[wide:] - padded[:-wide]) / wide
+    low, high = np.percentile(smooth, (1, 99))
+    found = [
+        _first_calm(way, few, float(low), float(high - low), rate)
+        for way, few in ((smooth, counts), (smooth[::-1], counts[::-1]))
+    ]
+    return found[0], found[1]
+
+
+def _first_calm(
+    level: FloatArray, counts: FloatArray, low: float, reach: float, rate: float
+) -> FloatArray | None:
+    needed = round(REST_SECONDS * rate)
+    if len(level) < 2 * needed or level[needed] - low > REST_FAR * reach:
+        return None
+    moved = np.abs(level - np.median(level[:needed])) > REST_CALM * reach
+    end = int(0.8 * (np.argmax(moved) if moved.any() else len(level)))
+    if end < needed:
+        return None
+    return np.asarray(np.median(counts[: min(end, round(REST_MOST * rate))], axis=0), np.float64)
+
+
+def rate_of_times(times: ArrayLike | None, count: int) -> float | None:
+    """Samples a second by times (t,) [s]; None without them.
+
+    Raises
+    ------
+    InvalidArrayError
+        Another number of times, or times that do not rise.
+    """
+    if times is None:
+        return None
+    found = check_finite(times, "times", (count,))
+    steps = np.diff(found)
+    if len(steps) and not (steps >= 0).all():
+        row = int(np.argmax(steps < 0)) + 1
+        raise InvalidArrayError(f"times must not fall, row {row} does")
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if step <= 0:
+        raise InvalidArrayError("times stand still: at least two samples a second are needed")
+    return 1.0 / step
+
+
+def chunks(count: int) -> Iterator[slice]:
+    """Rows in parts that fit into memory with their features."""
+    return (slice(start, start + CHUNK) for start in range(0, count, CHUNK))

@@ -1,0 +1,274 @@
+"""Loads: planted pressures come back in bar with intervals that hold, zeros move, files refuse."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from calibration.response.load_fit import Pressed, fit_load
+from skinmap.cli.main import cli
+from skinmap.errors import (
+    DataFormatError,
+    InvalidArrayError,
+    MissingFileError,
+    SkinError,
+    SkinMismatchError,
+)
+from skinmap.touch.load_calibration import LoadCalibration
+
+N, RATE = 24, 50.0
+DEAD, STRAY = 5, 9
+
+
+def chamber(seed, *, shift=0.0, rows=9000, top=3.0, rest=400):
+    """Counts (t, N) of foam with a loop under a chamber's pressure (t,): taxel 5 dead, 9 stray.
+
+    `shift` moves the zero of all taxels [bar], as another day does.
+    """
+    day = np.random.default_rng(seed)
+    skin = np.random.default_rng(0)  # the same skin every day
+    knots = day.uniform(0, top, (rows - 2 * rest) // 150 + 1)
+    knots[0], knots[-1] = 0.0, 0.0
+    knots[len(knots) // 2] = top
+    pressure = np.zeros(rows)
+    pressure[rest:-rest] = np.interp(
+        np.arange(rows - 2 * rest), np.linspace(0, rows - 2 * rest, len(knots)), knots
+    )
+    loop, now = np.empty(rows), 0.0
+    for row, value in enumerate(pressure):
+        now = min(max(now, value - 0.2), value + 0.2)
+        loop[row] = now
+    gains, base = skin.uniform(18, 40, N), skin.uniform(235, 245, N)
+    felt = 0.8 * pressure + 0.2 * loop + shift
+    bent = felt - 0.06 * felt**2
+    counts = base - np.outer(bent, gains) + day.normal(0, 0.4, (rows, N))
+    counts[:, DEAD], counts[:, STRAY] = 240, day.integers(0, 255, rows)
+    return np.clip(counts.round(), 0, 255).astype(np.uint8), pressure
+
+
+@pytest.fixture(scope="module")
+def fit():
+    samples, pressure = chamber(1)
+    return fit_load([Pressed("own.npz", samples, RATE, pressure)])
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+    def write(name, seed=1, *, drop=(), shift=0.0, **arrays):
+        samples, pressure = chamber(seed, shift=shift)
+        held = {"samples": samples, "times": np.arange(len(samples)) / RATE,
+                "pressure_bar": pressure} | arrays  # fmt: skip
+        np.savez(tmp_path / name, **{key: held[key] for key in held if key not in drop})
+        return str(tmp_path / name)
+
+    return write
+
+
+def run(*words, code=0):
+    result = CliRunner().invoke(cli, [str(word) for word in words])
+    assert result.exit_code == code, (result.output, result.exception)
+    return result
+
+
+def refused(*words):
+    """The one line of a refusal."""
+    result = CliRunner().invoke(cli, [str(word) for word in words])
+    assert result.exit_code
+    if isinstance(result.exception, SkinError):  # the program prints it and exits with 2
+        return str(result.exception)
+    assert result.exit_code == 2
+    return result.stderr
+
+
+def test_hysteresis_is_found_and_faults_are_left_out(fit):
+    assert fit.calibration.model == "hysteresis"
+    assert (fit.dead, fit.stray) == ([DEAD], [STRAY])
+    assert fit.held_out["hysteresis"] < 0.75 * fit.held_out["cubic"] < fit.held_out["linear"]
+    own = np.delete(np.arange(N), [DEAD, STRAY])
+    # A count is 3 bar / 60 counts = .05 bar here, its rounding .015; the running mean trails .25 s.
+    assert np.median(fit.calibration.error[own]) < 0.06
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3])
+def test_another_day_is_zeroed_and_intervals_hold(fit, shift):
+    samples, pressure = chamber(2, shift=shift, top=2.4)
+    values, low, high = fit.calibration.pressures(samples, np.arange(len(samples)) / RATE)
+    own = np.delete(np.arange(N), [DEAD, STRAY])
+    assert np.isnan(values[:, [DEAD, STRAY]]).all()
+    error = np.sqrt(np.nanmean((values[:, own] - pressure[:, None]) ** 2, axis=0))
+    assert error.mean() < 0.10
+    inside = (low <= pressure[:, None]) & (pressure[:, None] <= high)
+    assert inside[:, own].mean() > 0.85
+    assert np.nanmean(high - low) < 0.6
+    if shift:  # the control: without a zero the day is off by its shift
+        kept, *_ = fit.calibration.pressures(samples, zero="none")
+        assert np.sqrt(np.nanmean((kept[:, own] - pressure[:, None]) ** 2)) > 0.2
+
+
+def test_above_the_calibrated_range_is_refused(fit):
+    samples, pressure = chamber(3, top=4.0)
+    values, *_ = fit.calibration.pressures(samples)
+    assert np.isnan(values[pressure > 3.4]).all()
+    assert np.nanmax(values) < 3.2
+
+
+def test_a_taxel_that_dies_later_is_refused_for_its_session(fit):
+    samples, _ = chamber(2)
+    samples[:, 3] = 240
+    values, *_ = fit.calibration.pressures(samples)
+    assert np.isnan(values[:, 3]).all()
+    assert np.isfinite(values[:, 4]).any()
+
+
+def test_rest_after_load_alone_sets_no_zero(fit):
+    samples, _ = chamber(2)
+    begun = samples[3000:]
+    while fit.calibration.session(begun, RATE).zeroed:  # begin higher
+        begun = begun[37:]
+    np.testing.assert_array_equal(fit.calibration.session(begun, RATE).shift, np.zeros(N))
+
+
+def test_a_stream_reads_what_a_recording_reads(fit):
+    samples, _ = chamber(2)
+    whole, low, high = fit.calibration.pressures(samples[:300], zero="none")
+    stream = fit.calibration.stream(fit.calibration.rate)
+    rows = [stream.update(sample) for sample in samples[:300]]
+    np.testing.assert_allclose([row[0] for row in rows], whole, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose([row[2] for row in rows], high, rtol=1e-5, atol=1e-5)
+    assert np.all(np.isnan(low) == np.isnan(whole))
+
+
+def test_counts_that_rise_fit_as_well():
+    samples, pressure = chamber(1)
+    rising = fit_load([Pressed("r.npz", 255 - samples, RATE, pressure)])
+    falling = fit_load([Pressed("f.npz", samples, RATE, pressure)])
+    np.testing.assert_allclose(
+        rising.calibration.error, falling.calibration.error, rtol=1e-6, equal_nan=True
+    )
+
+
+def test_recordings_that_contradict_each_other_are_named():
+    samples, pressure = chamber(1)
+    other, more = chamber(2)
+    with pytest.raises(InvalidArrayError, match=r"a\.npz and b\.npz contradict each other"):
+        fit_load(
+            [Pressed("a.npz", samples, RATE, pressure), Pressed("b.npz", other, RATE, 3 * more)]
+        )
+
+
+def test_files_come_back(fit, tmp_path):
+    file = tmp_path / "load.npz"
+    file.write_bytes(fit.calibration.to_bytes())
+    samples, _ = chamber(2)
+    for path in (file, tmp_path):
+        again = LoadCalibration.read(path)
+        np.testing.assert_array_equal(
+            again.pressures(samples)[0], fit.calibration.pressures(samples)[0]
+        )
+    with pytest.raises(MissingFileError):
+        LoadCalibration.read(tmp_path / "none")
+    file.write_bytes(file.read_bytes()[:500])
+    with pytest.raises(DataFormatError, match="not a calibration of loads"):
+        LoadCalibration.read(file)
+    with pytest.raises(SkinMismatchError, match="23 taxels, calibrated are 24"):
+        fit.calibration.pressures(samples[:, 1:])
+
+
+def test_commands_from_evidence_to_predictions(files, tmp_path):
+    evidence, other = files("own.npz"), files("other.npz", 2, shift=0.2)
+    out = tmp_path / "load"
+    found = json.loads(run("calibrate", "load", evidence, "-o", out, "--json").stdout)
+    assert (found["status"], found["model"], found["answered"]) == ("ok", "hysteresis", N - 2)
+    assert found["files"] == ["load.npz", "report.html"]
+    (clock,) = found["clocks"]
+    assert abs(clock["offset_rows"]) < 15
+    assert "rows" in run("calibrate", "load", evidence, "-o", out).stdout
+    words = ("evaluate", "--protocol", "load", out, other, "--json", "--predictions")
+    first, second = tmp_path / "p.npz", tmp_path / "q.npz"
+    (row,) = json.loads(run(*words, first).stdout)["rows"]
+    assert row["rms_bar"] < 0.12
+    assert row["holds"] > 0.85
+    assert {"recording", "width_bar", "refused"} <= set(row)
+    for pressure in (np.zeros(9000), np.random.default_rng(0).uniform(0, 3, 9000)):
+        files("other.npz", 2, shift=0.2, pressure_bar=pressure)
+        (row,) = json.loads(run(*words, second, "--force").stdout)["rows"]
+        assert row["rms_bar"] is None
+        with np.load(first) as before, np.load(second) as after:
+            for name in ("pressure_bar", "low", "high", "times"):
+                np.testing.assert_array_equal(before[name], after[name])
+            assert before["pressure_bar"].shape == (9000, N)
+    kept = LoadCalibration.read(out)
+    zeroed = json.loads(run("calibrate", "rest", other, "-o", out, "--json").stdout)
+    assert abs(zeroed["shared_bar"] - 0.2) < 0.08
+    assert not np.array_equal(LoadCalibration.read(out).shift, kept.shift)
+    run("calibrate", "rest", other, "-o", out, "--zero", "none")
+    np.testing.assert_array_equal(LoadCalibration.read(out).shift, np.zeros(N))
+
+
+def test_units_are_one(files, tmp_path):
+    _, pressure = chamber(1)
+    for name, scale in (("pressure_kpa", 1e2), ("pressure_pa", 1e5)):
+        file = files("unit.npz", drop=("pressure_bar",), **{name: scale * pressure})
+        words = ("calibrate", "load", file, "-o", tmp_path / name, "--json")
+        assert abs(json.loads(run(*words).stdout)["top_bar"] - 3.0) < 0.01
+
+
+def test_a_mass_on_its_footprint_is_a_pressure(files, tmp_path):
+    _, pressure = chamber(1)
+    held, area = np.arange(0, 24, 2), 30.0
+    mass = pressure * 1e5 * area * 1e-6 * len(held) / 9.80665
+    named = {"mass_kg": mass, "footprint": held}
+    file = files("mass.npz", drop=("pressure_bar",), **named)
+    words = ("calibrate", "load", file, "-o", tmp_path / "out", "--accept", "--json")
+    assert "needs --area-mm2" in refused(*words)
+    found = json.loads(run(*words, "--area-mm2", area).stdout)
+    assert abs(found["top_bar"] - 3.0) < 0.01
+    own = LoadCalibration.read(tmp_path / "out").answered
+    np.testing.assert_array_equal(np.flatnonzero(own), held)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "drop", "words"),
+    [
+        ({"pressure_bar": np.full(9000, 1.0)}, (), "never moves"),
+        ({"pressure_psi": np.ones(9000)}, ("pressure_bar",), "another unit"),
+        ({"pressure_mmHg": np.ones(9000)}, ("pressure_bar",), "another unit"),
+        ({"pressure_bar": np.linspace(0, 3, 900)}, (), "900 rows for 9000 samples"),
+        ({}, ("times",), "no array 'times'"),
+        ({}, ("pressure_bar",), "needs one reference"),
+        ({"samples": np.full((9000, 4), np.nan)}, (), "hold NaN"),
+        ({"samples": np.full((9000, 4), 255)}, (), "no channel moves"),
+        ({"pressure_bar": np.random.default_rng(1).uniform(0, 3, 9000)}, (), "do not align"),
+        ({"mass_kg": np.linspace(0, 5, 9000)}, ("pressure_bar",), "needs `footprint"),
+        ({"prints": np.ones(3)}, ("pressure_bar",), "prints teach areas"),
+        ({"pressure_bar": np.linspace(0, 300000, 9000)}, (), "another unit"),
+    ],
+)
+def test_bad_evidence_is_one_line(files, tmp_path, arrays, drop, words):
+    file = files("bad.npz", drop=drop, **arrays)
+    line = refused("calibrate", "load", file, "-o", tmp_path / "out")
+    assert words in line
+    assert "\n" not in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_options_that_make_no_sense_are_refused(files, tmp_path):
+    file = files("own.npz")
+    words = ("calibrate", "load", file, "-o", tmp_path / "out")
+    assert "--area-mm2" in refused(*words, "--area-mm2", "0")
+    assert "240 taxels, the samples 24 channels" in refused(*words, "--part", "left_forearm")
+    assert "expected a calibration" in refused("calibrate", "rest", file, "-o", tmp_path / "none")
+    assert "MODEL RECORDING" in refused("evaluate", "--protocol", "load", file)
+    assert not (tmp_path / "out").exists()
+
+
+def test_tables_are_read(tmp_path, files):
+    samples, pressure = chamber(1)
+    table = np.column_stack([np.arange(9000) / RATE, pressure, samples])
+    head = ",".join(["time", "pressure_bar", *(f"c{k}" for k in range(N))])
+    np.savetxt(tmp_path / "own.csv", table, delimiter=",", header=head, comments="", fmt="%.4f")
+    words = ("calibrate", "load", tmp_path / "own.csv", "-o", tmp_path / "out", "--json")
+    assert json.loads(run(*words).stdout)["answered"] == N - 2
