@@ -127,8 +127,9 @@ def class_colour(label: str) -> str:
         return NAMELESS
     own = dict(zip(GESTURES, CLASS_COLOURS, strict=False))
     own |= dict(zip(TIME, MOTION_COLOURS, strict=False))
-    every = (*CLASS_COLOURS, *MOTION_COLOURS)
-    return own.get(label) or every[zlib.crc32(label.encode()) % len(every)]
+    if label in own:
+        return own[label]
+    return CLASS_COLOURS[(len(own) + zlib.crc32(label.encode())) % len(CLASS_COLOURS)]
 
 
 def faded(colour: str) -> str:

@@ -65,7 +65,7 @@ class Scene:
         A coloured surface with a dot for each taxel, or a coloured disc for each.
     drawing
         As `viewer.drawing.frame.canvas.Drawing` has them: links, window_size, off_screen, camera,
-        cached.
+        cached, close.
 
     Attributes
     ----------

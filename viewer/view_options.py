@@ -293,6 +293,7 @@ def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen
         data=new_layers(session, look),
         angles=look.angles or None,
         links=drawn_links(session, look),
+        close=set(session.parts) != set(session.robot.parts),
         window_size=look.size or size,
         off_screen=off_screen,
     )

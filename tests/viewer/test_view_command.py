@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import (
     DataFormatError,
@@ -27,6 +28,7 @@ from skinmap.errors import (
     UnknownNameError,
     UnreachableError,
 )
+from skinmap.geometry.rigid import transform_points
 from viewer.inputs import parse_address, read_token
 
 FOOT = ("--part", "left_foot")
@@ -507,3 +509,26 @@ def test_a_picture_of_a_long_recording_looks_for_names_where_most_is_touched(
     assert fullest(Session(icub, ("left_foot",))) == (0.0, None)  # the simulator has no end
     live = Session(icub, ("left_foot",), source="lsl:nobody sends this")
     assert fullest(live) == (0.0, None)  # and is not waited for
+
+
+def test_part_is_framed_and_a_whole_robot_stays_whole(opengl):
+    from viewer.drawing.frame.camera import project
+    from viewer.view_options import Look, Session, new_scene
+
+    robot = skinmap.load_robot("kaspar")
+    shares = {}
+    for parts in (("left_hand",), robot.parts):
+        session = Session(robot, parts)
+        session.prepare()
+        scene = new_scene(session, Look(), size=(600, 400), off_screen=True)
+        scene.update(360.0)
+        hand = scene.layers["left_hand"]
+        places = project(scene.canvas.renderer, scene.canvas.body.outline(scene.layers, close=True))
+        assert (places >= 0).all()
+        assert (places <= scene.canvas.renderer.GetSize()).all()
+        points = project(
+            scene.canvas.renderer, transform_points(scene.poses[hand.skin.link], hand.points)
+        )
+        shares[len(parts)] = float(np.ptp(points, axis=0).max()) / 400.0
+        scene.close()
+    assert shares[1] > 2.0 * shares[len(robot.parts)]

@@ -105,7 +105,8 @@ def make_scene(
         "ink": INK,
     }  # fmt: skip
     header["traces"] = TRACES
-    header.update(_whereabouts(skins, meshes, poses))
+    close = set(skins) != set(robot.parts)
+    header.update(_whereabouts(skins, meshes, poses, close=close))
     arrays: dict[str, NDArray[Any]] = {"poses": pack_poses(poses, names)}
     header["links"] = _add_body(arrays, meshes, names)
     header["parts"] = _add_skins(arrays, skins, layers, names, taxels, vertices)
@@ -135,15 +136,27 @@ def _whereabouts(
     skins: Mapping[str, PreparedSkin],
     meshes: Mapping[str, pv.PolyData],
     poses: Mapping[str, FloatArray],
+    *,
+    close: bool,
 ) -> dict[str, Any]:
-    """Middle and radius [m] of all that is shown, and from where most of the skin is seen."""
+    """Middle and size [m] of what the camera frames, and from where most of the skin is seen.
+
+    That is all that is shown; with `close`, the links that carry the skins alone. `reach` is how
+    far the rest lies away at most.
+    """
     placed = [transform_points(poses[link], np.asarray(m.points)) for link, m in meshes.items()]
     normals = [np.zeros((1, 3))]
     for skin in skins.values():
         placed.append(transform_points(poses[skin.skin.link], skin.skin.positions))
         normals.append(transform_directions(poses[skin.skin.link], skin.skin.normals))
     points = np.concatenate([p for p in placed if len(p)] or [np.zeros((1, 3))])
+    far = points
+    if close:
+        carriers = {skin.skin.link for skin in skins.values()}
+        near = [one for link, one in zip(meshes, placed, strict=False) if link in carriers]
+        points = np.concatenate([*near, *placed[len(meshes) :]])
     low, high = points.min(axis=0), points.max(axis=0)
+    reach = np.linalg.norm(far - (low + high) / 2, axis=1).max()
     front = front_view(np.concatenate(normals))
     mean = np.concatenate(normals).mean(axis=0)
     rise = front.elevation
@@ -152,6 +165,7 @@ def _whereabouts(
     return {
         "middle": ((low + high) / 2).tolist(),
         "size": (high - low).tolist(),
+        "reach": max(float(reach), float(np.linalg.norm(high - low))),
         "front": [front.azimuth, rise],
     }
 

@@ -127,18 +127,23 @@ class BodyView:
         self._placed["all"] = np.concatenate([*links, *skins, np.zeros((0, 3))])
         return self._placed["all"]
 
-    def outline(self, layers: Mapping[str, SkinLayer]) -> FloatArray:
-        """(k, 3) points that can lie on the outline of body and skins from anywhere [m]."""
+    def outline(self, layers: Mapping[str, SkinLayer], *, close: bool = False) -> FloatArray:
+        """(k, 3) points that can lie on the outline of body and skins from anywhere [m].
+
+        With `close`, of the links that carry the skins alone.
+        """
         if not self._outlines:
             for link, mesh in self.meshes.items():
                 self._outlines[link] = silhouette(thinned(mesh.points))
             for part, layer in layers.items():
                 self._outlines[f"{layer.skin.link}/{part}"] = silhouette(layer.points)
         if "outline" not in self._placed:
+            carriers = {layer.skin.link for layer in layers.values()}
             self._placed["outline"] = np.concatenate(
                 [
                     transform_points(self.poses[k.split("/")[0]], p)
                     for k, p in self._outlines.items()
+                    if not close or k.split("/")[0] in carriers
                 ]
             )
         return self._placed["outline"]

@@ -64,6 +64,8 @@ class Drawing:
         Whether the camera turns by itself to show touches, keeps its view, or obeys the mouse.
     cached : bool, optional
         Whether what rests is kept from picture to picture; where software draws by default.
+    close : bool
+        Whether the camera frames the links that carry the parts, and not the whole body.
     """
 
     links: Links = None
@@ -71,6 +73,7 @@ class Drawing:
     off_screen: bool = True
     camera: Mode = "auto"
     cached: bool | None = None
+    close: bool = False
 
 
 class Canvas:
@@ -124,7 +127,7 @@ class Canvas:
         self.framing = Framing(
             self.renderer,
             self.body.occluders,
-            lambda: self.body.outline(layers),
+            lambda: self.body.outline(layers, close=how.close),
             lambda: self.body.points(layers),
             self.body.front(layers),
             self._margins(),

@@ -106,7 +106,7 @@ export class Camera {
   }
 
   update() {
-    const d = this.distance, reach = Math.hypot(...this.header.size);
+    const d = this.distance, { reach } = this.header;
     const eye = add(this.middle, scale(this.direction, d));
     this.view = lookFrom(eye, this.middle, [0, 0, 1]);
     this.matrix = multiply(perspective(this.angle, this.aspect, Math.max(0.02, d - reach), d + reach), this.view);
