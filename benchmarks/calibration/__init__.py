@@ -1,1 +1,0 @@
-"""Calibrations on simulated evidence."""

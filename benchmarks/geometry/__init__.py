@@ -1,1 +1,0 @@
-"""Meshes, flat maps, structures and contact images beside their peers."""

@@ -1,1 +1,0 @@
-"""What every benchmark uses, and the run of all areas."""

@@ -1,1 +1,0 @@
-"""The live loop, its transports and its recordings."""

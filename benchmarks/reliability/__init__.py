@@ -1,1 +1,0 @@
-"""What Skinmap survives: damaged files, signals, faults while it runs; docs/reliability.md."""

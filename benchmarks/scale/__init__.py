@@ -1,1 +1,0 @@
-"""Time and memory over decades of size."""
