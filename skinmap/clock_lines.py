@@ -94,10 +94,10 @@ def _following(samples: FloatArray) -> tuple[IntArray, FloatArray]:
         raise InvalidArrayError("no channel moves: there is nothing to lay the reference on")
     scaled = (few[:, live] - few[:, live].mean(axis=0)) / spread[live]
     alike = scaled.T @ scaled / len(few)
-    sign = np.where(alike[np.argmax(np.abs(alike).sum(axis=0))] < 0, -1.0, 1.0)
+    hub = int(np.argmax((np.abs(alike) > SAME).sum(axis=1)))  # the largest group that goes together
+    sign = np.where(alike[hub] < 0, -1.0, 1.0)
     scaled *= sign
-    middle = np.median(scaled, axis=1)
-    keep = np.ones(len(live), bool)
+    middle = np.median(scaled[:, np.abs(alike[hub]) >= SAME], axis=1)
     for _ in range(3):
         follows = scaled.T @ middle / len(few) / max(middle.std(), 1e-12)
         keep = follows > min(SAME, float(follows.max()))

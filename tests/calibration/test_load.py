@@ -222,7 +222,7 @@ def test_a_mass_on_its_footprint_is_a_pressure(files, tmp_path):
     mass = pressure * 1e5 * area * 1e-6 * len(held) / 9.80665
     named = {"mass_kg": mass, "footprint": held}
     file = files("mass.npz", drop=("pressure_bar",), **named)
-    words = ("calibrate", "load", file, "-o", tmp_path / "out", "--accept", "--json")
+    words = ("calibrate", "load", file, "-o", tmp_path / "out", "--json")
     assert "needs --area-mm2" in refused(*words)
     found = json.loads(run(*words, "--area-mm2", area).stdout)
     assert abs(found["top_bar"] - 3.0) < 0.01
