@@ -7,12 +7,14 @@ from pathlib import Path
 
 import click
 
-from skinmap.commands.options import prints
-from skinmap.report.present import emit, show
+from skinmap.commands.options import Written, file_option, out_folder, prints
+from skinmap.io.output import staged_file, staged_folder
+from skinmap.report.present import PAGE, emit, show
 from skinmap.report.result import REFUSED_CODE, significant
 from skinmap.report.table import Table
 from skinmap.soundness.examination import Examined
 from skinmap.soundness.finding import Finding
+from skinmap.soundness.track import Track
 
 MOST = 3  # stretches of rows in a line
 
@@ -20,13 +22,16 @@ MOST = 3  # stretches of rows in a line
 @click.command("examine")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...",
                 type=click.Path(path_type=Path))  # fmt: skip
+@out_folder("a page with pictures")
+@file_option("--mend", Written(".npz"), "Mended copy of one recording: an NPZ.")
 @prints(Examined)
-def command(files: tuple[Path, ...], as_json: bool) -> None:
+def command(files: tuple[Path, ...], out: Path | None, mend: Path | None, as_json: bool) -> None:
     """Find the faults of recordings: times, channels, rest, labels, and one recording twice.
 
     FILE is a recording of any kind, or a folder of them: NPZ of `samples` (t, n) and `times` (t,),
-    CSV with a column `time`, MAT, MCAP, XDF, bags of ROS 2. No mapping is needed. Exit code 3:
-    findings that matter.
+    CSV with a column `time`, MAT, MCAP, XDF, bags of ROS 2. No mapping is needed. --mend writes a
+    copy with its rows in order, without repeated ones, clocks aligned and other faults as marks.
+    Exit code 3: findings that matter.
 
     \b
     Example:  skinmap examine touches.npz --json
@@ -34,13 +39,37 @@ def command(files: tuple[Path, ...], as_json: bool) -> None:
     from skinmap.soundness.examination import examine_tracks
     from skinmap.soundness.track import tracks
 
-    result, _ = examine_tracks(tracks(list(files)))
+    result, surveys = examine_tracks(tracks(list(files)))
+    if mend is not None and len(surveys) > 1:
+        raise click.UsageError(f"--mend takes one recording, not {len(surveys)}")
+    written = []
+    if mend is not None:
+        _mend(surveys[0].track, mend)
+        written.append(mend)
+    if out is not None:
+        from skinmap.cli.examined_page import examined_page
+
+        with staged_folder(out) as stage:
+            (stage / PAGE).write_text(examined_page(result, surveys), encoding="utf-8")
+        written.append(out / PAGE)
     if as_json:
         emit(result, significant)
     else:
         show(lines(result))
+        show(str(path) for path in written)
     if not result.sound:
         raise SystemExit(REFUSED_CODE)
+
+
+def _mend(track: Track, path: Path) -> None:
+    """Write the mended copy of a recording."""
+    import numpy as np
+
+    from skinmap.soundness.mending import arrays_of, mend
+
+    mended, done = mend(track)
+    with staged_file(path) as stage:
+        np.savez_compressed(stage, **arrays_of(mended, done))
 
 
 def lines(result: Examined) -> Iterator[str | Table]:

@@ -23,8 +23,8 @@ PAIR_ROWS = 4e9  # rows times channels squared
 def channel_faults(survey: Survey) -> tuple[list[Finding], NDArray[np.bool_]]:
     """Findings, and the channels (n,) that no later question should be asked of."""
     bad = np.zeros(survey.width, bool)
-    found = []
-    for look in (_ids, _constant, _coarse, _thermal, _stuck, _copied, _clipped, _noisy, _sign):
+    found: list[Finding] = []
+    for look in (_ids, _constant, _coarse, _thermal, _clipped, _stuck, _copied, _noisy, _sign):
         found += look(survey, bad)
     return found, bad
 
@@ -76,7 +76,8 @@ def _constant(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         near = [[one for one in neighbours(survey, c) if lively[one]] for c in still.tolist()]
         expected = np.array([np.median(often[one]) if one else 0.0 for one in near])
         expected *= len(still) < 0.5 * survey.width
-        sure = np.where(expected >= 3, 1.0 - np.exp(-expected), 0.0)
+        few = len(still) <= max(3, 0.04 * survey.width)
+        sure = np.where(expected >= (3 if few else 6), 1.0 - np.exp(-expected), 0.0)
     still, sure = still[sure > 0.9], sure[sure > 0.9]
     bad[still] = True
     level = survey.mean[0, still].astype(np.float64)
@@ -135,10 +136,20 @@ def _placed(
     )
 
 
+def _cut(survey: Survey) -> NDArray[np.bool_]:
+    """(n,) Channels that reach their extreme in several loads, as those that are cut off do."""
+    top = survey.high.max(axis=0) if survey.rising else survey.low.min(axis=0)
+    at = (survey.high if survey.rising else survey.low) == top
+    return np.asarray((at[1:] & ~at[:-1]).sum(axis=0) + at[0] >= 2)
+
+
 def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that stop for a while, where they should have changed by what they do elsewhere."""
     runs = []
+    top = survey.high.max(axis=0) if survey.rising else survey.low.min(axis=0)
     quiet = survey.changes == 0
+    # What is cut off stands still at the top under each strong load.
+    quiet &= (survey.mean != top) | ~_cut(survey)
     holds = _holds(survey, quiet)
     for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)).tolist():
         for first, last, sure in _stops(survey, channel, quiet[:, channel], holds):
@@ -150,7 +161,7 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     left = sorted(runs)
     while left:
         a, b, _, _ = left[0]
-        slack = max(3, 0.01 * (b - a))
+        slack = max(3, 0.04 * (b - a))
         same = [one for one in left if abs(one[0] - a) <= slack and abs(one[1] - b) <= slack]
         left = [one for one in left if one not in same]
         channels = np.array(sorted(one[2] for one in same))
@@ -193,7 +204,9 @@ def _stops(
     usable = np.ones(len(changes), bool) if survey.loaded else survey.calm
     own = survey.mean[:, channel]
     away = own - survey.rest[channel]
-    far = (away if survey.rising else -away) > survey.floor[channel]
+    span = float(survey.high[:, channel].max() - survey.low[:, channel].min())
+    least = max(float(survey.floor[channel]), 6.0 * survey.quantum, 0.1 * span)
+    far = (away if survey.rising else -away) > least
     lasting = 0
     for first, last in spans_of(np.flatnonzero(quiet)):
         length = last - first + 1
@@ -210,7 +223,7 @@ def _stops(
         expected = calmest * length * survey.cell
         if expected > SURE:
             found.append((first, last, 0.99))
-        elif far[first : last + 1].all() and length > 3 * max(holds, 2):
+        elif far[first : last + 1].all() and length > 3 * max(holds, 3):
             again = spans_of(np.flatnonzero(quiet & (own == own[first + 1])), join=2)
             lasting += 1
             if len(again) == 1 and length * survey.cell > 30:  # a rest is come back to
@@ -248,6 +261,7 @@ def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     pairs: set[tuple[int, int]] = set()
     means = np.ascontiguousarray(survey.mean[:, lively].T)
     rich = np.array([len(np.unique(one)) for one in means]) >= 8
+    rich &= episodes(survey)[lively] >= 2
     keys: dict[bytes, int] = {}
     for channel, one in zip(lively[rich], means[rich], strict=True):
         twin = keys.setdefault(one.tobytes(), int(channel))
@@ -321,7 +335,8 @@ def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         cells, beside = load.sum(axis=0), near.sum(axis=0)
         other = at.sum(axis=0) - cells
         often = (load[1:] & ~load[:-1]).sum(axis=0) + load[0]
-        piled = busy & (cells >= 2) & (cells > 1.5 * beside) & (other <= 0.1 * cells)
+        above = np.abs(top - side * survey.rest[lively]) > 8.0 * survey.quantum
+        piled = busy & above & (cells >= 2) & (cells > 1.5 * beside) & (other <= 0.1 * cells)
         plateau = np.array(
             [_flat(survey, int(c), v * side, load[:, k]) if piled[k] else 0.0
              for k, (c, v) in enumerate(zip(lively, top, strict=True))]
@@ -363,7 +378,7 @@ def smooth(series: NDArray[np.float32], width: int) -> FloatArray:
 def _thermal(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that follow nothing but a slow course of their own."""
     cells = len(survey.mean)
-    if cells < 24 or survey.uniform or (episodes(survey)[~bad] > 0).mean() < 0.3:
+    if cells < 24 or survey.loaded or (episodes(survey)[~bad] > 0).mean() < 0.3:
         return []
     slow = smooth(survey.mean, max(cells // 8, 5))
     course = slow.max(axis=0) - slow.min(axis=0)
@@ -379,6 +394,8 @@ def _thermal(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     steady = fast < 0.3 * np.median(usual)
     which = lively & flat & steady & (course > 6.0 * survey.noise) & (apart > 0.5 * course)
     which &= course > np.maximum(3.0 * survey.quantum, 0.25 * np.median(survey.floor[lively]))
+    if survey.uniform:
+        which &= np.abs(survey.follows) < 0.5
     channels = np.flatnonzero(which)
     if len(channels) == 0 or len(channels) > 0.35 * survey.width:
         return []

@@ -19,7 +19,11 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
     if reference is None:
         return []
     rate = 1.0 / step if step > 0 else 50.0
-    reference = np.where(np.isfinite(reference), reference, np.nanmedian(reference))
+    known = np.flatnonzero(np.isfinite(reference))
+    if len(known) < 2:
+        return []
+    begin = int(known[0])
+    reference = np.interp(np.arange(begin, known[-1] + 1), known, reference[known])
     at, own = _own_rows(survey, reference, step)
     values = survey.track.values
     if values.dtype.kind == "f":
@@ -35,7 +39,8 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
     # From rows at the skin's rate back to rows of the reference as it was recorded.
     offset = first.offset_rows + (1.0 + first.slope) * at[0]
     slope = (1.0 + first.slope) * at[1] - 1.0
-    ends = offset, offset + slope * (len(reference) - 1)
+    offset -= begin * (1.0 + slope)
+    ends = offset + slope * begin, offset + slope * (begin + len(reference) - 1)
     if len(lines) == 1 and max(abs(ends[0]), abs(ends[1])) < max(AWAY, 2.0 * first.residual_rows):
         return []
     breaks = [one.first_row for one in lines[1:]]

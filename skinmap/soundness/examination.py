@@ -86,11 +86,25 @@ def examine_track(track: Track) -> tuple[ExaminedFile, Survey]:
         found += rest_faults(looked, bad) or session_offsets(looked, bad)
         found += set_faults(looked, bad)
     rate = 1.0 / times.step if times.step > 0 else None
-    named = [replace(one, file=track.file) for one in in_order(found)]
+    named = [replace(_marked(one, track), file=track.file) for one in in_order(found)]
     count, width = track.values.shape
     return ExaminedFile(
         file=track.file, rows=count, channels=width, rate_hz=rate, findings=named
     ), looked
+
+
+def _marked(found: Finding, track: Track) -> Finding:
+    """A fault that a mended copy holds as a mark does no harm any more."""
+    for mark in track.marks:
+        own, rows = mark["channels"], mark["rows"]
+        covers = own is None or (found.channels is not None and set(found.channels) <= set(own))
+        same = rows is None or (
+            found.rows is not None
+            and all(any(a <= d and c <= b for a, b in rows) for c, d in found.rows)
+        )
+        if mark["kind"] == found.kind and covers and same:
+            return replace(found, matters=False, text=f"{found.text} It is marked.")
+    return found
 
 
 def in_order(found: Iterable[Finding]) -> list[Finding]:

@@ -137,8 +137,10 @@ def _repeats(survey: Survey, times: FloatArray | None) -> NDArray[np.bool_]:
         for start in range(0, len(first), 10_000):
             own = slice(start, start + 10_000)
             same[own] = (values[first[own]] == values[second[own]]).all(axis=1)
-        if np.count_nonzero(~same) <= 0.1 * np.count_nonzero(same):  # times that mean something
+        coarse = np.count_nonzero(~same & (second - first == 1))
+        if coarse <= 0.1 * np.count_nonzero(same):  # times that mean something
             repeated[second[same]] = True
+            repeated &= ~_made_up_for(times, repeated)
     if survey.track.stretches is not None:
         equal &= np.diff(survey.track.stretches, prepend=-1) == 0
     equal &= ~repeated
@@ -147,11 +149,28 @@ def _repeats(survey: Survey, times: FloatArray | None) -> NDArray[np.bool_]:
     moves = survey.changed[1:]
     moving = moves[moves > 0]
     usual = float(np.median(moving)) if len(moving) else 0.0
+    rare = equal.sum() < 3 and usual < 20
     between = float(((moves > 0) & (moves < usual / 3)).sum())
     rows = np.flatnonzero(equal)
-    if usual >= FEW_CHANGES and between <= 0.02 * len(moving) + 1 and not _recurs(survey, rows):
+    if (
+        not rare
+        and usual >= FEW_CHANGES
+        and between <= 0.02 * len(moving) + 1
+        and not _recurs(survey, rows)
+    ):
         return repeated | equal
     return repeated | _held(survey, rows)
+
+
+def _made_up_for(times: FloatArray, repeated: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Rows of one time behind a gap as long as they are many: a burst of a skin at rest."""
+    steps = np.diff(times, prepend=times[0])
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    found = np.zeros(len(times), bool)
+    for a, b in spans_of(np.flatnonzero(repeated)):
+        if steps[max(a - 1, 0)] > (0.6 * (b - a + 1) + 1.0) * step:
+            found[a : b + 1] = True
+    return found
 
 
 def _recurs(survey: Survey, rows: IntArray) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -58,6 +59,8 @@ class Track:
         [s].
     places : (n, 3) float or None
         Of the channels on the skin [m]; NaN for a channel without a place.
+    marks : tuple of dict
+        Faults (`kind`, `channels`, `rows`) that a mended copy holds as marks.
     """
 
     file: str
@@ -73,6 +76,7 @@ class Track:
     reference: FloatArray | None = None
     reference_times: FloatArray | None = None
     places: FloatArray | None = None
+    marks: tuple[dict[str, Any], ...] = ()
 
 
 def files_of(path: Path) -> list[Path]:
@@ -238,7 +242,19 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
         None if reference is None else np.asarray(reference, np.float64),
         reference_times if reference is not None else None,
         _positions(held.get("positions"), width),
+        _marks(held.get("marks"), path),
     )
+
+
+def _marks(found: NDArray[Any] | None, path: Path) -> tuple[dict[str, Any], ...]:
+    """The marks of a mended copy."""
+    if found is None or found.dtype.kind != "U":
+        return ()
+    try:
+        several = [json.loads(str(one)) for one in found.ravel()]
+        return tuple({name: one[name] for name in ("kind", "channels", "rows")} for one in several)
+    except (ValueError, LookupError, TypeError):
+        raise DataFormatError("its marks are damaged", path) from None
 
 
 def _positions(found: NDArray[Any] | None, width: int) -> FloatArray | None:

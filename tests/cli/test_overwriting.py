@@ -23,6 +23,7 @@ FILES = {
     "export icub --part torso -o": ("torso.csv",),
     "export icub --format mjcf -o": ("icub.xml",),
     "export {RECORDING} -o": ("t.h5", "t.npz", "e.mcap"),
+    "examine {RECORDING} --mend": ("m.npz",),
     "record sim -o": ("t.mcap",),
     "label {RECORDING} -o": ("n.mcap",),
     "label {RECORDING} --write-csv": ("touches.csv",),
@@ -38,6 +39,7 @@ FILES = {
 FOLDERS = (
     "demo -o",
     "flatten icub -o",
+    "examine {RECORDING} -o",
     "structures icub -o",
     "evaluate {RECORDING} -o",
     "trade icub --part torso -o",
@@ -51,7 +53,7 @@ FOLDERS = (
     "calibrate wrench {RECORDING} -o",
     "calibrate response {RECORDING} -o",
 )
-OUTPUTS = ("--out", "--html", "--screenshot", "--movie", "--gltf", "--write-csv")
+OUTPUTS = ("--out", "--html", "--screenshot", "--movie", "--gltf", "--write-csv", "--mend")
 
 
 def call(line: str, output: Path, *more: str):

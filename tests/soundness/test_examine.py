@@ -163,6 +163,58 @@ def test_two_recordings_with_different_channels_are_named(tmp_path):
     assert (code, found["kind"], len(found["files"])) == (3, "place", 2)
 
 
+def faulty() -> dict[str, np.ndarray]:
+    """Rows out of order, repeated ones, a clock that begins anew, and a dead channel."""
+    values, times = noise(), np.arange(1000) / 50
+    values[:, 5] = 0.0
+    order = np.r_[0:100, 140:180, 100:140, 180:300, 290:1000]
+    values, times = values[order], times[order]
+    times[700:] -= times[700]
+    return {"samples": values, "times": times}
+
+
+def test_a_mended_copy_is_sound_and_invents_nothing(tmp_path):
+    held = faulty()
+    np.savez(tmp_path / "a.npz", **held)
+    code, text = run(tmp_path / "a.npz", "--mend", tmp_path / "b.npz", "--json")
+    kinds = {one["kind"] for one in json.loads(text)["files"][0]["findings"]}
+    assert code == 3
+    assert kinds == {"order", "duplicate", "restart", "dead"}
+    assert run(tmp_path / "b.npz")[0] == 0
+    with np.load(tmp_path / "b.npz") as mended:
+        assert {"left 10 repeated rows out", "put the rows into the order of their times"} <= set(
+            mended["mended"].tolist()
+        )
+        known = {row.tobytes() for row in held["samples"]}
+        assert {row.tobytes() for row in mended["samples"]} == known
+        assert len(mended["samples"]) == len(known)
+
+
+def test_mending_writes_over_nothing_and_takes_one_recording(tmp_path):
+    np.savez(tmp_path / "a.npz", **faulty())
+    before = (tmp_path / "a.npz").read_bytes()
+    code, text = run(tmp_path / "a.npz", "--mend", tmp_path / "a.npz")
+    assert code == 2
+    assert "is there already" in text
+    assert (tmp_path / "a.npz").read_bytes() == before
+    np.savez(tmp_path / "c.npz", **faulty())
+    code, text = run(tmp_path / "a.npz", tmp_path / "c.npz", "--mend", tmp_path / "b.npz")
+    assert code == 2
+    assert not (tmp_path / "b.npz").exists()
+
+
+def test_the_page_holds_a_picture_for_each_question(tmp_path):
+    load = np.interp(np.arange(3000), np.arange(0, 3000, 100), np.random.default_rng(1).random(30))
+    values = np.rint(np.outer(load, np.linspace(60, 120, 20)))
+    values[:, 3] = 0
+    own = np.interp(np.arange(2500) + 90.0, np.arange(3000), load)
+    np.savez(tmp_path / "a.npz", samples=values, times=np.arange(3000) / 50, pressure_bar=own)
+    run(tmp_path / "a.npz", "-o", tmp_path / "page")
+    text = (tmp_path / "page" / "report.html").read_text()
+    assert text.count("<img") == 3
+    assert "never answers" in text
+
+
 def test_a_folder_without_recordings_is_refused(tmp_path):
     with pytest.raises(DataFormatError, match="a folder without recordings"):
         skinmap.soundness.track.files_of(tmp_path)
