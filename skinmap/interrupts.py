@@ -2,23 +2,21 @@
 
 Some packages try an import and catch whatever is raised in it, `KeyboardInterrupt` too, to go on
 without the package (trimesh does): an interruption in that moment would be lost, or come back much
-later as some other error. So `interruptible` raises nothing inside an import: a moment later is
-soon enough.
+later as some other error. `import_whole` imports them `undisturbed`: a moment later
+is soon enough.
 """
 
 from __future__ import annotations
 
+import importlib
 import signal
 import threading
-import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-AGAIN = 0.1  # seconds until the next look whether the import is over
-IMPORTING = "<frozen importlib._bootstrap>"
 Handler = Callable[[int, FrameType | None], Any]
 
 
@@ -62,6 +60,15 @@ def undisturbed() -> Iterator[None]:
             signal.raise_signal(first)
 
 
+def import_whole(module: str) -> Any:
+    """A module of a package that catches `KeyboardInterrupt` in its imports.
+
+    Ctrl-C and a polite kill wait until it is imported.
+    """
+    with undisturbed():
+        return importlib.import_module(module)
+
+
 @contextmanager
 def interrupted_once() -> Iterator[None]:
     """The first Ctrl-C or polite kill raises `KeyboardInterrupt`; more do not disturb the end."""
@@ -77,35 +84,20 @@ def interrupted_once() -> Iterator[None]:
 
 @contextmanager
 def interruptible() -> Iterator[list[int]]:
-    """Ctrl-C and a polite kill raise `KeyboardInterrupt` once no import is going on.
+    """Ctrl-C and a polite kill raise `KeyboardInterrupt`.
 
     Yields the signals that were raised. After it a signal ends the process at once: the work is
     done, and nothing is left to be undone.
     """
     raised: list[int] = []
-    due: list[int] = []  # what came inside an import, to be raised behind it
 
-    def end(kind: int, frame: FrameType | None) -> None:
-        if any(one.f_code.co_filename == IMPORTING for one, _ in traceback.walk_stack(frame)):
-            due[:] = [kind]
-            signal.setitimer(signal.ITIMER_REAL, AGAIN)
-            return
-        due.clear()
+    def end(kind: int, _: FrameType | None) -> None:
         raised.append(kind)
         raise TerminatedError if kind == signal.SIGTERM else KeyboardInterrupt
 
-    def again(_: int, frame: FrameType | None) -> None:
-        if due:
-            end(due[0], frame)
-
-    signal.signal(signal.SIGALRM, again)
     taken = _take(end)
     try:
         yield raised
     finally:
         for kind in taken:
             signal.signal(kind, signal.SIG_DFL)
-        # What came inside the last import comes too late; Python is about to forget its handlers,
-        # and an alarm without one kills.
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        due.clear()

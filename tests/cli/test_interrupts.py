@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import signal
 import sys
-import threading
 
 import pytest
 
 from skinmap.cli.main import main
-from skinmap.interrupts import TerminatedError, graceful, interruptible
+from skinmap.interrupts import TerminatedError, graceful, import_whole, interruptible
 
 SWALLOWS = """
 import os, signal
@@ -26,7 +24,7 @@ except BaseException:
 
 @pytest.fixture
 def restored():
-    kinds = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
+    kinds = (signal.SIGINT, signal.SIGTERM)
     before = [signal.getsignal(kind) for kind in kinds]
     yield
     for kind, handler in zip(kinds, before, strict=True):
@@ -45,20 +43,9 @@ def test_interrupt_in_an_import_that_catches_everything_still_ends(
 ):
     (tmp_path / f"swallows_{kind}.py").write_text(SWALLOWS.replace("KIND", kind))
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(TerminatedError if kind == "SIGTERM" else KeyboardInterrupt):  # after it
-        assert not importlib.import_module(f"swallows_{kind}").came
-        threading.Event().wait(60)  # a deadline, for a handler that forgot it
-
-
-@pytest.mark.usefixtures("restored")
-def test_an_interrupt_in_the_last_import_leaves_no_alarm_that_kills(tmp_path, monkeypatch):
-    """Python forgets its handlers at its end, where an alarm made it exit by signal 14."""
-    (tmp_path / "swallows_last.py").write_text(SWALLOWS.replace("KIND", "SIGTERM"))
-    monkeypatch.syspath_prepend(tmp_path)
-    with interruptible():
-        importlib.import_module("swallows_last")
-        assert signal.getitimer(signal.ITIMER_REAL)[0] > 0.0
-    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+    with pytest.raises(TerminatedError if kind == "SIGTERM" else KeyboardInterrupt):
+        import_whole(f"swallows_{kind}")
+    assert not sys.modules[f"swallows_{kind}"].came  # it waited until the import was over
 
 
 def test_interrupt_elsewhere_ends_at_once(ours):

@@ -20,6 +20,7 @@ from skinmap.arrays import FloatArray
 from skinmap.disk_cache import Ingredient, cached
 from skinmap.errors import DataFormatError
 from skinmap.geometry.triangles import TriangleMesh
+from skinmap.interrupts import import_whole
 from skinmap.io.safe_xml import local_name, read_xml
 from skinmap.io.text import check_file
 
@@ -146,8 +147,7 @@ def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray
 
 
 def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
-    import trimesh
-
+    trimesh = import_whole("trimesh")
     if (suffix := path.suffix.lower()) == ".dae":
         root = read_xml(path, "a COLLADA mesh", MAX_MESH_BYTES)  # COLLADA is XML with all its doors
     try:

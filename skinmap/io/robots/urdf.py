@@ -22,6 +22,7 @@ from skinmap.errors import (
 )
 from skinmap.geometry.rigid import check_transform, rpy_matrix, transform_points
 from skinmap.geometry.triangles import TriangleMesh
+from skinmap.interrupts import import_whole
 from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import is_file, parse_floats
@@ -214,8 +215,7 @@ class MeshBody(UrdfBody):
 
 def shape_mesh(shape: Shape) -> tuple[FloatArray, IntArray]:
     """Vertices (n, 3) [m] and faces (m, 3) of a box, cylinder or sphere, in its own frame."""
-    from trimesh import creation
-
+    creation = import_whole("trimesh.creation")
     if shape.kind == "box":
         mesh = creation.box(extents=shape.numbers)
     elif shape.kind == "cylinder":
