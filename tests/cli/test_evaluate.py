@@ -119,8 +119,8 @@ def test_tables_are_printed_for_people(recording):
         ),
         (
             [],
-            "name --protocol (kaspar, baxter, cross-patch, physics, time, fingers, hands) "
-            "or recordings",
+            "name --protocol (kaspar, baxter, cross-patch, physics, time, fingers, hands, prints, "
+            "force, load) or recordings",
         ),
         (["gone.npz"], "no file 'gone.npz'"),
         (["--protocol", "kaspar", "x.npz"], "simulates its touches: no recordings"),

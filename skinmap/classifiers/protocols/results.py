@@ -676,13 +676,14 @@ class PrintsResult(Evaluated):
     missed
         Prints without a contact.
     area_error_median, area_error_p90
-        Error of the area as a share of the true one: median and 90th percentile.
+        Error of the area as a share of the true one: median and 90th percentile; null without
+        prints.
     centre_mm_median
-        Distance from the centre of the print [mm], median.
+        Distance from the centre of the print [mm], median; null without prints.
     holds
-        Share of the true areas inside their interval of 90 %.
+        Share of the true areas inside their interval of 90 %; null without prints.
     high_to_low
-        Upper end of the interval through its lower end, median.
+        Upper end of the interval through its lower end, median; null without prints.
     own_area_error_median
         Median error where ten prints of each person set this person's scale; null without `person`.
     """
@@ -705,7 +706,7 @@ class PrintsResult(Evaluated):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ForceRow:
-    """Total normal forces of some touches; numbers are null where none was judged.
+    """Total normal forces of some touches.
 
     Attributes
     ----------
@@ -716,17 +717,17 @@ class ForceRow:
     beyond
         Share whose heaviest moment lies above the calibrated range: an earlier one is judged.
     force_n_median
-        True force [N].
+        True force [N]; null without judged touches.
     bias
-        Median of our force through the true one, less 1.
+        Median of our force through the true one, less 1; null without judged touches.
     error_median, error_p95
-        Error as a share of the true force: median and 95th percentile.
+        Error as a share of the true force: median and 95th percentile; null without judged touches.
     plain_error_median
-        The control: pressures times the areas of active taxels.
+        The control: pressures times the areas of active taxels; null without judged touches.
     direction_deg_median
-        Angle between our force and the true one [deg].
+        Angle between our force and the true one [deg]; null without judged touches.
     holds
-        Share of the true forces inside their interval of 90 %.
+        Share of the true forces inside their interval of 90 %; null without judged touches.
     """
 
     name: str
@@ -783,9 +784,9 @@ class LoadRow:
         Root mean square error of a taxel, mean of the answered ones [bar]; null without a
         reference, as `holds`.
     holds
-        Share of the answers whose interval of 90 % holds the reference.
+        Share of the answers whose interval of 90 % holds the reference; null without one.
     width_bar
-        Mean width of the intervals [bar].
+        Mean width of the intervals [bar]; null without answers.
     refused
         Share of the answers that were refused: taxels that are left out, and pressures above the
         calibrated range.
@@ -797,7 +798,8 @@ class LoadRow:
         Age of the zero at the first sample; null where it came from the calibration and the times
         of the recording are not those of a calendar.
     unexplained
-        Share of the reference that the skin leaves open once both clocks are aligned.
+        Share of the reference that the skin leaves open once both clocks are aligned; null
+        without one.
     """
 
     recording: str

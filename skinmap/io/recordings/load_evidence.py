@@ -154,7 +154,10 @@ def _table(path: Path) -> dict[str, NDArray[Any]]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             names = [name.strip() for name in next(csv.reader(file), [])]
-            values = np.loadtxt(file, delimiter=",", ndmin=2)
+            rows = [line for line in file if line.strip()]
+        if not rows:
+            raise DataFormatError("a table without rows", path)
+        values = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2)
     except (ValueError, UnicodeDecodeError, csv.Error) as error:
         raise DataFormatError(f"not a table of numbers: {str(error)[:200]}", path) from None
     if values.shape[1] != len(names):

@@ -179,7 +179,7 @@ LIVE = "skinmap.live.network"
 TARGETS = [
     Target("stream-sample", "m", lambda: [SAMPLE, b"info|" + DESCRIPTION], of_bytes(take)),
     Target("stream-description", "m", lambda: [DESCRIPTION], of_bytes(unpack_info),
-           (f"{LIVE}.messages.read_json",)),
+           (f"{LIVE}.network_messages.read_json",)),
     Target("lsl-description", "m", lambda: [LSL], of_bytes(describe),
            (f"{LIVE}.lsl_settings.read_description",)),
     Target("page-wish", "m", lambda: [json.dumps(wish).encode() for wish in WISHES],

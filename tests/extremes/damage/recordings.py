@@ -32,6 +32,7 @@ from skinmap.io.recordings.channel_table import read_cyskin_text, read_table
 from skinmap.io.recordings.cyskin_arrays import read_pressed
 from skinmap.io.recordings.dumper import read_dump, read_log
 from skinmap.io.recordings.learning import write_npz
+from skinmap.io.recordings.load_evidence import read_evidence
 from skinmap.io.recordings.mapping import read_mapping
 from skinmap.io.recordings.marks import Marks, read_marks
 from skinmap.io.recordings.readers import read_recordings
@@ -42,6 +43,7 @@ from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.live.sources.zenoh_source import CLOUD, values_of
 from skinmap.parallel import ResumeStore
+from skinmap.soundness.track import read_track as read_examined
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording, save_recordings
 
@@ -60,6 +62,15 @@ def zipped(**arrays: Any) -> bytes:
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     return buffer.getvalue()
+
+
+ROWS = b"time,a,b\n0.0,1,2\n0.02,3,4\n0.04,5,6\n"
+
+
+def loaded() -> bytes:
+    """Samples beside a pressure, as `calibrate load` and `examine` read them."""
+    times = np.arange(SAMPLES) / RATE
+    return zipped(samples=values(), times=times, pressure_bar=np.sin(times))
 
 
 def recording() -> bytes:
@@ -380,5 +391,11 @@ TARGETS = [
            ("skinmap.io.recordings.channel_table.read_cyskin_text",), {"t.toml": lambda: MAPPING}),
     Target("marks", "t.csv", lambda: [MARKS], marks, ("skinmap.io.recordings.marks.read_marks",)),
     Target("resume", "r.npz", lambda: [kept_result()], resumed),
+    *both("load", "l.npz", lambda: [loaded()], read_evidence,
+          ("skinmap.io.recordings.load_evidence.read_evidence",)),
+    Target("load-csv", "l.csv", lambda: [ROWS], lambda p: read_evidence(p, needed=False)),
+    *both("examined", "e.npz", lambda: [loaded()], read_examined,
+          ("skinmap.soundness.track.read_track",)),
+    Target("examined-csv", "e.csv", lambda: [ROWS], read_examined),
     Target("samples-npy", "s.npy", lambda: [npy()], lambda p: read_arrays(p, "samples")),
 ]  # fmt: skip

@@ -49,7 +49,7 @@ def test_help_lists_the_window_s_keys_in_its_words(tab):
         firsts = {action: name for name, action in reversed(key.actions.items())}
         here = [PAGE_NAMES.get(name, name) for name in firsts.values() if name not in NOT_HERE]
         assert all(name in known or f"Arrow{name}" in known for name in here), key
-        if here and key.shown != "1 to 8":
+        if here and key.shown != "1 to 9":
             assert listed[key.shown] == key.text
     assert listed["map"] == dict(MOUSE)["map"]
     box, stage = (tab.page.locator(name).bounding_box() for name in ("#help", "#stage"))
