@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.touch.simulation.gestures import GESTURES, TIME
 
 BACKGROUND = "#f7f8fa"
@@ -87,6 +88,11 @@ CLASS_COLOURS = (
 MOTION_COLOURS = (
     "#c982d4", "#465343", "#401d4c", "#4c40ae", "#50af7e", "#3d9151", "#040a6f", "#9485a8",
 )  # fmt: skip
+# Kinds of things that are named beside the first nine, so that no two kinds share a colour.
+FURTHER_COLOURS = {
+    "plate": "#3b3f8f", "ring": "#7fa3c7", "corner": "#4d6b57", "gripper": "#a08fd8",
+    "shoulder": "#5c4630",
+}  # fmt: skip
 NAMELESS = "#66717d"
 READABLE = 4.5  # contrast of letters (WCAG 2.1)
 BLACK = "#000000"
@@ -126,10 +132,15 @@ def class_colour(label: str) -> str:
     if label in NO_NAMES:
         return NAMELESS
     own = dict(zip(GESTURES, CLASS_COLOURS, strict=False))
-    own |= dict(zip(TIME, MOTION_COLOURS, strict=False))
+    own |= dict(zip(TIME, MOTION_COLOURS, strict=False)) | FURTHER_COLOURS
     if label in own:
         return own[label]
     return CLASS_COLOURS[(len(own) + zlib.crc32(label.encode())) % len(CLASS_COLOURS)]
+
+
+def touch_colour(touch: NamedTouch) -> str:
+    """The colour of a touch: of its kind where a model answers that, else of its label."""
+    return class_colour(touch.label if touch.kind is None else touch.kind.answer)
 
 
 def faded(colour: str) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,10 @@ from skinmap.errors import InvalidArrayError, NotFittedError, SkinWarning
 from skinmap.skin.skin import Skin, fingerprint
 from skinmap.summary import Summary, listed
 from skinmap.touch.prepared_skin import PreparedSkin
+
+if TYPE_CHECKING:
+    from skinmap.classifiers.answering import ThreeAnswers
+    from skinmap.classifiers.answers import Answers
 
 __all__ = [
     "BUILT_IN",
@@ -62,12 +66,14 @@ def learnable(touches: Sequence[Touch]) -> list[Touch]:
 class Prediction:
     """Label of a touch, with a confidence of 0 to 1.
 
-    `names` hold the truth as often as was asked for; None where that was not asked for.
+    `names` hold the truth as often as was asked for; None where that was not asked for. `answers`
+    are of kind, motion and hand; None where nobody gave them.
     """
 
     label: str
     confidence: float
     names: tuple[str, ...] | None = None
+    answers: Answers | None = None
 
 
 class Classifier(Summary):
@@ -107,6 +113,7 @@ class Classifier(Summary):
         self.sets: SetCalibration | None = None
         self.coverage: float | None = None
         self.doubt: FloatArray | None = None
+        self.own_answers: ThreeAnswers | None = None
         self._quick: tuple[Any, Callable[[FloatArray], FloatArray]] | None = None
 
     @property
@@ -142,6 +149,9 @@ class Classifier(Summary):
         InvalidArrayError
             Fewer than two labels, or a label with fewer than five touches in contact.
         """
+        from skinmap.classifiers.answering import ThreeAnswers
+
+        self.own_answers = ThreeAnswers()
         skins = dict.fromkeys(touch.skin for touch in touches)
         self.trained_on = tuple(remember(skin.skin) for skin in skins)
         self.descriptor.fit(touches, rng=rng)
@@ -163,6 +173,17 @@ class Classifier(Summary):
             moving = getattr(self.descriptor, "moving", False)
             self.doubt = early_doubt(own, len(self.labels)) if moving else None
         return self
+
+    @property
+    def answers(self) -> ThreeAnswers | None:
+        """What says kind, motion and hand beside the label: its own, else the model's that ships.
+
+        None of a classifier that judges nothing.
+        """
+        from skinmap.classifiers.answering import shipped_answers
+
+        shipped = shipped_answers()
+        return shipped if self.own_answers is None else self.own_answers.completed(shipped)
 
     def _copy(self) -> Classifier:
         """An untrained classifier that looks at the same, motion or not."""

@@ -30,6 +30,11 @@ class GivenName(Classifier):
         """None: there is nothing that it learnt."""
         return SkinDifference("", True)
 
+    @property
+    def answers(self) -> None:
+        """None: nothing is judged."""
+        return
+
     def probabilities(self, touch: Touch) -> FloatArray | None:
         """(1,) certainty; None without contact."""
         return np.ones(1) if (pool_event(touch.samples) > ACTIVE).any() else None

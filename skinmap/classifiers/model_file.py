@@ -51,7 +51,8 @@ SUFFIX = ".skinmodel"
 LIBRARIES = ("numpy", "scikit-learn", "skops")
 HEAD, SKINS, DESCRIPTOR, ESTIMATOR = "model.json", "skins.npz", "descriptor.npz", "estimator.skops"
 ARRAYS, SETS, EARLY = "estimator.npz", "sets.npz", "early.npz"
-FILES = (HEAD, SKINS, DESCRIPTOR, ARRAYS, ESTIMATOR, SETS, EARLY)
+ANSWERS = "answers.npz"  # of kind, motion and hand, as `answering` reads it, too
+FILES = (HEAD, SKINS, DESCRIPTOR, ARRAYS, ESTIMATOR, SETS, EARLY, ANSWERS)
 SCHEMA = "schema.json"  # of an estimator
 # Modules of estimators in files of before, and where they are.
 MOVED = {
@@ -130,6 +131,8 @@ def save_classifier(classifier: TouchClassifier, path: str | Path) -> None:
             add(SETS, _pack(classifier.sets.to_arrays()))
         if classifier.doubt is not None:
             add(EARLY, _pack({"doubt": classifier.doubt}))
+        if classifier.own_answers is not None:
+            add(ANSWERS, _pack(classifier.own_answers.to_arrays()))
     try:
         Path(path).write_bytes(buffer.getvalue())
     except OSError as error:
@@ -192,6 +195,11 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
                 classifier.sets = set_calibration_from(_unpack(archive.read(SETS), path))
             if EARLY in archive.namelist():
                 classifier.doubt = doubt_from(_unpack(archive.read(EARLY), path)["doubt"])
+            if ANSWERS in archive.namelist():
+                from skinmap.classifiers.answering import three_answers_from
+
+                found = _unpack(archive.read(ANSWERS), path)
+                classifier.own_answers = three_answers_from(found)
             if list(classifier.labels) != head["labels"]:
                 raise DataFormatError("its labels are not those of its estimator", path)
     except (DataFormatError, UnknownNameError):

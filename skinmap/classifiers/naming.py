@@ -88,6 +88,7 @@ def name_touches(
     samples = check_pressures(samples, skin.geometry)
     rest = usual_rest(len(skin)) if rest is None else rest
     samples = felt(samples, rest, skin.geometry.beside)
+    answers = getattr(classifier, "answers", None)  # a plug-in of before has none
     groups = group_touches(
         skin.geometry, samples, rule=rule, ended=ended, levels=rest.begins, known=known
     )
@@ -98,6 +99,8 @@ def name_touches(
         touch = Touch(skin, own, person=person, rate=rule.rate)
         prediction = classifier.predict(touch, ended=ended)
         if prediction.label != NO_CONTACT:
+            if answers is not None:
+                prediction = replace(prediction, answers=answers.of(touch))
             found.append(Named(taxels, prediction))
     return tuple(found)
 

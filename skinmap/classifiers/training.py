@@ -24,6 +24,8 @@ def train(
     classifier: str = DEFAULT,
     parts: Sequence[str] | None = None,
     settings: Mapping[str, Any] | None = None,
+    groups: Mapping[str, Sequence[str]] | None = None,
+    motions: Sequence[str] = (),
     rng: np.random.Generator | int = 0,
 ) -> TouchClassifier:
     """Train a classifier of touches on labelled recordings.
@@ -40,6 +42,11 @@ def train(
         Train on these of the recorded parts only; on all by default.
     settings : mapping of str to value, optional
         As `skinmap train` has them: `words`, `radius_mm`, ...
+    groups : mapping of str to sequence of str, optional
+        Labels that are a `hand` and those that are something `other`, each label in one of the two:
+        the model learns `hand` from them.
+    motions : sequence of str
+        Labels that name how a touch moves, beside those that are simulated.
     rng : numpy.random.Generator or int
         A number is its seed.
 
@@ -51,12 +58,13 @@ def train(
     Raises
     ------
     UnknownNameError
-        No such classifier, or a part that is not recorded or that the robot lacks.
+        No such classifier, or a part that is not recorded or that the robot lacks; a group or
+        motion of a label that is not there.
     SkinMismatchError
         A recording of another number of taxels than the skin's.
     InvalidArrayError
         Fewer than two labels, or a label with fewer than five touches; settings that do not
-        concern the classifier.
+        concern the classifier; groups that overlap or miss a label.
 
     Examples
     --------
@@ -67,6 +75,8 @@ def train(
     >>> skinmap.train(touches, robot).labels
     ('full_finger', 'poke')
     """
+    from skinmap.classifiers.answering import check_groups, check_motions, learn_answers
+
     untrained = tuned_classifier(classifier, dict(settings or {}))
     every = [recordings] if isinstance(recordings, Recording) else list(recordings)
     recorded = [one.part for one in every]
@@ -76,4 +86,10 @@ def train(
     chosen = [one for one in every if parts is None or one.part in parts]
     skins = prepare_skins(robot, chosen)
     touches = [touch for one in chosen for touch in recorded_touches(skins[one.part], one)]
-    return untrained.fit(touches, rng=np.random.default_rng(rng), sets=untrained.name in WITH_SETS)
+    names, rng = sorted({touch.label for touch in touches}), np.random.default_rng(rng)
+    if groups is not None:
+        check_groups(groups, names)
+    moving = check_motions(motions, names)
+    model = untrained.fit(touches, rng=rng, sets=untrained.name in WITH_SETS)
+    learn_answers(model, touches, groups=groups, motions=moving, rng=rng)
+    return model

@@ -263,7 +263,9 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
 
 
 def _motions(loop: TouchLoop, moment: Moment) -> list[dict[str, Any]]:
-    """The touches of a moment and how they move."""
+    """The touches of a moment, how they move, and what a model answers about them."""
+    from skinmap.classifiers.answers import answers_object
+
     return [
         {
             "part": one.part,
@@ -277,6 +279,7 @@ def _motions(loop: TouchLoop, moment: Moment) -> list[dict[str, Any]]:
             "heading": one.motion.heading,
             "length_m": one.motion.length,
             "presses": one.motion.presses,
+            **answers_object(one.answers),
         }
         for one in moment.touches
         if one.motion is not None

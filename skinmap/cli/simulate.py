@@ -297,9 +297,9 @@ def work(
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import check_suffix, save_recordings
     from skinmap.physics.simulation import simulate as press
-    from skinmap.touch.simulation.gestures import gesture_set
     from skinmap.touch.simulation.pairs import simulate_pairs
     from skinmap.touch.simulation.simulator import check_gestures, simulate
+    from skinmap.touch.simulation.things import gesture_set
     from skinmap.touch.simulation.variety import draw_sensing
 
     check_suffix(output)
@@ -394,7 +394,7 @@ def publish_touches(
 
     from skinmap.live.publishing.publish import open_publisher, stream
     from skinmap.live.sources.simulated_source import SimulatedSource
-    from skinmap.touch.simulation.gestures import gesture_set
+    from skinmap.touch.simulation.things import gesture_set
     from skinmap.touch.simulation.variety import draw_sensing
 
     loaded, names = open_robot(robot, parts)

@@ -119,6 +119,11 @@ class TrainResult:
         That were recorded.
     people, sessions
         Recorded touches of each; people who are not named are left out.
+    groups
+        Labels that count as a hand, and as something else; empty where the model that ships decides
+        that.
+    kinds, motions
+        Which labels are kinds of touches, and which are motions.
     warnings
         What the figures rest on, and should not.
     files
@@ -138,6 +143,9 @@ class TrainResult:
     skins: list[TrainedPart]
     people: dict[str, int]
     sessions: dict[str, int]
+    groups: dict[str, list[str]]
+    kinds: list[str]
+    motions: list[str]
     warnings: list[str]
     files: list[str]
 
@@ -162,6 +170,17 @@ class TrainResult:
     metavar="N",
     help="Add N simulated touches of each recorded label that the simulator knows, on each skin.",
 )
+@click.option(
+    "--groups",
+    metavar="hand=LABEL,...;other=LABEL,...",
+    help="Learn from these labels whether a touch is a hand: each label in one group.",
+)
+@click.option(
+    "--motion",
+    metavar="LABEL,...",
+    help="Labels that name how a touch moves, beside stroke, pat, tap, rub, slide, twist, squeeze "
+    "and hold; all others name with what.",
+)
 @seed_option
 @profile_option("classify", beside=IN_PROFILE)
 @retired(
@@ -177,6 +196,8 @@ def command(
     classifier: str,
     output: Path,
     with_simulated: int | None,
+    groups: str | None,
+    motion: str | None,
     seed: int,
     as_json: bool,
     **knobs: Any,
@@ -193,8 +214,14 @@ def command(
     \b
     Example:  skinmap train touches.npz --part torso --part left_arm -o touch.skinmodel
               skinmap train poke.mcap rub.mcap monday/ --with-simulated 20
+              skinmap train t.npz --groups "hand=poke,whole_hand;other=elbow,ball"
     """
-    chosen = Training(classifier, parts, seed, with_simulated or 0, _own_knobs(classifier, knobs))
+    from skinmap.classifiers.answering import read_groups
+
+    grouped = None if groups is None else read_groups(groups)
+    said = () if motion is None else tuple(one.strip() for one in motion.split(","))
+    own = _own_knobs(classifier, knobs)
+    chosen = Training(classifier, parts, seed, with_simulated or 0, own, grouped, said)
     present(work(recordings, robot, output, chosen), _lines, as_json=as_json)
 
 
@@ -207,6 +234,8 @@ class Training:
     seed: int
     simulated: int
     knobs: dict[str, Any]
+    groups: Mapping[str, Sequence[str]] | None = None
+    motions: tuple[str, ...] = ()
 
     def untrained(self) -> TouchClassifier:
         """The classifier before training; knobs that do not concern it are refused."""
@@ -221,6 +250,7 @@ def work(
     """Train, write the model, and test it on what it has not seen."""
     import numpy as np
 
+    from skinmap.classifiers.answering import check_groups, check_motions, learn_answers
     from skinmap.classifiers.classifier import WITH_SETS
     from skinmap.classifiers.evaluate import score
     from skinmap.classifiers.few_shot import is_few, score_in_turn
@@ -241,6 +271,10 @@ def work(
         knobs["radius_mm"] = 1e3 * auto_radius(list(skins.values()), near=RADIUS)
     rng = np.random.default_rng(chosen.seed)
     train, same, other = _split(found, chosen.parts, rng)
+    names = sorted({touch.label for touch in train})
+    if chosen.groups is not None:
+        check_groups(chosen.groups, names)
+    motions = check_motions(chosen.motions, names)
     extra = _simulated(found, train, chosen.simulated, rng)
     few = is_few(train + same)
     if few:
@@ -248,6 +282,7 @@ def work(
     with staged_file(output) as stage:
         model = chosen.untrained()
         model.fit(train + extra, rng=rng, sets=chosen.classifier in WITH_SETS)
+        learn_answers(model, train + extra, groups=chosen.groups, motions=motions, rng=rng)
         save_classifier(model, stage)
     seen = score_in_turn(chosen.untrained, train, extra, rng=rng) if few else score(model, same)
     unseen = score(model, other)
@@ -266,6 +301,9 @@ def work(
         skins=_skins(found),
         people=people,
         sessions=found.count("session"),
+        groups={name: list(own) for name, own in (chosen.groups or {}).items()},
+        kinds=[name for name in names if name not in motions],
+        motions=list(motions),
         warnings=list(found.doubts()),
         files=[str(output)],
     )
@@ -356,6 +394,8 @@ def _lines(result: TrainResult) -> Iterator[str]:
         yield f"{sum(result.simulated.values())} of them simulated: {_counted(result.simulated)}"
     for one in result.skins:
         yield f"{one.robot} {one.part}, {one.taxels} taxels: {one.touches} touches"
+    if result.kinds and result.motions:
+        yield f"kinds: {', '.join(result.kinds)}; motions: {', '.join(result.motions)}"
     for what, counts in (("sessions", result.sessions), ("people", result.people)):
         if counts:
             yield f"{what}: {_counted(counts)}"

@@ -118,7 +118,8 @@ class Namer:
     @property
     def in_time(self) -> bool:
         """Whether the classifier looks at how touches go on, and not only at where they are."""
-        return bool(getattr(self.classifier.descriptor, "moving", False))
+        moving = bool(getattr(self.classifier.descriptor, "moving", False))
+        return moving or getattr(self.classifier, "answers", None) is not None
 
     def push(
         self,

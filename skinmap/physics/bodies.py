@@ -16,6 +16,8 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.physics.variants import Variant
+from skinmap.touch.simulation.hands import STIFF, Body, Draw
+from skinmap.touch.simulation.things import THINGS
 
 Point = tuple[float, float, float]
 PHALANGES = (44e-3, 26e-3, 18e-3)  # from the knuckle to the tip, of an index finger [m]
@@ -189,10 +191,52 @@ def cylinder(rng: np.random.Generator, hand: float, variant: Variant) -> Presser
 
 
 Pressing = Callable[[np.random.Generator, float, Variant], Presser]
+
+
+def _pressed(name: str) -> Pressing:
+    """A touch of `things` as MuJoCo presses it: fingers each by itself, a thing in one piece."""
+
+    def presser(rng: np.random.Generator, hand: float, variant: Variant) -> Presser:
+        bodies = THINGS[name](Draw(rng, 1.0, hand))
+        push = _force(rng, variant, 1.0)
+        ends = np.array([[body.start, body.end] for body in bodies])
+        middle = ends.mean(axis=(0, 1))
+        ends = ends - middle
+        along = np.linspace(0.0, 1.0, 5)[:, None, None]
+        footprint = (ends[:, 0] + along * (ends[:, 1] - ends[:, 0])).reshape(-1, 2)
+        if bodies[0].stiffness < STIFF and len(bodies) > 1:
+            mounts = [
+                Mount(
+                    _pair(body.middle - middle),
+                    Piece((_capsule(body, body.middle),)),
+                    push * body.force,
+                    tilt=0.05,
+                )
+                for body in bodies
+            ]
+            return Presser(tuple(mounts), footprint)
+        piece = Piece(tuple(_capsule(body, middle) for body in bodies))
+        force = push * sum(body.force for body in bodies)
+        return Presser((Mount((0.0, 0.0), piece, force, tilt=0.5),), footprint)
+
+    return presser
+
+
+def _capsule(body: Body, middle: FloatArray) -> Capsule:
+    """A body around its own middle; all of one piece reach as far towards the skin."""
+    (ax, ay), (bx, by) = np.subtract(body.start, middle), np.subtract(body.end, middle)
+    return Capsule((ax, ay, body.radius), (bx, by, body.radius), body.radius)
+
+
+def _pair(point: FloatArray) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
+
+
 PRESSERS: dict[str, Pressing] = {
     made.__name__: made
     for made in (poke, full_finger, three_finger, whole_hand, elbow, forearm, ball, edge, cylinder)
 }
+PRESSERS.update({name: _pressed(name) for name in THINGS})
 
 
 def _force(rng: np.random.Generator, variant: Variant, median: float) -> float:

@@ -24,7 +24,7 @@ from skinmap.physics.touches_in_time import press_in_time
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
 from skinmap.skin.skin import Skin, fingerprint
 from skinmap.touch.recording import Recording
-from skinmap.touch.simulation.gestures import TIME
+from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN, TIME
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
 from skinmap.touch.true_motion import TrueMotion
 
@@ -34,9 +34,6 @@ HAND = (0.75, 1.0)  # sizes of hands from child to adult, 1 = adult
 GAP = 0.25  # pause between touches [s]
 TRIES = 60  # places tried for one touch
 MISSES = 3  # touches that found no place before the part counts as too small for the gesture
-# The least share of a footprint that must lie over taxels; long things stick out beyond the skin.
-ON_SKIN = 0.7
-LONG_ON_SKIN = {"forearm": 0.45, "edge": 0.45, "cylinder": 0.45}
 AROUND = 5  # taxels whose normals an arm comes in along
 LIFT = 0.06  # time in which a presser leaves the skin [s]
 TREMOR = 0.04  # of the force, standard deviation of its share

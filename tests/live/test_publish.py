@@ -97,8 +97,11 @@ def test_publisher_sends_labels_when_they_change():
     sent = [[one["label"] for one in out[2]["labels"]] for out in kept.out]
     assert sent == [["poke"], ["ball"], ["ball"], []]
     assert kept.out[0][2]["labels"] == [
-        {"part": "arm", "identity": 1, "label": "poke", "confidence": 0.7, "began_s": 1.0}
-    ]
+        {
+            "part": "arm", "identity": 1, "label": "poke", "confidence": 0.7, "began_s": 1.0,
+            "kind": None, "motion": None, "hand": None,
+        }
+    ]  # fmt: skip
 
 
 def test_publisher_writes_what_is_unknown_as_null():

@@ -159,11 +159,11 @@ def test_without_variety_the_former_simulator_answers_to_the_last_bit(icub):
 
 
 def test_variety_is_a_word_or_a_number():
-    assert [variety_of(word) for word in ("none", "some", "wide", "0.25")] == [0, 0.5, 1, 0.25]
+    assert [variety_of(word) for word in ("none", "wide", "wider", "0.25")] == [0, 1, 2, 0.25]
     with pytest.raises(UnknownNameError, match="no variety level 'wild'"):
         variety_of("wild")
-    for wrong in ("nan", "1.5", "-0.1"):
-        with pytest.raises(InvalidArrayError, match=r"variety must lie in 0\.\.1"):
+    for wrong in ("nan", "2.5", "-0.1"):
+        with pytest.raises(InvalidArrayError, match=r"variety must lie in 0\.\.2"):
             variety_of(wrong)
 
 

@@ -8,11 +8,12 @@ from skinmap.classifiers.protocols.cross_patch import cut_into_patches
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
-from skinmap.touch.simulation.gestures import EIGHT, GESTURES, gesture_set
+from skinmap.touch.simulation.gestures import EIGHT, GESTURES
 from skinmap.touch.simulation.pairs import APART, simulate_pairs
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
 from skinmap.touch.simulation.simulator import simulate
 from skinmap.touch.simulation.subjects import draw_subjects
+from skinmap.touch.simulation.things import HAND, OTHER, gesture_set
 
 
 @pytest.fixture(scope="module")
@@ -170,6 +171,9 @@ def test_gesture_sets_have_names():
     assert gesture_set(("eight",)) == EIGHT
     assert gesture_set(("poke", "four", "edge"))[-1] == "edge"
     assert gesture_set(("all",)) == tuple(GESTURES)
+    both = gesture_set(("hand", "other"))
+    assert both == (*HAND, *OTHER)
+    assert set(GESTURES) < set(both)
 
 
 def test_pairs_name_the_gestures(icub, rng):

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
+from skinmap.classifiers.answers import answers_object
 from skinmap.errors import SkinError
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from viewer.colours import class_colour
+from viewer.colours import touch_colour
 from viewer.drawing.body.bare_body import posed
 from viewer.drawing.panel.touch_list import caption, details
 from viewer.drawing.touches.outlines import Outline, outline_touch
@@ -164,8 +165,9 @@ class SampleWriter:
         return {
             "part": touch.part,
             "label": touch.label,
+            **answers_object(touch.answers),
             "text": caption(touch),
-            "colour": class_colour(touch.label),
+            "colour": touch_colour(touch),
             "identity": touch.identity,
             "centre": np.asarray(touch.centre, np.float64).round(5).tolist(),
             "normal": np.asarray(normal).round(4).tolist(),

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from skinmap.classifiers.answers import Answer, HandAnswer
 from skinmap.live.sources.sample_counts import Counts
 from skinmap.summary import first_few
 
@@ -71,6 +72,8 @@ class NamedRow:
         How often it was pressed, and the time between; the period is null of a single press.
     twist_deg
         How far the contact turned.
+    kind, motion, hand
+        With what, how it moved, and whether it was a hand; null where nothing was touched.
     """
 
     part: str
@@ -89,6 +92,9 @@ class NamedRow:
     presses: int
     period_ms: float | None
     twist_deg: float
+    kind: Answer | None
+    motion: Answer | None
+    hand: HandAnswer | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -175,6 +181,8 @@ class LiveTouch:
         While it moved evenly; 0 where it stayed.
     presses, period_s
         How often it was pressed, and the mean time between; the period is null of a single press.
+    kind, motion, hand
+        With what, how it moved, and whether it was a hand; null where it was too short to be named.
     channels
         Places of its taxels in the live vector of the part; stuck ones are left out.
     early_label, early_s
@@ -203,6 +211,9 @@ class LiveTouch:
     period_s: float | None
     early_label: str | None
     early_s: float | None
+    kind: Answer | None
+    motion: Answer | None
+    hand: HandAnswer | None
     channels: list[int]
 
     @classmethod
@@ -229,6 +240,9 @@ class LiveTouch:
             period_s=touch.period if touch.presses > 1 else None,
             early_label=touch.early or None,
             early_s=touch.early_after if touch.early else None,
+            kind=touch.kind,
+            motion=touch.motion,
+            hand=touch.hand,
             channels=list(touch.channels),
         )
 

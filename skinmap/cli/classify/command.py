@@ -62,6 +62,14 @@ SUFFIX = ".skinmodel"  # as `skinmap.classifiers.model_file` has it; a test comp
     "0.9 for one: `poke or edge`.",
 )
 @seed_option
+@click.option(
+    "--gesture",
+    "gestures",
+    multiple=True,
+    metavar="GESTURE",
+    help="Of the source sim: only these gestures, with commas between; or four, eight, "
+    "all, hand, other, time. May be repeated.  [default: four]",
+)
 @retired(
     profile=NO_PROFILE,
     window_ms="velocities are taken from 0.2 s at least",
@@ -88,6 +96,9 @@ def command(
     marks (.mcap, .xdf, data.log), which gives a line a touch when it ends and a summary at the
     end; with --json each line is an object.
 
+    Beside its name each touch has three answers, of the model that comes with Skinmap unless the
+    given one has its own: kind (with what), motion (how it moves) and hand (hand, other or unsure).
+
     Several touches at once on one part are told apart and named each. `no_contact` is said where
     nothing is touched, `unknown` where the model is less sure than it was on held-out touches.
 
@@ -101,12 +112,14 @@ def command(
               skinmap classify touch.skinmodel touches.npz --part right_forearm --json
               skinmap classify touch.skinmodel touches.npz --coverage 0.9
               skinmap classify touch.skinmodel lsl:demo --seconds 60 --json
+              skinmap classify sim --gesture all,time --seconds 15 --json
     """
     from skinmap.classifiers.model_file import load_classifier
     from skinmap.classifiers.named_classifiers import default_model
     from skinmap.touch.contacts.grouping import GroupingRule
 
     model, source = _model_and_source(files)
+    source = _with_gestures(source, how.pop("gestures"))
     classifier = default_model() if model is None else load_classifier(model)
     if coverage is not None:
         classifier.promise(coverage)
@@ -132,6 +145,20 @@ def _model_and_source(files: tuple[str, ...]) -> tuple[Path | None, str]:
     if len(files) == 1 and files[0].endswith(SUFFIX):
         raise click.UsageError(f"{files[0]} is a model: name what it should classify behind it")
     return (None if len(files) == 1 else Path(files[0])), files[-1]
+
+
+def _with_gestures(source: str, gestures: tuple[str, ...]) -> str:
+    """A simulated source of these gestures; any other source has none to choose."""
+    if not gestures:
+        return source
+    from skinmap.touch.simulation.simulator import check_gestures
+    from skinmap.touch.simulation.things import gesture_set
+
+    if source != "sim":
+        raise click.UsageError(f"--gesture is of the simulated source sim, not of {source}")
+    wanted = gesture_set([name.strip() for one in gestures for name in one.split(",")])
+    check_gestures(wanted)
+    return f"{source}:{','.join(wanted)}"
 
 
 def holds_events(source: str) -> bool:

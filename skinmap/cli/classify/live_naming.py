@@ -38,6 +38,7 @@ from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
 
 if TYPE_CHECKING:
+    from skinmap.classifiers.answers import Answers
     from skinmap.live.contacts.contact_events import TouchEvent
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.source import Source
@@ -232,13 +233,22 @@ def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
 
 
 def _note_differences(classifier: TouchClassifier, loop: TouchLoop) -> None:
-    """Say in one line on which parts the model has not learnt."""
+    """Say in one line on which parts the model has not learnt, and in one what it lacks."""
+    _note_lacks(classifier)
     found = {part: classifier.difference(one.skin).message for part, one in loop.skins.items()}
     strange = [part for part, message in found.items() if message]
     if len(strange) == 1:
         click.echo(f"note: {found[strange[0]]}", err=True)
     elif strange:
         click.echo(f"note: the model did not learn on {', '.join(strange)}", err=True)
+
+
+def _note_lacks(classifier: TouchClassifier) -> None:
+    """Say once what a model of before, or one without groups of its own, does not answer itself."""
+    from skinmap.classifiers.answering import lacking
+
+    if lacks := lacking(classifier):
+        click.echo(f"note: the model {lacks}", err=True)
 
 
 def name_recorded(
@@ -257,6 +267,7 @@ def name_recorded(
         raise UnknownNameError("recorded part", asked, [one.part for one in recordings])
     skins = prepare_skins(loaded, chosen)
     check_model(classifier, skins, chosen)
+    _note_lacks(classifier)
     rows: list[NamedRow] = []
     right = 0
     for one in chosen:
@@ -338,11 +349,18 @@ def _name_events(
                 confidence=one.confidence,
                 names=None if one.names is None else list(one.names),
                 recorded_label=recorded,
+                **three(one.answers),
                 channels=channels[number],
                 **moved[number],
             )
             rows.append(row)
     return rows, right
+
+
+def three(answers: Answers | None) -> dict[str, Any]:
+    """What a row says of kind, motion and hand."""
+    words = ("kind", "motion", "hand")
+    return {word: None if answers is None else getattr(answers, word) for word in words}
 
 
 def _motion(

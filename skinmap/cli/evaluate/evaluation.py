@@ -126,8 +126,8 @@ def own_settings(kind: type[Own], protocol: str, words: Sequence[str]) -> Own:
 
 def chosen_gestures(settings: Settings) -> tuple[str, ...]:
     """Names of the gestures that were asked for."""
-    from skinmap.touch.simulation.gestures import gesture_set
     from skinmap.touch.simulation.simulator import check_gestures
+    from skinmap.touch.simulation.things import gesture_set
 
     names = gesture_set([name.strip() for name in settings.gestures.split(",")])
     check_gestures(names)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
 from skinmap.arrays import FloatArray, freeze
 from skinmap.summary import Summary
+
+if TYPE_CHECKING:
+    from skinmap.classifiers.answers import Answer, Answers, HandAnswer
 
 Event = TypeVar("Event")
 Happening = Literal["birth", "motion", "merge", "split", "end"]
@@ -83,6 +86,8 @@ class TouchEvent(Summary):
         How long after its beginning that name stood [s].
     channels : tuple of int
         Places of its taxels in the live vector of its part, without stuck ones.
+    answers : Answers or None
+        Kind, motion and hand; None where no model gives them.
     """
 
     identity: int
@@ -106,9 +111,25 @@ class TouchEvent(Summary):
     early: str = ""
     early_after: float = float("nan")
     channels: tuple[int, ...] = ()
+    answers: Answers | None = None
 
     def __post_init__(self) -> None:
         freeze(self, centre=np.asarray(self.centre, np.float64))
+
+    @property
+    def kind(self) -> Answer | None:
+        """With what."""
+        return None if self.answers is None else self.answers.kind
+
+    @property
+    def motion(self) -> Answer | None:
+        """How it moved."""
+        return None if self.answers is None else self.answers.motion
+
+    @property
+    def hand(self) -> HandAnswer | None:
+        """Whether it was a hand."""
+        return None if self.answers is None else self.answers.hand
 
     @property
     def duration(self) -> float:

@@ -75,6 +75,13 @@ class Motion(Summary):
         How often it was pressed: 1, or more of taps and pats.
     period : float
         Mean time between their beginnings [s]; NaN of a single press.
+    answer : str
+        How it moves, by a model: still, tap, pat, stroke, rub, slide, twist or squeeze; empty where
+        no model answers.
+    probability : float
+        That this is right; NaN where there is none.
+    set : tuple of str
+        The names that hold the truth in nine of ten touches, the likeliest first.
     """
 
     velocity: FloatArray
@@ -85,6 +92,9 @@ class Motion(Summary):
     length: float
     presses: int = 1
     period: float = float("nan")
+    answer: str = ""
+    probability: float = float("nan")
+    set: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self, velocity=self.velocity)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.live.contacts.contact_motion import Motion
 from skinmap.summary import Summary
+
+if TYPE_CHECKING:
+    from skinmap.classifiers.answers import Answer, Answers, HandAnswer
 
 UNNAMED = "touch"  # what a touch is called while nobody has named it
 
@@ -43,7 +47,10 @@ class NamedTouch(Summary):
     path : (p, 3) float or None
         Where its centre has been, oldest first, along the surface, in the link's frame [m].
     motion : Motion or None
-        Which way it moves and how fast, its way and rhythm; None of one that is not followed.
+        Which way it moves and how fast, its way and rhythm, and the answer how; None of one that is
+        not followed.
+    answers : Answers or None
+        Kind, motion and hand; None where no model gives them.
 
     Examples
     --------
@@ -66,6 +73,7 @@ class NamedTouch(Summary):
     force: float | None = None
     path: FloatArray | None = None
     motion: Motion | None = None
+    answers: Answers | None = None
 
     def __post_init__(self) -> None:
         freeze(self, taxels=self.taxels, centre=self.centre)
@@ -73,6 +81,16 @@ class NamedTouch(Summary):
             freeze(self, normal=np.asarray(self.normal, np.float64))
         if self.path is not None:
             freeze(self, path=np.asarray(self.path, np.float64))
+
+    @property
+    def kind(self) -> Answer | None:
+        """With what."""
+        return None if self.answers is None else self.answers.kind
+
+    @property
+    def hand(self) -> HandAnswer | None:
+        """Whether it is a hand."""
+        return None if self.answers is None else self.answers.hand
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -297,7 +297,8 @@ class TouchBook:
             sum(one.load for one in members) / len(taxels),
             None if force != force else force,  # NaN: nobody knows
             None if lead.stroke is None else lead.stroke.points,
-            motion,
+            _answered(motion, name),
+            name.answers,
         )
 
     def _add(self, track: Track) -> None:
@@ -354,6 +355,7 @@ class TouchBook:
             entry.period,
             *entry.early,
             tuple(self.skin.skins[self.skin.parts[entry.part]].skin.channels[entry.felt].tolist()),
+            entry.name.answers,
         )
 
 
@@ -364,3 +366,11 @@ def _by_touch(tracks: Sequence[Track]) -> dict[int, list[Track]]:
         if len(track.taxels):
             groups.setdefault(track.touch, []).append(track)
     return groups
+
+
+def _answered(motion: Motion | None, name: Prediction) -> Motion | None:
+    """A motion with what a model answers how it is."""
+    if motion is None or name.answers is None:
+        return motion
+    said = name.answers.motion
+    return replace(motion, answer=said.answer, probability=said.probability, set=said.set)

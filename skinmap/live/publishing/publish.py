@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
+from skinmap.classifiers.answers import answers_object
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
@@ -157,7 +158,7 @@ class Publisher(ABC):
             self._send_text("contacts", moment.time, contacts_json(moment))
         self._contacts = moment.touches
         named = tuple(
-            (one.part, one.identity, one.label, _number(round(one.confidence, 2)))
+            (one.part, one.identity, one.label, _number(round(one.confidence, 2)), _words(one))
             for one in moment.touches
         )
         if "labels" in self.topics and named != self._labels:
@@ -237,10 +238,17 @@ def labels_json(moment: Moment) -> str:
             "label": one.label,
             "confidence": _number(one.confidence),
             "began_s": _number(one.began),
+            **answers_object(one.answers),
         }
         for one in moment.touches
     ]
     return _text({"skinmap": VERSION, "time_s": _number(moment.time), "labels": labels})
+
+
+def _words(touch: NamedTouch) -> tuple[str, ...]:
+    """The three answers of a touch, without their numbers."""
+    said = touch.answers
+    return () if said is None else (said.kind.answer, said.motion.answer, said.hand.answer)
 
 
 def _text(found: dict[str, Any]) -> str:

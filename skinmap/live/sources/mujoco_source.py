@@ -19,10 +19,11 @@ from skinmap.errors import InvalidArrayError
 from skinmap.live.sources.simulated_source import MadeSource, TrueTouch
 from skinmap.live.sources.source import SIMULATION, StreamInfo
 from skinmap.physics.robot_model import RobotModel
-from skinmap.physics.simulation import LONG_ON_SKIN, ON_SKIN, TRIES, place_at
+from skinmap.physics.simulation import TRIES, place_at
 from skinmap.physics.spring_bed import SpringBed, spring_bed
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import fingerprint
+from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN
 from skinmap.touch.simulation.sensing import Sensing, Sensors
 
 ABOVE = 6e-3  # pressers come from so far above the skin [m]

@@ -143,14 +143,15 @@ def _simulated(
 ) -> Source:
     from skinmap.io.robots.manifest import load_robot
     from skinmap.live.sources.simulated_source import SimulatedSource
-    from skinmap.touch.simulation.gestures import FOUR, GESTURES, TIME
+    from skinmap.touch.simulation.gestures import FOUR, TIME
+    from skinmap.touch.simulation.things import STILL
 
     raw, names = address == "raw", tuple(address.split(",")) if address not in ("", "raw") else FOUR
-    unknown = [name for name in names if name not in (*GESTURES, *TIME)]
+    unknown = [name for name in names if name not in (*STILL, *TIME)]
     if unknown:
         raise InvalidArrayError(
             f"the simulator is 'sim' or 'sim:raw', not 'sim:{address}'; 'sim:GESTURE' takes "
-            f"gestures of: {', '.join((*GESTURES, *TIME))}"
+            f"gestures of: {', '.join((*STILL, *TIME))}"
         )
     return SimulatedSource(
         load_robot("icub") if robot is None else robot,

@@ -8,7 +8,7 @@ forearms and things are estimated; docs/simulator.md lists them all.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -153,11 +153,6 @@ TIME = ("stroke", "pat", "tap", "rub", "slide", "twist", "squeeze", "hold")
 # The least share of a touch that must lie over taxels: a hand is put where the robot has skin,
 # long things stick out beyond it.
 ON_SKIN = 0.7
-LONG_ON_SKIN = {"forearm": 0.45, "edge": 0.45, "cylinder": 0.45}
-
-
-def gesture_set(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of gestures; `four` (the default), `eight`, `all` (that stay), `time` written out."""
-    sets = {"four": FOUR, "eight": EIGHT, "all": tuple(GESTURES), "time": TIME}
-    wanted = [one for name in names or ("four",) for one in sets.get(name, (name,))]
-    return tuple(dict.fromkeys(wanted))
+LONG_ON_SKIN = dict.fromkeys(
+    ("forearm", "edge", "cylinder", "rod", "table_edge", "plate", "link", "shoulder"), 0.45
+)

@@ -31,7 +31,7 @@ from skinmap.skin.skin import Skin, fingerprint
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.elastic_bed import bed_loads, contact_width
 from skinmap.touch.simulation.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad
-from skinmap.touch.simulation.hands import HANDS, Body, Draw
+from skinmap.touch.simulation.hands import Body, Draw
 from skinmap.touch.simulation.moving_touches import Ground, bed_press, lay
 from skinmap.touch.simulation.sensing import Sensing, Sensors
 from skinmap.touch.simulation.subjects import (
@@ -43,12 +43,15 @@ from skinmap.touch.simulation.subjects import (
     Subject,
     draw_subjects,
 )
+from skinmap.touch.simulation.things import BODIES, STILL
 from skinmap.touch.simulation.time_gestures import TIME_GESTURES, Timing
 from skinmap.touch.simulation.variety import (
     DEFAULT,
+    beyond,
     check_variety,
     draw_foam,
     draw_sensing,
+    on_skin_of,
     uses_pads,
 )
 from skinmap.touch.true_motion import TrueMotion
@@ -154,7 +157,7 @@ def simulate(
         Touches of each gesture. A gesture that does not fit the skin (less than 70 % of it
         over taxels wherever it is tried; 45 % of long things) is left out.
     gestures : sequence of str
-        Names from `GESTURES`; the four of the first paper by default.
+        Names from `things.STILL` and `TIME`; the four of the first paper by default.
     subjects : int
         How many people touch, each with a hand size, force, pace and habits.
     places : {"anywhere", "habitual"}
@@ -188,7 +191,7 @@ def simulate(
     rng = np.random.default_rng(rng)
     answers = draw_sensing(variety, rng=rng) if sensing is None else sensing
     stage = prepare(skin, rng=rng, sensing=answers, variety=variety)
-    people = draw_subjects(subjects, rng=rng)
+    people = draw_subjects(subjects, rng=rng, further=beyond(variety))
     wanted = rng.permutation(np.repeat(np.arange(len(gestures)), per_gesture))
     player = Player(stage, rng)
     missed = dict.fromkeys(gestures, 0)
@@ -209,8 +212,8 @@ def simulate(
 def check_gestures(names: Sequence[str]) -> None:
     """Refuse gestures that do not exist, and no gesture at all."""
     for name in names:
-        if name not in GESTURES and name not in TIME:
-            raise UnknownNameError("gesture", name, [*GESTURES, *TIME])
+        if name not in BODIES and name not in TIME:
+            raise UnknownNameError("gesture", name, [*STILL, *TIME])
 
 
 def touch_loads(stage: Stage, pads: Sequence[Pad], uv: FloatArray) -> FloatArray:
@@ -252,14 +255,16 @@ def place(
     if name in TIME:
         return _place_in_time(stage, name, subject, rng=rng)
     enough = LONG_ON_SKIN.get(name, ON_SKIN) if on_skin is None else on_skin
-    as_pads = uses_pads(stage.variety, rng)
+    enough = on_skin_of(stage.variety, enough, rng)
+    drawn = min(stage.variety, 1.0)
+    as_pads = name in GESTURES and uses_pads(stage.variety, rng)
     for _ in range(TRIES):
         size = subject.hand * rng.uniform(0.97, 1.03)
         bodies: list[Body] = []
         if as_pads:
             pads = GESTURES[name](rng, size)
         else:
-            bodies = HANDS[name](Draw(rng, stage.variety, size, subject.force))
+            bodies = BODIES[name](Draw(rng, drawn, size, subject.force))
             foam = draw_foam(stage.variety, stage.sensors.sensing.foam, rng)
             pads = [body.footprint(contact_width(body, foam.stiffness)) for body in bodies]
         source, angle = _spot(stage, name, subject, places, rng)
@@ -286,7 +291,7 @@ def _place_in_time(
     for _ in range(TRIES):
         size = subject.hand * rng.uniform(0.97, 1.03)
         foam = draw_foam(stage.variety, stage.sensors.sensing.foam, rng)
-        draw = Draw(rng, stage.variety, size, subject.force)
+        draw = Draw(rng, min(stage.variety, 1.0), size, subject.force)
         gesture = TIME_GESTURES[name](draw, timing)
         press = bed_press(stage.ground, gesture, foam)
         laid = lay(stage.ground, gesture, press, size, rng=rng)
@@ -313,7 +318,7 @@ def _spot(
     stage: Stage, name: str, subject: Subject, places: Places, rng: np.random.Generator
 ) -> tuple[int, float]:
     """Taxel and angle to touch at."""
-    if places == "anywhere":
+    if places == "anywhere" or name not in stage.habits:
         return int(rng.integers(len(stage.skin))), float(rng.uniform(0.0, 2.0 * np.pi))
     # Now and then people leave their habit; a gesture that does not fit there must get away.
     habit = stage.habits[name][subject.habit if rng.random() < 0.8 else int(rng.integers(HABITS))]

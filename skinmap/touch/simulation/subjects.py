@@ -8,6 +8,9 @@ from typing import Literal
 import numpy as np
 
 HAND = (0.75, 1.0)  # sizes of hands, 1 = adult
+# Of small children to large men: 120 to 210 mm from wrist to fingertip, where an adult has 185
+# (Pheasant, "Bodyspace", 1996).
+ALL_HANDS = (0.65, 1.13)
 HABITS = 3  # habitual places of a gesture on a part
 HABIT_SHIFT = 8e-3  # how near a subject comes to them, standard deviation [m]
 HABIT_TURN = 0.25  # and with the angle of the hand [rad]
@@ -39,14 +42,18 @@ class Subject:
     habit: int
 
 
-def draw_subjects(count: int, *, rng: np.random.Generator) -> tuple[Subject, ...]:
-    """Subjects with hands from child to adult."""
+def draw_subjects(
+    count: int, *, rng: np.random.Generator, further: float = 0.0
+) -> tuple[Subject, ...]:
+    """Subjects with hands from child to adult, and `further` people from 0 to 1 beside these."""
+    low, high = HAND
+    low, high = low - further * (low - ALL_HANDS[0]), high + further * (ALL_HANDS[1] - high)
     return tuple(
         Subject(
             number,
-            float(rng.uniform(*HAND)),
-            float(np.exp(rng.normal(0.0, 0.15))),
-            float(np.exp(rng.normal(0.0, 0.2))),
+            float(rng.uniform(low, high)),
+            float(np.exp(rng.normal(-0.2 * further, 0.15 + 0.35 * further))),
+            float(np.exp(rng.normal(-0.3 * further, 0.2 + 0.2 * further))),
             int(rng.integers(HABITS)),
         )
         for number in range(count)

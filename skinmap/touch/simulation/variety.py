@@ -1,8 +1,10 @@
-"""How far simulated touches are drawn at random: none, some, wide, or a number from 0 to 1.
+"""How far simulated touches are drawn at random: none, some, wide, wider, or a number from 0 to 2.
 
 At 0 touches are the fixed pads of `gestures` on the sensors of `Sensing()`. Above, most touches
 are bodies with a force (`hands`) on an elastic bed (`elastic_bed`), a few remain pads, and each
-skin has faults. All ranges grow with the number.
+skin has faults. All ranges grow with the number. Above 1 come rarer people and skins: hands from a
+child's to large ones, light and quick touches, touches half on the rim, stiff thin and soft thick
+foam, and more cross-talk. docs/simulator.md has the sources.
 """
 
 from __future__ import annotations
@@ -15,12 +17,16 @@ from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.touch.simulation.elastic_bed import Foam
 from skinmap.touch.simulation.sensing import Sensing
 
-LEVELS = {"none": 0.0, "some": 0.5, "wide": 1.0}
-DEFAULT = 1.0  # what carries over best to skins and physics that were not trained on
+LEVELS = {"none": 0.0, "some": 0.5, "wide": 1.0, "wider": 2.0}
+DEFAULT = 1.0  # what most people and skins are like
+MOST = 2.0
 PADS = 0.4  # share of touches that remain fixed pads at full variety
 STIFFNESS = (1e7, 1.5e8)  # of a foam of 2 mm with a modulus of 20 to 300 kPa [N/m3]
 SPREAD = (1.4e-3, 2.6e-3)  # of a pressure by the foam of a skin, 1 to 3 mm thick [m]
 UNEVEN = 0.15  # by which it differs from place to place, as a logarithm
+FURTHER = 1.5  # the logarithm of foam's stiffness and spread reach so much further at 2
+CROSS_TALK = 0.08  # more at most within a module, at 2
+AT_RIM, LESS_ON_SKIN = 0.35, 0.3  # share of touches that lie over a rim at 2, and by how much
 
 
 def variety_of(text: str) -> float:
@@ -36,15 +42,29 @@ def variety_of(text: str) -> float:
     try:
         number = float(text)
     except ValueError:
-        raise UnknownNameError("variety level", text, [*LEVELS, "a number from 0 to 1"]) from None
+        raise UnknownNameError("variety level", text, [*LEVELS, "a number from 0 to 2"]) from None
     return check_variety(number)
 
 
 def check_variety(variety: float) -> float:
-    """The variety, if it lies in 0 to 1."""
-    if not 0.0 <= variety <= 1.0:  # false for NaN
-        raise InvalidArrayError(f"variety must lie in 0..1, got {variety:g}")
+    """The variety, if it lies in 0 to 2."""
+    if not 0.0 <= variety <= MOST:  # false for NaN
+        raise InvalidArrayError(f"variety must lie in 0..2, got {variety:g}")
     return float(variety)
+
+
+def beyond(variety: float) -> float:
+    """How far a variety is above 1, from 0 to 1."""
+    return max(0.0, variety - 1.0)
+
+
+def on_skin_of(variety: float, enough: float, rng: np.random.Generator) -> float:
+    """The least share of a touch over taxels; now and then less above 1, where none else is drawn.
+
+    Half of a touch at the rim of a patch is on nothing.
+    """
+    more = beyond(variety)
+    return enough - LESS_ON_SKIN * (more > 0 and rng.random() < AT_RIM * more)
 
 
 def uses_pads(variety: float, rng: np.random.Generator) -> bool:
@@ -58,9 +78,10 @@ def draw_foam(variety: float, spread: float, rng: np.random.Generator) -> Foam:
     Its stiffness is drawn for each touch: a training set has too few skins.
     """
     low, high = np.log(STIFFNESS)
-    middle, half = 0.5 * (low + high), 0.5 * (high - low) * variety
+    most, further = min(variety, 1.0), 1.0 + (FURTHER - 1.0) * beyond(variety)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) * most * further
     stiffness = np.exp(rng.uniform(middle - half, middle + half))
-    return Foam(float(stiffness), float(spread * np.exp(UNEVEN * variety * rng.uniform(-1, 1))))
+    return Foam(float(stiffness), float(spread * np.exp(UNEVEN * most * rng.uniform(-1, 1))))
 
 
 def draw_sensing(variety: float, *, rng: np.random.Generator, rate: float = 50.0) -> Sensing:
@@ -72,7 +93,9 @@ def draw_sensing(variety: float, *, rng: np.random.Generator, rate: float = 50.0
     clean = Sensing(rate=rate)
     if variety == 0.0:
         return clean
+    more, variety = beyond(variety), min(variety, 1.0)
     middle, half = 0.5 * sum(SPREAD), 0.5 * (SPREAD[1] - SPREAD[0]) * variety
+    half *= 1.0 + (FURTHER - 1.0) * more
     return replace(
         clean,
         foam=float(rng.uniform(middle - half, middle + half)),
@@ -86,5 +109,5 @@ def draw_sensing(variety: float, *, rng: np.random.Generator, rate: float = 50.0
         spikes=float(rng.uniform(0.0, 4e-4 * variety)),
         hysteresis=float(rng.uniform(0.0, 0.2 * variety)),
         creep=float(rng.uniform(0.0, 0.15 * variety)),
-        cross_talk=float(rng.uniform(0.0, 0.04 * variety)),
+        cross_talk=float(rng.uniform(0.0, 0.04 * variety + CROSS_TALK * more)),
     )

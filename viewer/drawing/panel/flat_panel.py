@@ -12,7 +12,7 @@ from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from viewer.colours import FAINT, PANEL, RIM, TRACES, class_colour
+from viewer.colours import FAINT, PANEL, RIM, TRACES, touch_colour
 from viewer.colours import faded as pale
 from viewer.drawing.frame.camera import look_down
 from viewer.drawing.frame.polydata import make_lines
@@ -214,7 +214,7 @@ class FlatPanel:
             lines += trail_on(ground, touch, LINE_RISE)
             lines += motion_line(ground, touch, LINE_RISE)
             outline = self.contours.of(ground, layer, touch, touches, LINE_RISE)
-            lines.append((outline, class_colour(touch.label)))
+            lines.append((outline, touch_colour(touch)))
             solids += centre_on(ground, touch)
         if faded:
             lines = [(points, pale(colour)) for points, colour in lines]

@@ -8,7 +8,7 @@ import numpy as np
 from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.live.contacts.named_touch import NamedTouch
-from viewer.colours import FAINT, INK, class_colour, ink_on
+from viewer.colours import FAINT, INK, ink_on, touch_colour
 from viewer.colours import faded as pale
 from viewer.drawing.words.text_lines import Line, small_font
 
@@ -95,7 +95,7 @@ class TouchList:
         name, about = self._rows[row]
         font, small = self._font_px, small_font(self._font_px)
         y = self.height(font) - (HEAD + (TIGHT if tight else ROW) * row) * font
-        colour = class_colour(touch.label)
+        colour = touch_colour(touch)
         colour = pale(colour) if self._faded else colour
         name.style(small if tight else font, bold=True)
         name.move(self._left, y)
@@ -130,7 +130,7 @@ def caption(touch: NamedTouch) -> str:
 
 def details(touch: NamedTouch, time: float) -> list[str]:
     """Where a touch is and how large, hard and long; what is not known is left out."""
-    words = [touch.part.replace("_", " ")]
+    words = [touch.part.replace("_", " "), *answered(touch)]
     if known(touch.area):
         words.append(f"{1e6 * touch.area:,.0f} mm\N{SUPERSCRIPT TWO}")
     if known(touch.peak):
@@ -145,6 +145,15 @@ def details(touch: NamedTouch, time: float) -> list[str]:
     if motion is not None and motion.presses > 1:
         words.append(f"{motion.presses} times")
     return words
+
+
+def answered(touch: NamedTouch) -> list[str]:
+    """Kind, motion and hand in words; nothing where no model answers."""
+    if touch.answers is None:
+        return []
+    kind, motion = touch.answers.kind.answer, touch.answers.motion.answer
+    hand = {"hand": "hand", "other": "no hand", "unsure": "hand?"}[touch.answers.hand.answer]
+    return [f"{kind}, {motion}".replace("_", " "), hand]
 
 
 def known(number: float | None) -> bool:

@@ -15,7 +15,7 @@ from vtkmodules.util.numpy_support import numpy_to_vtk
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import tangent_frames, transform_directions, transform_points
 from skinmap.live.contacts.named_touch import NamedTouch
-from viewer.colours import INK, TRACES, class_colour, rgb
+from viewer.colours import INK, TRACES, rgb, touch_colour
 from viewer.drawing.frame.polydata import make_mesh
 from viewer.drawing.skin.draw_positions import LIFT, Places
 from viewer.drawing.skin.refinement import boundary_edges
@@ -148,7 +148,7 @@ def trail_on(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[Float
         return []
     segments = carried_steps(ground, touch.path, lift)
     pieces = np.array_split(segments, min(PIECES, max(len(segments), 1)))
-    colour = class_colour(touch.label)
+    colour = touch_colour(touch)
     shades = np.linspace(PALE, 0.0, len(pieces))
     return [(piece, paler(colour, shade)) for piece, shade in zip(pieces, shades, strict=True)]
 
@@ -189,7 +189,7 @@ def centre_on(ground: Ground, touch: NamedTouch) -> list[tuple[FloatArray, IntAr
     found = []
     for radius, rise, colour in (
         (CENTRE, 4e-3, "#ffffff"),
-        (0.72 * CENTRE, 5e-3, class_colour(touch.label)),
+        (0.72 * CENTRE, 5e-3, touch_colour(touch)),
     ):
         angle = np.arange(16) * np.pi / 8
         ring = at + radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(16)])
@@ -208,7 +208,7 @@ def arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArra
     points, faces = solid_arrow(length)
     axes = np.vstack([tangent_frames(touch.normal), touch.normal])
     start = transform_points(pose, (touch.centre + (LIFT + LINE_LIFT) * touch.normal)[None])
-    return [(start + transform_directions(pose, points @ axes), faces, class_colour(touch.label))]
+    return [(start + transform_directions(pose, points @ axes), faces, touch_colour(touch))]
 
 
 def motion_arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArray, str]]:
@@ -220,7 +220,7 @@ def motion_arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, 
     side = np.cross(ahead, touch.normal)
     axes = np.stack([MOTION_THICK * side, MOTION_THICK * np.cross(side, ahead), ahead])
     start = transform_points(pose, (touch.centre + ABOVE * touch.normal)[None])
-    return [(start + transform_directions(pose, points @ axes), faces, class_colour(touch.label))]
+    return [(start + transform_directions(pose, points @ axes), faces, touch_colour(touch))]
 
 
 def motion_line(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[FloatArray, str]]:
@@ -232,7 +232,7 @@ def motion_line(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[Fl
     tip = touch.centre + reach * ahead
     barbs = [tip + 0.3 * reach * (sign * 0.5 * side - ahead) for sign in (-1.0, 1.0)]
     along = np.linspace(0.0, 1.0, 8)[:, None]
-    colour = class_colour(touch.label)
+    colour = touch_colour(touch)
     ways = [touch.centre + along * (tip - touch.centre), *(np.stack([tip, one]) for one in barbs)]
     return [(carried_steps(ground, way, lift), colour) for way in ways]
 

@@ -10,8 +10,8 @@ import pyvista as pv
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.live.contacts.named_touch import NamedTouch
-from viewer.colours import class_colour
 from viewer.colours import faded as pale
+from viewer.colours import touch_colour
 from viewer.drawing.frame.camera import Framing, Target, project
 from viewer.drawing.panel.touch_list import caption
 from viewer.drawing.skin.draw_positions import LIFT
@@ -78,7 +78,7 @@ class TouchView:
                 *trail_on(ground, touch, LINE_LIFT),
                 (
                     self.contours.of(ground, layer, touch, touches, LINE_LIFT),
-                    class_colour(touch.label),
+                    touch_colour(touch),
                 ),
             ):
                 placed = transform_points(pose, points.reshape(-1, 3)).reshape(-1, 2, 3)
@@ -129,7 +129,7 @@ class TouchView:
             words = caption(self._touches[row])
             if hidden and busy is not None:  # a line to it would point through the body
                 anchor, words = busy.outline(anchor), f"{words}, behind"
-            colour = tint(class_colour(self._touches[row].label))
+            colour = tint(touch_colour(self._touches[row]))
             labels.append(Label(names[row], words, colour, anchor, hidden))
         reach = self.labels.font_px
         tips = [
