@@ -13,6 +13,7 @@ from viewer.export.movie import MOVIE_FPS
 from viewer.interaction.controls import Controls
 from viewer.interaction.events import Events
 from viewer.interaction.mouse import Pace
+from viewer.playing.overview import fill_overview
 from viewer.playing.player import Player
 from viewer.results import ViewWindow
 from viewer.scene import Scene
@@ -268,6 +269,7 @@ def open_window(
         scene = new_scene(session, look, size=SIZE, off_screen=False)
         player = Player(loop)
         player.speed = session.speed
+        fill_overview(session, player)
         window = Window(scene, player, view_file=view_file)
         window.open()
         drawn = run(window, seconds=math.inf if seconds is None else seconds)

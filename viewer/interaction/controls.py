@@ -51,6 +51,7 @@ KEYS = (
     Key("left right", "one sample back, on", {"Left": ("step", -1), "Right": ("step", 1)}),
     Key("down up", "one second back, on", {"Down": ("jump", -1.0), "Up": ("jump", 1.0)}),
     Key("home", "to the beginning", {"Home": ("jump", -1e9)}),
+    Key(", .", "touch before, next", {"comma": ("next_touch", -1), "period": ("next_touch", 1)}),
     Key(
         "+ -",
         "quicker, slower",
@@ -208,6 +209,11 @@ class Controls:
         """Go so many seconds on."""
         if not self.player.seek(max(0.0, self.player.position + seconds)):
             self.say("nothing is remembered yet")
+
+    def next_touch(self, way: int) -> None:
+        """Go to the next touch, or to the one before."""
+        if not self.player.next_touch(way):
+            self.say("no touch is known that way")
 
     def change_speed(self, factor: float) -> None:
         """Play quicker or slower."""

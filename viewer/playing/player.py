@@ -13,7 +13,7 @@ import contextlib
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Protocol, Self, runtime_checkable
 
 from skinmap.errors import InvalidArrayError
@@ -29,6 +29,9 @@ WAIT = 0.1  # longest wait of the thread before it looks for requests again [s]
 SPEEDS = (1 / 16, 16.0)  # slowest and quickest
 LEAD = 0.6  # a seek starts so much earlier, unseen: touches are named from their past [s]
 PATIENCE = 3.0  # for the thread to end when it is closed [s]
+
+
+NEAR = 0.3  # a touch that begins so near to what is shown is the one that is shown [s]
 
 
 class Stepwise(Relay, Seekable):
@@ -421,6 +424,27 @@ class Player:
             found = self.timeline.spans()
         first = self.span[0]
         return [s.to_json(self._start) for s in found if s.ended - self._start >= first]
+
+    def fill(self, stretches: Sequence[tuple[str, float, float]]) -> None:
+        """Note when parts are touched [s] in what was not played yet, in the moments' clock."""
+        with self._news:
+            self.timeline.fill(stretches)
+
+    def next_touch(self, way: int) -> bool:
+        """Go to the beginning of the next touch that is known, or of the one before (-1).
+
+        False where none is known that way.
+        """
+        with self._news:
+            begun = sorted(span.began - self._start for span in self.timeline.spans())
+        here = self.position
+        there = [one for one in begun if (one > here + NEAR if way > 0 else one < here - NEAR)]
+        return bool(there) and self.seek(there[0] if way > 0 else there[-1])
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was closed."""
+        return self._stop.is_set()
 
     @property
     def ended(self) -> bool:

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skinmap.live.contacts.named_touch import UNNAMED
 from skinmap.live.moment import Moment
 from viewer.colours import class_colour
 
 MINUTE = 60.0  # that is remembered [s]
 MEMORY = 64_000_000  # bytes at most: a minute of the whole iCub at 50 Hz, in float32
 LENGTH = 6000  # moments, however small they are
-MAX_SPANS = 1000  # remembered; the oldest are forgotten first
+MAX_SPANS = 3000  # remembered; the oldest are forgotten first
 
 MOST = 80  # moments that a file keeps: 8 s at 10 a second, some hundred kilobytes
 EVERY = 0.1  # between two of them at first [s]
@@ -282,6 +283,17 @@ class Timeline:
         if (over := len(self._spans) - MAX_SPANS) > 0:
             del self._spans[:over]
             self._open = {key: at - over for key, at in now.items() if at >= over}
+
+    def fill(self, stretches: Iterable[tuple[str, float, float]]) -> None:
+        """Note when parts are touched [s] that were not played yet: names come with playing."""
+        for part, began, ended in stretches:
+            known = any(
+                span.part == part and span.began <= ended and began <= span.ended
+                for span in self._spans
+            )
+            if not known and len(self._spans) < MAX_SPANS:
+                self._spans.append(Span(part, UNNAMED, began, ended))
+                self.version += 1
 
     def _place(self, part: str, time: float) -> int | None:
         """The span that a touch was in when its time was played before."""

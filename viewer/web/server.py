@@ -29,6 +29,7 @@ from viewer.drawing.body.bare_body import Links
 from viewer.interaction.saving import check_view
 from viewer.interaction.view_file import SavedView, content_of
 from viewer.layers import Layers
+from viewer.playing.overview import fill_overview
 from viewer.playing.player import Player
 from viewer.results import ViewPage
 from viewer.view_options import Look, Session, drawn_links, new_layers
@@ -396,6 +397,7 @@ def served(
     waits = not loop.live  # for the first page
     with Player(loop, paused=waits) as player:
         player.speed = session.speed
+        fill_overview(session, player)
         with serve(
             session.robot,
             session.skins,

@@ -13,7 +13,15 @@ from viewer.drawing.frame.camera import preset
 from viewer.interaction.controls import KEYS, MOUSE
 from viewer.interaction.view_file import SavedView, load_view
 
-PAGE_NAMES = {"space": " ", "bracketleft": "[", "bracketright": "]", "plus": "+", "minus": "-"}
+PAGE_NAMES = {
+    "space": " ",
+    "bracketleft": "[",
+    "bracketright": "]",
+    "plus": "+",
+    "minus": "-",
+    "comma": ",",
+    "period": ".",
+}
 # What a page leaves to the browser or has no file for, and what it cannot do as the window does.
 NOT_HERE = {"s", "o", "x", "e", "q", "Tab", "a"}
 

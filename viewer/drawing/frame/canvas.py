@@ -220,6 +220,8 @@ class Canvas:
         seen = (camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewAngle())
         moving = self._moved or seen != self._seen
         self._unsure |= self.changed or moving
+        # What stands at the foot of the window, its time line, stays free of labels.
+        self.touch_view.labels.floor = self._foot * self.font_px if self._foot > FOOT else 0.0
         # While the body moves, what hides a centre is not searched for: it would cost too much.
         look = self._unsure and not self._moved
         self.touch_view.write_labels(

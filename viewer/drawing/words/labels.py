@@ -211,6 +211,7 @@ class LabelLayer:
         self.renderer = renderer
         self.font_px = font_px
         self.boxes: list[Box] = []
+        self.floor = 0.0  # below which no box stands [px]
         self._labels: tuple[Label, ...] = ()
         self._texts: list[vtkTextActor] = []
         self._wanted: tuple[object, ...] = ()
@@ -235,12 +236,12 @@ class LabelLayer:
     ) -> None:
         """Replace the labels; those whose text stayed keep their place where they can."""
         width, height = self.renderer.GetSize()
-        wanted = (tuple(labels), tuple(avoid), busy, (width, height), self.font_px)
+        wanted = (tuple(labels), tuple(avoid), busy, (width, height), self.font_px, self.floor)
         if wanted == self._wanted:  # rebuilt, they would be drawn anew in each picture
             return
         self._wanted = wanted
         edge = 0.012 * height
-        frame = (edge, edge, width - edge, height - edge)
+        frame = (edge, max(edge, self.floor), width - edge, height - edge)
         sizes = np.array([self._write(i, label) for i, label in enumerate(labels)]).reshape(-1, 2)
         for text in self._texts[len(labels) :]:
             text.VisibilityOff()

@@ -6,6 +6,8 @@ import { Timeline } from "./timeline.js";
 import { applyView, download, upload, viewOf } from "./view.js";
 import { Words } from "./words.js";
 
+const NEAR = 0.3; // a touch that begins so near to what is shown is the one that is shown [s]
+
 export class Controls {
   constructor(page) {
     this.page = page;
@@ -58,6 +60,8 @@ export class Controls {
     $("play").onclick = () => this.ask({ do: this.halted() ? "play" : "pause" });
     $("back").onclick = () => this.ask({ do: "step", by: -1 });
     $("on").onclick = () => this.ask({ do: "step", by: 1 });
+    $("touch-before").onclick = () => this.nextTouch(-1);
+    $("touch-next").onclick = () => this.nextTouch(1);
     $("time").oninput = () => this.ask({ do: "seek", to: Number($("time").value) });
     $("speed").onchange = () => this.ask({ do: "speed", to: Number($("speed").value) });
     $("loop").onchange = () => this.ask({ do: "loop", to: $("loop").checked });
@@ -77,6 +81,14 @@ export class Controls {
   jump(seconds) {
     const [first] = this.state.span ?? [0];
     this.ask({ do: "seek", to: Math.max(first, (this.state.position ?? 0) + seconds) });
+  }
+
+  // To the beginning of the next touch that is known, or of the one before (-1).
+  nextTouch(way) {
+    const here = this.state.position ?? 0, begun = this.timeline.spans.map(([from]) => from).sort((a, b) => a - b);
+    const to = way > 0 ? begun.find((one) => one > here + NEAR) : begun.findLast((one) => one < here - NEAR);
+    if (to === undefined) this.say("no touch is known that way");
+    else this.ask({ do: "seek", to });
   }
 
   changeSpeed(factor) {

@@ -11,6 +11,8 @@ export const KEYS = [
   [["ArrowUp"], "down up", "one second back, on", (c) => c.jump(1)],
   [["ArrowDown"], "", "", (c) => c.jump(-1)],
   [["Home"], "home", "to the beginning", (c) => c.jump(-Infinity)],
+  [[","], ", .", "touch before, next", (c) => c.nextTouch(-1)],
+  [["."], "", "", (c) => c.nextTouch(1)],
   [["+", "="], "+ -", "quicker, slower", (c) => c.changeSpeed(2)],
   [["-"], "", "", (c) => c.changeSpeed(0.5)],
   [["l"], "l", "loop", (c) => c.toggleLoop()],

@@ -10,6 +10,7 @@ const NAMED = 4; // absent parts at most: a longer list would cover the body
 const TELL = 800; // from a change of the touches to its being told [ms]
 const NOTICE = 4000; // that a notice stays [ms]
 const TOLD = 8000; // how long a problem stands there [ms]
+const LATE = 100; // older pictures of a live source are marked [ms]
 const SILENT = 500; // from one look at the clock to the next while nothing comes [ms]
 const css = ([r, g, b]) => `rgb(${r} ${g} ${b})`;
 
@@ -61,9 +62,12 @@ export class Words {
       if (unfit > 0) said.push(`${unfit.toLocaleString("en")} samples do not fit this skin`);
       this.again = setTimeout(() => this.showState(state, about, delay, lost), SILENT);
     } else {
-      warn = false;
-      if (about.rate != null) said.push(`${about.rate.toFixed(0)} samples/s`);
-      if (about.latency != null) said.push(`shown after ${(1e3 * about.latency + delay).toFixed(0)} ms`);
+      // Of a picture that stands still, rate and age say nothing.
+      const age = 1e3 * about.latency + delay, moves = !state.paused && !state.ended;
+      warn = moves && about.latency != null && age > LATE;
+      if (warn) said.push(`late: shown after ${age.toFixed(0)} ms`);
+      if (moves && about.rate != null) said.push(`${about.rate.toFixed(0)} samples/s`);
+      if (moves && !warn && about.latency != null) said.push(`shown after ${age.toFixed(0)} ms`);
       if (about.dropped) said.push(`${about.dropped.toLocaleString("en")} left out`);
       if (state.ended) said.push("ended");
       if (state.paused) said.push("paused");
