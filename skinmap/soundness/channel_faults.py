@@ -9,7 +9,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.soundness.finding import Finding, Kind, finding, spans_of, subject
 from skinmap.soundness.survey import SIGMA_OF_SECOND, Survey
 
-SURE = 12.0  # changes that a stretch without any should have had
+SURE = 16.0  # changes that a stretch without any should have had
 MODULE, DEAD_MODULE = 4, 6  # channels that hang together for a while, or always
 HELD = 0.9  # confidence in a channel that stands still under load
 NOISY = 4.0  # times the noise of the others
@@ -143,13 +143,19 @@ def _cut(survey: Survey) -> NDArray[np.bool_]:
     return np.asarray((at[1:] & ~at[:-1]).sum(axis=0) + at[0] >= 2)
 
 
+def _lasting(survey: Survey, at: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n,) Channels that are somewhere for a fifth of the time."""
+    return np.asarray(at.mean(axis=0) > 0.2)
+
+
 def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that stop for a while, where they should have changed by what they do elsewhere."""
     runs = []
     top = survey.high.max(axis=0) if survey.rising else survey.low.min(axis=0)
     quiet = survey.changes == 0
     # What is cut off stands still at the top under each strong load.
-    quiet &= (survey.mean != top) | ~_cut(survey)
+    highest = survey.mean == (top.max() if survey.rising else top.min())
+    quiet &= ((survey.mean != top) | ~_cut(survey)) & ~(highest & ~_lasting(survey, highest))
     holds = _holds(survey, quiet)
     for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)).tolist():
         for first, last, sure in _stops(survey, channel, quiet[:, channel], holds):
@@ -210,13 +216,13 @@ def _stops(
     lasting = 0
     for first, last in spans_of(np.flatnonzero(quiet)):
         length = last - first + 1
-        if length < 3:
+        if length < 3 or length * survey.cell < max(40, 0.03 * survey.count):
             continue
         asked = usable.copy()
         asked[max(first - 1, 0) : last + 2] = False
         outside = changes[asked]
-        if len(outside) < 4:
-            outside = np.zeros(4)
+        if len(outside) < 8:
+            outside = np.zeros(8)
         window = int(np.clip(length // 2, 2, len(outside) // 2))
         total = np.cumsum(np.concatenate([[0.0], outside]))
         calmest = float((total[window:] - total[:-window]).min() / window)
@@ -342,6 +348,9 @@ def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
              for k, (c, v) in enumerate(zip(lively, top, strict=True))]
         )  # fmt: skip
         piled &= plateau >= 2.0
+        kind = survey.track.values.dtype
+        if kind.kind == "u" and top.max(initial=0.0) == np.iinfo(kind).max:  # strong touches may
+            piled &= (top < np.iinfo(kind).max) | (cells > 0.02 * len(at))
         highest = top[busy].max() if busy.any() else 0.0
         shared = piled & (top == highest)
         own = piled & (often >= 3) & (cells >= 6)
@@ -455,6 +464,8 @@ def _sign(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     up, down = high, -low
     least = np.maximum(0.25 * np.median(up[lively]), survey.floor)
     turned = lively & (down > 3.0 * up) & (down > least)
+    low, calm, high = np.percentile(survey.mean * sign, (0.5, 25.0, 99.5), axis=0)
+    turned &= calm - low > 1.5 * (high - calm)
     if survey.uniform:  # all taxels feel the same
         turned = lively & (survey.follows * np.sign(np.median(survey.follows[lively])) < -0.6)
     channels = np.flatnonzero(turned)

@@ -13,6 +13,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.soundness.track import Track
 
 MOST_CELLS, LONGEST_CELL = 500, 64
+SHORT = 250  # rows of a piece that one touch may fill
 PIECES = 12  # of a recording, each with a rest of its own
 BLOCK = 2**21  # values that are looked at together: they stay in the processor's cache
 SIGMA_OF_SECOND = 0.5117  # of normal noise, per mean absolute second difference: sqrt(pi / 2 / 6)
@@ -169,7 +170,13 @@ class Survey:
         """(p, n) Level of each channel at rest in each of some pieces of the recording."""
         pieces = np.array_split(np.arange(len(self.mean)), min(PIECES, len(self.mean)))
         share = 20.0 if self.rising else 80.0
-        return np.array([np.percentile(self.mean[own], share, axis=0) for own in pieces])
+        level = np.array([np.percentile(self.mean[own], share, axis=0) for own in pieces])
+        if self.count >= SHORT * len(pieces):
+            return level
+        # A touch may last for such a piece: the calmest of three.
+        wide = np.concatenate([level[:1], level, level[-1:]])
+        calmest = np.minimum if self.rising else np.maximum
+        return np.asarray(calmest.reduce([wide[:-2], wide[1:-1], wide[2:]]))
 
     @cached_property
     def follows(self) -> FloatArray:
