@@ -169,6 +169,23 @@ def prints(*types: type, **others: type | Kinds) -> Callable[[F], F]:
     others : type or tuple of type
         What is printed in another mode of the command, by that mode's name: its schema is a file
         of its own, `COMMAND-MODE.json`.
+
+    Returns
+    -------
+    callable
+        A decorator for a command.
+
+    Examples
+    --------
+    >>> import click
+    >>> from skinmap.commands import prints
+    >>> from skinmap.commands.options import results_of
+    >>> @click.command()
+    ... @prints(dict)
+    ... def shown(as_json: bool) -> None:
+    ...     pass
+    >>> results_of(shown)
+    {'': (<class 'dict'>,)}
     """
 
     def add(command: F) -> F:
@@ -336,7 +353,17 @@ out_option = out_folder("pictures")
 def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[str, ...]]:
     """A robot and the parts asked for (all of them by default), names checked.
 
-    Without a name it is the robot that the command's recording was made on, else the iCub.
+    Parameters
+    ----------
+    robot : str or None
+        Without a name it is the robot that the command's recording was made on, else the iCub.
+    parts : tuple of str
+
+    Returns
+    -------
+    robot : Robot
+    parts : tuple of str
+        Each once.
 
     Raises
     ------
@@ -344,6 +371,12 @@ def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[
         A robot or a part that does not exist.
     MissingFileError
         A manifest that does not exist; the recording may name it.
+
+    Examples
+    --------
+    >>> from skinmap.commands import open_robot
+    >>> open_robot("kaspar", ("torso", "torso"))[1]
+    ('torso',)
     """
     ctx = click.get_current_context(silent=True)
     said = _recorded_robot(ctx) if robot is None else robot

@@ -23,11 +23,30 @@ def staged_folder(out: Path) -> Iterator[Path]:
 
     Files of the same name in `out` are replaced one by one; other files there stay.
 
+    Parameters
+    ----------
+    out : Path
+        The folder, made where it does not exist.
+
+    Yields
+    ------
+    Path
+        The fresh folder.
+
     Raises
     ------
     OutputError
         `out` cannot be made or written to (found before any work is done), or became full or
         read-only since.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from skinmap.io import staged_folder
+    >>> with staged_folder(Path("maps")) as stage:
+    ...     _ = (stage / "torso.txt").write_text("flat")
+    >>> [file.name for file in Path("maps").iterdir()]
+    ['torso.txt']
     """
     made, stage = not out.exists(), None
     try:
@@ -72,10 +91,30 @@ def check_folder(out: Path) -> None:
 def staged_file(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its name when all went well.
 
+    Parameters
+    ----------
+    path : Path
+        The file to write.
+
+    Yields
+    ------
+    Path
+        Where to write it, with the same ending.
+
     Raises
     ------
     OutputError
         The folder of `path` does not exist, cannot be written to, or became full.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from skinmap.io import staged_file
+    >>> with staged_file(Path("words.txt")) as stage:
+    ...     print(stage.write_text("all of it"), Path("words.txt").exists())
+    9 False
+    >>> Path("words.txt").read_text()
+    'all of it'
     """
     stage = None
     try:

@@ -45,7 +45,26 @@ def page(title: str, sections: Iterable[str]) -> str:
 
 
 def lines_page(title: str, lines: Iterable[str | Table], pictures: Iterable[str] = ()) -> str:
-    """A page of what a command says to people, and its pictures."""
+    """A page of what a command shows to people, and its pictures.
+
+    Parameters
+    ----------
+    title : str
+    lines : iterable of str or Table
+    pictures : iterable of str
+        HTML, as `skinmap.report.image` makes it.
+
+    Returns
+    -------
+    str
+        HTML with its style inside; nothing is loaded from elsewhere.
+
+    Examples
+    --------
+    >>> from skinmap.report import Table, lines_page
+    >>> "<td>28</td>" in lines_page("Torso", ["Found:", Table(["structures"], [[28]])])
+    True
+    """
     words = [line.html() if isinstance(line, Table) else paragraph(line) for line in lines]
     return page(title, [*words, *pictures])
 

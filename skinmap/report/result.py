@@ -81,6 +81,18 @@ def plain(value: Any, number: Callable[[float], float] = decimals) -> Any:
         A result, or whatever its fields hold: mappings, sequences, arrays, paths, numbers.
     number : callable
         How floats are rounded.
+
+    Returns
+    -------
+    object
+        Of dictionaries, lists, texts and numbers, as JSON takes it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skinmap.report import plain
+    >>> plain({"error": np.array([0.12345678, np.nan])})
+    {'error': [0.123457, None]}
     """
     if dataclasses.is_dataclass(value):
         return _fields(value, number)

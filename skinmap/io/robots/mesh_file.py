@@ -120,14 +120,35 @@ def _check(vertices: int, path: Path) -> None:
 
 
 def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray]:
-    """Vertices (n, 3) and faces (m, 3) of a mesh file in its own units, through trimesh.
+    r"""Vertices and faces of a mesh file, through trimesh.
 
-    `merge` joins vertices that are closer than 1e-8 units; right for robots, whose unit is known.
+    Parameters
+    ----------
+    path : Path
+        A file in one of the formats `MESH_SUFFIXES`.
+    merge : bool
+        Whether vertices that are closer than 1e-8 units are joined; right for robots, whose unit is
+        known.
+
+    Returns
+    -------
+    vertices : (n, 3) array of float
+        In the units of the file.
+    faces : (m, 3) array of int
 
     Raises
     ------
     MissingFileError, DataFormatError
         No such file, not a mesh that can be read, one without a triangle, or above 512 MB.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from skinmap.io import read_mesh
+    >>> _ = Path("one.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    >>> vertices, faces = read_mesh(Path("one.off"))
+    >>> vertices.shape, faces.tolist()
+    ((3, 3), [[0, 1, 2]])
     """
     check_file(path, "a mesh", MAX_MESH_BYTES)
     suffix = path.suffix.lower()

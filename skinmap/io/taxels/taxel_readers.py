@@ -29,7 +29,18 @@ SUFFIXES = {
 
 
 def read_taxels(path: Path, format: str | None = None) -> TaxelTable:
-    """Read a taxel table in the format named, or the one its suffix stands for.
+    r"""Read a taxel table in the format named, or the one its suffix stands for.
+
+    Parameters
+    ----------
+    path : Path
+    format : str, optional
+        One of `readers`, built in or of a plug-in.
+
+    Returns
+    -------
+    TaxelTable
+        Positions in the units of the file.
 
     Raises
     ------
@@ -37,6 +48,15 @@ def read_taxels(path: Path, format: str | None = None) -> TaxelTable:
         No such file, one that does not follow its format, or one that is too large.
     UnknownNameError
         A format that no reader has.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from skinmap.io import read_taxels
+    >>> header = "channel,module,x,y,z,nx,ny,nz"
+    >>> _ = Path("two.csv").write_text(f"{header}\n0,0,1,0,0,0,0,0\n1,0,2,0,0,0,0,0\n")
+    >>> read_taxels(Path("two.csv")).positions[:, 0].tolist()
+    [1.0, 2.0]
     """
     check_file(path, "a taxel table")
     if format is None:

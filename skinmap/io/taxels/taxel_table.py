@@ -83,7 +83,23 @@ def _numbers(row: list[str], count: int, path: Path, line: int) -> list[float]:
 
 
 def write_csv(table: TaxelTable, path: Path) -> None:
-    """Write a table so that reading it gives the same numbers back, bit by bit."""
+    """Write a table so that reading it gives the same numbers back, bit by bit.
+
+    Parameters
+    ----------
+    table : TaxelTable
+    path : Path
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import skinmap
+    >>> from skinmap.io import read_taxels, write_csv
+    >>> table = skinmap.load_robot("kaspar").repair("left_hand").table
+    >>> write_csv(table, Path("hand.csv"))
+    >>> bool((read_taxels(Path("hand.csv")).positions == table.positions).all())
+    True
+    """
     lines = [",".join(COLUMNS)]
     for channel, module, position, normal in zip(
         table.channels, table.modules, table.positions, table.normals, strict=True
