@@ -259,6 +259,16 @@ response_option = click.option(
 )
 
 
+calibration_option = click.option(
+    "--calibration",
+    "calibrations",
+    multiple=True,
+    metavar="[PART=]FOLDER",
+    help="Load calibration of a part, from `calibrate load -o`: forces in newtons; may be "
+    "repeated.",
+)
+
+
 def read_radius(text: str) -> float | None:
     """The radius asked for [m], None for auto."""
     from skinmap.neighbours.radius import NARROWEST, WIDEST

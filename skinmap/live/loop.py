@@ -10,7 +10,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,10 @@ from skinmap.summary import Summary, listed
 from skinmap.touch.contacts.grouping import RULE, GroupingRule
 from skinmap.touch.prepared_skin import PreparedSkin
 
+if TYPE_CHECKING:
+    from skinmap.live.response.loads import Loads
+    from skinmap.touch.load_calibration import LoadCalibration
+
 PACE = 100.0  # labels a second for each part at most
 MAX_SAMPLES = 64  # samples that one step works on
 NAMED = 10  # live ones at most from one naming to the next: who comes late still gets labels
@@ -62,6 +66,8 @@ class TouchLoop(Summary):
         Trained; without one every contact is a "touch" of confidence NaN.
     responses : mapping of str to Response, optional
         Response calibrations of parts that send raw values.
+    calibrations : mapping of str to LoadCalibration, optional
+        Load calibrations of parts: their touches have forces.
     parts : sequence of str, optional
         Only these of the source's parts.
     skins : mapping of str to PreparedSkin, optional
@@ -115,6 +121,7 @@ class TouchLoop(Summary):
         *,
         classifier: TouchClassifier | None = None,
         responses: Mapping[str, Response] | None = None,
+        calibrations: Mapping[str, LoadCalibration] | None = None,
         parts: Sequence[str] | None = None,
         skins: Mapping[str, PreparedSkin] | None = None,
         rule: GroupingRule = RULE,
@@ -139,6 +146,7 @@ class TouchLoop(Summary):
         self._all = np.array_equal(self._gather, np.arange(info.channels))
         self._checks = SampleChecks(info, self.counts, seekable=self.source.seekable)
         self._responses = Responses(self._skin, info, responses)
+        self._loads = self._load_forces(calibrations) if calibrations else None
         self._gate = RestGate(self._skin, info.rate)
         self._tracker = ContactTracker(self._skin)
         self._book = TouchBook(self._skin)
@@ -339,6 +347,8 @@ class TouchLoop(Summary):
         pressures, forces = self._responses.apply(dense)
         live, last = self.live, len(times) - 1
         touched = self._gate.apply(pressures)
+        if self._loads is not None:
+            self._loads.take(dense, bool(touched.any()))
         for row, now in enumerate(times.tolist()):
             self._tracker.update(now, touched[row], None if forces is None else forces[row])
             tracks = self._tracker.tracks
@@ -355,6 +365,11 @@ class TouchLoop(Summary):
             self._book.withdraw(self._stuck)
         self.counts.used += len(times)
         self._last = (float(times[-1]), pressures[-1], dense[-1])
+
+    def _load_forces(self, calibrations: Mapping[str, LoadCalibration]) -> Loads:
+        from skinmap.live.response.loads import Loads  # solvers, only where asked for
+
+        return Loads(self._skin, calibrations, self.info.rate)
 
     def _revised(self, entry: Entry) -> Prediction | None:
         if self._namer is None:
@@ -381,6 +396,8 @@ class TouchLoop(Summary):
     def _show(self, *, stale: bool = False) -> Moment:
         now, pressures, raw = self._last
         touches, contacts = self._book.show(self._tracker.tracks)
+        if self._loads is not None:
+            touches, contacts = self._loads.weigh(touches), self._loads.weigh(contacts)
         latency = float("nan") if stale else time.perf_counter() - self.feed.arrived
         return Moment(
             now,

@@ -12,6 +12,7 @@ from skinmap.summary import first_few
 
 if TYPE_CHECKING:
     from skinmap.live.contacts.contact_events import TouchEvent
+    from skinmap.live.contacts.contact_forces import ContactForce
 
 MM = 1e3
 STATES = {"stuck": "stuck", "noisy": "noisy", "dead": "dead", "unheard": "not heard yet"}
@@ -38,6 +39,45 @@ class Health:
     noisy: list[int]
     dead: list[int]
     unheard: list[int]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ContactLoad:
+    """What presses on a touch, at its heaviest moment, in the frame of its link.
+
+    Numbers are null where there is no answer. Pairs are the ends of the interval of 90 %.
+
+    Attributes
+    ----------
+    force_n, force_n_90
+        Sum of the pressure over the skin [N].
+    vector_n, moment_nm
+        Force on the skin [N], and its moment about `centre_m` [N m].
+    normal
+        Outward direction against the force.
+    centre_m
+        [m].
+    area_mm2, area_mm2_90
+        Touched skin [mm2].
+    mean_kpa, mean_kpa_90, peak_kpa, peak_kpa_90
+        Pressures [kPa].
+    refused
+        Why there is no answer; empty where there is one.
+    """
+
+    force_n: float | None
+    force_n_90: list[float] | None
+    vector_n: list[float] | None
+    moment_nm: list[float] | None
+    normal: list[float] | None
+    centre_m: list[float] | None
+    area_mm2: float | None
+    area_mm2_90: list[float] | None
+    mean_kpa: float | None
+    mean_kpa_90: list[float] | None
+    peak_kpa: float | None
+    peak_kpa_90: list[float] | None
+    refused: str
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -74,6 +114,8 @@ class NamedRow:
         How far the contact turned.
     kind, motion, hand
         With what, how it moved, and whether it was a hand; null where nothing was touched.
+    load
+        Force and pressures, with `--calibration`; else null.
     """
 
     part: str
@@ -95,6 +137,7 @@ class NamedRow:
     kind: Answer | None
     motion: Answer | None
     hand: HandAnswer | None
+    load: ContactLoad | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -188,6 +231,8 @@ class LiveTouch:
     early_label, early_s
         The name that it had while it went on, and how long after its beginning that stood; null
         where it had none.
+    load
+        Force and pressures, with `--calibration`; else null.
     """
 
     event: Literal["touch"] = "touch"
@@ -215,10 +260,11 @@ class LiveTouch:
     motion: Answer | None
     hand: HandAnswer | None
     channels: list[int]
+    load: ContactLoad | None
 
     @classmethod
-    def of(cls, touch: TouchEvent) -> LiveTouch:
-        """What is said of a touch that is over."""
+    def of(cls, touch: TouchEvent, load: ContactForce | None = None) -> LiveTouch:
+        """What is printed of a touch that is over, and of its heaviest force."""
         return cls(
             touch=touch.identity,
             part=touch.part,
@@ -244,6 +290,7 @@ class LiveTouch:
             motion=touch.motion,
             hand=touch.hand,
             channels=list(touch.channels),
+            load=None if load is None else ContactLoad(**load.plain()),
         )
 
 

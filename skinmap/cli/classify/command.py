@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -12,10 +12,12 @@ from skinmap.cli.classify.classify_result import (
     ClassifyResult,
     LiveSummary,
     LiveTouch,
+    NamedRow,
     health_lines,
 )
 from skinmap.commands.options import (
     Number,
+    calibration_option,
     part_option,
     prints,
     publish_option,
@@ -27,9 +29,6 @@ from skinmap.commands.options import (
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 from skinmap.report.table import Table
-
-if TYPE_CHECKING:
-    pass
 
 SUFFIX = ".skinmodel"  # as `skinmap.classifiers.model_file` has it; a test compares
 
@@ -55,6 +54,7 @@ SUFFIX = ".skinmodel"  # as `skinmap.classifiers.model_file` has it; a test comp
 @seconds_option("Stop after so long; live sources only.")
 @publish_option("pressures, contacts and labels", multiple=True)
 @response_option
+@calibration_option
 @click.option(
     "--coverage",
     type=Number(0.0, 1.0, min_open=True, max_open=True),
@@ -83,6 +83,7 @@ def command(
     span_mm: float,
     together_ms: float,
     coverage: float | None,
+    calibrations: tuple[str, ...],
     as_json: bool,
     **how: Any,
 ) -> None:
@@ -102,6 +103,9 @@ def command(
     Several touches at once on one part are told apart and named each. `no_contact` is said where
     nothing is touched, `unknown` where the model is less sure than it was on held-out touches.
 
+    With --calibration each touch has its force in newtons, area and pressures, all with intervals
+    of 90 %, or why there is none: pressed harder than was calibrated, or a zero of another day.
+
     With --coverage 0.9 a touch gets the smallest set of names that holds the truth in nine of ten
     touches, by those that were held out in training: of the same skin where there were enough, else
     of other skins left out. Touches unlike those of the training have wider sets; where too little
@@ -113,6 +117,7 @@ def command(
               skinmap classify touch.skinmodel touches.npz --coverage 0.9
               skinmap classify touch.skinmodel lsl:demo --seconds 60 --json
               skinmap classify sim --gesture all,time --seconds 15 --json
+              skinmap classify touch.mcap --calibration left_forearm=load
     """
     from skinmap.classifiers.model_file import load_classifier
     from skinmap.classifiers.named_classifiers import default_model
@@ -129,11 +134,13 @@ def command(
         from skinmap.cli.classify.live_naming import classify_live
 
         shared: dict[str, Any] = {"robot": robot, "parts": parts, "rule": rule, "as_json": as_json}
+        shared["calibrations"] = calibrations
         classify_live(classifier, source, **shared, **how)
         return
     from skinmap.cli.classify.live_naming import name_recorded
 
-    present(name_recorded(classifier, Path(source), robot, parts, rule), _lines, as_json=as_json)
+    found = name_recorded(classifier, Path(source), robot, parts, rule, calibrations)
+    present(found, _lines, as_json=as_json)
 
 
 def _model_and_source(files: tuple[str, ...]) -> tuple[Path | None, str]:
@@ -185,6 +192,9 @@ def _lines(result: ClassifyResult) -> Iterator[str | Table]:
     if any(touch.heading != "still" for touch in result.touches):
         heads.append("heading")
         rows = [[*row, one.heading] for row, one in zip(rows, result.touches, strict=True)]
+    if any(touch.load is not None for touch in result.touches):
+        heads.append("force (90 %)")
+        rows = [[*row, _force(one)] for row, one in zip(rows, result.touches, strict=True)]
     yield Table(heads, rows)
     yield from health_lines(result.health)
     right = round((result.accuracy or 0.0) * result.events)
@@ -194,3 +204,12 @@ def _lines(result: ClassifyResult) -> Iterator[str | Table]:
             f"{100 * result.sets.held:.1f} % of the sets hold the recorded name "
             f"({100 * result.sets.coverage:g} % asked for), {result.sets.mean_size:.2f} names each"
         )
+
+
+def _force(touch: NamedRow) -> str:
+    """Newtons of a row with their interval, or why there are none."""
+    if touch.load is None:
+        return ""
+    if touch.load.force_n is None or touch.load.force_n_90 is None:
+        return touch.load.refused
+    return "{:.3g} N ({:.3g} to {:.3g})".format(touch.load.force_n, *touch.load.force_n_90)

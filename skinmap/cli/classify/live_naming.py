@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from skinmap.classifiers.classifier import Prediction, TouchClassifier
 from skinmap.classifiers.naming import JOIN, all_right, name_touches, true_labels
 from skinmap.cli.classify.classify_result import (
     ClassifyResult,
+    ContactLoad,
     Health,
     Latency,
     LiveSummary,
@@ -40,9 +41,12 @@ from skinmap.touch.recording import Recording
 if TYPE_CHECKING:
     from skinmap.classifiers.answers import Answers
     from skinmap.live.contacts.contact_events import TouchEvent
+    from skinmap.live.contacts.contact_forces import ContactForce
     from skinmap.live.loop import TouchLoop
+    from skinmap.live.moment import Moment
     from skinmap.live.sources.source import Source
     from skinmap.touch.contacts.rest import Rest
+    from skinmap.touch.load_calibration import LoadCalibration
 
 WAIT = 0.2  # so often a silent source lets an interruption through [s]
 LATENCIES = 100_000  # the last ones, that the summary speaks of
@@ -59,6 +63,7 @@ def classify_live(
     seed: int,
     publish: Sequence[str],
     responses: Sequence[str],
+    calibrations: Sequence[str],
     as_json: bool,
 ) -> None:
     """Name touches until the source ends, the seconds are over or the user interrupts.
@@ -88,6 +93,7 @@ def classify_live(
             source,
             classifier=classifier,
             responses=load_responses(responses, skins),
+            calibrations=_read_calibrations(calibrations, skins),
             parts=chosen,
             skins=skins,
             rule=rule,
@@ -111,6 +117,15 @@ def classify_live(
     run.summarise()
 
 
+def _rank(load: ContactForce) -> tuple[bool, float]:
+    """Which load stands for a touch: one beyond the range, else the heaviest; never a light end."""
+    from skinmap.live.contacts.contact_forces import TOO_LIGHT
+
+    if load.refused:
+        return load.refused != TOO_LIGHT, -1.0
+    return False, load.force.value
+
+
 class _Run:
     """Prints what the loop finds."""
 
@@ -118,6 +133,7 @@ class _Run:
         self.loop, self.spec, self.classifier, self.as_json = loop, spec, classifier, as_json
         self.touches = self.withdrawn = 0
         self.latencies: deque[float] = deque(maxlen=LATENCIES)
+        self.loads: dict[int, ContactForce] = {}  # heaviest so far, by number of the touch
         self.first = self.last = float("nan")
 
     def until(self, seconds: float | None) -> None:
@@ -134,6 +150,7 @@ class _Run:
             finally:
                 self._tell_touches()
             if moment is not None:
+                self._weigh(moment)
                 if moment.stale != stale:
                     stale = moment.stale
                     what = "nothing comes from" if stale else "samples come again from"
@@ -147,6 +164,15 @@ class _Run:
         self.loop.finish()
         self._tell_touches()
 
+    def _weigh(self, moment: Moment) -> None:
+        """Keep the heaviest force of each touch; one that was refused stays refused."""
+        for touch in moment.touches:
+            if touch.load is None:
+                continue
+            before = self.loads.get(touch.identity)
+            if before is None or _rank(touch.load) > _rank(before):
+                self.loads[touch.identity] = touch.load
+
     def _tell_touches(self) -> None:
         from skinmap.classifiers.naming import in_words
         from skinmap.live.contacts.named_touch import UNNAMED
@@ -156,15 +182,16 @@ class _Run:
             if touch.label == UNNAMED and not self.loop.live:
                 continue  # all samples were named from, and nobody's touch was among these
             self.touches += 1
+            load = self.loads.pop(touch.identity, None)
             said = Prediction(touch.label, touch.confidence, touch.names)
             if self.as_json:
-                emit_line(LiveTouch.of(touch))
+                emit_line(LiveTouch.of(touch, load))
             else:
                 click.echo(
                     f"{touch.began:9.2f} s  {touch.part:18} {in_words(said):14} "
                     f"{touch.confidence:5.2f}  {touch.duration:6.2f} s  "
                     f"{touch.area * MM**2:7.0f} mm2  {touch.path_length * MM:6.1f} mm"
-                    f"{motion_words(touch)}"
+                    f"{motion_words(touch)}{'' if load is None else '  ' + load.in_words()}"
                 )
 
     def summarise(self) -> None:
@@ -257,6 +284,7 @@ def name_recorded(
     robot: str | None,
     parts: tuple[str, ...],
     rule: GroupingRule,
+    calibrations: Sequence[str] = (),
 ) -> ClassifyResult:
     """Name the touches of each event and compare them with what was recorded."""
     recordings = load_recordings(path)
@@ -268,10 +296,12 @@ def name_recorded(
     skins = prepare_skins(loaded, chosen)
     check_model(classifier, skins, chosen)
     _note_lacks(classifier)
+    loads = _read_calibrations(calibrations, skins)
     rows: list[NamedRow] = []
     right = 0
     for one in chosen:
-        found, hits = _name_events(classifier, skins[one.part], one, rule)
+        weigh = _weighing(one, skins[one.part], loads.get(one.part))
+        found, hits = _name_events(classifier, skins[one.part], one, rule, weigh)
         rows.extend(found)
         right += hits
     events = sum(len(one.labels) for one in chosen)
@@ -322,6 +352,7 @@ def _name_events(
     skin: PreparedSkin,
     recording: Recording,
     rule: GroupingRule,
+    weigh: Callable[[int, BoolArray], ContactLoad | None],
 ) -> tuple[list[NamedRow], int]:
     """A row for each touch of each event, and how many events were understood in full."""
     step = np.diff(recording.times)
@@ -339,6 +370,7 @@ def _name_events(
         moved = moved or [_motion(skin, book, samples[:0], np.zeros(len(skin), bool), rate)]
         said = [one.prediction for one in named] or [classifier.no_contact(skin)]
         channels = [skin.skin.channels[one.taxels].tolist() for one in named] or [[]]
+        loads = [weigh(event, one.taxels) for one in named] or [None]
         truth = true_labels(named, samples, label, owners)
         for number, (one, recorded) in enumerate(zip(said, truth or [label], strict=True)):
             row = NamedRow(
@@ -351,6 +383,7 @@ def _name_events(
                 recorded_label=recorded,
                 **three(one.answers),
                 channels=channels[number],
+                load=loads[number],
                 **moved[number],
             )
             rows.append(row)
@@ -361,6 +394,37 @@ def three(answers: Answers | None) -> dict[str, Any]:
     """What a row says of kind, motion and hand."""
     words = ("kind", "motion", "hand")
     return {word: None if answers is None else getattr(answers, word) for word in words}
+
+
+def _read_calibrations(
+    specs: Sequence[str], skins: Mapping[str, PreparedSkin]
+) -> dict[str, LoadCalibration]:
+    """Load calibrations by part; what they need is imported only where there are any."""
+    if not specs:
+        return {}
+    from skinmap.live.response.loads import load_calibrations
+
+    return load_calibrations(specs, skins)
+
+
+def _weighing(
+    recording: Recording, skin: PreparedSkin, calibration: LoadCalibration | None
+) -> Callable[[int, BoolArray], ContactLoad | None]:
+    """How touches of a recording are weighed, by event and taxels (n,)."""
+    if calibration is None:
+        return lambda event, taxels: None
+    from skinmap.live.contacts.contact_forces import PartForces
+    from skinmap.live.response.loads import heaviest_load
+
+    forces = PartForces(skin, calibration.answered)
+    found = calibration.pressures(recording.pressures, recording.times)
+    rows = recording.rows()
+
+    def weigh(event: int, taxels: BoolArray) -> ContactLoad:
+        own = heaviest_load(forces, calibration, found, rows[event], taxels)
+        return ContactLoad(**own.plain())
+
+    return weigh
 
 
 def _motion(

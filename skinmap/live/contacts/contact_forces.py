@@ -26,6 +26,7 @@ HELD = 0.1  # how strongly weights are held to plain areas
 # What lies between taxels: 90 % of the forces lie within this share of theirs, with the pressures
 # exact. Of touches by the tuned variants of MuJoCo; `evaluate --protocol force` judges by another.
 BETWEEN = 0.22
+TOO_LIGHT = "too light for a force"
 FELT = 0.05  # of the peak: taxels above it may be touched
 # A contact whose pressure falls off as that of two round bodies covers 9/8 of the square of the
 # sum through the sum of the squares (Johnson, "Contact Mechanics", 1985, 3.4).
@@ -183,7 +184,7 @@ class PartForces:
         weight = np.maximum(self.weights[rows], 0.0)
         total = float(pressure @ self.weights[rows])
         if total <= 0.0 or pressure.max() <= 0.0:
-            return ContactForce.none("too light for a force")
+            return ContactForce.none(TOO_LIGHT)
         half = np.stack([pressure - low[rows], high[rows] - pressure])
         common = np.sqrt(np.broadcast_to(shared, self.answered.shape)[rows])
         alone = np.sqrt(1.0 - common**2)

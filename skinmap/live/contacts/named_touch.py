@@ -13,6 +13,7 @@ from skinmap.summary import Summary
 
 if TYPE_CHECKING:
     from skinmap.classifiers.answers import Answer, Answers, HandAnswer
+    from skinmap.live.contacts.contact_forces import ContactForce
 
 UNNAMED = "touch"  # what a touch is called while nobody has named it
 
@@ -51,6 +52,8 @@ class NamedTouch(Summary):
         not followed.
     answers : Answers or None
         Kind, motion and hand; None where no model gives them.
+    load : ContactForce or None
+        Force, area and pressures, where the part has a load calibration.
 
     Examples
     --------
@@ -74,6 +77,7 @@ class NamedTouch(Summary):
     path: FloatArray | None = None
     motion: Motion | None = None
     answers: Answers | None = None
+    load: ContactForce | None = None
 
     def __post_init__(self) -> None:
         freeze(self, taxels=self.taxels, centre=self.centre)

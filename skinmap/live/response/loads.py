@@ -1,0 +1,187 @@
+"""Forces of touches while they come: load calibrations by part, zeroed where nothing is touched."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.live.contacts.contact_forces import ContactForce, PartForces
+from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.skin.skin import fingerprint
+from skinmap.touch.load_calibration import NORMAL_90, LoadCalibration
+from skinmap.touch.prepared_skin import PreparedSkin
+
+PASCALS = 1e5  # a bar
+REST_SECONDS = 0.8  # untouched, so long, before a zero is taken
+REST_FAR = 0.12  # of the calibrated range: no rest lies further from that of the calibration
+ZERO_LASTS = 8 * 3600.0  # older zeros are refused [s]: another day
+
+
+class PartLoads:
+    """Forces on one part out of what its n taxels send.
+
+    Parameters
+    ----------
+    skin : PreparedSkin
+    calibration : LoadCalibration
+    rate : float
+        Samples a second, 0 where unknown.
+
+    Raises
+    ------
+    SkinMismatchError
+        Another number of taxels was calibrated.
+    """
+
+    def __init__(self, skin: PreparedSkin, calibration: LoadCalibration, rate: float) -> None:
+        self.forces = PartForces(skin, calibration.answered)
+        self._calibration = calibration
+        self._needed = max(2, round(REST_SECONDS * (rate or calibration.rate)))
+        self._stream = calibration.stream(rate or None)
+        self._rest: list[FloatArray] = []
+        self._found = np.full((3, len(skin)), np.nan)
+        self._old = time.time() - calibration.zeroed
+
+    def take(self, counts: FloatArray, touched: bool) -> None:
+        """Take samples (t, n) [counts]; `touched` where something is on any skin."""
+        if not self._stream.session.zeroed:
+            self._listen(counts, touched)
+        self._found = PASCALS * self._stream.rows(counts)[:, -1]
+
+    def _listen(self, counts: FloatArray, touched: bool) -> None:
+        model, own = self._calibration, self.forces.answered
+        level = np.median(((counts - model.rest) / model.span)[:, own]) if own.any() else np.inf
+        self._rest = [] if touched or abs(level) > REST_FAR else [*self._rest, counts]
+        if sum(map(len, self._rest)) >= self._needed:
+            self._stream.zero(np.concatenate(self._rest))
+            self._rest = []
+
+    def force(self, taxels: IntArray) -> ContactForce:
+        """Of the touch on some taxels (k,), by the newest sample."""
+        if not self._stream.session.zeroed and self._old > ZERO_LASTS:
+            return ContactForce.none(
+                f"its zero is {self._old / 3600.0:.0f} h old, and no rest came before the touch"
+            )
+        return force_of(self.forces, taxels, self._found, self._stream.session.shared)
+
+
+def force_of(
+    forces: PartForces, taxels: IntArray, found: FloatArray, shared_bar: float
+) -> ContactForce:
+    """Force of a contact by values, low and high (3, n) [Pa] that have a doubt [bar] in common."""
+    half = np.maximum(found[2] - found[0], 1e-9)
+    share = np.minimum((NORMAL_90 * shared_bar * PASCALS / half) ** 2, 1.0)
+    return forces.contact(taxels, *found, shared=np.nan_to_num(share, nan=1.0))
+
+
+class Loads:
+    """Forces of the touches of a joined skin, part by part.
+
+    Parameters
+    ----------
+    skin : JoinedSkin
+    calibrations : mapping of str to LoadCalibration
+        By part; parts without one have no forces.
+    rate : float
+        Samples a second, 0 where unknown.
+    """
+
+    def __init__(
+        self, skin: JoinedSkin, calibrations: Mapping[str, LoadCalibration], rate: float
+    ) -> None:
+        self._rows = {part: skin.slices[part] for part in calibrations if part in skin.slices}
+        self._parts = {
+            part: PartLoads(skin.skins[part], calibrations[part], rate) for part in self._rows
+        }
+
+    def take(self, dense: NDArray[Any], touched: bool) -> None:
+        """Take samples (t, N) [counts] in dense rows."""
+        for part, one in self._parts.items():
+            one.take(np.asarray(dense[:, self._rows[part]], np.float64), touched)
+
+    def weigh(self, touches: tuple[NamedTouch, ...]) -> tuple[NamedTouch, ...]:
+        """The touches with their forces."""
+        return tuple(
+            replace(one, load=self._parts[one.part].force(one.taxels))
+            if one.part in self._parts else one
+            for one in touches
+        )  # fmt: skip
+
+
+def heaviest_load(
+    forces: PartForces,
+    calibration: LoadCalibration,
+    found: tuple[FloatArray, FloatArray, FloatArray],
+    rows: IntArray,
+    taxels: BoolArray,
+) -> ContactForce:
+    """Force of a recorded touch at its heaviest sample.
+
+    Parameters
+    ----------
+    found : three (t, n) arrays
+        Values, low and high of the whole recording [bar].
+    rows : (k,) int
+        Samples of the touch.
+    taxels : (n,) bool
+        Of the touch.
+    """
+    sums = np.nansum(np.where(taxels, found[0][rows], 0.0), axis=1)
+    row = rows[int(sums.argmax())]
+    moment = PASCALS * np.stack([one[row] for one in found]).astype(np.float64)
+    return force_of(forces, np.flatnonzero(taxels), moment, calibration.doubt)
+
+
+def load_calibrations(
+    specs: Sequence[str], skins: Mapping[str, PreparedSkin]
+) -> dict[str, LoadCalibration]:
+    """Load calibrations by part.
+
+    Parameters
+    ----------
+    specs : sequence of str
+        What `skinmap calibrate load` wrote, for the part whose layout was calibrated, or
+        "PART=FOLDER". One that does not say its part is of the only part there is.
+    skins : mapping of str to PreparedSkin
+        By part.
+
+    Raises
+    ------
+    UnknownNameError
+        No such part.
+    MissingFileError, DataFormatError, SkinMismatchError
+        No such file, no calibration, or one of another skin.
+    InvalidArrayError
+        One that does not say which part it is of.
+    """
+    found: dict[str, LoadCalibration] = {}
+    prints = {fingerprint(skin.skin): part for part, skin in skins.items()}
+    for spec in specs:
+        part, equals, name = spec.partition("=")
+        if not equals:
+            part, name = "", spec
+        elif part not in skins:
+            raise UnknownNameError("part to calibrate", part, skins)
+        one = LoadCalibration.read(Path(name))
+        only = next(iter(skins)) if len(skins) == 1 else ""
+        part = part or prints.get(one.fingerprint, "" if one.fingerprint else only)
+        if not part:
+            raise InvalidArrayError(
+                f"{name} was calibrated on none of {', '.join(skins)}, or does not hold on which; "
+                "write PART=FOLDER"
+            )
+        if len(one.rest) != len(skins[part]):
+            raise SkinMismatchError(
+                f"{name}: {len(one.rest)} taxels are calibrated, {part} has {len(skins[part])}"
+            )
+        found[part] = one
+    return found

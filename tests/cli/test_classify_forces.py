@@ -1,0 +1,132 @@
+"""`skinmap classify --calibration`: touches in newtons, of recordings and of what comes live."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+from skinmap.io.robots.manifest import load_robot
+from skinmap.live.loop import TouchLoop
+from skinmap.live.sources.open_source import open_source
+from skinmap.memory_features import FEATURES
+from skinmap.touch.load_calibration import LoadCalibration
+
+PART = "left_forearm"
+FULL = 0.5  # bar that 200 counts stand for
+
+
+def straight(n: int, *, span: float = 200.0, age: float = 0.0) -> LoadCalibration:
+    """A straight line from 0 counts to `span`."""
+    weights = np.zeros((n, FEATURES))
+    weights[:, 1] = FULL
+    each = np.ones(n)
+    return LoadCalibration(
+        weights, 0 * each, span * each, 0 * each, FULL * each, 0.005 * each, 0.01, 50.0,
+        "linear", 0 * each, time.time() - age,
+    )  # fmt: skip
+
+
+def write(path: Path, calibration: LoadCalibration) -> Path:
+    path.mkdir()
+    (path / "load.npz").write_bytes(calibration.to_bytes())
+    return path
+
+
+@pytest.fixture(scope="module")
+def skin():
+    return load_robot("icub").skin(PART)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, skin) -> Path:
+    found = tmp_path_factory.mktemp("forces")
+    write(found / "load", straight(len(skin), span=260.0))
+    write(found / "narrow", straight(len(skin), span=30.0))
+    words = ["simulate", "--part", PART, "--per-gesture", "2", "--variety", "none"]
+    result = CliRunner().invoke(cli, [*words, "-o", str(found / "touches.npz")])
+    assert result.exit_code == 0, result.output
+    return found
+
+
+def run(*words: object) -> str:
+    result = CliRunner().invoke(cli, ["classify", *map(str, words)], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+def test_recorded_touches_have_forces_with_intervals(folder: Path, skin) -> None:
+    touches = folder / "touches.npz"
+    found = json.loads(run(touches, "--calibration", f"{PART}={folder / 'load'}", "--json"))
+    loads = [one["load"] for one in found["touches"]]
+    assert len(loads) >= 8
+    for load in loads:
+        assert load["refused"] == ""
+        low, high = load["force_n_90"]
+        assert 0.0 <= low < load["force_n"] < high
+        assert load["area_mm2_90"][0] <= load["area_mm2"] <= load["area_mm2_90"][1]
+        # The skin is pushed inwards, against its outward direction.
+        assert np.dot(load["vector_n"], load["normal"]) < 0
+        # A force of even pressure over the area, and no more than its peak could make.
+        assert load["force_n"] <= 1e-3 * load["peak_kpa_90"][1] * load["area_mm2_90"][1]
+    plain = json.loads(run(touches, "--json"))
+    assert all(one.pop("load") is not None for one in found["touches"])
+    assert all(one.pop("load") is None for one in plain["touches"])
+    assert plain == found  # names do not depend on it
+    table = run(touches, "--calibration", f"{PART}={folder / 'load'}")
+    assert " N (" in table
+    assert " N (" not in run(touches)
+
+
+def test_forces_above_the_range_are_refused(folder: Path) -> None:
+    words = (folder / "touches.npz", "--calibration", f"{PART}={folder / 'narrow'}", "--json")
+    loads = [one["load"] for one in json.loads(run(*words))["touches"]]
+    assert {load["refused"] for load in loads} == {"above the calibrated range"}
+    assert all(load["force_n"] is None and load["force_n_90"] is None for load in loads)
+
+
+def test_live_touches_have_forces(folder: Path) -> None:
+    words = ["sim", "--robot", "icub", "--part", PART, "--seconds", "6", "--json"]
+    lines = run(*words, "--calibration", f"{PART}={folder / 'load'}").splitlines()
+    touches = [one for one in map(json.loads, lines) if one["event"] == "touch"]
+    assert touches
+    assert any(one["load"]["force_n"] for one in touches)
+    assert all(one["load"] is None for one in map(json.loads, run(*words).splitlines())
+               if one["event"] == "touch")  # fmt: skip
+
+
+def test_loop_refuses_a_zero_of_another_day(skin) -> None:
+    robot = load_robot("icub")
+    source = open_source("sim", robot=robot, parts=[PART], speed=float("inf"))
+    old = {PART: straight(len(skin), span=260.0, age=3 * 86400.0)}
+    loop = TouchLoop(robot, source, calibrations=old)
+    loop._loads._parts[PART]._needed = 10**9  # no rest that would be long enough
+    moment = next(one for one in loop if one.touches)
+    loop.close()
+    assert moment.touches[0].load.refused.startswith("its zero is 72 h old")
+    source = open_source("sim", robot=robot, parts=[PART], speed=float("inf"))
+    loop = TouchLoop(robot, source, calibrations=old)
+    moments = (one for one in loop if one.touches and one.time > 2.0)
+    found = [next(moments).touches[0].load for _ in range(20)]
+    loop.close()  # with a rest of its own the age does not matter
+    assert any(not one.refused for one in found)
+
+
+def test_calibrations_of_other_skins_are_refused(folder: Path, tmp_path: Path) -> None:
+    small = write(tmp_path / "small", straight(7))
+    touches = folder / "touches.npz"
+
+    def refused(*words: object) -> str:
+        result = CliRunner().invoke(cli, ["classify", str(touches), *map(str, words)])
+        assert isinstance(result.exception, SkinError)
+        return str(result.exception)
+
+    assert "7 taxels are calibrated" in refused("--calibration", small)
+    assert "no part to calibrate 'tail'" in refused("--calibration", f"tail={small}")
+    assert "no file" in refused("--calibration", tmp_path / "nothing")
