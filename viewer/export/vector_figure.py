@@ -277,9 +277,10 @@ def _text(renderer: Any, prop: Any, page: _Page) -> Iterator[Shape]:
     prop.GetBoundingBox(renderer, box)
     place = prop.GetActualPositionCoordinate().GetComputedDisplayValue(renderer)
     corners = np.array([[box[0], box[2]], [box[1], box[2]], [box[1], box[3]], [box[0], box[3]]])
-    if style.GetBackgroundOpacity() == 1.0:
+    if style.GetBackgroundOpacity() > 0.0:  # what shines through in the window is white on paper
         ground = page(corners[None], place)
-        fill = _hex(style.GetBackgroundColor())
+        solid = style.GetBackgroundOpacity() == 1.0
+        fill = _hex(style.GetBackgroundColor() if solid else WHITE)
         yield Pieces(ground, fill, fill, HAIR, layer="front")
     text = prop.GetInput()
     size = float(style.GetFontSize())
