@@ -16,6 +16,8 @@ from skinmap.commands.options import named_robot
 from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.readers import is_readable, read_recordings, readable
 from skinmap.io.text import is_file
+from skinmap.soundness.examination import falsifying
+from skinmap.soundness.track import Track, track_of
 from skinmap.touch.contacts.grouping import without_stuck
 from skinmap.touch.recording import Recording
 
@@ -71,6 +73,8 @@ class Collection:
         Samples a second of each recorded part.
     stuck : int
         Marks that were left out, as nothing but stuck taxels was pressed.
+    unsound : tuple of str
+        Faults of the recordings for which a figure would be wrong.
     """
 
     touches: tuple[Collected, ...]
@@ -78,6 +82,7 @@ class Collection:
     files: tuple[Path, ...]
     rates: tuple[float, ...]
     stuck: int = 0
+    unsound: tuple[str, ...] = ()
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -106,6 +111,7 @@ class Collection:
             yield "fewer than two people are named (`record --person`): others may touch otherwise"
         if self.stuck:
             yield f"{self.stuck} marked touches were left out: only stuck taxels were pressed"
+        yield from self.unsound
         slow, quick = min(self.rates, default=1.0), max(self.rates, default=1.0)
         if quick > SAME_RATE * slow:
             yield f"recorded at {slow:.4g} to {quick:.4g} samples a second: touches look different"
@@ -144,8 +150,10 @@ def collect(
     skins: dict[tuple[str, str], PreparedSkin] = {}
     touches: list[Collected] = []
     rates, there, stuck = [], [], 0
+    tracks: list[Track] = []
     for file in files:
-        for recording in read_recordings(file):
+        recordings = read_recordings(file)
+        for recording in recordings:
             said = robot or recording.robot or FALLBACK
             if said not in robots:
                 robots[said] = _robot(said, file, asked=robot is not None)
@@ -159,10 +167,13 @@ def collect(
             stuck += len(gone)
             touches += _touches(recording, skin, loaded.name, sessions[file], file)
             rates.append(recording.rate)
+        if recordings:
+            tracks.append(track_of(recordings, str(file), placed=False))
     for part in parts:
         if part not in there:
             raise UnknownNameError("recorded part", part, there)
-    return Collection(tuple(touches), skins, tuple(files), tuple(rates), stuck)
+    unsound = tuple(falsifying(tracks))
+    return Collection(tuple(touches), skins, tuple(files), tuple(rates), stuck, unsound)
 
 
 def _robot(name: str, file: Path, *, asked: bool) -> Robot:

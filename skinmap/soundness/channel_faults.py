@@ -11,6 +11,7 @@ from skinmap.soundness.survey import SIGMA_OF_SECOND, Survey
 
 SURE = 16.0  # changes that a stretch without any should have had
 MODULE, DEAD_MODULE = 4, 6  # channels that hang together for a while, or always
+MANY = 20  # findings of the same kind
 HELD = 0.9  # confidence in a channel that stands still under load
 NOISY = 4.0  # times the noise of the others
 KINDS = 6  # values that a channel must take before its step is judged
@@ -174,7 +175,22 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         bad[channels] = True
         span = [[min(one[0] for one in same), max(one[1] for one in same)]]
         found += _in_modules(survey, channels, span, "stuck", float(np.mean([x[3] for x in same])))
-    return _joined(found)
+    return _summed(_joined(found))
+
+
+def _summed(found: list[Finding]) -> list[Finding]:
+    """Findings of single channels as one, where they are too many to read."""
+    from dataclasses import replace
+
+    single = [one for one in found if one.kind == "stuck"]
+    if len(single) <= MANY:
+        return found
+    channels = sorted({one for own in single for one in own.channels or ()})
+    rows = sorted(span for own in single for span in own.rows or ())
+    seconds = sorted(span for own in single for span in own.seconds or ())
+    text = f"{len(channels)} channels stand still for a while, such as {channels[0]}."
+    whole = replace(single[0], channels=channels, rows=rows, seconds=seconds or None, text=text)
+    return [one for one in found if one.kind != "stuck"] + [whole]
 
 
 def _joined(found: list[Finding]) -> list[Finding]:
@@ -358,6 +374,11 @@ def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         groups += [
             (v, own & (top == v) & (top != highest)) for v in np.unique(top[own]) if v != highest
         ]
+        if side > 0 and not groups and kind.kind in "iu" and highest > 255:
+            from skinmap.io.recordings.cyskin_arrays import SATURATION
+
+            if highest == SATURATION:  # known of the sensor: one reading tells
+                groups = [(highest, top == highest)]
         for value, which in groups:
             channels = lively[which]
             if len(channels):

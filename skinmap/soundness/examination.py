@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -122,3 +122,18 @@ def examine_tracks(tracks: Iterable[Track]) -> tuple[Examined, list[Survey]]:
     found = in_order(together(surveys)) if len(surveys) > 1 else []
     several = [*found, *(one for file in files for one in file.findings)]
     return Examined(files=files, findings=found, sound=not any(x.matters for x in several)), surveys
+
+
+def falsifying(tracks: Iterable[Track]) -> Iterator[str]:
+    """In a line each the findings for which a figure of a classifier would be wrong.
+
+    Leaks are not among them: training and evaluation have controls of their own.
+    """
+    surveys = []
+    for track in tracks:
+        looked = survey(track)
+        surveys.append(looked)
+        repeated = [one for one in time_faults(looked).findings if one.kind == "duplicate"]
+        yield from (f"{track.file}: {one.text}" for one in repeated)
+    if len(surveys) > 1:
+        yield from (one.text for one in together(surveys) if one.kind == "repeated_recording")

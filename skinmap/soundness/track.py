@@ -403,7 +403,7 @@ def _from_recordings(path: Path) -> Track:
     return track_of(load_recordings(path), str(path))
 
 
-def track_of(recordings: Any, file: str = "recording") -> Track:
+def track_of(recordings: Any, file: str = "recording", *, placed: bool = True) -> Track:
     """Recordings of one or several parts as a table.
 
     Parameters
@@ -411,13 +411,15 @@ def track_of(recordings: Any, file: str = "recording") -> Track:
     recordings : Recording or list of Recording
     file : str
         Name of it in findings.
+    placed : bool
+        Whether places of the taxels are looked up.
     """
     several = recordings if isinstance(recordings, list | tuple) else [recordings]
     if not several:
         raise DataFormatError("no recording in it", file)
     count = min(len(one.times) for one in several)
     first = max(several, key=lambda one: len(one.labels))
-    places = [_places_of(one.robot, one.part, one.pressures.shape[1]) for one in several]
+    places = [_places_of(one.robot, one.part, one.pressures.shape[1]) for one in several if placed]
     known = [one for one in places if one is not None]
     return Track(
         file,

@@ -215,6 +215,19 @@ def test_the_page_holds_a_picture_for_each_question(tmp_path):
     assert "never answers" in text
 
 
+def test_training_is_warned_of_one_recording_under_two_names(tmp_path):
+    from skinmap.cli.collection import collect
+
+    skin = skinmap.load_robot("kaspar").skin("left_hand")
+    touches = skinmap.simulate(skin, per_gesture=2, gestures=["poke"], rng=0)
+    for name in ("a.npz", "b.npz"):
+        skinmap.save_recordings(touches, tmp_path / name)
+    (line,) = [one for one in collect([tmp_path], "kaspar").doubts() if "two names" in one]
+    assert "a.npz" in line
+    alone = collect([tmp_path / "a.npz"], "kaspar")
+    assert alone.unsound == ()
+
+
 def test_a_folder_without_recordings_is_refused(tmp_path):
     with pytest.raises(DataFormatError, match="a folder without recordings"):
         skinmap.soundness.track.files_of(tmp_path)
