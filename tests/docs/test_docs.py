@@ -87,12 +87,6 @@ def test_robot_of_the_example_is_meshed_whole():
     assert skinmap.flatten(mesh).flips == 0
 
 
-def test_readmes_manifest_is_that_of_the_example():
-    block = re.search(r"```toml\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
-    assert block is not None
-    assert block[1] == (DOCS / "examples" / "robot" / "robot.toml").read_text()
-
-
 def test_reader_and_source_of_the_example_are_installed_and_run(tmp_path):
     """The wheel is unpacked as an installer would; pip itself costs five times as much."""
     source, target = tmp_path / "source", tmp_path / "installed"
