@@ -13,7 +13,7 @@ from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.neighbours.radius import WIDEST
 
 OF_HISTOGRAMS = ("radius_mm", "words", "rotations", "distance")
-OF_IMAGES = ("image_size", "words")
+OF_IMAGES = ("image_size", "words", "network")
 ROTATIONS = (1, 4, 6)
 DISTANCES = ("euclidean", "geodesic")
 MAX_WORDS = 250  # votes are counted with one byte a word
@@ -27,7 +27,8 @@ def tuned_classifier(name: str, knobs: Mapping[str, Any]) -> TouchClassifier:
     name : str
     knobs : mapping of str to value
         `radius_mm`, `words`, `rotations` and `distance` of classifiers that count histograms;
-        `image_size` ("66x100") and `words` of those that look at contact images.
+        `image_size` ("66x100") and `words` of those that look at contact images, and `network`
+        ("small", "paper") of `cnn`.
         Those that are None are left as they are.
 
     Raises
@@ -46,7 +47,9 @@ def tuned_classifier(name: str, knobs: Mapping[str, Any]) -> TouchClassifier:
         tuned = _tune_images(model, given)
     for knob in given:
         if knob not in (*OF_HISTOGRAMS, *OF_IMAGES):
-            raise UnknownNameError("knob of classifiers", knob, (*OF_HISTOGRAMS, "image_size"))
+            raise UnknownNameError(
+                "knob of classifiers", knob, dict.fromkeys((*OF_HISTOGRAMS, *OF_IMAGES))
+            )
         if knob not in tuned:
             raise InvalidArrayError(f"{knob} does not concern the classifier {name!r}")
     return model
@@ -70,12 +73,19 @@ def _tune_histograms(descriptor: Histograms, knobs: Mapping[str, Any]) -> set[st
 
 def _tune_images(model: TouchClassifier, knobs: Mapping[str, Any]) -> set[str]:
     steps = [step for _, step in getattr(model.estimator, "steps", [("", model.estimator)])]
-    changed = set()
+    changed: set[str] = set()
     for step in steps:
         if "image_size" in knobs and hasattr(step, "image_shape"):
             cast("PaperImages", model.descriptor).size = read_size(knobs["image_size"])
             step.image_shape = read_size(knobs["image_size"])
             changed.add("image_size")
+        if "network" in knobs and hasattr(step, "network"):
+            from skinmap.classifiers.images.cnn import RECIPES
+
+            if knobs["network"] not in RECIPES:
+                raise UnknownNameError("network", str(knobs["network"]), RECIPES)
+            step.network = knobs["network"]
+            changed.add("network")
         if "words" in knobs and hasattr(step, "words"):
             step.words = int(_within("words", knobs["words"], 2, MAX_WORDS))
             changed.add("words")

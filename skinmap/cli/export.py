@@ -27,6 +27,7 @@ FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their 
 FOLDERS = ("lerobot", "rosbag2")  # of a recording
 TOUCHED = "touched"  # a table of recordings
 RERUN = "rrd"  # a file of a recording
+IMAGES = "images"  # a folder of pictures of a recording
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 MCAP = ".mcap"
@@ -227,17 +228,49 @@ class ExportedTouched:
     files: list[str]
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedImages:
+    """Contact images of the touches of a recording.
+
+    Attributes
+    ----------
+    robot
+        That was recorded.
+    format
+        Of the files.
+    images
+        How many, one a marked touch.
+    rows, columns
+        Pixels of each.
+    labels
+        How many of each label.
+    without_touch
+        Marked touches in which no taxel is pressed; they have no image.
+    files
+        The folder: `images.npz` with all of them, and one picture for each.
+    """
+
+    robot: str
+    format: Literal["images"]
+    images: int
+    rows: int
+    columns: int
+    labels: dict[str, int]
+    without_touch: int
+    files: list[str]
+
+
 @click.command("export")
 @robot_argument
 @part_option
 @click.option(
-    "--format", "format", type=click.Choice([*FORMATS, *FOLDERS, RERUN, TOUCHED]),
+    "--format", "format", type=click.Choice([*FORMATS, *FOLDERS, IMAGES, RERUN, TOUCHED]),
     help="Format to write taxels in (default: csv), or a recording, or where some were touched.",
 )  # fmt: skip
 @out_file("What to write: a file, or the folder of a format.", required=True, folder=True)
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
 @retired(profile=NO_PROFILE, read_as="write FORMAT:FILE instead of FILE")
-@prints(ExportedTaxels, ExportedModel, ExportedRecording, ExportedTouched)
+@prints(ExportedTaxels, ExportedModel, ExportedRecording, ExportedTouched, ExportedImages)
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -260,6 +293,9 @@ def command(
     whole again, for all MCAP readers, with -o *.mcap. Folders are written with --format lerobot
     (a LeRobot data set) or rosbag2 (with a cloud of the taxels for every sample).
 
+    With --format images each marked touch becomes a contact image as published, 66 x 100 pixels of
+    8 bits, of the moment halfway: PNG files and images.npz in a folder.
+
     With --format rrd a recording becomes a file of rerun (extra rerun): body, taxels, touches with
     their names, plots. With --format touched a recording, or a folder of some, becomes a table
     (.csv) of where the robot was touched: count, dwell, largest pressure and last time of each
@@ -272,6 +308,7 @@ def command(
     Example:  skinmap export touch.mcap -o touch.h5
     Example:  skinmap export cut.mcap -o whole.mcap
     Example:  skinmap export touch.mcap --format lerobot -o dataset
+    Example:  skinmap export touch.mcap --format images -o folder
     Example:  skinmap export touch.mcap --format rrd -o touch.rrd
     Example:  skinmap export recordings --format touched -o touched.csv
     """
@@ -280,6 +317,11 @@ def command(
             raise click.UsageError("touched is of recordings; leave out --unrepaired")
         _check_ending(output, format)
         present(export_touched(Path(robot), parts, output), _touched_lines, as_json=as_json)
+        return
+    if format == IMAGES:
+        if unrepaired:
+            raise click.UsageError("images are of recordings; leave out --unrepaired")
+        present(export_images(Path(robot), parts, output), _image_lines, as_json=as_json)
         return
     if format == RERUN:
         if not _is_recording(Path(robot)):
@@ -412,6 +454,56 @@ def export_touched(path: Path, parts: tuple[str, ...], output: Path) -> Exported
         ],
         files=[str(output)],
     )
+
+
+def export_images(path: Path, parts: tuple[str, ...], output: Path) -> ExportedImages:
+    """Write the contact image of each marked touch of a recording."""
+    from collections import Counter
+
+    import numpy as np
+
+    from skinmap.cli.collection import collect
+    from skinmap.errors import DataFormatError, OutputError
+    from skinmap.io.output import staged_folder
+    from skinmap.io.recordings.image_files import LabelledImages, write_images
+    from skinmap.touch.contacts.skin_geometry import pressed
+    from skinmap.touch.images.paper_image import SIZE, paper_images
+
+    if output.exists() and (not output.is_dir() or any(output.iterdir())):
+        raise OutputError(f"{str(output)!r} is there already; name a folder that is not")
+    found = collect([path], None, parts)
+    images, kept = [], []
+    for one in found.touches:
+        held = pressed(one.touch.samples)
+        if len(held):
+            halfway = held[len(held) // 2][None]
+            images.append(paper_images(one.touch.skin.image_geometry, halfway)[0])
+            kept.append(one)
+    if not kept:
+        raise DataFormatError("no touch is marked in it; `skinmap label` marks touches", path)
+    every = LabelledImages(
+        np.stack(images),
+        np.array([one.touch.label for one in kept]),
+        np.arange(len(kept)),
+        np.array([one.part for one in kept]),
+    )
+    with staged_folder(output) as stage:
+        write_images(every, stage)
+    return ExportedImages(
+        robot=kept[0].robot,
+        format="images",
+        images=len(kept),
+        rows=SIZE[0],
+        columns=SIZE[1],
+        labels=dict(sorted(Counter(map(str, every.labels)).items())),
+        without_touch=len(found.touches) - len(kept),
+        files=[str(output)],
+    )
+
+
+def _image_lines(result: ExportedImages) -> Iterator[str]:
+    counted = ", ".join(f"{count} {label}" for label, count in result.labels.items())
+    yield f"{result.images} images of {result.rows} x {result.columns}: {counted}"
 
 
 def export_rerun(path: Path, parts: tuple[str, ...], output: Path) -> ExportedRecording:

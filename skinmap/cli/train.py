@@ -163,6 +163,11 @@ class TrainResult:
     show_default=True,
     help="Which classifier; an unknown name lists them.",
 )
+@click.option(
+    "--network",
+    type=click.Choice(["small", "paper"]),
+    help="cnn: a small network (default), or that of the paper, 50 kernels a layer on 66 x 100.",
+)
 @out_file("Model to write.", default="touch.skinmodel")
 @click.option(
     "--with-simulated",

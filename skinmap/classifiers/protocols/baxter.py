@@ -14,7 +14,13 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.classifiers.protocols.baxter_images import HAND, OTHER, simulate_images, split_images
+from skinmap.classifiers.protocols.baxter_images import (
+    HAND,
+    OTHER,
+    ImageSet,
+    simulate_images,
+    split_images,
+)
 from skinmap.classifiers.protocols.baxter_methods import (
     METHODS,
     Bench,
@@ -45,7 +51,7 @@ PAPER = {
 
 
 def evaluate_baxter(
-    skin: PreparedSkin,
+    skin: PreparedSkin | ImageSet,
     *,
     seed: int,
     repeats: int = 10,
@@ -58,18 +64,19 @@ def evaluate_baxter(
     workers: Workers = ONE,
     progress: Callable[[str], None] | None = None,
 ) -> BaxterResult:
-    """Bags of visual words, a network and raw values on simulated touches of a part.
+    """Bags of visual words, a network and raw values on simulated touches, or on images given.
 
     Parameters
     ----------
-    skin : PreparedSkin
-        Of the Baxter-like forearm, or of any other part; `robot` is whose, for the result.
+    skin : PreparedSkin or ImageSet
+        Of the Baxter-like forearm, or of any other part; `robot` is whose, for the result. Images
+        that were given have no raw values: their pixels stand for these.
     seed : int
     repeats : int
         Random splits into 70 % and 30 %; each is made twice, by touches and plain.
     images : int
     network : {"small", "paper"}
-        The paper's own size is never tuned: one training takes about ten minutes.
+        The paper's own size keeps the paper's settings: one training takes minutes.
     methods : sequence of str
         Some of `METHODS`.
     tuned : bool
@@ -94,7 +101,11 @@ def evaluate_baxter(
     for name in methods:
         if name not in METHODS:
             raise UnknownNameError("method", name, METHODS)
-    data = simulate_images(skin, images=images, rng=task_rng(seed, 0), variety=variety)
+    if isinstance(skin, ImageSet):
+        data, part, taxels = skin, "", 0
+    else:
+        data = simulate_images(skin, images=images, rng=task_rng(seed, 0), variety=variety)
+        part, taxels = skin.skin.part, len(skin)
     bench, found, confusion = Bench(data), dict[str, Any](), dict[str, Any]()
     for name in methods:
         settings, tried = default_settings(network), list[dict[str, Any]]()
@@ -133,12 +144,14 @@ def evaluate_baxter(
         confusion[name] = _shares(counts[:repeats]).mean(axis=0).tolist()
     return BaxterResult(
         robot=robot,
-        part=skin.skin.part,
-        taxels=len(skin),
+        part=part,
+        taxels=taxels,
+        accuracy_is="recorded" if isinstance(skin, ImageSet) else "simulated",
+        simulated=not isinstance(skin, ImageSet),
         variety=variety,
         confusion=Confusion(labels=list(LABELS), **confusion),
         images=len(data),
-        touches=int(data.events.max()) + 1,
+        touches=len(np.unique(data.events)),
         repeats=repeats,
         seed=seed,
         network=network,

@@ -12,8 +12,10 @@ from skinmap.classifiers.images.image_descriptor import FRAMES, moments
 from skinmap.classifiers.protocols.folds import FoldKind, Names
 from skinmap.errors import InvalidArrayError
 from skinmap.touch.contacts.skin_geometry import pressed
-from skinmap.touch.images.paper_image import paper_images
+from skinmap.touch.images.paper_image import SIZE, paper_images, resize
 from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.simulation.gestures import GESTURES as ALL_GESTURES
+from skinmap.touch.simulation.gestures import TIME
 from skinmap.touch.simulation.simulator import simulate
 
 HAND, OTHER = "hand", "other"
@@ -22,6 +24,8 @@ GESTURES = {
     HAND: ("whole_hand", "three_finger"),
     OTHER: ("elbow", "forearm", "ball", "cylinder", "edge"),
 }
+WHOLE_HANDS = tuple(name for name in (*ALL_GESTURES, *TIME) if name not in GESTURES[OTHER])
+FEWEST = 10  # touches of hands, and of others
 TEST = 0.3  # share of the images that test
 
 
@@ -54,6 +58,36 @@ class ImageSet:
     def table(self) -> NDArray[np.uint8]:
         """(n, 6600) images as rows."""
         return self.images.reshape(len(self), -1)
+
+
+NO_HAND = ("other", "non-hand", "non_hand", "nonhand", "no_hand", "not_hand", *GESTURES[OTHER])
+
+
+def given_images(images: NDArray[np.uint8], named: Names, touches: IntArray) -> ImageSet:
+    """Images (n, rows, columns) that somebody brought, with labels (n,) and touches (n,).
+
+    Labels are "hand" and "other", or gestures that are one of these.
+
+    Raises
+    ------
+    InvalidArrayError
+        Another label, or fewer than 10 touches of either kind.
+    """
+    names = np.array([name.strip().lower() for name in named])
+    known = {HAND, "hands", "human", *NO_HAND, *WHOLE_HANDS}
+    for name in dict.fromkeys(names.tolist()):
+        if name not in known:
+            raise InvalidArrayError(
+                f"label {name!r}: labels are hand, other, or a gesture of the simulator"
+            )
+    labels = np.where(np.isin(names, NO_HAND), OTHER, HAND)
+    for label in (HAND, OTHER):
+        count = len(np.unique(touches[labels == label]))
+        if count < FEWEST:
+            raise InvalidArrayError(f"{count} touches of {label}: {FEWEST} at least")
+    grey = resize(images, SIZE)
+    gestures = np.where(np.isin(names, ["hands", "human"]), HAND, names)
+    return ImageSet(grey, grey.reshape(len(grey), -1), labels, gestures, touches)
 
 
 def simulate_images(

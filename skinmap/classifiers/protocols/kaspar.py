@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,12 +25,14 @@ from skinmap.classifiers.protocols.folds import (
     run_repeats,
     smallest,
 )
-from skinmap.classifiers.protocols.results import AccuracyRow, SweepRow
+from skinmap.classifiers.protocols.results import AccuracyRow, MarginRow, SweepRow
 from skinmap.classifiers.protocols.samples import (
     COUNTS,
+    LITERAL,
     RECIPES,
     ROTATED,
     SampleSet,
+    Sampling,
     count_votes,
     draw_samples,
     learn,
@@ -72,6 +74,7 @@ def evaluate_kaspar(
     samples: Mapping[str, int] = SAMPLES,
     percents: Sequence[int] = PERCENTS,
     places: Places = "anywhere",
+    sampling: Sampling = "random",
     variety: float = 0.0,
     workers: Workers = ONE,
     progress: Callable[[str], None] | None = None,
@@ -90,6 +93,8 @@ def evaluate_kaspar(
         Shares of them that are drawn and cross-validated.
     places : {"anywhere", "habitual"}
         Where people touch.
+    sampling : {"random", "paper"}
+        How the shares are drawn: at random, or every 50th and every 10th sample.
     variety : float
         How far touches and sensors are drawn at random; 0 as in the paper.
     workers : Workers
@@ -120,6 +125,7 @@ def evaluate_kaspar(
         samples=samples,
         percents=tuple(percents),
         places=places,
+        sampling=sampling,
         variety=variety,
     )
     return [averaged(rows) for rows in zip(*found, strict=True)]
@@ -140,6 +146,37 @@ def paper_rows() -> list[AccuracyRow]:
     ]
 
 
+def margins(table: Sequence[AccuracyRow]) -> list[MarginRow]:
+    """By how many points histograms lead raw values in an RBF SVM, beside the paper's margin."""
+
+    def mean(rows: Sequence[AccuracyRow], *wanted: object) -> float:
+        (row,) = (
+            row for row in rows if (row.percent, row.folds, row.features, row.classifier) == wanted
+        )
+        return row.mean
+
+    found, published = [], paper_rows()
+    for percent in dict.fromkeys(cast(int, row.percent) for row in table):
+        theirs = None
+        if percent in PERCENTS:
+            ahead = mean(published, percent, "plain", "histogram", "intersection-svm")
+            theirs = 100.0 * (ahead - mean(published, percent, "plain", "raw", "rbf-svm"))
+        for kind in KINDS:
+            raw = mean(table, percent, kind, "raw", "rbf-svm")
+            found += [
+                MarginRow(
+                    percent=percent,
+                    folds=kind,
+                    features=recipe.name,
+                    points=100.0
+                    * (mean(table, percent, kind, recipe.name, "intersection-svm") - raw),
+                    paper=theirs if kind == "plain" and recipe is LITERAL else None,
+                )
+                for recipe in RECIPES
+            ]
+    return found
+
+
 def kaspar_repeat(
     seed: int,
     *,
@@ -147,6 +184,7 @@ def kaspar_repeat(
     samples: Mapping[str, int],
     percents: tuple[int, ...],
     places: Places,
+    sampling: Sampling,
     variety: float,
 ) -> list[AccuracyRow]:
     """All rows of the table for one seed."""
@@ -155,7 +193,7 @@ def kaspar_repeat(
     votes = _votes(skin, drawn, int(rng.integers(2**31)))
     rows = []
     for percent in percents:
-        index = resample(drawn.labels, percent, rng=rng)
+        index = resample(drawn.labels, percent, rng=rng, sampling=sampling)
         part = drawn.take(index)
         raw = part.pressures / COUNTS
         kernels = {name: intersection(counts[index]) for name, counts in votes.items()}

@@ -214,6 +214,27 @@ class SweepRow:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class MarginRow:
+    """How far histograms lead raw values in an RBF SVM.
+
+    Attributes
+    ----------
+    percent, folds, features
+        Share of the samples, how they were dealt out, and which histograms.
+    points
+        Difference of the means of the classes [points].
+    paper
+        The published difference, on real recordings; null where there is none.
+    """
+
+    percent: int
+    folds: str
+    features: str
+    points: float
+    paper: float | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class KasparResult(Simulated):
     """The protocol `kaspar`.
 
@@ -223,10 +244,14 @@ class KasparResult(Simulated):
         What was measured, and where.
     places
         Where people touch.
+    sampling
+        How shares of the samples were drawn: at random, or every 50th and 10th as published.
     samples
         Of each gesture.
     table
         Features and classifiers.
+    margins
+        Histograms ahead of raw values, beside the published margin.
     paper
         The published figures.
     carry_over
@@ -239,8 +264,10 @@ class KasparResult(Simulated):
     part: str
     taxels: int
     places: str
+    sampling: str
     samples: dict[str, int]
     table: list[AccuracyRow]
+    margins: list[MarginRow]
     paper: list[AccuracyRow]
     carry_over: CarryOver
     sweep: list[SweepRow]
@@ -344,7 +371,7 @@ class BaxterResult(Evaluated):
     protocol: Literal["baxter"] = "baxter"
     part: str
     taxels: int
-    accuracy_is: Literal["simulated"] = "simulated"
+    accuracy_is: Literal["simulated", "recorded"] = "simulated"
     variety: float
     bovw: MethodResult | UnsetType = UNSET
     cnn: MethodResult | UnsetType = UNSET
@@ -356,7 +383,7 @@ class BaxterResult(Evaluated):
     seed: int
     network: str
     paper: dict[str, dict[str, float]]
-    simulated: Literal[True] = True
+    simulated: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -52,7 +52,6 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
     places="write --set places=habitual",
     sweep="write --set sweep=yes",
     images="write --set images=N",
-    network="write --set network=paper",
     folds="write --set folds=N",
     leaks="--leave-out shows the controls; write --leave-out event for them alone",
     profile="name the classifier by --classifier",
@@ -88,6 +87,16 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
     "[default: wide; kaspar, baxter: none, as in the papers]",
 )
 @click.option(
+    "--sampling",
+    type=click.Choice(["random", "paper"]),
+    help="kaspar: draw samples at random, or every 50th and 10th as published.",
+)
+@click.option(
+    "--network",
+    type=click.Choice(["small", "paper"]),
+    help="baxter: a small network, or that of the paper.",
+)
+@click.option(
     "--set",
     "own",
     metavar="NAME=VALUE",
@@ -120,15 +129,20 @@ def command(
 ) -> None:
     """Run an evaluation protocol and print its tables.
 
+    IMAGES of --protocol baxter is a folder with a folder of pictures for each label (hand,
+    other), a folder of `skinmap export --format images`, its .npz, or a table (.csv) with the
+    columns image, label and perhaps touch.
+
     Results are the same whatever the jobs. With --resume FOLDER a run that was
     interrupted goes on where it ended.
 
     \b
     Settings (--set NAME=VALUE):
       kaspar       places=anywhere|habitual  where people touch
+                   sampling=random|paper     every 50th and 10th sample, as published
                    sweep=no|yes              sweep r and k (always with --out)
       baxter       images=1800               images, 40 or more
-                   network=small|paper       paper takes 10 minutes a training
+                   network=small|paper       paper takes 15 minutes a training
       cross-patch  train_robot=ROBOT         train on this robot, test on --robot
       recordings   folds=4                   folds, 2 to 20
       prints       pitch_mm=4.79             between readings
@@ -138,6 +152,8 @@ def command(
     Example:  skinmap evaluate --protocol kaspar --seeds 3 --json
               skinmap evaluate --protocol cross-patch --robot icub --seeds 1
               skinmap evaluate --protocol physics --seeds 1 --per-gesture 5
+              skinmap evaluate --protocol baxter --network paper --json
+              skinmap evaluate --protocol baxter IMAGES
               skinmap evaluate --protocol time --per-gesture 8
               skinmap evaluate --protocol fingers DATA
               skinmap evaluate --protocol force --per-gesture 4
@@ -155,7 +171,9 @@ def command(
     )
     options["variety"] = _variety(chosen, options["variety"])
     evaluation = find_evaluation(chosen)
-    own = own_settings(evaluation.SETTINGS, chosen, options.pop("own"))
+    words = [f"{name}={options[name]}" for name in ("sampling", "network") if options[name]]
+    del options["sampling"], options["network"]
+    own = own_settings(evaluation.SETTINGS, chosen, (*words, *options.pop("own")))
     with spread.open(f"evaluate {chosen}") as workers:
         settings = Settings(
             recordings=files, workers=workers, own=own, pictures=out is not None, **options
@@ -213,6 +231,8 @@ def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, 
                     f"--protocol {protocol} needs {named}; "
                     f"got {len(recordings)} of them: docs/evaluation.md"
                 )
+            return protocol, recordings
+        if protocol == "baxter" and len(recordings) == 1:
             return protocol, recordings
         if recordings:
             raise click.UsageError(f"--protocol {protocol} simulates its touches: no recordings")

@@ -22,6 +22,7 @@ class Kaspar(Own):
     """Where people touch, and whether r and k are swept."""
 
     places: Literal["anywhere", "habitual"] = "anywhere"
+    sampling: Literal["random", "paper"] = "random"
     sweep: bool = False
 
 
@@ -57,7 +58,11 @@ def work(settings: Settings) -> KasparResult:
         shared["samples"] = kaspar.SAMPLES
         most = max(kaspar.PERCENTS)
         table = kaspar.evaluate_kaspar(
-            skins[part], percents=kaspar.PERCENTS, places=settings.own.places, **shared
+            skins[part],
+            percents=kaspar.PERCENTS,
+            places=settings.own.places,
+            sampling=settings.own.sampling,
+            **shared,
         )
         carry_over = evaluate_carry_over(skins, percent=most, **shared)
         swept = []
@@ -68,10 +73,12 @@ def work(settings: Settings) -> KasparResult:
         part=part,
         taxels=len(skins[part]),
         places=settings.own.places,
+        sampling=settings.own.sampling,
         variety=settings.variety,
         seeds=seeds,
         samples=kaspar.SAMPLES,
         table=table,
+        margins=kaspar.margins(table),
         paper=kaspar.paper_rows(),
         carry_over=carry_over,
         sweep=swept,
@@ -94,6 +101,14 @@ def lines(result: KasparResult) -> Iterator[str | Table]:
         for folds, row in named
     ]  # fmt: skip
     yield Table(["percent", "folds", "features", "classifier", *classes, "mean", "std"], rows)
+    how = {"random": "drawn at random", "paper": "every 50th and every 10th, as published"}
+    yield f"\nhistograms ahead of raw values (RBF SVM) in points; samples {how[result.sampling]}"
+    rows = [
+        [f"{row.percent} %", row.folds, row.features, f"{row.points:.1f}",
+         "" if row.paper is None else f"{row.paper:.1f}"]
+        for row in result.margins
+    ]  # fmt: skip
+    yield Table(["percent", "folds", "features", "margin", "the paper's"], rows)
     yield "\ncarry-over between patches with other numbers of taxels, 10 %, by event"
     rows = [
         [

@@ -101,3 +101,25 @@ def test_sweep_has_a_row_for_each_radius_and_number_of_words(kaspar_skin, monkey
         assert 0.0 < row.mean <= 1.0
     assert rows[2].structures == 4  # a 12-pad tiling has four with rotation
     assert rows[0].neighbours < rows[2].neighbours
+
+
+def test_every_50th_and_every_10th_sample_is_drawn_as_published(rng):
+    labels = np.repeat(["poke", "whole_hand"], [1419, 2318])
+    few = resample(labels, 2, rng=rng, sampling="paper")
+    assert len(few) == 29 + 47
+    assert set(np.diff(few[:29])) == {50}
+    many = resample(labels, 10, rng=rng, sampling="paper")
+    assert set(np.diff(many[:142])) == {10}
+    np.testing.assert_array_equal(many, resample(labels, 10, rng=rng, sampling="paper"))
+
+
+def test_margins_stand_beside_the_papers(kaspar_skin):
+    rows = kaspar.evaluate_kaspar(
+        kaspar_skin("right_hand"), seeds=[0], samples=SMALL, percents=[10], sampling="paper"
+    )
+    found = kaspar.margins(rows)
+    assert [row.paper for row in found if row.paper is not None] == pytest.approx([2.4], abs=0.05)
+    plain = {(row.features, row.classifier): row.mean for row in rows if row.folds == "plain"}
+    ahead = plain["histogram, literal", "intersection-svm"] - plain["raw", "rbf-svm"]
+    (own,) = (row for row in found if row.paper is not None)
+    assert own.points == pytest.approx(100 * ahead)

@@ -1,0 +1,187 @@
+"""Contact images as files: a folder of pictures with `images.npz`, and what others bring."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.errors import DataFormatError, MissingFileError
+from skinmap.imports import import_optional
+
+ARRAYS = "images.npz"
+PICTURES = (".png", ".bmp", ".tif", ".tiff", ".pgm", ".jpg", ".jpeg")
+COLUMNS = ("image", "label")  # of a table; a column `touch` may tell images of one touch
+NEED = "pictures need Pillow: pip install pillow"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LabelledImages:
+    """Grey images of touches.
+
+    Attributes
+    ----------
+    images : (n, rows, columns) uint8
+    labels : (n,) str
+    touches : (n,) int
+        Touch that each image is of.
+    parts : (n,) str
+        Where it was; empty where nothing tells.
+    """
+
+    images: NDArray[np.uint8]
+    labels: NDArray[np.str_]
+    touches: NDArray[np.int64]
+    parts: NDArray[np.str_]
+
+
+def write_images(found: LabelledImages, folder: Path) -> list[str]:
+    """Write each image as PNG, and all of them as `images.npz`; names of the files."""
+    pillow = import_optional("PIL.Image", NEED)
+    names = []
+    for number, (image, label, part) in enumerate(
+        zip(found.images, found.labels, found.parts, strict=True)
+    ):
+        word = "".join(c if c.isalnum() or c in "-_" else "_" for c in f"{part}_{label}")
+        names.append(f"{number:05d}_{word}.png")
+        pillow.fromarray(image).save(folder / names[-1])
+    np.savez_compressed(
+        folder / ARRAYS,
+        images=found.images,
+        labels=found.labels,
+        touches=found.touches,
+        parts=found.parts,
+        files=np.array(names),
+    )
+    return [ARRAYS, *names]
+
+
+def read_images(path: Path) -> LabelledImages:
+    """Read labelled grey images, all of one size.
+
+    Parameters
+    ----------
+    path : Path
+        A folder that `write_images` wrote, its `images.npz`, a folder with one folder of pictures
+        for each label, or a table (.csv) with the columns image, label and perhaps touch.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or images that are none.
+    """
+    if not path.exists():
+        raise MissingFileError(path, "a folder or table of contact images")
+    if path.is_dir() and (path / ARRAYS).exists():
+        path = path / ARRAYS
+    if path.is_dir():
+        return _of_folders(path)
+    if path.suffix.lower() == ".npz":
+        return _of_arrays(path)
+    if path.suffix.lower() == ".csv":
+        return _of_table(path)
+    raise DataFormatError("contact images are a folder, a .csv or an .npz", path)
+
+
+def _of_folders(path: Path) -> LabelledImages:
+    files = [
+        (one, folder.name)
+        for folder in sorted(path.iterdir())
+        if folder.is_dir()
+        for one in sorted(folder.iterdir())
+        if one.suffix.lower() in PICTURES
+    ]
+    if not files:
+        raise DataFormatError(
+            f"no pictures: a folder for each label (hand, other) or {ARRAYS} is expected", path
+        )
+    return _checked(path, files, np.arange(len(files)))
+
+
+def _of_table(path: Path) -> LabelledImages:
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = list(csv.DictReader(file))
+    if not rows:
+        raise DataFormatError("the table has no rows", path)
+    missing = [name for name in COLUMNS if name not in rows[0]]
+    if missing:
+        have = ", ".join(filter(None, rows[0]))
+        raise DataFormatError(f"no column {', '.join(missing)}; the columns are: {have}", path)
+    files = []
+    for number, row in enumerate(rows, 2):
+        if not row["image"] or not row["label"]:
+            raise DataFormatError("a row without image or label", path, number)
+        files.append((path.parent / row["image"], row["label"]))
+    if "touch" in rows[0]:
+        _, touches = np.unique([row["touch"] or "" for row in rows], return_inverse=True)
+    else:
+        touches = np.arange(len(rows))
+    return _checked(path, files, touches)
+
+
+def _of_arrays(path: Path) -> LabelledImages:
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            kept = {name: arrays[name] for name in arrays.files}
+    except (OSError, ValueError, EOFError) as error:
+        raise DataFormatError(f"no archive of arrays: {error}", path) from error
+    missing = [name for name in ("images", "labels") if name not in kept]
+    if missing:
+        raise DataFormatError(
+            f"no array {', '.join(missing)}; the arrays are: {', '.join(kept) or 'none'}", path
+        )
+    images, labels = kept["images"], kept["labels"].astype(str)
+    touches, parts = kept.get("touches", np.arange(len(labels))), kept.get("parts", labels)
+    if images.ndim != 3 or images.dtype != np.uint8:
+        raise DataFormatError(
+            f"images are (n, rows, columns) of 8 bits, got {images.shape} of {images.dtype}", path
+        )
+    if not len(images) == len(labels) == len(touches):
+        raise DataFormatError(
+            f"{len(images)} images, {len(labels)} labels, {len(touches)} touches", path
+        )
+    for number, image in enumerate(images):
+        _refuse_black(image, f"image {number}", path)
+    if not len(images):
+        raise DataFormatError("no images", path)
+    return LabelledImages(images, labels, touches.astype(np.int64), parts.astype(str))
+
+
+def _checked(
+    path: Path, files: Sequence[tuple[Path, str]], touches: NDArray[np.int64]
+) -> LabelledImages:
+    images = [_picture(one) for one, _ in files]
+    for image, (one, _) in zip(images, files, strict=True):
+        if image.shape != images[0].shape:
+            here, first = (" x ".join(map(str, some.shape)) for some in (image, images[0]))
+            raise DataFormatError(
+                f"{here} pixels, {files[0][0].name} has {first}: images are of one size", one
+            )
+    labels = np.array([label for _, label in files])
+    return LabelledImages(np.stack(images), labels, touches, np.full(len(labels), ""))
+
+
+def _picture(path: Path) -> NDArray[np.uint8]:
+    if not path.exists():
+        raise MissingFileError(path, "a contact image")
+    pillow = import_optional("PIL.Image", NEED)
+    try:
+        with pillow.open(path) as file:
+            if file.mode not in ("L", "P", "1", "RGB", "RGBA"):
+                raise DataFormatError(f"grey images of 8 bits are read, this is {file.mode}", path)
+            image = np.asarray(file.convert("L"))
+    except (OSError, SyntaxError, ValueError) as error:
+        if isinstance(error, DataFormatError):
+            raise
+        raise DataFormatError("not a picture", path) from error
+    _refuse_black(image, "the image", path)
+    return image
+
+
+def _refuse_black(image: NDArray[np.uint8], name: str, path: Path) -> None:
+    if image.size == 0 or image.max() == 0:
+        raise DataFormatError(f"{name} is black everywhere: no touch", path)
