@@ -64,7 +64,7 @@ NO_HAND = ("other", "non-hand", "non_hand", "nonhand", "no_hand", "not_hand", *G
 
 
 def given_images(images: NDArray[np.uint8], named: Names, touches: IntArray) -> ImageSet:
-    """Images (n, rows, columns) that somebody brought, with labels (n,) and touches (n,).
+    """Images (n, rows, columns) of files, with labels (n,) and touches (n,).
 
     Labels are "hand" and "other", or gestures that are one of these.
 

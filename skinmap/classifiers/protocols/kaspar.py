@@ -158,7 +158,7 @@ def margins(table: Sequence[AccuracyRow]) -> list[MarginRow]:
     found, published = [], paper_rows()
     for percent in dict.fromkeys(cast(int, row.percent) for row in table):
         theirs = None
-        if percent in PERCENTS:
+        if percent in {row.percent for row in published}:
             ahead = mean(published, percent, "plain", "histogram", "intersection-svm")
             theirs = 100.0 * (ahead - mean(published, percent, "plain", "raw", "rbf-svm"))
         for kind in KINDS:

@@ -264,10 +264,10 @@ class KasparResult(Simulated):
     part: str
     taxels: int
     places: str
-    sampling: str
+    sampling: str | UnsetType = UNSET
     samples: dict[str, int]
     table: list[AccuracyRow]
-    margins: list[MarginRow]
+    margins: list[MarginRow] | UnsetType = UNSET
     paper: list[AccuracyRow]
     carry_over: CarryOver
     sweep: list[SweepRow]

@@ -102,11 +102,12 @@ def lines(result: KasparResult) -> Iterator[str | Table]:
     ]  # fmt: skip
     yield Table(["percent", "folds", "features", "classifier", *classes, "mean", "std"], rows)
     how = {"random": "drawn at random", "paper": "every 50th and every 10th, as published"}
-    yield f"\nhistograms ahead of raw values (RBF SVM) in points; samples {how[result.sampling]}"
+    drawn = how[given(result.sampling) or "random"]
+    yield f"\nhistograms ahead of raw values (RBF SVM) in points; samples {drawn}"
     rows = [
         [f"{row.percent} %", row.folds, row.features, f"{row.points:.1f}",
          "" if row.paper is None else f"{row.paper:.1f}"]
-        for row in result.margins
+        for row in given(result.margins) or []
     ]  # fmt: skip
     yield Table(["percent", "folds", "features", "margin", "the paper's"], rows)
     yield "\ncarry-over between patches with other numbers of taxels, 10 %, by event"
