@@ -63,7 +63,7 @@ class RestResult:
               show_default=True, help="Rest before load and after it, rest before it, or back to "
               "the zero of the evidence.")  # fmt: skip
 @click.option("--robot", metavar="ROBOT", help="Robot of a live source.")
-@click.option("--part", metavar="PART", help="Part of a live source.")
+@click.option("--part", metavar="PART", help="Only this part of the robot: that of a live source.")
 @click.option("--seconds", type=Number(0.5, 600.0), default=3.0, show_default=True,
               help="Rest that is heard from a live source.")  # fmt: skip
 @prints(RestResult)
