@@ -27,7 +27,7 @@ FOOT = ("--part", "left_foot")
 TOUCH = {
     "heading", "up_mm", "right_mm", "speed_mm_s", "presses", "period_s", "early_label", "early_s",
     "event", "touch", "part", "label", "confidence", "names", "start_s", "duration_s", "area_mm2",
-    "path_mm", "peak", "centre_mm", "contacts", "channels", "kind", "motion", "hand",
+    "path_mm", "peak", "centre_mm", "contacts", "channels", "kind", "motion", "hand", "load",
 }  # fmt: skip
 
 
