@@ -100,6 +100,6 @@ def test_misspelt_command_is_answered_with_those_that_exist():
     result = CliRunner().invoke(cli, ["inspct", "icub"])
     assert result.exit_code == 2
     assert (
-        "no command 'inspct'; did you mean 'inspect'? The commands are: demo, inspect,"
+        "no command 'inspct'; did you mean 'inspect'? The commands are: demo, new, inspect,"
         in result.output
     )

@@ -212,7 +212,7 @@ def _check(urdf: Path, files: Sequence[Path], links: Sequence[str], output: Path
 def _settle(
     part: str, table: TaxelTable, robot: Robot, units: str | None, link: str | None
 ) -> tuple[list[Candidate], list[str]]:
-    """Candidates for a table, the choice first, and the questions that nobody answered."""
+    """Candidates for a table, the choice first, and the open questions."""
     from skinmap.io.robots.new_manifest import candidates, in_question, unclear
 
     if link is None and table.link in robot.body.links:
@@ -241,7 +241,7 @@ def _settle(
 
 
 def in_terminal() -> bool:
-    """Whether somebody can be asked."""
+    """Whether a terminal is there to ask."""
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
