@@ -3,9 +3,8 @@
     python -m benchmarks.reliability.planted_faults [--recordings 300] [--seed 0]
 
 Skins of 8 to 400 channels at 20 to 200 Hz: touches that pass over a sheet of taxels, with noise, as
-whole numbers or silent at rest, rising or falling; touches of the simulator and of MuJoCo; and the
-noise of real skins, where their recordings are at hand. Each fault is planted in one recording, and
-one recording in a few stays clean. A fault is found where a finding of its kind names one of its
+whole numbers or silent at rest, rising or falling. Each fault is planted in one recording, and one
+recording in a few stays clean. A fault is found where a finding of its kind names one of its
 channels and one of its rows; others are false.
 """
 

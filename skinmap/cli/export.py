@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import click
 
-from skinmap.commands.options import open_robot, out_file, part_option, prints, robot_argument
+from skinmap.commands.options import (
+    calibration_option,
+    open_robot,
+    out_file,
+    part_option,
+    prints,
+    robot_argument,
+)
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
@@ -18,6 +26,8 @@ from skinmap.report.present import present
 if TYPE_CHECKING:
     from skinmap.io.recordings.recorded_stream import RecordedStream
     from skinmap.io.taxels.cyskin import CySkin
+    from skinmap.live.loop import TouchLoop
+    from skinmap.live.moment import Moment
     from skinmap.skin.taxels import TaxelTable
 
 FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their files
@@ -27,7 +37,9 @@ FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their 
 FOLDERS = ("lerobot", "rosbag2")  # of a recording
 TOUCHED = "touched"  # a table of recordings
 RERUN = "rrd"  # a file of a recording
+CONTACTS = "contacts"  # a table of a recording
 IMAGES = "images"  # a folder of pictures of a recording
+ENDINGS = {TOUCHED: (".csv",), RERUN: (".rrd",), CONTACTS: (".csv", ".parquet")}
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 MCAP = ".mcap"
@@ -264,11 +276,12 @@ class ExportedImages:
 @robot_argument
 @part_option
 @click.option(
-    "--format", "format", type=click.Choice([*FORMATS, *FOLDERS, IMAGES, RERUN, TOUCHED]),
+    "--format", "format", type=click.Choice([*FORMATS, *FOLDERS, CONTACTS, IMAGES, RERUN, TOUCHED]),
     help="Format to write taxels in (default: csv), or a recording, or where some were touched.",
 )  # fmt: skip
 @out_file("What to write: a file, or the folder of a format.", required=True, folder=True)
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
+@calibration_option
 @retired(profile=NO_PROFILE, read_as="write FORMAT:FILE instead of FILE")
 @prints(ExportedTaxels, ExportedModel, ExportedRecording, ExportedTouched, ExportedImages)
 def command(
@@ -277,6 +290,7 @@ def command(
     format: str | None,
     output: Path,
     unrepaired: bool,
+    calibrations: tuple[str, ...],
     as_json: bool,
 ) -> None:
     """Write the taxels of a part: csv, icub (positions .txt), urdf (tactile extension), ply.
@@ -299,7 +313,8 @@ def command(
     With --format rrd a recording becomes a file of rerun (extra rerun): body, taxels, touches with
     their names, plots. With --format touched a recording, or a folder of some, becomes a table
     (.csv) of where the robot was touched: count, dwell, largest pressure and last time of each
-    taxel.
+    taxel. With --format contacts a recording becomes a table (.csv, .parquet) with a row for each
+    touch and sample: place, area, names, and with --calibration force and pressures.
 
     \b
     Example:  skinmap export icub --part torso --format icub -o torso.txt
@@ -310,6 +325,7 @@ def command(
     Example:  skinmap export touch.mcap --format lerobot -o dataset
     Example:  skinmap export touch.mcap --format images -o folder
     Example:  skinmap export touch.mcap --format rrd -o touch.rrd
+    Example:  skinmap export touch.mcap --format contacts -o contacts.csv
     Example:  skinmap export recordings --format touched -o touched.csv
     """
     if format == TOUCHED:
@@ -323,13 +339,18 @@ def command(
             raise click.UsageError("images are of recordings; leave out --unrepaired")
         present(export_images(Path(robot), parts, output), _image_lines, as_json=as_json)
         return
-    if format == RERUN:
+    if calibrations and format != CONTACTS:
+        raise click.UsageError("--calibration needs --format contacts")
+    if format in (RERUN, CONTACTS):
         if not _is_recording(Path(robot)):
             raise click.UsageError(f"{format} is for recordings; {robot} is none")
         if unrepaired:
             raise click.UsageError("a recording has no --unrepaired")
         _check_ending(output, format)
-        result = export_rerun(Path(robot), parts, output)
+        if format == RERUN:
+            result = export_rerun(Path(robot), parts, output)
+        else:
+            result = export_contacts(Path(robot), parts, calibrations, output)
         present(result, _recording_lines, as_json=as_json)
         return
     if _is_recording(Path(robot)):
@@ -357,7 +378,7 @@ def command(
 
 def _check_ending(output: Path, format: str) -> None:
     """Refuse a name that would pass a file off as something else, such as a recording."""
-    endings = {TOUCHED: (".csv",), RERUN: (".rrd",)}.get(format) or FORMATS[format]
+    endings = ENDINGS.get(format) or FORMATS[format]
     if output.suffix.lower() not in endings:
         raise click.UsageError(
             f"{format} is written to files ending in {' or '.join(endings)}, got {output.name!r}"
@@ -506,35 +527,80 @@ def _image_lines(result: ExportedImages) -> Iterator[str]:
     yield f"{result.images} images of {result.rows} x {result.columns}: {counted}"
 
 
-def export_rerun(path: Path, parts: tuple[str, ...], output: Path) -> ExportedRecording:
-    """Write a recording as a file of rerun, its touches named by the model of Skinmap."""
-    from contextlib import closing
-
+@contextmanager
+def _naming(
+    path: Path, parts: tuple[str, ...], calibrations: tuple[str, ...] = ()
+) -> Iterator[TouchLoop]:
+    """A recording whose touches are named by the model of Skinmap, its rest learnt ahead."""
     from skinmap.classifiers.named_classifiers import default_model
-    from skinmap.imports import import_optional
-    from skinmap.io.output import staged_file
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.rerun_file import NEED, write_rerun
+    from skinmap.live.response.loads import load_calibrations
     from skinmap.live.sources.open_recording import open_recording
     from skinmap.live.touched_taxels import LEARN, robot_of
+    from skinmap.touch.prepared_skin import PreparedSkin
 
-    import_optional("rerun", NEED)  # before any work is done
     robot, names = open_robot(robot_of([path]) or "icub", parts)
     source = open_recording(path, robot=robot, speed=float("inf"))
     shared = [part for part in source.info.parts if part in names]
     if not shared:
         source.close()
         raise click.UsageError(f"{path} holds {', '.join(source.info.parts)}, no part asked for")
-    loop = TouchLoop(robot, source, classifier=default_model(), parts=shared, singly=True)
-    with closing(loop), staged_file(output) as stage:
+    skins = {part: PreparedSkin(robot.skin(part)) for part in shared}
+    loads = load_calibrations(calibrations, skins) if calibrations else None
+    loop = TouchLoop(
+        robot, source, classifier=default_model(), parts=shared, skins=skins, calibrations=loads,
+        singly=True,
+    )  # fmt: skip
+    with closing(loop):
         with closing(open_recording(path, robot=robot, speed=float("inf"))) as ahead:
             loop.learn_rest(ahead, LEARN)
+        yield loop
+
+
+def export_rerun(path: Path, parts: tuple[str, ...], output: Path) -> ExportedRecording:
+    """Write a recording as a file of rerun, its touches named by the model of Skinmap."""
+    from skinmap.imports import import_optional
+    from skinmap.io.output import staged_file
+    from skinmap.live.rerun_file import NEED, write_rerun
+
+    import_optional("rerun", NEED)  # before any work is done
+    with _naming(path, parts) as loop, staged_file(output) as stage:
         skins = {part: one.skin for part, one in loop.skins.items()}
-        samples = write_rerun(loop, robot, skins, stage, name=path.name)
-    widths = {part: len(skin) for part, skin in skins.items()}
+        samples = write_rerun(loop, loop.robot, skins, stage, name=path.name)
+    return _named_recording(loop, RERUN, samples, output)
+
+
+def export_contacts(
+    path: Path, parts: tuple[str, ...], calibrations: tuple[str, ...], output: Path
+) -> ExportedRecording:
+    """Write the touches of a recording as a table, a row for each touch and sample."""
+    from skinmap.io.output import staged_file
+    from skinmap.live.contact_table import write_contacts
+
+    parquet = output.suffix.lower() == ".parquet"
+    with _naming(path, parts, calibrations) as loop, staged_file(output) as stage:
+        counted = _Counted(loop)
+        write_contacts(counted, loop.robot, stage, parquet=parquet)
+    return _named_recording(loop, CONTACTS, counted.samples, output)
+
+
+class _Counted:
+    """Moments as they come, and how many they were."""
+
+    def __init__(self, moments: Iterable[Moment]) -> None:
+        self._moments, self.samples = moments, 0
+
+    def __iter__(self) -> Iterator[Moment]:
+        for moment in self._moments:
+            self.samples += 1
+            yield moment
+
+
+def _named_recording(loop: TouchLoop, format: str, samples: int, output: Path) -> ExportedRecording:
+    widths = {part: len(one.skin) for part, one in loop.skins.items()}
     return ExportedRecording(
-        robot=robot.name,
-        format=RERUN,
+        robot=loop.robot.name,
+        format=format,
         kind=loop.info.kind,
         samples=samples,
         parts=[ChannelsOfPart(name=part, channels=width) for part, width in widths.items()],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import time
 from pathlib import Path
@@ -130,3 +131,37 @@ def test_calibrations_of_other_skins_are_refused(folder: Path, tmp_path: Path) -
     assert "7 taxels are calibrated" in refused("--calibration", small)
     assert "no part to calibrate 'tail'" in refused("--calibration", f"tail={small}")
     assert "no file" in refused("--calibration", tmp_path / "nothing")
+
+
+def test_contacts_of_a_recording_become_a_table(folder: Path, tmp_path: Path) -> None:
+    touches, plain, loaded = folder / "touches.npz", tmp_path / "a.csv", tmp_path / "b.csv"
+    words = ["export", str(touches), "--format", "contacts", "-o"]
+    load = ["--calibration", f"{PART}={folder / 'load'}"]
+    for file, more in ((plain, []), (loaded, load)):
+        done = CliRunner().invoke(cli, [*words, str(file), *more], catch_exceptions=False)
+        assert done.exit_code == 0, done.output
+    with plain.open() as one, loaded.open() as other:
+        rows, forces = list(csv.DictReader(one)), list(csv.DictReader(other))
+    assert len(rows) == len(forces) > 100
+    assert all(row["force_n"] == "" and row["area_low_mm2"] == "" for row in rows)
+    told = [row for row in forces if row["force_n"]]
+    assert len(told) > len(forces) / 2
+    for row in told:
+        assert float(row["force_low_n"]) < float(row["force_n"]) < float(row["force_high_n"])
+        assert float(row["peak_kpa"]) > 0.0
+    assert {row["part"] for row in rows} == {PART}
+    assert [row["time"] for row in rows] == [row["time"] for row in forces]
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        (["icub", "--part", PART, "--calibration", "x", "-o", "a.csv"], "needs --format contacts"),
+        (["icub", "--format", "contacts", "-o", "a.csv"], "contacts is for recordings"),
+        (["t.npz", "--format", "contacts", "-o", "a.txt"], "ending in .csv or .parquet"),
+    ],
+)
+def test_contacts_that_cannot_be_written_are_refused(words, answer) -> None:
+    done = CliRunner().invoke(cli, ["export", *words])
+    assert done.exit_code == 2
+    assert answer in done.output
