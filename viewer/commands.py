@@ -91,7 +91,8 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     "calibrations",
     multiple=True,
     metavar="[PART=]FILE",
-    help="Calibrated taxels, for the layer uncertainty; may be repeated.",
+    help="Calibrated taxels, for the layer uncertainty, or what `calibrate load` wrote, for forces "
+    "in newtons; may be repeated.",
 )
 @response_option
 @click.option(
@@ -282,8 +283,10 @@ def _counts(layer: str | None) -> bool:
 
 def _session(options: Mapping[str, Any]) -> Any:
     """The robot, its parts and all that was named for them."""
-    from viewer.inputs import read_covariances, read_responses
+    from viewer.inputs import is_load, read_covariances, read_responses
     from viewer.view_options import Session
+
+    tables = [name for name in options["calibrations"] if not is_load(name)]
 
     robot, parts = open_robot(options["robot"], options["parts"])
     session = Session(
@@ -294,7 +297,8 @@ def _session(options: Mapping[str, Any]) -> Any:
         seed=options["seed"],
         speed=options["speed"],
         responses=read_responses(options["responses"], robot, parts),
-        covariances=read_covariances(options["calibrations"], robot, parts),
+        covariances=read_covariances(tables, robot, parts),
+        loads=[name for name in options["calibrations"] if is_load(name)],
         touched_in=options["touched_in"],
     )
     session.prepare()

@@ -91,6 +91,12 @@ def read_token() -> str | None:
     return check_token(text) if text else None
 
 
+def is_load(name: str) -> bool:
+    """Whether a calibration is one of loads: a folder or file of `skinmap calibrate load`."""
+    path = Path(name.partition("=")[2] or name)
+    return path.is_dir() or path.suffix.lower() == ".npz"
+
+
 def read_covariances(
     names: Sequence[str], robot: Robot, parts: Sequence[str]
 ) -> dict[str, FloatArray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -26,6 +26,7 @@ from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.source import Seekable, Source, SourceEnded, is_live
 from skinmap.live.touched_taxels import Touched, recordings_of, touched_in
 from skinmap.skin.robot import Robot
+from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.body.bare_body import check_links
 from viewer.drawing.skin.lazy_maps import LazyMaps
@@ -63,6 +64,8 @@ class Session:
         Of recordings.
     responses : mapping of str to ResponseCalibration
     covariances : mapping of str to (n, 3, 3) array
+    loads : sequence of str
+        Load calibrations, each "FOLDER" or "PART=FOLDER".
     origin : float
         Time of the source's beginning in its moments' clock [s], once some came.
     touched_in : Path or None
@@ -77,14 +80,20 @@ class Session:
     speed: float = 1.0
     responses: Mapping[str, Any] = field(default_factory=dict)
     covariances: Mapping[str, FloatArray] = field(default_factory=dict)
+    loads: Sequence[str] = ()
     skins: dict[str, PreparedSkin] = field(default_factory=dict)
     origin: float = math.nan
     touched_in: Path | None = None
     _touched: Touched | None = None
+    _loads: dict[str, LoadCalibration] = field(default_factory=dict)
 
     def prepare(self) -> None:
-        """Prepare the skins that are shown."""
+        """Prepare the skins that are shown, and read their load calibrations."""
         self.skins = {part: PreparedSkin(self.robot.skin(part)) for part in self.parts}
+        if self.loads:
+            from skinmap.live.response.loads import load_calibrations
+
+            self._loads = load_calibrations(self.loads, self.skins)
 
     @property
     def healths(self) -> dict[str, Any]:
@@ -136,6 +145,7 @@ class Session:
             source,
             classifier=classifier,
             responses={p: r for p, r in self.responses.items() if p in shared},
+            calibrations={p: load for p, load in self._loads.items() if p in shared},
             parts=shared,
             skins=self.skins,
             reopen=lambda: stepwise(self.open()),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from skinmap.commands.options import Number, open_stream, prints
+from skinmap.commands.options import open_stream, prints, seconds_option
 from skinmap.errors import InvalidArrayError
 from skinmap.report.present import present
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 MOVED = 4.0  # counts that the median taxel may move while the skin rests
 FILES = (".npz", ".csv")
+REST = 3.0  # of a live source that sets the zero [s]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,8 +65,7 @@ class RestResult:
               "the zero of the evidence.")  # fmt: skip
 @click.option("--robot", metavar="ROBOT", help="Robot of a live source.")
 @click.option("--part", metavar="PART", help="Only this part of the robot: that of a live source.")
-@click.option("--seconds", type=Number(0.5, 600.0), default=3.0, show_default=True,
-              help="Rest that is heard from a live source.")  # fmt: skip
+@seconds_option("Stop after so long: the rest of a live source, 3 s by default.")
 @prints(RestResult)
 def rest(as_json: bool, **given: Any) -> None:
     """Zero an existing load calibration anew, on a skin that nothing touches.
@@ -80,7 +80,13 @@ def rest(as_json: bool, **given: Any) -> None:
 
 
 def work(
-    *, source: str, model: Path, zero: Zero, robot: str | None, part: str | None, seconds: float
+    *,
+    source: str,
+    model: Path,
+    zero: Zero,
+    robot: str | None,
+    part: str | None,
+    seconds: float | None,
 ) -> RestResult:
     """Replace the zero of a calibration."""
     from dataclasses import replace
@@ -95,7 +101,7 @@ def work(
         shift, count = _recorded(path, found, zero)
         now = path.stat().st_mtime
     else:
-        samples = _heard(source, robot, part, seconds, len(found))
+        samples = _heard(source, robot, part, REST if seconds is None else seconds, len(found))
         shift, count = found.zero_at(samples, now).shift, len(samples)
     if zero == "none":
         shift = np.zeros(len(found))

@@ -263,7 +263,7 @@ calibration_option = click.option(
     "--calibration",
     "calibrations",
     multiple=True,
-    metavar="[PART=]FOLDER",
+    metavar="[PART=]FILE",
     help="Load calibration of a part, from `calibrate load -o`: forces in newtons; may be "
     "repeated.",
 )

@@ -327,9 +327,11 @@ def _from_table(path: Path) -> Track:
     counts = {one: head.count(one) for one in (",", ";", "\t")}
     mark = max(counts, key=lambda one: counts[one])
     split = mark if counts[mark] else " "
-    names = [
-        one.strip() for one in next(csv.reader([head], delimiter=split, skipinitialspace=True))
-    ]
+    try:
+        heads = next(csv.reader([head], delimiter=split, skipinitialspace=True))
+    except csv.Error as error:
+        raise DataFormatError(f"not a table: {error}", path) from None
+    names = [one.strip() for one in heads]
     if all(_is_number(one) for one in names if one):
         raise DataFormatError(
             "no header: a column `time` and a name for each channel expected", path
@@ -385,7 +387,7 @@ def _numbers_of(
     except ValueError:
         pass
     rows = []
-    for number, cells in enumerate(csv.reader(lines, delimiter=split, skipinitialspace=True)):
+    for number, cells in enumerate(_cells(lines, split, path)):
         if len(cells) != width:
             raise DataFormatError(f"row {number} has {len(cells)} values, {width} expected", path)
         try:
@@ -394,6 +396,13 @@ def _numbers_of(
             word = str(error).partition(": ")[2]
             raise DataFormatError(f"row {number} holds {word}, not a number", path) from None
     return np.array(rows, np.float64)
+
+
+def _cells(lines: list[str], split: str, path: Path) -> Iterator[list[str]]:
+    try:
+        yield from csv.reader(lines, delimiter=split, skipinitialspace=True)
+    except csv.Error as error:
+        raise DataFormatError(f"not a table: {error}", path) from None
 
 
 def _from_recordings(path: Path) -> Track:

@@ -45,22 +45,22 @@ class Health:
 class ContactLoad:
     """What presses on a touch, at its heaviest moment, in the frame of its link.
 
-    Numbers are null where there is no answer. Pairs are the ends of the interval of 90 %.
+    Pairs are the ends of the interval of 90 %.
 
     Attributes
     ----------
     force_n, force_n_90
-        Sum of the pressure over the skin [N].
+        Sum of the pressure over the skin [N]; null without an answer.
     vector_n, moment_nm
-        Force on the skin [N], and its moment about `centre_m` [N m].
+        Force on the skin [N], and its moment about `centre_m` [N m]; null without an answer.
     normal
-        Outward direction against the force.
+        Outward direction against the force; null without an answer.
     centre_m
-        [m].
+        [m]; null without an answer.
     area_mm2, area_mm2_90
-        Touched skin [mm2].
+        Touched skin [mm2]; null without an answer.
     mean_kpa, mean_kpa_90, peak_kpa, peak_kpa_90
-        Pressures [kPa].
+        Pressures [kPa]; null without an answer.
     refused
         Why there is no answer; empty where there is one.
     """

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import DataFormatError, MissingFileError
+from skinmap.archive import open_arrays
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, MissingFileError
 from skinmap.imports import import_optional
+from skinmap.io.text import check_file
 
 ARRAYS = "images.npz"
 PICTURES = (".png", ".bmp", ".tif", ".tiff", ".pgm", ".jpg", ".jpeg")
@@ -103,8 +105,12 @@ def _of_folders(path: Path) -> LabelledImages:
 
 
 def _of_table(path: Path) -> LabelledImages:
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = list(csv.DictReader(file))
+    check_file(path, "a table of contact images")
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DataFormatError(f"not a table: {str(error)[:200]}", path) from None
     if not rows:
         raise DataFormatError("the table has no rows", path)
     missing = [name for name in COLUMNS if name not in rows[0]]
@@ -124,18 +130,23 @@ def _of_table(path: Path) -> LabelledImages:
 
 
 def _of_arrays(path: Path) -> LabelledImages:
+    check_file(path, "contact images (.npz)", 2**32)
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with open_arrays(path) as arrays:
             kept = {name: arrays[name] for name in arrays.files}
-    except (OSError, ValueError, EOFError) as error:
-        raise DataFormatError(f"no archive of arrays: {error}", path) from error
+    except DAMAGED_ARCHIVE as error:
+        raise DataFormatError(f"not an archive of arrays: {str(error)[:200]}", path) from None
     missing = [name for name in ("images", "labels") if name not in kept]
     if missing:
         raise DataFormatError(
             f"no array {', '.join(missing)}; the arrays are: {', '.join(kept) or 'none'}", path
         )
-    images, labels = kept["images"], kept["labels"].astype(str)
+    images, labels = kept["images"], kept["labels"]
+    if labels.ndim != 1 or labels.dtype.kind != "U":
+        raise DataFormatError(f"labels are texts (n,), got {labels.shape} {labels.dtype}", path)
     touches, parts = kept.get("touches", np.arange(len(labels))), kept.get("parts", labels)
+    if touches.ndim != 1 or touches.dtype.kind not in "iu" or parts.dtype.kind != "U":
+        raise DataFormatError("touches are whole numbers (n,), parts texts (n,)", path)
     if images.ndim != 3 or images.dtype != np.uint8:
         raise DataFormatError(
             f"images are (n, rows, columns) of 8 bits, got {images.shape} of {images.dtype}", path

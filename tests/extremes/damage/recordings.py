@@ -31,6 +31,7 @@ from skinmap.io.recordings.channel_table import read_arrays as read_channels
 from skinmap.io.recordings.channel_table import read_cyskin_text, read_table
 from skinmap.io.recordings.cyskin_arrays import read_pressed
 from skinmap.io.recordings.dumper import read_dump, read_log
+from skinmap.io.recordings.image_files import read_images
 from skinmap.io.recordings.learning import write_npz
 from skinmap.io.recordings.load_evidence import read_evidence
 from skinmap.io.recordings.mapping import read_mapping
@@ -42,9 +43,11 @@ from skinmap.io.ros2.bag import read_bag, read_bag_mapping
 from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.live.sources.zenoh_source import CLOUD, values_of
+from skinmap.memory_features import FEATURES
 from skinmap.parallel import ResumeStore
 from skinmap.soundness.track import read_track as read_examined
 from skinmap.touch import recording as archive
+from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.recording import Recording, save_recordings
 
 from .layouts import written
@@ -71,6 +74,23 @@ def loaded() -> bytes:
     """Samples beside a pressure, as `calibrate load` and `examine` read them."""
     times = np.arange(SAMPLES) / RATE
     return zipped(samples=values(), times=times, pressure_bar=np.sin(times))
+
+
+def load_model() -> bytes:
+    """A load calibration of two taxels."""
+    each = np.ones(2)
+    return LoadCalibration(
+        np.zeros((2, FEATURES)), 0 * each, 200 * each, 0 * each, each, 0.005 * each, 0.01, 50.0,
+        "linear", 0 * each, 0.0,
+    ).to_bytes()  # fmt: skip
+
+
+def picture() -> bytes:
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(np.full((3, 4), 9, np.uint8)).save(buffer, "PNG")
+    return buffer.getvalue()
 
 
 def recording() -> bytes:
@@ -397,5 +417,11 @@ TARGETS = [
     *both("examined", "e.npz", lambda: [loaded()], read_examined,
           ("skinmap.soundness.track.read_track",)),
     Target("examined-csv", "e.csv", lambda: [ROWS], read_examined),
+    *both("load-model", "load.npz", lambda: [load_model()], LoadCalibration.read),
+    *both("images", "i.npz",
+          lambda: [zipped(images=np.full((2, 3, 4), 9, np.uint8), labels=np.array(["a", "b"]))],
+          read_images, ("skinmap.io.recordings.image_files.read_images",)),
+    Target("images-csv", "i.csv", lambda: [b"image,label\na.png,poke\na.png,pat\n"], read_images,
+           (), {"a.png": picture}),
     Target("samples-npy", "s.npy", lambda: [npy()], lambda p: read_arrays(p, "samples")),
 ]  # fmt: skip

@@ -1,6 +1,9 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
+from skinmap.live.contacts.contact_forces import ContactForce, Interval
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.drawing.panel.touch_list import caption, details, largest
 from viewer.drawing.touches.touch_marks import LONG, SHORT, arrow, carried_steps, solid_arrow
@@ -46,6 +49,20 @@ def test_a_touch_in_words_leaves_out_what_is_not_known():
     full = made(confidence=0.9, area=1.234e-3, peak=99.6, began=1.5, force=2.25)
     assert details(full, 3.0) == ["left arm", "1,234 mm\u00b2", "peak 100", "2.2 N", "1.5 s"]
     assert details(full, float("nan"))[-1] == "2.2 N"
+
+
+def test_touch_of_a_calibrated_part_has_its_force_with_an_interval():
+    nothing = np.full(3, np.nan)
+    load = ContactForce(
+        Interval(12.44, 10.9, 14.06), nothing, nothing, nothing, nothing,
+        Interval(1e-3, 9e-4, 2e-3), Interval(9e3, 8e3, 1e4), Interval(26.4e3, 2e4, 3e4),
+    )  # fmt: skip
+    touch = made(confidence=0.9, area=1e-3, peak=99.6, load=load)
+    assert details(touch, 3.0)[:3] == ["left arm", "12.4 N (10.9 to 14.1)", "peak 26 kPa"]
+    refused = dataclasses.replace(load, refused="above the calibrated range")
+    told = details(dataclasses.replace(touch, load=refused), 3.0)
+    assert told[1] == "no force: above the calibrated range"
+    assert not any(" N" in one for one in told)
 
 
 class TwoSheets:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from vtkmodules.vtkRenderingCore import vtkRenderer
 
+from skinmap.live.contacts.contact_forces import ContactForce
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.colours import FAINT, INK, ink_on, touch_colour
 from viewer.colours import faded as pale
@@ -130,12 +131,13 @@ def caption(touch: NamedTouch) -> str:
 
 def details(touch: NamedTouch, time: float) -> list[str]:
     """Where a touch is and how large, hard and long; what is not known is left out."""
-    words = [touch.part.replace("_", " "), *answered(touch)]
+    forces = [] if touch.load is None else loaded(touch.load)  # early: a panel has room for few
+    words = [touch.part.replace("_", " "), *forces, *answered(touch)]
     if known(touch.area):
         words.append(f"{1e6 * touch.area:,.0f} mm\N{SUPERSCRIPT TWO}")
-    if known(touch.peak):
+    if touch.load is None and known(touch.peak):
         words.append(f"peak {touch.peak:.0f}")
-    if known(touch.force):
+    if touch.load is None and known(touch.force):
         words.append(f"{touch.force:.1f} N")
     if known(time - touch.began):
         words.append(f"{max(time - touch.began, 0.0):.1f} s")
@@ -145,6 +147,14 @@ def details(touch: NamedTouch, time: float) -> list[str]:
     if motion is not None and motion.presses > 1:
         words.append(f"{motion.presses} times")
     return words
+
+
+def loaded(load: ContactForce) -> list[str]:
+    """Force and peak pressure with their intervals of 90 %, or why there is none."""
+    if load.refused:
+        return [f"no force: {load.refused}"]
+    force, low, high = load.force
+    return [f"{force:.1f} N ({low:.1f} to {high:.1f})", f"peak {1e-3 * load.peak.value:.0f} kPa"]
 
 
 def answered(touch: NamedTouch) -> list[str]:
