@@ -61,11 +61,11 @@ def run_demo(
         advance("picture of the structures")
         structures_figure(analysis.skins, analysis.rotated, folder / "structures.png")
         advance("still and movie")
-        _show(analysis, folder, seed)
+        movie = _show(analysis, folder, seed)
         drawn = time.perf_counter()
         advance("report")
         pictures = [f"flatmaps/{part}.png" for part in analysis.skins]
-        files = [PICTURE, "structures.png", MOVIE, *pictures, PAGE, NUMBERS]
+        files = [PICTURE, "structures.png", movie, *pictures, PAGE, NUMBERS]
         seconds = DemoSeconds(
             analysis=analysed - started, pictures=drawn - analysed, total=drawn - started
         )
@@ -103,6 +103,7 @@ def demo_lines(result: DemoResult) -> Iterator[str]:
 
 def demo_page(result: DemoResult, folder: Path, skins: Mapping[str, PreparedSkin]) -> str:
     """The report, from the numbers and the pictures that lie in the folder."""
+    movie = next(name for name in result.files if Path(name).stem == Path(MOVIE).stem)
     return page(
         result.robot,
         [
@@ -115,7 +116,7 @@ def demo_page(result: DemoResult, folder: Path, skins: Mapping[str, PreparedSkin
                 "name given and its confidence."
             ),
             heading("As they come"),
-            media(folder / MOVIE, "simulated touches as they come"),
+            media(folder / movie, "simulated touches as they come"),
             heading("How often the name is right"),
             _accuracy(result).html(),
             note(
@@ -216,8 +217,11 @@ def _charts(skins: Mapping[str, PreparedSkin]) -> Table:
     )  # fmt: skip
 
 
-def _show(analysis: Analysis, folder: Path, seed: int) -> None:
-    """Write the still and the movie of touches on parts that were never trained on."""
+def _show(analysis: Analysis, folder: Path, seed: int) -> str:
+    """Write the still and the movie of touches on parts that were never trained on.
+
+    The name of the movie comes back: without ffmpeg it is a .gif.
+    """
     tested = [part for part in analysis.skins if part not in analysis.train_parts][:SHOWN]
     with tempfile.TemporaryDirectory(prefix="skinmap-") as place:
         model = Path(place) / "demo.skinmodel"
@@ -238,4 +242,5 @@ def _show(analysis: Analysis, folder: Path, seed: int) -> None:
             skins=dict(analysis.skins),
         )
         wanted = Wanted(screenshot=folder / PICTURE, movie=folder / MOVIE)
-        write_files(session, Look(), wanted)
+        shown = write_files(session, Look(), wanted)
+    return next(Path(file).name for file in shown.files if Path(file).stem == Path(MOVIE).stem)

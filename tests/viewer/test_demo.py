@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from skinmap.cli.main import cli
-from skinmap.errors import OutputError
+from skinmap.errors import OutputError, SkinWarning
 from viewer.analysis import training_parts
 
 ROOT = Path(__file__).parents[2]
@@ -114,6 +114,17 @@ def test_replay_is_a_movie_of_some_seconds(demo):
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(out / "replay.mp4"))
     assert 50 <= frames <= 400
     assert seconds == pytest.approx(frames / 25.0, abs=0.1)
+
+
+def test_demo_without_ffmpeg_has_its_movie_as_a_gif(tmp_path, monkeypatch):
+    monkeypatch.setattr("viewer.export.movie.find_ffmpeg", lambda: None)
+    words = ["demo", "--part", "left_foot", "--part", "right_forearm"]
+    with pytest.warns(SkinWarning, match=r"replay.gif instead"):
+        done = CliRunner().invoke(cli, [*words, "--out", str(tmp_path / "x"), "--json"])
+    assert done.exit_code == 0, done.output
+    files = json.loads(done.stdout)["files"]
+    assert "replay.gif" in files
+    assert all((tmp_path / "x" / name).is_file() for name in files)
 
 
 def test_demo_that_cannot_write_says_so_before_it_works(tmp_path):
