@@ -130,7 +130,7 @@ def decisive(results: Path) -> list[str]:
             f"{_share(fingers['one_contact_of_one_finger'])} of "
             f"{fingers['recordings_of_one_finger']} recordings",
             "CySkin recordings of others; its thresholds were chosen on them",
-            f"{fingers['named_a_touch']:.0%} of {fingers['recordings_without_a_touch']} "
+            f"{_share(fingers['named_a_touch'])} of {fingers['recordings_without_a_touch']} "
             "recordings without a touch are named",
         ),
         (

@@ -114,9 +114,19 @@ def accepting(function: F) -> F:
     first = next(iter(parameters), "")
     takes_part = PART not in parameters and bool(asked.get(first, set()) & PARTED)
 
+    def subject(arguments: tuple[Any, ...], options: Mapping[str, Any]) -> Any:
+        return arguments[0] if arguments else options.get(first)
+
     @functools.wraps(function)
     def call(*arguments: Any, **options: Any) -> Any:
+        from skinmap.skin.robot import Robot
+
         part = options.pop(PART, None) if takes_part else None
+        if part is not None and not isinstance(subject(arguments, options), str | Path | Robot):
+            raise WrongTypeError(
+                f"{function.__name__}: part chooses a skin of a robot, and {first} is "
+                f"{_shown(subject(arguments, options))}"
+            )
         if arguments and first in parameters:
             arguments = (_made(arguments[0], asked[first], part), *arguments[1:])
         named = dict(zip(parameters, arguments, strict=False))

@@ -21,6 +21,7 @@ WRONG = {
     "flatten without a part": (lambda s: skinmap.flatten("icub"), "add part="),
     "flatten of no robot": (lambda s: skinmap.flatten("icbu", part="torso"), "did you mean 'icub'"),
     "flatten of no part": (lambda s: skinmap.flatten("icub", part="nose"), "no part 'nose'"),
+    "flatten a part of a skin": (lambda s: skinmap.flatten(s, part="torso"), "part chooses a skin"),
     "flatten by a number": (lambda s: skinmap.flatten(s, method=5), "method must be str"),
     "flatten with a stranger": (lambda s: skinmap.flatten(s, colour=1), "no parameter 'colour'"),
     "flatten without anything": (lambda s: skinmap.flatten(), "flatten needs mesh"),
