@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from skinmap.io.recordings.recorded_stream import RecordedStream
     from skinmap.io.taxels.cyskin import CySkin
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.moment import Moment
     from skinmap.skin.taxels import TaxelTable
 
 FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their files
@@ -574,26 +573,16 @@ def export_contacts(
     path: Path, parts: tuple[str, ...], calibrations: tuple[str, ...], output: Path
 ) -> ExportedRecording:
     """Write the touches of a recording as a table, a row for each touch and sample."""
+    from skinmap.imports import import_optional
     from skinmap.io.output import staged_file
-    from skinmap.live.contact_table import write_contacts
+    from skinmap.live.contact_table import NEED, write_contacts
 
     parquet = output.suffix.lower() == ".parquet"
+    if parquet:
+        import_optional("pyarrow", NEED)  # before any work is done
     with _naming(path, parts, calibrations) as loop, staged_file(output) as stage:
-        counted = _Counted(loop)
-        write_contacts(counted, loop.robot, stage, parquet=parquet)
-    return _named_recording(loop, CONTACTS, counted.samples, output)
-
-
-class _Counted:
-    """Moments as they come, and how many they were."""
-
-    def __init__(self, moments: Iterable[Moment]) -> None:
-        self._moments, self.samples = moments, 0
-
-    def __iter__(self) -> Iterator[Moment]:
-        for moment in self._moments:
-            self.samples += 1
-            yield moment
+        write_contacts(loop, loop.robot, stage, parquet=parquet)
+    return _named_recording(loop, CONTACTS, loop.counts.used, output)
 
 
 def _named_recording(loop: TouchLoop, format: str, samples: int, output: Path) -> ExportedRecording:
