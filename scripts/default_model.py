@@ -1,4 +1,4 @@
-"""Make the model that comes with Skinmap, skinmap/classifiers/default.skinmodel, from its seeds.
+"""Make the model that comes with Skinmap, skinmap/recognition/default.skinmodel, from its seeds.
 
     python scripts/default_model.py [--answers] [FILE]
 
@@ -18,7 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.classifiers.answering import (
+from skinmap.io.robots.manifest import load_robot
+from skinmap.physics.simulation import simulate as press
+from skinmap.physics.variants import TUNING
+from skinmap.recognition.answering import (
     MOVING,
     STAYS,
     Machine,
@@ -26,16 +29,13 @@ from skinmap.classifiers.answering import (
     shape_row,
     train_machine,
 )
-from skinmap.classifiers.classifier import TouchClassifier
-from skinmap.classifiers.descriptors import ContactGeometry, Touch, recorded_touches
-from skinmap.classifiers.model_file import load_classifier, save_classifier
-from skinmap.classifiers.named_classifiers import DEFAULT_FILE
-from skinmap.classifiers.protocols.physics import mirror_pairs
-from skinmap.classifiers.rbf_machine import RbfMachine
-from skinmap.classifiers.sets.prediction_sets import set_calibration_from
-from skinmap.io.robots.manifest import load_robot
-from skinmap.physics.simulation import simulate as press
-from skinmap.physics.variants import TUNING
+from skinmap.recognition.classifier import TouchClassifier
+from skinmap.recognition.descriptors import ContactGeometry, Touch, recorded_touches
+from skinmap.recognition.model_file import load_classifier, save_classifier
+from skinmap.recognition.named_classifiers import DEFAULT_FILE
+from skinmap.recognition.protocols.physics import mirror_pairs
+from skinmap.recognition.rbf_machine import RbfMachine
+from skinmap.recognition.sets.prediction_sets import set_calibration_from
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR, TIME
 from skinmap.touch.simulation.simulator import simulate

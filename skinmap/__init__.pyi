@@ -15,15 +15,6 @@ from calibration.response.response import ResponseCalibration as ResponseCalibra
 from calibration.scan.registration import ScanRegistration as ScanRegistration
 from calibration.scan.registration import register_scan as register_scan
 from skinmap import errors as errors
-
-# What users call and hold; each with its parameters, what it returns, and an example.
-from skinmap.classifiers.classifier import Classifier as Classifier
-from skinmap.classifiers.classifier import Prediction as Prediction
-from skinmap.classifiers.model_file import load_classifier as load_classifier
-from skinmap.classifiers.named_classifiers import default_model as default_model
-from skinmap.classifiers.naming import ClassifiedTouch as ClassifiedTouch
-from skinmap.classifiers.naming import classify as classify
-from skinmap.classifiers.training import train as train
 from skinmap.errors import DataFormatError as DataFormatError
 from skinmap.errors import FlatteningError as FlatteningError
 from skinmap.errors import InvalidArrayError as InvalidArrayError
@@ -41,6 +32,7 @@ from skinmap.errors import WrongTypeError as WrongTypeError
 from skinmap.flat.flat_map import Chart as Chart
 from skinmap.flat.flat_map import FlatMap as FlatMap
 from skinmap.flat.flat_map import flatten as flatten
+from skinmap.front import classifiers as classifiers
 from skinmap.front import flatteners as flatteners
 from skinmap.front import gestures as gestures
 from skinmap.front import robots as robots
@@ -61,6 +53,15 @@ from skinmap.live.sources.source import Source as Source
 from skinmap.live.sources.source import StreamInfo as StreamInfo
 from skinmap.neighbours.structures import Structures as Structures
 from skinmap.neighbours.structures import find_structures as find_structures
+
+# What users call and hold; each with its parameters, what it returns, and an example.
+from skinmap.recognition.classifier import Classifier as Classifier
+from skinmap.recognition.classifier import Prediction as Prediction
+from skinmap.recognition.model_file import load_classifier as load_classifier
+from skinmap.recognition.named_classifiers import default_model as default_model
+from skinmap.recognition.naming import ClassifiedTouch as ClassifiedTouch
+from skinmap.recognition.naming import classify as classify
+from skinmap.recognition.training import train as train
 from skinmap.skin.robot import Robot as Robot
 from skinmap.skin.skin import Skin as Skin
 from skinmap.soundness.examination import examine as examine
@@ -89,6 +90,7 @@ __all__ = [
     "TouchLoop",
     "__version__",
     "build_surface",
+    "classifiers",
     "classify",
     "contact_image",
     "default_model",

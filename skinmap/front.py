@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from skinmap.errors import SkinError, WrongTypeError
 
 if TYPE_CHECKING:
-    from skinmap.classifiers.classifier import Classifier
     from skinmap.flat.flat_map import FlatMap
+    from skinmap.recognition.classifier import Classifier
     from skinmap.skin.robot import Robot
     from skinmap.skin.skin import Skin
     from skinmap.surface.surface_mesh import SurfaceMesh
@@ -82,6 +82,24 @@ def flatteners() -> tuple[str, ...]:
     True
     """
     from skinmap.flat.methods import flatteners as registry
+
+    return registry.names()
+
+
+def classifiers() -> tuple[str, ...]:
+    """Names of the classifiers that `train` takes, those of plug-ins too.
+
+    Returns
+    -------
+    tuple of str
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> "contact-geometry" in skinmap.classifiers()
+    True
+    """
+    from skinmap.recognition.catalogue import classifiers as registry
 
     return registry.names()
 
@@ -247,7 +265,7 @@ def _recordings(value: Any, _: str | None) -> list[Recording] | Any:
 
 
 def _classifier(value: Any, _: str | None) -> Classifier | Any:
-    from skinmap.classifiers.model_file import load_classifier
+    from skinmap.recognition.model_file import load_classifier
 
     return load_classifier(value) if isinstance(value, str | Path) else value
 

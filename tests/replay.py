@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.classifiers.classifier import TouchClassifier
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import StreamInfo
+from skinmap.recognition.classifier import TouchClassifier
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 

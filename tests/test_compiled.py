@@ -16,14 +16,14 @@ from skinmap.errors import MissingLibraryError
 from skinmap.numba_loops import compile_loop, compiled, pays
 
 PACKAGES = (
-    "classifiers/histograms", "neighbours", "surface", "touch/histograms", "touch/images"
+    "recognition/histograms", "neighbours", "surface", "touch/histograms", "touch/images"
 )  # fmt: skip
 needs_numba = pytest.mark.usefixtures("numba")
 LOOPS = """
 import json, os, sys
 import numpy as np
 import skinmap
-from skinmap.classifiers.histograms.additive import AdditiveFunction
+from skinmap.recognition.histograms.additive import AdditiveFunction
 from skinmap.neighbours.matching import _match
 from skinmap.surface.compiled import take_kernel
 from skinmap.numba_loops import compiled

@@ -82,6 +82,7 @@ def test_names_are_those_that_functions_take(skin):
     recording = skinmap.simulate(skin, per_gesture=1, gestures=skinmap.gestures()[:2])
     assert set(recording.labels) == set(skinmap.gestures()[:2])
     assert "balanced" in skinmap.flatteners()
+    assert "contact-geometry" in skinmap.classifiers()
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from skinmap.classifiers.classifier import TouchClassifier
 from skinmap.cli.main import cli
 from skinmap.flat.flat_map import FlatMap
+from skinmap.recognition.classifier import TouchClassifier
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh
 

@@ -144,10 +144,10 @@ def test_what_a_notebook_shows_is_no_markup_of_a_file(chain):
 
 
 def test_classify_is_a_function_whatever_was_imported(chain):
-    import skinmap.classifiers.naming
+    import skinmap.recognition.naming
 
-    for name in skinmap.classifiers.__all__:
-        assert callable(getattr(skinmap.classifiers, name)) or name == "classifiers"
+    for name in skinmap.recognition.__all__:
+        assert callable(getattr(skinmap.recognition, name)) or name == "classifiers"
     assert inspect.isfunction(skinmap.classify)
     named = skinmap.classify(chain["Recording"], chain["Classifier"], chain["Robot"])
     assert len(named) >= len(chain["Recording"].labels)

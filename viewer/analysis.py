@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.classifiers.classifier import TouchClassifier, classifiers
-from skinmap.classifiers.evaluate import Score, Split, score, split_touches
 from skinmap.io.robots.manifest import data_folder
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, find_structures
+from skinmap.recognition.classifier import TouchClassifier, classifiers
+from skinmap.recognition.evaluate import Score, Split, score, split_touches
 from skinmap.skin.cover import SkinFit, measure_fit
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from skinmap.classifiers.model_file import save_classifier
 from skinmap.flat.distortion import spread
 from skinmap.io.output import staged_folder
 from skinmap.io.recordings.touch_files import save_recordings
+from skinmap.recognition.model_file import save_classifier
 from skinmap.report.flat_figures import part_figure
 from skinmap.report.image import media, save_figure
 from skinmap.report.page import cards, grid, heading, note, page

@@ -11,9 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from skinmap.arrays import FloatArray
-from skinmap.classifiers.classifier import TouchClassifier
-from skinmap.classifiers.model_file import load_classifier
-from skinmap.classifiers.named_classifiers import default_model
 from skinmap.errors import (
     InvalidArrayError,
     UnknownNameError,
@@ -25,6 +22,9 @@ from skinmap.live.sources.open_recording import open_recording
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.source import Seekable, Source, SourceEnded, is_live
 from skinmap.live.touched_taxels import Touched, recordings_of, touched_in
+from skinmap.recognition.classifier import TouchClassifier
+from skinmap.recognition.model_file import load_classifier
+from skinmap.recognition.named_classifiers import default_model
 from skinmap.skin.robot import Robot
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin

@@ -16,8 +16,8 @@ from benchmarks.geometry.structures import structure_rows
 from benchmarks.harness.record import command
 from benchmarks.harness.timing import medians, ratio_quartiles, spreads, take_turns
 from benchmarks.live.live_speed import live_rows
-from skinmap.classifiers.histograms.additive import intersection_function
-from skinmap.classifiers.histograms.intersection import IntersectionSVC, intersection_kernel
+from skinmap.recognition.histograms.additive import intersection_function
+from skinmap.recognition.histograms.intersection import IntersectionSVC, intersection_kernel
 
 SHARES = ((1, 1.0), (1, 0.03), (6, 1.0), (6, 0.03))  # rotations, share of the taxels active
 ROUNDS = 15

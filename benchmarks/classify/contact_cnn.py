@@ -14,11 +14,11 @@ import numpy as np
 import torch
 
 from benchmarks import ROOT
-from skinmap.classifiers.images.cnn import ContactImageCNN, shrunken
-from skinmap.classifiers.images.convolution import Network
-from skinmap.classifiers.protocols.baxter import PART, ROBOT
-from skinmap.classifiers.protocols.baxter_images import simulate_images
 from skinmap.io.robots.manifest import load_robot
+from skinmap.recognition.images.cnn import ContactImageCNN, shrunken
+from skinmap.recognition.images.convolution import Network
+from skinmap.recognition.protocols.baxter import PART, ROBOT
+from skinmap.recognition.protocols.baxter_images import simulate_images
 from skinmap.touch.prepared_skin import PreparedSkin
 
 GOLDEN = ROOT / "tests" / "golden"

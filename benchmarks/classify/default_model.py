@@ -19,15 +19,15 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness.record import RESULTS, about, write
-from skinmap.classifiers.classifier import TouchClassifier
-from skinmap.classifiers.descriptors import Touch, recorded_touches
-from skinmap.classifiers.evaluate import likeliest
-from skinmap.classifiers.named_classifiers import DEFAULT_FILE, default_model
-from skinmap.classifiers.protocols.physics import COVERAGE, judged
-from skinmap.classifiers.protocols.results import PhysicsRow
 from skinmap.io.robots.manifest import load_robot
 from skinmap.physics.simulation import simulate as press
 from skinmap.physics.variants import FROZEN
+from skinmap.recognition.classifier import TouchClassifier
+from skinmap.recognition.descriptors import Touch, recorded_touches
+from skinmap.recognition.evaluate import likeliest
+from skinmap.recognition.named_classifiers import DEFAULT_FILE, default_model
+from skinmap.recognition.protocols.physics import COVERAGE, judged
+from skinmap.recognition.protocols.results import PhysicsRow
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR, TIME
 from skinmap.touch.simulation.simulator import simulate

@@ -18,9 +18,9 @@ import numpy as np
 
 import skinmap
 from benchmarks.harness.record import about
-from skinmap.classifiers.classifier import DEFAULT, classifiers
-from skinmap.classifiers.descriptors import ContactGeometry, Touch, recorded_touches
-from skinmap.classifiers.evaluate import score
+from skinmap.recognition.classifier import DEFAULT, classifiers
+from skinmap.recognition.descriptors import ContactGeometry, Touch, recorded_touches
+from skinmap.recognition.evaluate import score
 from skinmap.touch.prepared_skin import PreparedSkin
 
 ROBOT = "icub"

@@ -19,13 +19,13 @@ from benchmarks.harness import keep
 from benchmarks.harness.record import write
 from benchmarks.live.live_speed import in_time_rows
 from skinmap import load_robot
-from skinmap.classifiers.protocols.physics import OURS
 from skinmap.cli.evaluate.protocol_time import strokes_row
 from skinmap.errors import UnknownNameError
 from skinmap.live.contacts.contact_motion import MotionBook
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.stroke_errors import stroke_errors
 from skinmap.live.robot_skin import JoinedSkin
+from skinmap.recognition.protocols.physics import OURS
 from skinmap.report.result import plain
 from skinmap.skin.checks import twin_parts
 from skinmap.touch.prepared_skin import PreparedSkin

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.harness.record import RESULTS, about, write
-from skinmap.classifiers.classifier import DEFAULT, TouchClassifier, classifiers
-from skinmap.classifiers.descriptors import recorded_touches
-from skinmap.classifiers.naming import name_touches
 from skinmap.cli.evaluate.protocol_fingers import ARCHIVE, FOLDER
 from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
+from skinmap.recognition.classifier import DEFAULT, TouchClassifier, classifiers
+from skinmap.recognition.descriptors import recorded_touches
+from skinmap.recognition.naming import name_touches
 from skinmap.touch.contacts.grouping import GroupingRule
 from skinmap.touch.contacts.rest import find_rest
 from skinmap.touch.prepared_skin import PreparedSkin

@@ -16,8 +16,8 @@ import numpy as np
 import skinmap
 from benchmarks.harness.origin import watched
 from benchmarks.harness.record import RESULTS, about, write
-from skinmap.classifiers.classifier import TouchClassifier
-from skinmap.classifiers.naming import all_right, name_touches
+from skinmap.recognition.classifier import TouchClassifier
+from skinmap.recognition.naming import all_right, name_touches
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.pairs import simulate_pairs

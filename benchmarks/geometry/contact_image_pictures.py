@@ -11,9 +11,9 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt
 
-from skinmap.classifiers.protocols.baxter import PART, ROBOT
-from skinmap.classifiers.protocols.baxter_images import GESTURES, simulate_images
 from skinmap.io.robots.manifest import load_robot
+from skinmap.recognition.protocols.baxter import PART, ROBOT
+from skinmap.recognition.protocols.baxter_images import GESTURES, simulate_images
 from skinmap.touch.images.contact_image import image_geometry
 from skinmap.touch.prepared_skin import PreparedSkin
 

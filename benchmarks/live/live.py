@@ -23,12 +23,12 @@ from benchmarks.live.live_memory import soak
 from benchmarks.live.live_planted import finger, kept_share, read
 from benchmarks.live.live_planted import pairs as pairs_on
 from benchmarks.live.live_speed import train
-from skinmap.classifiers.classifier import TouchClassifier
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.loop import TouchLoop
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.source import SourceEnded
+from skinmap.recognition.classifier import TouchClassifier
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 

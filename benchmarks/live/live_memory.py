@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.classifiers.classifier import TouchClassifier
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.simulated_source import SimulatedSource
 from skinmap.live.sources.source import SourceEnded, StreamInfo
+from skinmap.recognition.classifier import TouchClassifier
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 

@@ -9,13 +9,13 @@ import numpy as np
 
 import skinmap
 from benchmarks.harness.timing import quartiles
-from skinmap.classifiers.classifier import TouchClassifier, classifiers
-from skinmap.classifiers.descriptors import Touch
-from skinmap.classifiers.named_classifiers import default_model
-from skinmap.classifiers.naming import name_touches
 from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import StreamInfo
+from skinmap.recognition.classifier import TouchClassifier, classifiers
+from skinmap.recognition.descriptors import Touch
+from skinmap.recognition.named_classifiers import default_model
+from skinmap.recognition.naming import name_touches
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import TIME
 from skinmap.touch.simulation.simulator import simulate

@@ -20,9 +20,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import skinmap
-from skinmap.classifiers import default_model
 from skinmap.live import Moment
 from skinmap.live.sources.source import SourceEnded
+from skinmap.recognition import default_model
 
 GAIN = 0.5  # of the way that the hand goes, so that a push is not answered by a jump
 WAIT = 0.2  # so often a silent source lets an interruption through [s]

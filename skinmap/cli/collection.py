@@ -22,7 +22,7 @@ from skinmap.touch.contacts.grouping import without_stuck
 from skinmap.touch.recording import Recording
 
 if TYPE_CHECKING:
-    from skinmap.classifiers.descriptors import Touch
+    from skinmap.recognition.descriptors import Touch
     from skinmap.skin.robot import Robot
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -231,7 +231,7 @@ def _skin_of(
 def _touches(
     recording: Recording, skin: PreparedSkin, robot: str, session: str, file: Path
 ) -> Iterator[Collected]:
-    from skinmap.classifiers.descriptors import recorded_touches
+    from skinmap.recognition.descriptors import recorded_touches
 
     several = len(np.unique(recording.subjects)) > 1
     touches = recorded_touches(skin, recording)

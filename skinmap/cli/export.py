@@ -531,11 +531,11 @@ def _naming(
     path: Path, parts: tuple[str, ...], calibrations: tuple[str, ...] = ()
 ) -> Iterator[TouchLoop]:
     """A recording whose touches are named by the model of Skinmap, its rest learnt ahead."""
-    from skinmap.classifiers.named_classifiers import default_model
     from skinmap.live.loop import TouchLoop
     from skinmap.live.response.loads import load_calibrations
     from skinmap.live.sources.open_recording import open_recording
     from skinmap.live.touched_taxels import LEARN, robot_of
+    from skinmap.recognition.named_classifiers import default_model
     from skinmap.touch.prepared_skin import PreparedSkin
 
     robot, names = open_robot(robot_of([path]) or "icub", parts)

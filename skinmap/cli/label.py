@@ -173,11 +173,11 @@ def _found(recording: Path, robot: Robot) -> Marks:
     """The touches of a recording, as `classify` tells them apart."""
     import numpy as np
 
-    from skinmap.classifiers.given_name import GivenName
     from skinmap.io.recordings.marks import Marks
     from skinmap.io.recordings.recorded_stream import MarkedTouch
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.open_recording import open_recording
+    from skinmap.recognition.given_name import GivenName
     from skinmap.touch.touch_labels import UNNAMED
 
     source = open_recording(recording, robot=robot, speed=float("inf"))

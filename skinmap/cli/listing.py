@@ -38,7 +38,7 @@ def _robots(_: str) -> tuple[str, ...]:
 
 
 def _classifiers(_: str) -> tuple[str, ...]:
-    from skinmap.classifiers.catalogue import classifiers
+    from skinmap.recognition.catalogue import classifiers
 
     return classifiers.names()
 

@@ -118,14 +118,14 @@ def command(
     Example:  skinmap record lsl:demo -o touch.mcap --seconds 60
               skinmap record sim --label poke --part torso --person ada -o poke.mcap
     """
-    from skinmap.classifiers.given_name import GivenName
-    from skinmap.classifiers.model_file import load_classifier
     from skinmap.errors import UnknownNameError
     from skinmap.interrupts import interrupted_once
     from skinmap.live.loop import TouchLoop
     from skinmap.live.recording.recorder import Recorder, continued
     from skinmap.live.recording.recording_tap import RecordingTap
     from skinmap.live.sources.source import Seekable, blocks
+    from skinmap.recognition.given_name import GivenName
+    from skinmap.recognition.model_file import load_classifier
     from skinmap.touch.touch_labels import check_label
 
     if label is not None and model is not None:
@@ -264,7 +264,7 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
 
 def _motions(loop: TouchLoop, moment: Moment) -> list[dict[str, Any]]:
     """The touches of a moment, how they move, and what a model answers about them."""
-    from skinmap.classifiers.answers import answers_object
+    from skinmap.recognition.answers import answers_object
 
     return [
         {

@@ -27,9 +27,9 @@ from skinmap.summary import first_few
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-    from skinmap.classifiers.classifier import TouchClassifier
-    from skinmap.classifiers.descriptors import Touch
     from skinmap.cli.collection import Collection
+    from skinmap.recognition.classifier import TouchClassifier
+    from skinmap.recognition.descriptors import Touch
 
     Touches = list[Touch]
 
@@ -221,7 +221,7 @@ def command(
               skinmap train poke.mcap rub.mcap monday/ --with-simulated 20
               skinmap train t.npz --groups "hand=poke,whole_hand;other=elbow,ball"
     """
-    from skinmap.classifiers.answering import read_groups
+    from skinmap.recognition.answering import read_groups
 
     grouped = None if groups is None else read_groups(groups)
     said = () if motion is None else tuple(one.strip() for one in motion.split(","))
@@ -244,7 +244,7 @@ class Training:
 
     def untrained(self) -> TouchClassifier:
         """The classifier before training; knobs that do not concern it are refused."""
-        from skinmap.classifiers.classifier_options import tuned_classifier
+        from skinmap.recognition.classifier_options import tuned_classifier
 
         return tuned_classifier(self.classifier, self.knobs)
 
@@ -255,15 +255,15 @@ def work(
     """Train, write the model, and test it on what it has not seen."""
     import numpy as np
 
-    from skinmap.classifiers.answering import check_groups, check_motions, learn_answers
-    from skinmap.classifiers.classifier import WITH_SETS
-    from skinmap.classifiers.evaluate import score
-    from skinmap.classifiers.few_shot import is_few, score_in_turn
-    from skinmap.classifiers.model_file import save_classifier
     from skinmap.cli.collection import collect
     from skinmap.io.output import staged_file
     from skinmap.neighbours.radius import auto_radius
     from skinmap.neighbours.structures import RADIUS
+    from skinmap.recognition.answering import check_groups, check_motions, learn_answers
+    from skinmap.recognition.classifier import WITH_SETS
+    from skinmap.recognition.evaluate import score
+    from skinmap.recognition.few_shot import is_few, score_in_turn
+    from skinmap.recognition.model_file import save_classifier
 
     knobs = chosen.knobs
     auto = knobs.get("radius_mm") == "auto"
@@ -324,9 +324,9 @@ def _split(found: Collection, parts: Sequence[str], rng: Generator) -> tuple[Tou
     InvalidArrayError
         Fewer than two labels.
     """
-    from skinmap.classifiers.evaluate import HELD_OUT
-    from skinmap.classifiers.protocols.recordings import check_spelling
     from skinmap.errors import InvalidArrayError, UnknownNameError
+    from skinmap.recognition.evaluate import HELD_OUT
+    from skinmap.recognition.protocols.recordings import check_spelling
 
     for part in parts:
         if part not in found.parts:
@@ -361,7 +361,7 @@ def _simulated(found: Collection, train: Touches, count: int, rng: Generator) ->
     UsageError
         No label that the simulator knows.
     """
-    from skinmap.classifiers.descriptors import recorded_touches
+    from skinmap.recognition.descriptors import recorded_touches
     from skinmap.touch.simulation.gestures import GESTURES, TIME
     from skinmap.touch.simulation.simulator import simulate
 

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.classifiers.classifier import Prediction, TouchClassifier
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live.contacts.contact_events import ContactEvent, TouchEvent, taken
 from skinmap.live.contacts.contact_tracker import ContactTracker
@@ -38,6 +37,7 @@ from skinmap.live.sources.source import (
     blocks,
     is_live,
 )
+from skinmap.recognition.classifier import Prediction, TouchClassifier
 from skinmap.skin.robot import Robot
 from skinmap.summary import Summary, listed
 from skinmap.touch.contacts.grouping import RULE, GroupingRule

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.classifiers.classifier import Prediction, TouchClassifier
-from skinmap.classifiers.naming import Named, name_touches
 from skinmap.errors import BrokenPluginError, SkinError, SkinWarning
 from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.robot_skin import JoinedSkin
+from skinmap.recognition.classifier import Prediction, TouchClassifier
+from skinmap.recognition.naming import Named, name_touches
 from skinmap.touch.contacts.grouping import RULE, GroupingRule
 from skinmap.touch.prepared_skin import PreparedSkin
 

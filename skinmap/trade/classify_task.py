@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.classifiers.classifier import DEFAULT, TouchClassifier, learnable
-from skinmap.classifiers.classifier_options import tuned_classifier
-from skinmap.classifiers.descriptors import Touch, recorded_touches
-from skinmap.classifiers.evaluate import likeliest, score
 from skinmap.errors import InvalidArrayError
 from skinmap.profile import Value
+from skinmap.recognition.classifier import DEFAULT, TouchClassifier, learnable
+from skinmap.recognition.classifier_options import tuned_classifier
+from skinmap.recognition.descriptors import Touch, recorded_touches
+from skinmap.recognition.evaluate import likeliest, score
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR
 from skinmap.touch.simulation.simulator import simulate

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.classifiers.catalogue import DEFAULT, classifiers
-from skinmap.classifiers.descriptors import Touch, recorded_touches
-from skinmap.classifiers.evaluate import score
 from skinmap.errors import InvalidArrayError
+from skinmap.recognition.catalogue import DEFAULT, classifiers
+from skinmap.recognition.descriptors import Touch, recorded_touches
+from skinmap.recognition.evaluate import score
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.simulator import simulate
 from skinmap.trade.task import Knob, Outcome, Setting

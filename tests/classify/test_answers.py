@@ -10,8 +10,10 @@ import pytest
 from click.testing import CliRunner
 
 import skinmap
-from skinmap.classifiers import Classifier, default_model
-from skinmap.classifiers.answering import (
+from skinmap.cli.main import cli
+from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.recognition import Classifier, default_model
+from skinmap.recognition.answering import (
     SURE,
     check_groups,
     check_motions,
@@ -21,11 +23,9 @@ from skinmap.classifiers.answering import (
     shape_row,
     shipped_answers,
 )
-from skinmap.classifiers.answers import answers_object
-from skinmap.classifiers.descriptors import Touch, recorded_touches
-from skinmap.classifiers.model_file import ANSWERS
-from skinmap.cli.main import cli
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.recognition.answers import answers_object
+from skinmap.recognition.descriptors import Touch, recorded_touches
+from skinmap.recognition.model_file import ANSWERS
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import save_recordings
 from skinmap.touch.simulation.gestures import FOUR

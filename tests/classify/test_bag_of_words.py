@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from skinmap.classifiers.images.bag_of_words import (
+from skinmap.errors import InvalidArrayError
+from skinmap.recognition.images.bag_of_words import (
     LEARNT_FROM,
     BagOfVisualWords,
     as_images,
     count_words,
     learn_words,
 )
-from skinmap.classifiers.images.visual_features import (
+from skinmap.recognition.images.visual_features import (
     ACTIVE,
     SCALES,
     STEP,
     dense_points,
     local_features,
 )
-from skinmap.errors import InvalidArrayError
 
 
 def blob(row, column, size=(66, 100), width=4.0):

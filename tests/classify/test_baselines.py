@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from sklearn.svm import SVC
 
-from skinmap.classifiers.check import check_classifier, planted_touches
-from skinmap.classifiers.classifier import classifiers
-from skinmap.classifiers.descriptors import Histograms, Touch
-from skinmap.classifiers.images.image_descriptor import PaperImages, moments
-from skinmap.classifiers.named_classifiers import PENALTIES, WIDTHS
-from skinmap.classifiers.sample_descriptors import RawSamples, descriptor_of
 from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError, UnknownNameError
+from skinmap.recognition.check import check_classifier, planted_touches
+from skinmap.recognition.classifier import classifiers
+from skinmap.recognition.descriptors import Histograms, Touch
+from skinmap.recognition.images.image_descriptor import PaperImages, moments
+from skinmap.recognition.named_classifiers import PENALTIES, WIDTHS
+from skinmap.recognition.sample_descriptors import RawSamples, descriptor_of
 from skinmap.touch.contacts.skin_geometry import pressed
 
 NAMES = ("raw-rbf", "raw-intersection", "histogram-chi2", "histogram-sqrt")

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 import skinmap
-from skinmap.classifiers.classifier import classifiers
-from skinmap.classifiers.descriptors import Touch
-from skinmap.classifiers.images import visual_features
-from skinmap.classifiers.images.cnn import ContactImageCNN
-from skinmap.classifiers.model_file import load_classifier, save_classifier
-from skinmap.classifiers.protocols.baxter import LABELS, evaluate_baxter
-from skinmap.classifiers.protocols.baxter_images import GESTURES, simulate_images, split_images
-from skinmap.classifiers.protocols.baxter_methods import (
+from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
+from skinmap.recognition.classifier import classifiers
+from skinmap.recognition.descriptors import Touch
+from skinmap.recognition.images import visual_features
+from skinmap.recognition.images.cnn import ContactImageCNN
+from skinmap.recognition.model_file import load_classifier, save_classifier
+from skinmap.recognition.protocols.baxter import LABELS, evaluate_baxter
+from skinmap.recognition.protocols.baxter_images import GESTURES, simulate_images, split_images
+from skinmap.recognition.protocols.baxter_methods import (
     Bench,
     default_settings,
     mean_diagonal,
     tune,
 )
-from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
 from skinmap.report.result import plain
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.simulator import simulate

@@ -3,15 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classifiers.classifier import NO_CONTACT, classifiers
-from skinmap.classifiers.descriptors import Touch
-from skinmap.classifiers.evaluate import score, split_touches
-from skinmap.classifiers.model_file import load_classifier, save_classifier
 from skinmap.errors import (
     InvalidArrayError,
     NotFittedError,
     UnknownNameError,
 )
+from skinmap.recognition.classifier import NO_CONTACT, classifiers
+from skinmap.recognition.descriptors import Touch
+from skinmap.recognition.evaluate import score, split_touches
+from skinmap.recognition.model_file import load_classifier, save_classifier
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.simulator import simulate
 

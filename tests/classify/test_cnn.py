@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classifiers.images import cnn as module
-from skinmap.classifiers.images.cnn import ContactImageCNN, Recipe
 from skinmap.errors import InvalidArrayError, NotFittedError, UnknownNameError
+from skinmap.recognition.images import cnn as module
+from skinmap.recognition.images.cnn import ContactImageCNN, Recipe
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def test_a_net_that_stays_at_chance_is_trained_again(bars, monkeypatch):
 
 def test_varied_images_are_mirrored_and_shifted_copies():
     torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
-    from skinmap.classifiers.images.cnn import _varied
+    from skinmap.recognition.images.cnn import _varied
 
     image = torch.zeros(1, 1, 9, 12)
     image[0, 0, 4, 5], image[0, 0, 4, 6] = 1.0, 2.0

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.signal import correlate
 
-from skinmap.classifiers.images.cnn import ContactImageCNN, shrunken
-from skinmap.classifiers.images.convolution import Network, convolve, halve
 from skinmap.errors import InvalidArrayError
+from skinmap.recognition.images.cnn import ContactImageCNN, shrunken
+from skinmap.recognition.images.convolution import Network, convolve, halve
 from tests.classify.golden_network import golden_network
 
 GOLDEN = Path(__file__).parents[1] / "golden"

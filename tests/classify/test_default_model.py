@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skinmap.classifiers.classifier import felt_rows
-from skinmap.classifiers.descriptors import Touch, recorded_touches
-from skinmap.classifiers.evaluate import likeliest
-from skinmap.classifiers.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.io.robots.manifest import load_robot
+from skinmap.recognition.classifier import felt_rows
+from skinmap.recognition.descriptors import Touch, recorded_touches
+from skinmap.recognition.evaluate import likeliest
+from skinmap.recognition.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.skin.skin import fingerprint
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR, TIME

@@ -9,10 +9,10 @@ from sklearn.calibration import CalibratedClassifierCV
 from sklearn.svm import SVC
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from skinmap.classifiers.histograms import additive
-from skinmap.classifiers.histograms.additive import AdditiveFunction, intersection_function
-from skinmap.classifiers.histograms.intersection import IntersectionSVC, intersection_kernel
 from skinmap.errors import InvalidArrayError
+from skinmap.recognition.histograms import additive
+from skinmap.recognition.histograms.additive import AdditiveFunction, intersection_function
+from skinmap.recognition.histograms.intersection import IntersectionSVC, intersection_kernel
 
 
 @parametrize_with_checks([IntersectionSVC()])

@@ -13,13 +13,13 @@ import pytest
 from sklearn.preprocessing import FunctionTransformer
 from skops.io import dumps
 
-from skinmap.classifiers import model_file
-from skinmap.classifiers.check import planted_touches
-from skinmap.classifiers.classifier import TouchClassifier, classifiers
-from skinmap.classifiers.histograms.intersection import IntersectionSVC
-from skinmap.classifiers.model_file import FORMAT, load_classifier, save_classifier
-from skinmap.classifiers.trained_skin import compare_skin, remember
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
+from skinmap.recognition import model_file
+from skinmap.recognition.check import planted_touches
+from skinmap.recognition.classifier import TouchClassifier, classifiers
+from skinmap.recognition.histograms.intersection import IntersectionSVC
+from skinmap.recognition.model_file import FORMAT, load_classifier, save_classifier
+from skinmap.recognition.trained_skin import compare_skin, remember
 from skinmap.skin.skin import Skin, skin_from_points
 
 BUILT_IN = ("histogram", "raw-rbf", "contact-geometry", "histogram-sqrt")
@@ -188,7 +188,7 @@ def test_a_module_that_an_estimator_names_is_not_imported(saved, tmp_path, monke
         for name in old.namelist():
             data = old.read(name)
             if name == "schema.json":
-                ours = b"skinmap.classifiers.histograms.intersection"
+                ours = b"skinmap.recognition.histograms.intersection"
                 data = data.replace(ours, b"hostile_module")
             new.writestr(name, data)
     rewrite(saved, estimator__skops=buffer.getvalue())
@@ -196,7 +196,8 @@ def test_a_module_that_an_estimator_names_is_not_imported(saved, tmp_path, monke
         load_classifier(saved)
 
 
-def test_files_whose_modules_had_another_name_are_read(saved, trained, touches):
+@pytest.mark.parametrize("package", ["skinmap.classify.", "skinmap.classifiers."])
+def test_files_whose_modules_had_another_name_are_read(saved, trained, touches, package):
     with zipfile.ZipFile(saved) as archive:
         inner = archive.read("estimator.skops")
     buffer = io.BytesIO()
@@ -204,7 +205,8 @@ def test_files_whose_modules_had_another_name_are_read(saved, trained, touches):
         for name in new.namelist():
             data = new.read(name)
             for before, now in model_file.MOVED.items():
-                data = data.replace(now.encode(), before.encode())
+                if before.startswith(package):
+                    data = data.replace(now.encode(), before.encode())
             old.writestr(name, data)
     assert buffer.getvalue() != inner
     rewrite(saved, estimator__skops=buffer.getvalue())

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from skinmap.classifiers.protocols.physics import (
+from skinmap.errors import InvalidArrayError
+from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
+from skinmap.recognition.protocols.physics import (
     BOTH,
     OURS,
     _trainings,
@@ -12,8 +14,6 @@ from skinmap.classifiers.protocols.physics import (
     judged,
     mirror_pairs,
 )
-from skinmap.errors import InvalidArrayError
-from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
 from skinmap.skin.skin import Skin
 from skinmap.touch.prepared_skin import PreparedSkin
 

@@ -13,20 +13,20 @@ from sklearn.dummy import DummyClassifier
 from sklearn.naive_bayes import GaussianNB
 from sklearn.neighbors import KNeighborsClassifier
 
-from skinmap.classifiers import check_classifier
-from skinmap.classifiers.check import LabelsOnly, planted_touches, touch_classifier
-from skinmap.classifiers.classifier import TouchClassifier, calibrated, classifiers
 from skinmap.errors import BrokenPluginError, InvalidArrayError, UnknownNameError
+from skinmap.recognition import check_classifier
+from skinmap.recognition.check import LabelsOnly, planted_touches, touch_classifier
+from skinmap.recognition.classifier import TouchClassifier, calibrated, classifiers
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "plugins"
 RUN = """
 import sys
 sys.path.insert(0, sys.argv[1])
 import numpy as np
-from skinmap.classifiers import check_classifier
-from skinmap.classifiers.check import planted_touches
-from skinmap.classifiers.classifier import classifiers
-from skinmap.classifiers.model_file import load_classifier, save_classifier
+from skinmap.recognition import check_classifier
+from skinmap.recognition.check import planted_touches
+from skinmap.recognition.classifier import classifiers
+from skinmap.recognition.model_file import load_classifier, save_classifier
 from pathlib import Path
 from nearest_touch import NearestTouch
 

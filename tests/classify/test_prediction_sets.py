@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skinmap.classifiers.classifier import NO_CONTACT, Prediction, classifiers
-from skinmap.classifiers.descriptors import recorded_touches
-from skinmap.classifiers.model_file import load_classifier, save_classifier
-from skinmap.classifiers.named_classifiers import histogram_classifier
-from skinmap.classifiers.naming import in_words
-from skinmap.classifiers.sets.held_out import felt_rows, held_out
-from skinmap.classifiers.sets.prediction_sets import (
+from skinmap.errors import InvalidArrayError, NotFittedError, SkinWarning
+from skinmap.io.robots.manifest import load_robot
+from skinmap.recognition.classifier import NO_CONTACT, Prediction, classifiers
+from skinmap.recognition.descriptors import recorded_touches
+from skinmap.recognition.model_file import load_classifier, save_classifier
+from skinmap.recognition.named_classifiers import histogram_classifier
+from skinmap.recognition.naming import in_words
+from skinmap.recognition.sets.held_out import felt_rows, held_out
+from skinmap.recognition.sets.prediction_sets import (
     DOUBT,
     FAMILIAR,
     LEAST,
@@ -22,8 +24,6 @@ from skinmap.classifiers.sets.prediction_sets import (
     quantile,
     set_calibration_from,
 )
-from skinmap.errors import InvalidArrayError, NotFittedError, SkinWarning
-from skinmap.io.robots.manifest import load_robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.simulator import simulate
 

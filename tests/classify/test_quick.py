@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from sklearn.linear_model import LogisticRegression
 
-from skinmap.classifiers.classifier import calibrated, quick_probabilities
-from skinmap.classifiers.histograms.intersection import IntersectionSVC
+from skinmap.recognition.classifier import calibrated, quick_probabilities
+from skinmap.recognition.histograms.intersection import IntersectionSVC
 
 
 @pytest.mark.parametrize("classes", [2, 4])

@@ -6,9 +6,9 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from skinmap.classifiers.rbf_machine import MARGIN, RbfMachine
-from skinmap.classifiers.sets.rejection import AGES, doubt_from, early_doubt, rejection_threshold
 from skinmap.errors import InvalidArrayError
+from skinmap.recognition.rbf_machine import MARGIN, RbfMachine
+from skinmap.recognition.sets.rejection import AGES, doubt_from, early_doubt, rejection_threshold
 
 
 @pytest.fixture(scope="module")

@@ -13,13 +13,13 @@ import pytest
 from click.testing import CliRunner
 
 import skinmap
-from skinmap.classifiers.classifier import classifiers
-from skinmap.classifiers.descriptors import Touch
-from skinmap.classifiers.model_file import save_classifier
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.live import open_publisher
 from skinmap.live.sources.simulated_source import SimulatedSource
+from skinmap.recognition.classifier import classifiers
+from skinmap.recognition.descriptors import Touch
+from skinmap.recognition.model_file import save_classifier
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulation.simulator import simulate
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from skinmap.classifiers.protocols import kaspar
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
+from skinmap.recognition.protocols import kaspar
 from skinmap.touch.recording import load_recordings, save_recordings
 from skinmap.touch.simulation.simulator import simulate
 

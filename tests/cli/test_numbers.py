@@ -9,7 +9,6 @@ from dataclasses import replace
 import click
 import pytest
 
-from skinmap.classifiers.classifier_options import MAX_WORDS, ROTATIONS
 from skinmap.cli.main import cli
 from skinmap.cli.simulate import SENSING
 from skinmap.commands.options import Number
@@ -17,6 +16,7 @@ from skinmap.commands.retired import RetiredOption
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import ISOMETRY
 from skinmap.profile import KNOBS
+from skinmap.recognition.classifier_options import MAX_WORDS, ROTATIONS
 from skinmap.touch.simulation.sensing import Sensing
 from tests.cli.test_options import commands
 

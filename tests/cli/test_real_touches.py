@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from skinmap.classifiers.protocols import fingers as protocol
-from skinmap.classifiers.protocols.fingers import (
+from skinmap.cli.main import cli
+from skinmap.errors import SkinError
+from skinmap.io.recordings.cyskin_arrays import SATURATION, find_pressed, read_pressed
+from skinmap.io.taxels.cyskin import CySkin, write_cyskin
+from skinmap.recognition.protocols import fingers as protocol
+from skinmap.recognition.protocols.fingers import (
     count_by_width,
     describe,
     fit_widths,
     judge,
     places,
 )
-from skinmap.cli.main import cli
-from skinmap.errors import SkinError
-from skinmap.io.recordings.cyskin_arrays import SATURATION, find_pressed, read_pressed
-from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.touch.prepared_skin import PreparedSkin
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "cyskin"
@@ -243,7 +243,7 @@ def test_real_hands_are_few_contacts():
 @REAL
 def test_real_fingers_are_counted_without_training():
     """The whole protocol, trained too, is in benchmarks/results/real_fingers.json."""
-    from skinmap.classifiers.protocols.fingers import FIRST, zero_training
+    from skinmap.recognition.protocols.fingers import FIRST, zero_training
 
     data = read_pressed(*find_pressed(DATA, "fingers*.npz", "gesture_patch"))
     assert (len(data.files), data.unplaced, data.unrecorded) == (188, 82, 8)

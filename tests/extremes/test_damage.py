@@ -35,10 +35,10 @@ FEW = 25  # examples of each target in the suite; `make fuzz` takes 5,000
 NO_READERS = {
     "skinmap.live.network.lsl_settings.load_lsl": "loads a library",
     "skinmap.live.response.response_files.load_responses": "load_response, by entry point",
-    "skinmap.classifiers.classifier_options.read_size": "a word of a profile, tested there",
+    "skinmap.recognition.classifier_options.read_size": "a word of a profile, tested there",
     "skinmap.commands.options.read_radius": "words of a command line, tested with it",
     "skinmap.live.response.loads.load_calibrations": "LoadCalibration.read, by part",
-    "skinmap.classifiers.answering.read_groups": "words of a command line, tested with it",
+    "skinmap.recognition.answering.read_groups": "words of a command line, tested with it",
     "calibration.commands.plane.read_planes": "words of a command line, tested with it",
     "skinmap.io.text.read_text": "under every reader of text",
     "skinmap.io.robots.manifest.load_fields": "under read_manifest",

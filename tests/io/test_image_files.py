@@ -8,10 +8,10 @@ from click.testing import CliRunner
 from PIL import Image
 
 import skinmap
-from skinmap.classifiers.protocols.baxter_images import given_images
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, OutputError
 from skinmap.io.recordings.image_files import LabelledImages, read_images, write_images
+from skinmap.recognition.protocols.baxter_images import given_images
 
 
 def labelled(rng, n=6):

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skinmap.classifiers.answers import Answer, Answers, HandAnswer
 from skinmap.live import Moment, NamedTouch
+from skinmap.recognition.answers import Answer, Answers, HandAnswer
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "follow_a_hand.py"
 

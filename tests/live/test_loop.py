@@ -7,9 +7,6 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from skinmap.classifiers.classifier import classifiers
-from skinmap.classifiers.descriptors import Touch
-from skinmap.classifiers.named_classifiers import default_model
 from skinmap.errors import (
     BrokenPluginError,
     SkinMismatchError,
@@ -21,6 +18,9 @@ from skinmap.live import namer
 from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
+from skinmap.recognition.classifier import classifiers
+from skinmap.recognition.descriptors import Touch
+from skinmap.recognition.named_classifiers import default_model
 from skinmap.touch.simulation.simulator import RATE, simulate
 
 PART = "left_hand"

@@ -3,7 +3,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classifiers.descriptors import recorded_touches
 from skinmap.live.contacts.contact_motion import (
     MotionBook,
     RolledWay,
@@ -14,6 +13,7 @@ from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.stroke_errors import stroke_errors
 from skinmap.live.contacts.touch_history import TouchBook
 from skinmap.live.robot_skin import JoinedSkin
+from skinmap.recognition.descriptors import recorded_touches
 from skinmap.touch.contacts.motion_features import presses
 from skinmap.touch.simulation.simulator import simulate
 

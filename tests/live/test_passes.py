@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 import skinmap
-from skinmap.classifiers.classifier import Prediction
-from skinmap.classifiers.given_name import GivenName
-from skinmap.classifiers.named_classifiers import default_model
-from skinmap.classifiers.naming import Named
 from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.loop import TouchLoop
 from skinmap.live.namer import Namer
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import StreamInfo
+from skinmap.recognition.classifier import Prediction
+from skinmap.recognition.given_name import GivenName
+from skinmap.recognition.named_classifiers import default_model
+from skinmap.recognition.naming import Named
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR, TIME
 from skinmap.touch.simulation.simulator import simulate

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classifiers.classifier import classifiers
-from skinmap.classifiers.descriptors import Touch
 from skinmap.errors import SkinMismatchError
+from skinmap.recognition.classifier import classifiers
+from skinmap.recognition.descriptors import Touch
 from skinmap.touch.simulation.simulator import RATE, simulate
 from tests.replay import replay
 

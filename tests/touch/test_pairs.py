@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from skinmap.classifiers.protocols.cross_patch import cut_into_patches
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.recognition.protocols.cross_patch import cut_into_patches
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulation.gestures import EIGHT, GESTURES

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classifiers.descriptors import recorded_touches
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.point_surface import STEP, PointSurface
+from skinmap.recognition.descriptors import recorded_touches
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.contacts.motion_features import (
     MOTION_FEATURES,

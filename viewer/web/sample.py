@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.classifiers.answers import answers_object
 from skinmap.errors import SkinError
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
+from skinmap.recognition.answers import answers_object
 from viewer.colours import touch_colour
 from viewer.drawing.body.bare_body import posed
 from viewer.drawing.panel.touch_list import caption, details

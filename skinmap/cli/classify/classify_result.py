@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from skinmap.classifiers.answers import Answer, HandAnswer
 from skinmap.live.sources.sample_counts import Counts
+from skinmap.recognition.answers import Answer, HandAnswer
 from skinmap.summary import first_few
 
 if TYPE_CHECKING:

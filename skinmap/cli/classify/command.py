@@ -30,7 +30,7 @@ from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
-SUFFIX = ".skinmodel"  # as `skinmap.classifiers.model_file` has it; a test compares
+SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test compares
 
 
 @click.command("classify")
@@ -119,8 +119,8 @@ def command(
               skinmap classify sim --gesture all,time --seconds 15 --json
               skinmap classify touch.mcap --calibration left_forearm=load
     """
-    from skinmap.classifiers.model_file import load_classifier
-    from skinmap.classifiers.named_classifiers import default_model
+    from skinmap.recognition.model_file import load_classifier
+    from skinmap.recognition.named_classifiers import default_model
     from skinmap.touch.contacts.grouping import GroupingRule
 
     model, source = _model_and_source(files)
@@ -180,8 +180,8 @@ def holds_events(source: str) -> bool:
 
 
 def _lines(result: ClassifyResult) -> Iterator[str | Table]:
-    from skinmap.classifiers.classifier import Prediction
-    from skinmap.classifiers.naming import in_words
+    from skinmap.recognition.classifier import Prediction
+    from skinmap.recognition.naming import in_words
 
     keys = ("part", "event", "touch", "label", "confidence", "recorded_label")
     rows = [[getattr(row, key) for key in keys] for row in result.touches]

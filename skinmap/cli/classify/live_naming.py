@@ -13,8 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray
-from skinmap.classifiers.classifier import Prediction, TouchClassifier
-from skinmap.classifiers.naming import JOIN, all_right, name_touches, true_labels
 from skinmap.cli.classify.classify_result import (
     ClassifyResult,
     ContactLoad,
@@ -32,6 +30,8 @@ from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.sample_counts import Counts
+from skinmap.recognition.classifier import Prediction, TouchClassifier
+from skinmap.recognition.naming import JOIN, all_right, name_touches, true_labels
 from skinmap.report.present import emit_line, object_of
 from skinmap.touch.contacts.grouping import GroupingRule
 from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
@@ -39,12 +39,12 @@ from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
 
 if TYPE_CHECKING:
-    from skinmap.classifiers.answers import Answers
     from skinmap.live.contacts.contact_events import TouchEvent
     from skinmap.live.contacts.contact_forces import ContactForce
     from skinmap.live.loop import TouchLoop
     from skinmap.live.moment import Moment
     from skinmap.live.sources.source import Source
+    from skinmap.recognition.answers import Answers
     from skinmap.touch.contacts.rest import Rest
     from skinmap.touch.load_calibration import LoadCalibration
 
@@ -174,8 +174,8 @@ class _Run:
                 self.loads[touch.identity] = touch.load
 
     def _tell_touches(self) -> None:
-        from skinmap.classifiers.naming import in_words
         from skinmap.live.contacts.named_touch import UNNAMED
+        from skinmap.recognition.naming import in_words
 
         self.withdrawn += len(self.loop.withdrawn())
         for touch in self.loop.finished():
@@ -272,7 +272,7 @@ def _note_differences(classifier: TouchClassifier, loop: TouchLoop) -> None:
 
 def _note_lacks(classifier: TouchClassifier) -> None:
     """Say once what a model of before, or one without groups of its own, does not answer itself."""
-    from skinmap.classifiers.answering import lacking
+    from skinmap.recognition.answering import lacking
 
     if lacks := lacking(classifier):
         click.echo(f"note: the model {lacks}", err=True)

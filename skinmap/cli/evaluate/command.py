@@ -9,7 +9,6 @@ from typing import Any, get_args
 
 import click
 
-from skinmap.classifiers.protocols.results import EvaluateResult, KasparResult
 from skinmap.cli.evaluate.evaluation import (
     ON_DATA,
     PROTOCOLS,
@@ -29,6 +28,7 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.retired import retired
 from skinmap.commands.spreading import WorkerOptions, workers_options
+from skinmap.recognition.protocols.results import EvaluateResult, KasparResult
 from skinmap.report.image import media
 from skinmap.report.page import lines_page
 from skinmap.report.present import present

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol, cast
 import click
 from msgspec import Meta, Struct, ValidationError, convert
 
-from skinmap.classifiers.protocols.results import AccuracyRow, EvaluateResult
+from skinmap.recognition.protocols.results import AccuracyRow, EvaluateResult
 from skinmap.report.table import Cell, Table
 
 if TYPE_CHECKING:
-    from skinmap.classifiers.protocols.left_out import Way
     from skinmap.parallel.workers import Workers
+    from skinmap.recognition.protocols.left_out import Way
 
 PROTOCOLS = (
     "kaspar",

@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 import click
 from msgspec import Meta
 
-from skinmap.classifiers.protocols.results import BaxterResult
 from skinmap.cli.evaluate.evaluation import (
     Own,
     Rows,
@@ -17,6 +16,7 @@ from skinmap.cli.evaluate.evaluation import (
 )
 from skinmap.commands.options import MAX_TOUCHES, open_robot
 from skinmap.commands.progress import progress
+from skinmap.recognition.protocols.results import BaxterResult
 from skinmap.report.result import given
 from skinmap.report.table import Table
 
@@ -40,10 +40,10 @@ SETTINGS = Baxter
 
 def work(settings: Settings) -> BaxterResult:
     """Run the protocol."""
-    from skinmap.classifiers.protocols.baxter import evaluate_baxter
-    from skinmap.classifiers.protocols.baxter_images import ImageSet, given_images
-    from skinmap.classifiers.protocols.baxter_methods import METHODS
     from skinmap.io.recordings.image_files import read_images
+    from skinmap.recognition.protocols.baxter import evaluate_baxter
+    from skinmap.recognition.protocols.baxter_images import ImageSet, given_images
+    from skinmap.recognition.protocols.baxter_methods import METHODS
     from skinmap.touch.prepared_skin import PreparedSkin
 
     subject: PreparedSkin | ImageSet

@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
-from skinmap.classifiers.protocols.results import CrossPatchResult
 from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, chosen_gestures, percent
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
+from skinmap.recognition.protocols.results import CrossPatchResult
 from skinmap.report.table import Table
 
 
@@ -25,7 +25,7 @@ SETTINGS = CrossPatch
 
 def work(settings: Settings) -> CrossPatchResult:
     """Run the protocol."""
-    from skinmap.classifiers.protocols.cross_patch import (
+    from skinmap.recognition.protocols.cross_patch import (
         DEFAULTS,
         check_carries_over,
         cut_patches,

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.classifiers.protocols.results import CountRow, FingersResult
 from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, percent
 from skinmap.commands.progress import progress
+from skinmap.recognition.protocols.results import CountRow, FingersResult
 from skinmap.report.table import Table
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ def work(settings: Settings) -> FingersResult:
         A folder without the files, files that are damaged or of another skin, or recordings that
         cannot be judged.
     """
-    from skinmap.classifiers.protocols import fingers as protocol
     from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
+    from skinmap.recognition.protocols import fingers as protocol
     from skinmap.touch.prepared_skin import PreparedSkin
 
     arrays, patch = find_pressed(settings.recordings[0], ARCHIVE, FOLDER)

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.classifiers.protocols.results import ForceResult, ForceRow
 from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, percent
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
+from skinmap.recognition.protocols.results import ForceResult, ForceRow
 from skinmap.report.table import Cell, Table
 
 if TYPE_CHECKING:

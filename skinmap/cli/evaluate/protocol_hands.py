@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.classifiers.protocols.results import HandsResult
 from skinmap.cli.evaluate.evaluation import Own, Rows, Settings
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
+from skinmap.recognition.protocols.results import HandsResult
 from skinmap.report.table import Table
 
 if TYPE_CHECKING:

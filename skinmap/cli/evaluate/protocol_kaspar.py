@@ -9,10 +9,10 @@ from typing import Any, Literal
 import click
 import numpy as np
 
-from skinmap.classifiers.protocols.results import KasparResult, SweepRow
 from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, by_class, percent
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
+from skinmap.recognition.protocols.results import KasparResult, SweepRow
 from skinmap.report.image import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
@@ -31,8 +31,8 @@ SETTINGS = Kaspar
 
 def work(settings: Settings) -> KasparResult:
     """Run the protocol."""
-    from skinmap.classifiers.protocols import kaspar
-    from skinmap.classifiers.protocols.carry_over import evaluate_carry_over
+    from skinmap.recognition.protocols import kaspar
+    from skinmap.recognition.protocols.carry_over import evaluate_carry_over
     from skinmap.touch.prepared_skin import PreparedSkin
 
     if settings.names:

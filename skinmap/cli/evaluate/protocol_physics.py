@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import click
 
-from skinmap.classifiers.protocols.results import PhysicsResult
 from skinmap.cli.evaluate.evaluation import (
     Own,
     Rows,
@@ -16,6 +15,7 @@ from skinmap.cli.evaluate.evaluation import (
 )
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
+from skinmap.recognition.protocols.results import PhysicsResult
 from skinmap.report.table import Table
 
 SETTINGS = Own
@@ -23,10 +23,10 @@ SETTINGS = Own
 
 def work(settings: Settings) -> PhysicsResult:
     """Run the protocol."""
-    from skinmap.classifiers.protocols import physics
-    from skinmap.classifiers.protocols.cross_patch import check_carries_over
     from skinmap.physics.engine import import_mujoco
     from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
+    from skinmap.recognition.protocols import physics
+    from skinmap.recognition.protocols.cross_patch import check_carries_over
     from skinmap.touch.prepared_skin import PreparedSkin
 
     if len(settings.names) > 1:

@@ -11,14 +11,14 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.classifiers.protocols.results import PrintsResult
 from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, percent
 from skinmap.commands.progress import progress
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, SkinError
+from skinmap.recognition.protocols.results import PrintsResult
 from skinmap.report.table import Table
 
 if TYPE_CHECKING:
-    from skinmap.classifiers.protocols.prints import Answers, Prints
+    from skinmap.recognition.protocols.prints import Answers, Prints
 
 OWN = 10  # prints of a person that set this person's scale
 
@@ -101,7 +101,7 @@ def work(settings: Settings) -> PrintsResult:
     SkinError
         A file that is missing, damaged, without prints to train on, or with too few people.
     """
-    from skinmap.classifiers.protocols.prints import find_spots, fit_areas, match_prints
+    from skinmap.recognition.protocols.prints import find_spots, fit_areas, match_prints
 
     train, test = (Grid(path) for path in settings.recordings)
     for name in ("prints", "person"):

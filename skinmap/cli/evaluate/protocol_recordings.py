@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.classifiers.protocols.results import LeftOutRow, RecordingsResult
 from skinmap.cli.evaluate.evaluation import (
     Folds,
     Rows,
@@ -18,6 +17,7 @@ from skinmap.cli.evaluate.evaluation import (
 )
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.recognition.protocols.results import LeftOutRow, RecordingsResult
 from skinmap.report.result import given
 from skinmap.report.table import Table
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 def work(settings: Settings) -> RecordingsResult:
     """Judge classifiers on touches that were recorded."""
-    from skinmap.classifiers.classifier import DEFAULT, classifiers
-    from skinmap.classifiers.protocols.recordings import KINDS, evaluate_recordings
     from skinmap.cli.collection import collect
+    from skinmap.recognition.classifier import DEFAULT, classifiers
+    from skinmap.recognition.protocols.recordings import KINDS, evaluate_recordings
 
     collection = collect(settings.recordings, settings.robot, settings.parts)
     only = () if settings.gestures in ("four", "all") else _labels(settings)
@@ -81,7 +81,7 @@ def judged_touches(collection: Collection, only: Sequence[str]) -> list[Collecte
     UnknownNameError
         A label that nobody recorded.
     """
-    from skinmap.classifiers.protocols.recordings import TOGETHER, check_spelling
+    from skinmap.recognition.protocols.recordings import TOGETHER, check_spelling
 
     for one in collection.touches:
         if not one.touch.label.strip():
@@ -104,14 +104,14 @@ def judge_groups(
     settings: Settings, chosen: Sequence[Collected], names: Sequence[str]
 ) -> list[LeftOutRow]:
     """A row for touches dealt out and for each kind of group left out, of each classifier."""
-    from skinmap.classifiers.protocols.left_out import (
+    from skinmap.parallel.run import run_tasks
+    from skinmap.recognition.protocols.left_out import (
         NAIVE,
         Judged,
         LeftOutTrial,
         places_of,
         run_left_out,
     )
-    from skinmap.parallel.run import run_tasks
 
     touches = tuple(one.touch for one in chosen)
     groups = {

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from skinmap.classifiers.protocols.results import StrokesRow, TimeResult
 from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, chosen_gestures, percent
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
+from skinmap.recognition.protocols.results import StrokesRow, TimeResult
 from skinmap.report.table import Table
 
 if TYPE_CHECKING:
@@ -29,10 +29,10 @@ def work(settings: Settings) -> TimeResult:
     InvalidArrayError
         Fewer than two parts.
     """
-    from skinmap.classifiers.protocols.in_time import evaluate_in_time, play
-    from skinmap.classifiers.protocols.physics import OURS
     from skinmap.live.contacts.stroke_errors import stroke_errors
     from skinmap.physics.variants import DEFAULT, FROZEN
+    from skinmap.recognition.protocols.in_time import evaluate_in_time, play
+    from skinmap.recognition.protocols.physics import OURS
     from skinmap.skin.checks import twin_parts
     from skinmap.touch.prepared_skin import PreparedSkin
     from skinmap.touch.simulation.gestures import TIME

@@ -12,7 +12,7 @@ from skinmap.arrays import FloatArray, freeze
 from skinmap.summary import Summary
 
 if TYPE_CHECKING:
-    from skinmap.classifiers.answers import Answer, Answers, HandAnswer
+    from skinmap.recognition.answers import Answer, Answers, HandAnswer
 
 Event = TypeVar("Event")
 Happening = Literal["birth", "motion", "merge", "split", "end"]

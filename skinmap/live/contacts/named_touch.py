@@ -12,8 +12,8 @@ from skinmap.live.contacts.contact_motion import Motion
 from skinmap.summary import Summary
 
 if TYPE_CHECKING:
-    from skinmap.classifiers.answers import Answer, Answers, HandAnswer
     from skinmap.live.contacts.contact_forces import ContactForce
+    from skinmap.recognition.answers import Answer, Answers, HandAnswer
 
 UNNAMED = "touch"  # what a touch is called while nobody has named it
 

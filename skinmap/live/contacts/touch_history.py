@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.classifiers.classifier import NO_CONTACT, Prediction
-from skinmap.classifiers.sets.rejection import UNKNOWN
 from skinmap.live.contacts.contact_events import TouchEvent
 from skinmap.live.contacts.contact_motion import Motion, MotionBook
 from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.contacts.named_touch import UNNAMED, NamedTouch
 from skinmap.live.robot_skin import JoinedSkin
+from skinmap.recognition.classifier import NO_CONTACT, Prediction
+from skinmap.recognition.sets.rejection import UNKNOWN
 from skinmap.touch.contacts.skin_geometry import POOL_SHARE
 
 EVENTS = 1000  # touches that are over and wait to be taken at most

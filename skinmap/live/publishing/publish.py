@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.classifiers.answers import answers_object
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.live.network.network_messages import VERSION
 from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
+from skinmap.recognition.answers import answers_object
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 

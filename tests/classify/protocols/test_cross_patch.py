@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import skinmap
-from skinmap.classifiers.protocols.cross_patch import (
+from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.recognition.protocols.cross_patch import (
     check_carries_over,
     cut_patches,
     score_patches,
     summarise,
     touch_patches,
 )
-from skinmap.errors import InvalidArrayError, UnknownNameError
 
 THREE = ("poke", "full_finger", "three_finger")
 NAMES = ("contact-geometry", "histogram")

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classifiers.protocols.folds import make_folds, recalls
 from skinmap.errors import InvalidArrayError
+from skinmap.recognition.protocols.folds import make_folds, recalls
 
 EVENTS = np.repeat(np.arange(24), 5)
 LABELS = np.repeat(np.tile(["poke", "full_finger", "whole_hand"], 8), 5)

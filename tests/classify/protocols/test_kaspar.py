@@ -3,10 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.classifiers.protocols import kaspar
-from skinmap.classifiers.protocols.carry_over import evaluate_carry_over
-from skinmap.classifiers.protocols.kaspar import PAPER, SAMPLES, paper_rows, sweep_radius_and_words
-from skinmap.classifiers.protocols.samples import (
+from skinmap.errors import InvalidArrayError
+from skinmap.recognition.protocols import kaspar
+from skinmap.recognition.protocols.carry_over import evaluate_carry_over
+from skinmap.recognition.protocols.kaspar import PAPER, SAMPLES, paper_rows, sweep_radius_and_words
+from skinmap.recognition.protocols.samples import (
     LITERAL,
     ROTATED,
     count_votes,
@@ -15,7 +16,6 @@ from skinmap.classifiers.protocols.samples import (
     resample,
     structures_of,
 )
-from skinmap.errors import InvalidArrayError
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 
 SMALL = dict.fromkeys(("poke", "full_finger", "three_finger", "whole_hand"), 240)

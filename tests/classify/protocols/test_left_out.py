@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skinmap.classifiers.descriptors import Touch, recorded_touches
-from skinmap.classifiers.protocols.left_out import MAX_GROUPS, _at, group_folds
-from skinmap.classifiers.protocols.recordings import _split_samples
 from skinmap.errors import InvalidArrayError
+from skinmap.recognition.descriptors import Touch, recorded_touches
+from skinmap.recognition.protocols.left_out import MAX_GROUPS, _at, group_folds
+from skinmap.recognition.protocols.recordings import _split_samples
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, motion_features
 from skinmap.touch.simulation.simulator import simulate
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skinmap.classifiers.protocols.recordings import evaluate_recordings
 from skinmap.cli.collection import collect
 from skinmap.cli.evaluate.protocol_recordings import judged_touches
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import save_recordings
+from skinmap.recognition.protocols.recordings import evaluate_recordings
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.simulator import simulate
 

@@ -8,9 +8,9 @@ import time
 import numpy as np
 import pytest
 
-from skinmap.classifiers.protocols.kaspar import evaluate_kaspar
 from skinmap.errors import UnreachableError
 from skinmap.parallel import Workers, run_tasks, task_rng
+from skinmap.recognition.protocols.kaspar import evaluate_kaspar
 from skinmap.report.result import plain
 
 SMALL = dict.fromkeys(("poke", "full_finger", "three_finger", "whole_hand"), 240)

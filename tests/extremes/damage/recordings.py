@@ -20,9 +20,6 @@ from calibration.files.probe_file import read_probes
 from calibration.files.robot_touches import load_robot_touches
 from calibration.response import ResponseCalibration, load_response, save_response
 from skinmap import load_robot
-from skinmap.classifiers.check import planted_touches
-from skinmap.classifiers.classifier import classifiers
-from skinmap.classifiers.model_file import load_classifier, save_classifier
 from skinmap.disk_cache import Cache
 from skinmap.errors import DataFormatError
 from skinmap.io.mcap.reading import read_track, write_repaired
@@ -45,6 +42,9 @@ from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.live.sources.zenoh_source import CLOUD, values_of
 from skinmap.memory_features import FEATURES
 from skinmap.parallel import ResumeStore
+from skinmap.recognition.check import planted_touches
+from skinmap.recognition.classifier import classifiers
+from skinmap.recognition.model_file import load_classifier, save_classifier
 from skinmap.soundness.track import read_track as read_examined
 from skinmap.touch import recording as archive
 from skinmap.touch.load_calibration import LoadCalibration
@@ -365,8 +365,8 @@ TARGETS = [
     Target("log", "data.log", lambda: [dump()], read_log,
            ("skinmap.io.recordings.dumper.read_log",)),
     *both("model", "t.skinmodel", lambda: [model("histogram"), model("contact-geometry")],
-          load_classifier, ("skinmap.classifiers.model_file.load_classifier",
-           "skinmap.classifiers.model_file.read_model")),
+          load_classifier, ("skinmap.recognition.model_file.load_classifier",
+           "skinmap.recognition.model_file.read_model")),
     *both("response", "t.npz", lambda: [response()], load_response,
           ("calibration.response.response_file.load_response",)),
     *both("self-touch", "A_B.npz", lambda: [self_touch()], lambda p: load_part_touches([p]),

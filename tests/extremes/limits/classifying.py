@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.classifiers.check import planted_touches
-from skinmap.classifiers.classifier import classifiers
-from skinmap.classifiers.histograms.intersection import IntersectionSVC, intersection_kernel
 from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.recognition.check import planted_touches
+from skinmap.recognition.classifier import classifiers
+from skinmap.recognition.histograms.intersection import IntersectionSVC, intersection_kernel
 from skinmap.touch.simulation.simulator import simulate
 from viewer.layers import Layers, check_values
 

@@ -1,0 +1,375 @@
+"""What gives three answers about a touch: with what, how it moves, and whether it is a hand.
+
+They stand beside the name that was trained (docs/touches.md). Each is the answer of one or two RBF
+machines on the numbers of contact geometry; sets of names hold the truth in nine of ten touches, by
+parts that were left out, and are wider where a touch is unlike those (`prediction_sets`).
+
+Whether it is a hand has two machines: one knows grips, three fingers and more, from everything
+else, the other all hands from all others. A fingertip and a ball of its size press the same, so the
+second may say `unsure` at most of a hand. Kinds of things are named only where it is surely none.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.recognition.answers import Answer, Answers, HandAnswer, HandWord
+from skinmap.recognition.descriptors import ContactGeometry, Touch
+from skinmap.recognition.rbf_machine import RbfMachine
+from skinmap.recognition.sets.prediction_sets import (
+    SetCalibration,
+    left_out_by,
+    set_calibration_from,
+)
+from skinmap.skin.checks import twin_parts
+from skinmap.touch.contacts.contact_geometry import FEATURES, contact_geometry
+from skinmap.touch.contacts.motion_features import MOTION_FEATURES, MOVES
+from skinmap.touch.simulation.gestures import TIME
+
+if TYPE_CHECKING:
+    from skinmap.recognition.classifier import Classifier
+
+STILL, MOVING = ContactGeometry(motion=False), ContactGeometry(motion=True)
+REACH = MOTION_FEATURES.index("reach_mm")
+STAYS = "still"  # the motion of a touch that stays
+COVERAGE = 0.9  # of the sets
+SURE = (0.2, 0.8)  # probability of a hand below which it is none, and from which it is one
+GRIP = 0.5  # probability from which the machine for grips decides
+UNSURE = 0.79  # and the most that the other one says of a hand
+FOLDS = 5
+LEAST = 50  # rows of a name that are learnt, where there are so many
+PARTS = ("kind", "other", "motion", "hand", "grip")  # machines, by what they tell apart
+GROUPS = ("hand", "other")
+SHIPPED, MEMBER = Path(__file__).with_name("default.skinmodel"), "answers.npz"
+# What a model can lack, in the words of a note.
+LACKS = "has no answers of its own: kind, motion and hand are those of the model that ships"
+
+
+@dataclass(eq=False, slots=True)
+class Machine:
+    """One machine with the sets of names that it may promise.
+
+    Attributes
+    ----------
+    machine : RbfMachine
+        Trained.
+    sets : SetCalibration or None
+        Of touches that copies of it had not seen; None where it gives no sets.
+    """
+
+    machine: RbfMachine
+    sets: SetCalibration | None = None
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names that it tells apart."""
+        return tuple(map(str, self.machine.classes_))
+
+    def shares(self, row: FloatArray) -> FloatArray:
+        """(c,) probability of each of `labels` for a row (1, d)."""
+        return np.asarray(self.machine.probabilities(row)[0])
+
+    def answer(self, row: FloatArray, skin: str) -> Answer:
+        """The likeliest name of a touch on the skin of a fingerprint, and its set."""
+        share, labels = self.shares(row), self.labels
+        best = int(np.argmax(share))
+        names: tuple[str, ...] = ()
+        if self.sets is not None:
+            limit = self.sets.threshold(COVERAGE, skin)
+            strange = float(self.machine.strangeness(row)[0])
+            names = self.sets.names(share, labels, strange, limit)
+        return Answer(labels[best], float(share[best]), names or (labels[best],))
+
+
+@dataclass(eq=False, slots=True)
+class ThreeAnswers:
+    """What gives the three answers.
+
+    Attributes
+    ----------
+    machines : dict of str to Machine
+        By what they tell apart, some of `PARTS`; `kind`, `motion` and `hand` are always there.
+    """
+
+    machines: dict[str, Machine] = field(default_factory=dict)
+
+    def of(self, touch: Touch) -> Answers | None:
+        """The answers about a touch; None where nothing is felt."""
+        row = shape_row(touch)
+        if len(row) == 0:
+            return None
+        skin = touch.skin.fingerprint
+        chance = self.hand_probability(row)
+        hand = hand_answer(chance)
+        thing = hand.answer == "other" and "other" in self.machines
+        return Answers(
+            self.machines["other" if thing else "kind"].answer(row, skin),
+            self.machines["motion"].answer(MOVING.describe(touch), skin),
+            hand,
+        )
+
+    def completed(self, others: ThreeAnswers) -> ThreeAnswers:
+        """The same with the machines of others where it has none; its hand is asked alone."""
+        if set(self.machines) >= set(others.machines):
+            return self
+        taken = dict(others.machines)
+        for own, instead in (("hand", "grip"), ("kind", "other")):
+            if own in self.machines:
+                taken.pop(instead, None)
+        return ThreeAnswers({**taken, **self.machines})
+
+    def hand_probability(self, row: FloatArray) -> float:
+        """That a touch of a row (1, d) of contact geometry is a hand."""
+        machine = self.machines["hand"]
+        chance = float(machine.shares(row)[machine.labels.index("hand")])
+        if "grip" not in self.machines:
+            return chance
+        grips = self.machines["grip"]
+        grip = float(grips.shares(row)[grips.labels.index("hand")])
+        return grip if grip > GRIP else min(chance, UNSURE)
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """What a model file keeps."""
+        return {
+            f"{name}.{key}": array
+            for name, one in self.machines.items()
+            for key, array in (
+                *((f"machine.{k}", v) for k, v in one.machine.to_arrays().items()),
+                *((f"sets.{k}", v) for k, v in (one.sets.to_arrays() if one.sets else {}).items()),
+            )
+        }
+
+
+def three_answers_from(arrays: Mapping[str, NDArray[Any]]) -> ThreeAnswers:
+    """What `to_arrays` gave.
+
+    Raises
+    ------
+    InvalidArrayError
+        Machines that are missing, or do not fit together.
+    """
+    found = ThreeAnswers()
+    for name in PARTS:
+        own = {k[len(name) + 1 :]: v for k, v in arrays.items() if k.startswith(f"{name}.")}
+        if not own:
+            continue
+        machine = RbfMachine()
+        machine.from_arrays(_below(own, "machine."))
+        sets = _below(own, "sets.")
+        found.machines[name] = Machine(machine, set_calibration_from(sets) if sets else None)
+        columns = len(FEATURES) + len(MOTION_FEATURES) * (name == "motion")
+        if machine.n_features_in_ != columns:
+            raise InvalidArrayError(
+                f"its machine for {name!r} has {machine.n_features_in_} columns, not {columns}"
+            )
+    return found
+
+
+def _below(arrays: Mapping[str, NDArray[Any]], head: str) -> dict[str, NDArray[Any]]:
+    return {k.removeprefix(head): v for k, v in arrays.items() if k.startswith(head)}
+
+
+def hand_answer(probability: float) -> HandAnswer:
+    """The word for a probability of a hand."""
+    low, high = SURE
+    word: HandWord = "unsure"
+    if probability >= high or probability <= low:
+        word = "hand" if probability >= high else "other"
+    return HandAnswer(word, probability)
+
+
+def shape_row(touch: Touch) -> FloatArray:
+    """(1, d) contact geometry of what touches; (0, d) where nothing does.
+
+    Pooled over a touch that stays; of one that moves, in the sample of its largest load: its way is
+    not its shape.
+    """
+    still = STILL.describe(touch)
+    if len(still) == 0:
+        return still
+    moving = MOVING.describe(touch)
+    if moving[0, len(FEATURES) + REACH] <= MOVES:
+        return still
+    load = touch.samples.sum(axis=1, dtype=np.int64)
+    return contact_geometry(touch.skin.geometry, touch.samples[int(load.argmax())])[None]
+
+
+def train_machine(
+    rows: FloatArray,
+    labels: Sequence[str],
+    touches: Sequence[Touch],
+    *,
+    rng: np.random.Generator,
+    most_rows: int = RbfMachine.most_rows,
+    even: float = 1.0,
+    sets: bool = True,
+) -> Machine:
+    """A machine for rows (m, d) of touches, and what its copies think of touches left out.
+
+    At most `most_rows` are learnt, of each name no more than `even` times those of the rarest.
+    Parts are left out with their mirror images where there are three or more, else people by name,
+    else touches at random.
+    """
+    skins = dict.fromkeys(touch.skin for touch in touches)
+    shape_of = twin_parts({skin.fingerprint: skin.skin for skin in skins})
+    known = tuple(touch.skin.fingerprint for touch in touches)
+    shapes = tuple(shape_of[one] for one in known)
+    people = tuple(touch.person for touch in touches)
+    fold = left_out_by(shapes, people)[1] % FOLDS
+    names = np.array(labels)
+    machine = _fitted(rows, names, rng, most_rows, even)
+    if machine is None:
+        raise InvalidArrayError(f"answers need two names or more; got {', '.join(set(labels))}")
+    if not sets:
+        return Machine(machine)
+    shares, strange = np.zeros(len(rows)), np.zeros(len(rows))
+    for number in np.unique(fold):
+        test = fold == number
+        copy = _fitted(rows[~test], names[~test], rng, most_rows, even)
+        if copy is None:
+            continue
+        place = {str(name): k for k, name in enumerate(copy.classes_)}
+        share = copy.probabilities(rows[test])
+        shares[test] = [
+            share[k, place[name]] if name in place else 0.0
+            for k, name in enumerate(names[test].tolist())
+        ]
+        strange[test] = copy.strangeness(rows[test])
+    return Machine(machine, SetCalibration(shares, strange, known, shapes, people))
+
+
+def _fitted(
+    rows: FloatArray, names: NDArray[np.str_], rng: np.random.Generator, most_rows: int, even: float
+) -> Any:
+    """A machine that learnt as many rows of each name as of the rarest one, or None of one name.
+
+    `even` times as many of the others.
+    """
+    kinds, number, count = np.unique(names, return_inverse=True, return_counts=True)
+    if len(kinds) < 2:
+        return None
+    most = max(LEAST, min(int(even * count.min()), most_rows // len(kinds)))
+    place = rng.permutation(len(names))
+    some = np.sort(np.concatenate([place[number[place] == k][:most] for k in range(len(kinds))]))
+    return RbfMachine().fit(rows[some], names[some])
+
+
+@cache
+def shipped_answers() -> ThreeAnswers:
+    """The answers of the model that ships."""
+    with zipfile.ZipFile(SHIPPED) as archive, np.load(io.BytesIO(archive.read(MEMBER))) as arrays:
+        return three_answers_from(arrays)
+
+
+def lacking(classifier: Classifier) -> str:
+    """What a model has no answers for, in a sentence; empty where it has all."""
+    return LACKS if getattr(classifier, "own_answers", None) is None else ""
+
+
+def read_groups(text: str) -> dict[str, list[str]]:
+    """Groups of labels as they are typed, `hand=poke,full_finger;other=elbow`.
+
+    Raises
+    ------
+    InvalidArrayError
+        Anything but the groups `hand` and `other`, once each and with a label.
+    """
+    found: dict[str, list[str]] = {}
+    for group in text.split(";"):
+        name, equals, labels = (word.strip() for word in group.partition("="))
+        names = [label.strip() for label in labels.split(",") if label.strip()]
+        if name not in GROUPS or name in found or not equals or not names:
+            raise InvalidArrayError(
+                f"groups are written hand=LABEL,...;other=LABEL,..., each once; got {group!r}"
+            )
+        found[name] = names
+    if len(found) < len(GROUPS):
+        missing = next(name for name in GROUPS if name not in found)
+        raise InvalidArrayError(f"the group {missing!r} is missing in {text!r}")
+    return found
+
+
+def check_groups(groups: Mapping[str, Sequence[str]], labels: Sequence[str]) -> None:
+    """Refuse groups that are not `hand` and `other`, or in which a label is not exactly once.
+
+    Raises
+    ------
+    UnknownNameError
+        A label that is not among those that were recorded.
+    InvalidArrayError
+        A label in both groups, or in neither.
+    """
+    if set(groups) != set(GROUPS):
+        raise InvalidArrayError(f"the groups are hand and other, got {', '.join(groups) or 'none'}")
+    for name in (one for own in groups.values() for one in own):
+        if name not in labels:
+            raise UnknownNameError("recorded label", name, labels)
+    both = [name for name in groups["hand"] if name in groups["other"]]
+    if both:
+        raise InvalidArrayError(
+            f"{', '.join(both)} in both groups, hand and other; put each in one"
+        )
+    left = [name for name in labels if name not in (*groups["hand"], *groups["other"])]
+    if left:
+        raise InvalidArrayError(f"the groups miss {', '.join(left)}; put each in hand or other")
+
+
+def check_motions(motions: Sequence[str], labels: Sequence[str]) -> tuple[str, ...]:
+    """Which labels name how a touch moves: those that were given, and the simulated ones.
+
+    Raises
+    ------
+    UnknownNameError
+        One that is not among the labels.
+    """
+    for name in motions:
+        if name not in labels:
+            raise UnknownNameError("recorded label", name, labels)
+    return tuple(name for name in labels if name in (*motions, *TIME))
+
+
+def learn_answers(
+    classifier: Classifier,
+    touches: Sequence[Touch],
+    *,
+    groups: Mapping[str, Sequence[str]] | None,
+    motions: Sequence[str],
+    rng: np.random.Generator,
+) -> None:
+    """Give a classifier answers of its own where its touches teach them.
+
+    `hand` by its groups; `motion` where kinds and motions are mixed, and `kind` where there are
+    several kinds beside motions. All else is answered by the model that ships.
+    """
+    felt = [(touch, shape_row(touch)) for touch in touches]
+    used = [touch for touch, row in felt if len(row)]
+    if not used:
+        return
+    rows = np.concatenate([row for _, row in felt])
+    labels = [touch.label for touch in used]
+    own: dict[str, Machine] = {}
+    if groups is not None:
+        hands = ["hand" if label in groups["hand"] else "other" for label in labels]
+        own["hand"] = train_machine(rows, hands, used, rng=rng, sets=False)
+    kinds = sorted(set(labels) - set(motions))
+    if motions and kinds:
+        moving = np.concatenate([MOVING.describe(touch) for touch in used])
+        still = [label if label in motions and label != "hold" else STAYS for label in labels]
+        if len(set(still)) > 1:
+            own["motion"] = train_machine(moving, still, used, rng=rng)
+    if motions and len(kinds) > 1:
+        those = [k for k, label in enumerate(labels) if label in kinds]
+        named = [labels[k] for k in those]
+        own["kind"] = train_machine(rows[those], named, [used[k] for k in those], rng=rng)
+    classifier.own_answers = ThreeAnswers(own)

@@ -1,0 +1,163 @@
+"""How well classifiers do: on other touches of the same parts, and on parts never trained on."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from skinmap.errors import UnknownNameError
+from skinmap.recognition.classifier import NO_CONTACT, Prediction, TouchClassifier
+from skinmap.recognition.descriptors import Touch, recorded_touches
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.recording import Recording
+
+HELD_OUT = 0.3  # share of the touches of the trained parts that only test
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """How many of n touches got their right name; the name is the likeliest label.
+
+    Attributes
+    ----------
+    accuracy : float
+        Share, 0 to 1.
+    touches : int
+        n.
+    per_label, per_part : mapping of str to float
+        Shares of the touches of a label, and on a part.
+    unknown : float
+        Share of touches that the classifier would rather have left unnamed.
+    counts : mapping of str to int
+        Touches of each label.
+    """
+
+    accuracy: float
+    touches: int
+    per_label: Mapping[str, float]
+    per_part: Mapping[str, float]
+    unknown: float = 0.0
+    counts: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """Touches to train on, other touches of the same parts, and touches of other parts."""
+
+    train: tuple[Touch, ...]
+    same_parts: tuple[Touch, ...]
+    other_parts: tuple[Touch, ...]
+
+
+def split_touches(
+    skins: Mapping[str, PreparedSkin],
+    recordings: Sequence[Recording],
+    train_parts: Sequence[str],
+    *,
+    rng: np.random.Generator,
+) -> Split:
+    """Divide touch events, never samples of one event, into training and two tests.
+
+    Raises
+    ------
+    UnknownNameError
+        A part to train on that no recording is of.
+    """
+    recorded = [recording.part for recording in recordings]
+    for part in train_parts:
+        if part not in recorded:
+            raise UnknownNameError("recorded part", part, recorded)
+    train: list[Touch] = []
+    same: list[Touch] = []
+    other: list[Touch] = []
+    for recording in recordings:
+        skin = skins[recording.part]
+        touches = recorded_touches(skin, recording)
+        if recording.part not in train_parts:
+            other.extend(touches)
+            continue
+        held = rng.permutation(len(touches)) < HELD_OUT * len(touches)
+        same.extend(touch for touch, out in zip(touches, held, strict=True) if out)
+        train.extend(touch for touch, out in zip(touches, held, strict=True) if not out)
+    return Split(tuple(train), tuple(same), tuple(other))
+
+
+def likeliest(classifier: TouchClassifier, touch: Touch) -> Prediction:
+    """The likeliest label, however unsure the classifier is; `no_contact` where nothing is touched.
+
+    Tests count by it: a classifier that says `unknown` more often must not look better or worse.
+
+    Parameters
+    ----------
+    classifier : Classifier
+        Trained.
+    touch : Touch
+
+    Returns
+    -------
+    Prediction
+        Label, and its probability from 0 to 1.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("torso")
+    >>> recording = skinmap.simulate(skin, gestures=["poke"], per_gesture=5, rng=0)
+    >>> touches = recorded_touches(PreparedSkin(skin), recording)
+    >>> from skinmap.recognition import default_model
+    >>> likeliest(default_model(), touches[0]).label
+    'poke'
+    """
+    share = classifier.probabilities(touch)
+    if share is None:
+        return Prediction(NO_CONTACT, 1.0)
+    best = int(np.argmax(share))
+    return Prediction(classifier.labels[best], float(share[best]))
+
+
+def score(classifier: TouchClassifier, touches: Sequence[Touch]) -> Score:
+    """Accuracy per touch event.
+
+    Parameters
+    ----------
+    classifier : Classifier
+        Trained.
+    touches : sequence of Touch
+        Labelled.
+
+    Returns
+    -------
+    Score
+        Shares from 0 to 1; NaN where there is no touch.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("torso")
+    >>> recording = skinmap.simulate(skin, gestures=["poke"], per_gesture=5, rng=0)
+    >>> touches = recorded_touches(PreparedSkin(skin), recording)
+    >>> from skinmap.recognition import default_model
+    >>> score(default_model(), touches).accuracy >= 0.8
+    True
+    """
+    named = [likeliest(classifier, touch) for touch in touches]
+    return score_of(named, touches, float(getattr(classifier.estimator, "reject_", 0.0)))
+
+
+def score_of(named: Sequence[Prediction], touches: Sequence[Touch], least: float) -> Score:
+    """Accuracy of names that were given; `unknown` is the share below a confidence."""
+    right = np.array([one.label == touch.label for one, touch in zip(named, touches, strict=True)])
+    unsure = np.array([one.confidence < least for one in named])
+    labels = np.array([touch.label for touch in touches])
+    parts = np.array([touch.skin.skin.part for touch in touches])
+    return Score(
+        float(right.mean()) if len(right) else float("nan"),
+        len(right),
+        {str(label): float(right[labels == label].mean()) for label in np.unique(labels)},
+        {str(part): float(right[parts == part].mean()) for part in np.unique(parts)},
+        float(unsure.mean()) if len(right) else float("nan"),
+        dict(Counter(labels.tolist())),
+    )

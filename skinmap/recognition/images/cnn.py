@@ -1,0 +1,303 @@
+"""Convolutional networks on contact images: trained with torch, used without it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.utils.multiclass import check_classification_targets
+from sklearn.utils.validation import validate_data
+
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import (
+    InvalidArrayError,
+    NotFittedError,
+    UnknownNameError,
+    unknown_name,
+)
+from skinmap.imports import import_optional
+from skinmap.recognition.images.bag_of_words import as_images
+from skinmap.recognition.images.convolution import Float32, Network
+from skinmap.touch.images.paper_image import SIZE
+
+Schedule = Literal["constant", "step", "cosine"]
+KERNEL = 5
+MOMENTUM = 0.9
+WARM_UP = 5  # epochs of the schedule "cosine" in which the rate grows: full steps kill a fresh net
+ATTEMPTS = 3  # trainings with another start where one stays at chance
+STUCK = 0.95  # of the loss of chance: a net that does not get below has learnt nothing
+TELLING = 10  # epochs: after fewer nothing can be said
+STEP_AT, STEP_TO = 2 / 3, 0.1  # of the schedule "step": when, and to which share
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How large a network is, and how its authors train it.
+
+    Attributes
+    ----------
+    channels : int
+        Kernels of each of the three convolutions.
+    shrink : int
+        Pixels of the contact image that one of its pixels is the mean of, along each axis.
+    epochs, batch, learning_rate, schedule, mirror, shift
+        Defaults, see `ContactImageCNN`.
+    """
+
+    channels: int
+    shrink: int
+    epochs: int
+    batch: int
+    learning_rate: float
+    schedule: Schedule
+    mirror: bool
+    shift: int
+
+    def __post_init__(self) -> None:
+        if min(self.epochs, self.batch, self.shift + 1) < 1 or not 0 < self.learning_rate < np.inf:
+            raise InvalidArrayError(
+                f"epochs and batch must be at least 1, shift at least 0 and the learning rate "
+                f"above 0, got {self.epochs}, {self.batch}, {self.shift}, {self.learning_rate}"
+            )
+
+    def rate(self, epoch: int) -> float:
+        """Learning rate of an epoch, 0 first."""
+        done = epoch / self.epochs
+        share = {
+            "constant": 1.0,
+            "step": STEP_TO if done >= STEP_AT else 1.0,
+            "cosine": 0.5 * (1.0 + np.cos(np.pi * done)) * min(1.0, (epoch + 1) / WARM_UP),
+        }
+        if self.schedule not in share:
+            raise InvalidArrayError(unknown_name("schedule", str(self.schedule), share))
+        return self.learning_rate * float(share[self.schedule])
+
+
+RECIPES = {
+    # Albini, Denei and Cannata, IROS 2017.
+    "paper": Recipe(50, 1, 50, 128, 1e-3, "constant", False, 0),
+    # Of 33 x 50 pixels; trained in half a minute, so that it can be tuned.
+    "small": Recipe(8, 2, 60, 32, 3e-2, "cosine", True, 4),
+}
+# What a user may choose otherwise.
+CHOSEN = ("epochs", "batch", "learning_rate", "schedule", "mirror", "shift")
+
+
+class ContactImageCNN(ClassifierMixin, BaseEstimator):
+    """Classifier of flattened grey images (n, rows * columns) of 0 to 255.
+
+    Parameters
+    ----------
+    network : {"small", "paper"}
+    epochs, batch, learning_rate : optional
+        Of stochastic gradient descent with momentum 0.9; those of the network by default.
+    schedule : {"constant", "step", "cosine"}, optional
+        Learning rate over the epochs: the same; a tenth after two thirds; or growing in the
+        first five epochs, then half a cosine to 0.
+    mirror : bool, optional
+        Whether each image is mirrored along either axis, by chance, each time it is seen: a
+        touch mirrored is the same touch, and few touches then train a network as many do.
+    shift : int, optional
+        How many of the network's own pixels an image is moved by at most, by chance, each time.
+    image_shape : (rows, columns)
+    random_state : int
+    """
+
+    def __init__(
+        self,
+        network: str = "small",
+        *,
+        epochs: int | None = None,
+        batch: int | None = None,
+        learning_rate: float | None = None,
+        schedule: Schedule | None = None,
+        mirror: bool | None = None,
+        shift: int | None = None,
+        image_shape: tuple[int, int] = SIZE,
+        random_state: int = 0,
+    ) -> None:
+        self.network, self.epochs, self.batch = network, epochs, batch
+        self.learning_rate, self.schedule, self.mirror = learning_rate, schedule, mirror
+        self.shift, self.image_shape, self.random_state = shift, image_shape, random_state
+
+    def fit(self, X: ArrayLike, y: ArrayLike) -> ContactImageCNN:
+        """Train on images (n, rows * columns) and labels (n,).
+
+        Raises
+        ------
+        UnknownNameError
+            No such network.
+        InvalidArrayError
+            One label only, grey levels outside 0 to 255, or training that ran away.
+        MissingLibraryError
+            torch is not installed.
+        """
+        if self.network not in RECIPES:
+            raise UnknownNameError("network", str(self.network), RECIPES)
+        table, labels = validate_data(self, X, y)
+        check_classification_targets(labels)
+        self.classes_, number = np.unique(labels, return_inverse=True)
+        if len(self.classes_) < 2:
+            raise InvalidArrayError(f"training needs two labels, got {len(self.classes_)} class")
+        given = {name: getattr(self, name) for name in CHOSEN}
+        given = {name: value for name, value in given.items() if value is not None}
+        recipe = replace(RECIPES[self.network], **given)
+        images = self._images(table)
+        names = tuple(map(str, self.classes_))
+        self.take(train(images, number, names, recipe, seed=self.random_state))
+        return self
+
+    def take(self, network: Network) -> ContactImageCNN:
+        """Use a network that was trained before."""
+        if not hasattr(self, "classes_"):
+            self.classes_ = np.array(network.labels)
+            self.n_features_in_ = self.image_shape[0] * self.image_shape[1]
+        # Plain arrays, so that a model file needs to know no type of ours.
+        self.kernels_, self.biases_ = list(network.kernels), list(network.biases)
+        self.weight_, self.bias_ = network.weight, network.bias
+        return self
+
+    @property
+    def trained(self) -> Network:
+        """The network.
+
+        Raises
+        ------
+        NotFittedError
+            Before training.
+        """
+        if not hasattr(self, "weight_"):
+            raise NotFittedError("the network is not trained yet")
+        shrink = RECIPES[self.network].shrink
+        shape = (self.image_shape[0] // shrink, self.image_shape[1] // shrink)
+        labels = tuple(map(str, self.classes_))
+        kernels, biases = tuple(self.kernels_), tuple(self.biases_)
+        return Network(shape, kernels, biases, self.weight_, self.bias_, labels)
+
+    def predict_proba(self, X: ArrayLike) -> FloatArray:
+        """(n, classes) softmax."""
+        network = self.trained
+        return network.probabilities(self._images(validate_data(self, X, reset=False)))
+
+    def predict(self, X: ArrayLike) -> Any:
+        """(n,) labels."""
+        best = self.predict_proba(X).argmax(axis=1)
+        return self.classes_[best]
+
+    def _images(self, table: NDArray[Any]) -> Float32:
+        grey = as_images(table, self.image_shape)
+        return shrunken(grey, RECIPES[self.network].shrink)
+
+
+def shrunken(images: NDArray[np.uint8], factor: int) -> Float32:
+    """(n, rows // factor, columns // factor) means of blocks of pixels, 0 to 1."""
+    n, rows, columns = images.shape
+    rows, columns = rows // factor, columns // factor
+    blocks = images[:, : rows * factor, : columns * factor].astype(np.float32)
+    blocks = blocks.reshape(n, rows, factor, columns, factor)
+    return np.asarray(blocks.mean(axis=(2, 4), dtype=np.float32) / np.float32(255.0))
+
+
+def train(
+    images: Float32, labels: IntArray, names: tuple[str, ...], recipe: Recipe, *, seed: int
+) -> Network:
+    """Train on images (n, rows, columns) of 0 to 1 and labels (n,) of 0 to len(names) - 1.
+
+    Raises
+    ------
+    InvalidArrayError
+        The loss ran away: the learning rate is too large.
+    """
+    need = "training a network needs torch: pip install 'skinmap[torch]'"
+    torch = import_optional("torch", need)
+    with _one_thread(torch), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        chance = _entropy(labels)
+        for _ in range(ATTEMPTS):
+            net = _build(torch, images.shape[1:], len(names), recipe)
+            loss = _descend(torch, net, images, labels, recipe)
+            # A net whose rectifiers all died early gives every image the same answer.
+            if recipe.epochs < TELLING or loss < STUCK * chance:
+                break
+        return _network(net, (images.shape[1], images.shape[2]), names)
+
+
+def _descend(torch: Any, net: Any, images: Float32, labels: IntArray, recipe: Recipe) -> float:
+    """Fit a net in place; the mean loss of its last epoch."""
+    descent = torch.optim.SGD(net.parameters(), lr=recipe.learning_rate, momentum=MOMENTUM)
+    seen, wanted = torch.from_numpy(images[:, None].copy()), torch.from_numpy(labels.copy())
+    for epoch in range(recipe.epochs):
+        for group in descent.param_groups:
+            group["lr"] = recipe.rate(epoch)
+        losses = []
+        for batch in torch.randperm(len(seen)).split(recipe.batch):
+            shown = _varied(torch, seen[batch], recipe)
+            loss = torch.nn.functional.cross_entropy(net(shown), wanted[batch])
+            descent.zero_grad()
+            loss.backward()
+            descent.step()
+            losses.append(float(loss.detach()))
+    if not np.isfinite(losses).all():
+        raise InvalidArrayError(
+            f"training ran away at a learning rate of {recipe.learning_rate:g}: lower it"
+        )
+    return float(np.mean(losses))
+
+
+def _entropy(labels: IntArray) -> float:
+    """The loss of always answering with the shares of the classes."""
+    share = np.unique(labels, return_counts=True)[1] / len(labels)
+    return float(-(share * np.log(share)).sum())
+
+
+def _build(torch: Any, shape: tuple[int, ...], classes: int, recipe: Recipe) -> Any:
+    nn = torch.nn
+    layers: list[Any] = []
+    into, (rows, columns) = 1, shape
+    for _ in range(3):
+        layers += [nn.Conv2d(into, recipe.channels, KERNEL, padding="same")]
+        layers += [nn.ReLU(), nn.MaxPool2d(2)]
+        into, rows, columns = recipe.channels, rows // 2, columns // 2
+    layers += [nn.Flatten(), nn.Linear(into * rows * columns, classes)]
+    for layer in layers:
+        if hasattr(layer, "weight"):
+            # He et al., "Delving Deep into Rectifiers", ICCV 2015.
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+            nn.init.zeros_(layer.bias)
+    return nn.Sequential(*layers)
+
+
+def _varied(torch: Any, images: Any, recipe: Recipe) -> Any:
+    """Each image (n, 1, rows, columns) mirrored and shifted by chance, as the recipe allows."""
+    n, _, rows, columns = images.shape
+    for axis in (2, 3) if recipe.mirror else ():
+        turned = torch.rand(n) < 0.5
+        images = torch.where(turned[:, None, None, None], images.flip(axis), images)
+    if recipe.shift == 0:
+        return images
+    wide = torch.nn.functional.pad(images, [recipe.shift] * 4)
+    start = torch.randint(0, 2 * recipe.shift + 1, (2, n, 1))
+    row, column = start[0] + torch.arange(rows), start[1] + torch.arange(columns)
+    return wide[torch.arange(n)[:, None, None], 0, row[:, :, None], column[:, None, :]][:, None]
+
+
+def _network(net: Any, shape: tuple[int, int], names: tuple[str, ...]) -> Network:
+    arrays = [parameter.detach().numpy().copy() for parameter in net.parameters()]
+    *convolutions, weight, bias = arrays
+    return Network(shape, tuple(convolutions[::2]), tuple(convolutions[1::2]), weight, bias, names)
+
+
+@contextmanager
+def _one_thread(torch: Any) -> Iterator[None]:
+    """More threads cost more than they give on images as small as these."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

@@ -1,0 +1,250 @@
+"""From recorded samples to named touches: grouped first, each named on its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skinmap.arrays import BoolArray, IntArray
+from skinmap.errors import SkinMismatchError
+from skinmap.recognition.classifier import NO_CONTACT, Prediction, TouchClassifier
+from skinmap.recognition.descriptors import Touch
+from skinmap.recognition.sets.prediction_sets import OR
+from skinmap.recognition.sets.rejection import UNKNOWN
+from skinmap.skin.robot import Robot
+from skinmap.touch.contacts.grouping import RULE, GroupingRule, group_touches
+from skinmap.touch.contacts.rest import Rest, felt, usual_rest
+from skinmap.touch.contacts.skin_geometry import check_pressures, pool_event
+from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
+from skinmap.touch.recording import Recording
+
+JOIN = "+"  # between the labels of touches that overlap in time
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Named:
+    """One touch of an event: its taxels (n,) bool, and its name."""
+
+    taxels: BoolArray
+    prediction: Prediction
+
+
+def name_touches(
+    classifier: TouchClassifier,
+    skin: PreparedSkin,
+    samples: NDArray[np.uint8],
+    *,
+    rule: GroupingRule = RULE,
+    ended: bool = True,
+    rest: Rest | None = None,
+    person: str = "",
+    known: IntArray | None = None,
+) -> tuple[Named, ...]:
+    """Group the samples (k, n) of one event into touches and name each; empty without contact.
+
+    Parameters
+    ----------
+    classifier : TouchClassifier
+        Trained.
+    skin : PreparedSkin
+        n taxels.
+    samples : (k, n) array of 0 to 255
+    rule : GroupingRule
+        When contacts are one grip.
+    ended : bool
+        Whether the event is over.
+    rest : Rest, optional
+        What the taxels read untouched; that of a skin with little noise by default. What is not
+        more than that, or on one taxel alone, is nobody's touch.
+    person : str
+        Who touched, by name, where that is known.
+    known : (n,) int, optional
+        Touch of each taxel before the samples, where these are the last ones of a longer event;
+        -1 for none.
+
+    Returns
+    -------
+    tuple of Named
+        Taxels (n,) bool and prediction of each touch, the heaviest first.
+
+    Raises
+    ------
+    SkinMismatchError, InvalidArrayError
+        Samples of another skin, NaN or infinity.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> skin = skinmap.load_robot("kaspar").skin("torso")
+    >>> recording = skinmap.simulate(skin, gestures=["poke"], per_gesture=5, rng=0)
+    >>> _, _, samples = next(recording.touches())
+    >>> from skinmap.recognition import default_model
+    >>> [one.prediction.label for one in name_touches(default_model(), PreparedSkin(skin), samples)]
+    ['poke']
+    """
+    samples = check_pressures(samples, skin.geometry)
+    rest = usual_rest(len(skin)) if rest is None else rest
+    samples = felt(samples, rest, skin.geometry.beside)
+    answers = getattr(classifier, "answers", None)  # a plug-in of before has none
+    groups = group_touches(
+        skin.geometry, samples, rule=rule, ended=ended, levels=rest.begins, known=known
+    )
+    found = []
+    for taxels in groups:
+        # A touch that is alone keeps its faint rim, as in training.
+        own = samples if len(groups) == 1 else np.where(taxels, samples, 0)
+        touch = Touch(skin, own, person=person, rate=rule.rate)
+        prediction = classifier.predict(touch, ended=ended)
+        if prediction.label != NO_CONTACT:
+            if answers is not None:
+                prediction = replace(prediction, answers=answers.of(touch))
+            found.append(Named(taxels, prediction))
+    return tuple(found)
+
+
+def in_words(prediction: Prediction) -> str:
+    """A name, or the names that hold the truth where they were asked for: "poke or edge"."""
+    if prediction.names is None:
+        return prediction.label
+    return OR.join(prediction.names) or UNKNOWN
+
+
+def true_labels(
+    named: Sequence[Named], samples: NDArray[np.uint8], label: str, owners: IntArray | None
+) -> list[str]:
+    """The recorded label of each named touch: of the touch that owns most of its load."""
+    kinds = label.split(JOIN)
+    if owners is None or len(kinds) == 1:
+        return [label] * len(named)
+    load = pool_event(samples)
+    found = []
+    for touch in named:
+        own = touch.taxels & (owners >= 0)
+        weight = np.bincount(owners[own], load[own], minlength=len(kinds))
+        found.append(kinds[int(np.argmax(weight))])
+    return found
+
+
+def all_right(
+    named: Sequence[Named], samples: NDArray[np.uint8], label: str, owners: IntArray | None = None
+) -> bool:
+    """Whether an event was understood: as many touches as recorded, each under its own name.
+
+    Raises
+    ------
+    SkinMismatchError
+        Owners of another skin.
+    """
+    if owners is not None and owners.shape != (samples.shape[1],):
+        raise SkinMismatchError(f"{owners.size} owners for {samples.shape[1]} taxels")
+    kinds = label.split(JOIN)
+    truth = true_labels(named, samples, label, owners)
+    said = [touch.prediction.label for touch in named]
+    return sorted(truth) == sorted(kinds) and said == truth
+
+
+@dataclass(frozen=True, slots=True)
+class ClassifiedTouch:
+    """What one touch of a recording was called.
+
+    Attributes
+    ----------
+    part : str
+    event, touch : int
+        Number of the event in its recording, and of the touch within it.
+    label : str
+        `no_contact` where nothing is touched, `unknown` where the classifier is too unsure.
+    confidence : float
+        0 to 1.
+    recorded_label : str
+        What the recording calls it.
+    """
+
+    part: str
+    event: int
+    touch: int
+    label: str
+    confidence: float
+    recorded_label: str
+
+
+def classify(
+    recordings: Recording | Sequence[Recording],
+    classifier: TouchClassifier,
+    robot: Robot,
+    *,
+    rule: GroupingRule = RULE,
+) -> list[ClassifiedTouch]:
+    """Name the marked touches of recordings.
+
+    Parameters
+    ----------
+    recordings : Recording or sequence of Recording
+        Pressures (t, n) of 0 to 255 counts with marked touches, one recording a part.
+    classifier : Classifier
+        Trained.
+    robot : Robot
+        Whose skins were touched.
+    rule : GroupingRule
+        When contacts are one grip.
+
+    Returns
+    -------
+    list of ClassifiedTouch
+        In the order of the recordings; several of one event where several touches came at once.
+
+    Raises
+    ------
+    UnknownNameError
+        A recorded part that the robot lacks.
+    SkinMismatchError
+        A recording of another number of taxels, or a skin that the classifier cannot read.
+    NotFittedError
+        A classifier that is not trained.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> gestures = ["poke", "full_finger"]
+    >>> touches = skinmap.simulate(robot.skin("torso"), gestures=gestures, per_gesture=8, rng=0)
+    >>> named = skinmap.classify(touches, skinmap.train(touches, robot), robot)
+    >>> sum(one.label == one.recorded_label for one in named) >= 14
+    True
+    """
+    every = [recordings] if isinstance(recordings, Recording) else recordings
+    skins = prepare_skins(robot, every)
+    for skin in skins.values():
+        difference = classifier.difference(skin.skin)
+        if not difference.may_go_on:
+            raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
+    found = []
+    for one in every:
+        rest, own = one.rest(), replace(rule, rate=one.rate)
+        for event, _, samples in one.touches():
+            found += _classify_event(classifier, skins[one.part], one, event, samples, own, rest)
+    return found
+
+
+def _classify_event(
+    classifier: TouchClassifier,
+    skin: PreparedSkin,
+    recording: Recording,
+    event: int,
+    samples: NDArray[np.uint8],
+    rule: GroupingRule,
+    rest: Rest,
+) -> list[ClassifiedTouch]:
+    label = recording.labels[event]
+    owners = None if recording.owners is None else recording.owners[event]
+    person = recording.people[event]
+    named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
+    said = [one.prediction for one in named] or [classifier.no_contact(skin)]
+    truth = true_labels(named, samples, label, owners) or [label]
+    return [
+        ClassifiedTouch(recording.part, event, number, one.label, one.confidence, recorded)
+        for number, (one, recorded) in enumerate(zip(said, truth, strict=True))
+    ]

@@ -1,0 +1,240 @@
+"""Names across physics: trained on touches of one simulator, tested on those of another.
+
+Parts are left out too, each in turn with its mirror image while the others train. Ours plays on all
+parts, MuJoCo on one of each pair. What is trained on never saw the frozen variant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from skinmap.arrays import FloatArray
+from skinmap.errors import InvalidArrayError
+from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.workers import ONE, Workers
+from skinmap.physics.simulation import simulate as press
+from skinmap.physics.variants import TUNING, VARIANTS
+from skinmap.recognition.catalogue import classifiers
+from skinmap.recognition.classifier import NO_CONTACT, WITH_SETS
+from skinmap.recognition.descriptors import Touch, recorded_touches
+from skinmap.recognition.evaluate import likeliest
+from skinmap.recognition.protocols.results import PhysicsRow
+from skinmap.skin.checks import twin_parts
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.recording import Recording
+from skinmap.touch.simulation.simulator import simulate
+from skinmap.touch.simulation.variety import DEFAULT
+
+OURS = "ours"
+CLASSIFIER = "contact-geometry"
+BOTH = "ours and mujoco"
+# Recordings of ours for each of MuJoCo's, each on sensors of another state: they vary more, and a
+# touch costs a tenth of the time.
+OURS_TIMES = 6
+BINS = 10  # of the expected calibration error
+COVERAGE = 0.9  # promised by sets of names
+Named = tuple[str, str, float]  # true label, name and confidence of a touch
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Playing:
+    """A skin to be touched in a physics: what a worker needs."""
+
+    skin: PreparedSkin
+    physics: str
+    gestures: tuple[str, ...]
+    per_gesture: int
+    variety: float
+    seed: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Training:
+    """One training and all that it is tested on, by physics."""
+
+    classifier: str
+    trained_on: str
+    train: tuple[Touch, ...]
+    test: Mapping[str, tuple[Touch, ...]]
+    seed: int
+
+
+def evaluate_physics(
+    skins: Mapping[str, PreparedSkin],
+    *,
+    gestures: Sequence[str],
+    per_gesture: int,
+    seeds: Sequence[int],
+    classifier: str = CLASSIFIER,
+    variety: float = DEFAULT,
+    workers: Workers = ONE,
+    progress: Callable[[str], None] | None = None,
+) -> list[PhysicsRow]:
+    """Train on ours, on each variant that may be trained on, and on all; test on each physics.
+
+    Parameters
+    ----------
+    skins : mapping of str to PreparedSkin
+        By part; those of as many taxels count as mirror images.
+    gestures : sequence of str
+    per_gesture : int
+        Touches of each gesture on a skin in each variant of MuJoCo; of ours `OURS_TIMES` as many.
+    seeds : sequence of int
+        Repetitions.
+    classifier : str
+    workers : Workers
+    progress : callable, optional
+
+    Raises
+    ------
+    InvalidArrayError
+        Fewer than two skins: none is left to test on.
+    MissingLibraryError
+        MuJoCo is not installed.
+    """
+    if len(skins) < 2:
+        raise InvalidArrayError(f"leaving parts out needs two parts, got {len(skins)}")
+    pairs = mirror_pairs(skins)
+    if len(set(pairs.values())) < 2:
+        raise InvalidArrayError("leaving parts out needs two parts that are no mirror images")
+    found: list[tuple[str, str, list[Named], FloatArray]] = []
+    for seed in seeds:
+        touched = _touch(skins, gestures, per_gesture, variety, seed, workers, progress)
+        trainings = [
+            one
+            for part in dict.fromkeys(pairs.values())
+            for one in _trainings(touched, pairs, part, classifier, seed)
+        ]
+        for names in run_tasks(_train, trainings, workers=workers, progress=progress):
+            found += names
+    rows = []
+    for pair in dict.fromkeys((trained, tested) for trained, tested, *_ in found):
+        own = [names for names in found if names[:2] == pair]
+        held, size = np.concatenate([sets for *_, sets in own]).mean(axis=0).tolist()
+        one = judged(*pair, gestures, [name for names in own for name in names[2]])
+        rows.append(replace(one, held=held, set_size=size))
+    return rows
+
+
+def mirror_pairs(skins: Mapping[str, PreparedSkin]) -> dict[str, str]:
+    """By part, the first one of its shape: itself, or what it is the mirror image of."""
+    return twin_parts({part: skin.skin for part, skin in skins.items()})
+
+
+def judged(trained: str, tested: str, labels: Sequence[str], named: Sequence[Named]) -> PhysicsRow:
+    """What (true label, name, confidence) of touches are worth; sets of names are not known."""
+    names = (*labels, NO_CONTACT)
+    counts = {true: dict.fromkeys(names, 0) for true in labels}
+    for true, name, _ in named:
+        counts[true][name if name in labels else NO_CONTACT] += 1
+    per_class = {
+        label: own[label] / total for label, own in counts.items() if (total := sum(own.values()))
+    }
+    sure = np.array([confidence for _, _, confidence in named])
+    right = np.array([true == name for true, name, _ in named])
+    return PhysicsRow(
+        trained_on=trained,
+        tested_on=tested,
+        mean=float(np.mean(list(per_class.values()))),
+        per_class=per_class,
+        ece=calibration_error(sure, right),
+        held=None,
+        set_size=None,
+        confusion=counts,
+    )
+
+
+def calibration_error(confidence: FloatArray, right: FloatArray) -> float:
+    """Expected calibration error of confidences (n,) whose names were right (n,) or not.
+
+    Guo, Pleiss, Sun and Weinberger, "On Calibration of Modern Neural Networks", ICML 2017.
+    """
+    if len(confidence) == 0:
+        return float("nan")
+    bins = np.minimum((confidence * BINS).astype(int), BINS - 1)
+    gap = np.bincount(bins, confidence - right, minlength=BINS)
+    return float(np.abs(gap).sum() / len(confidence))
+
+
+def _touch(
+    skins: Mapping[str, PreparedSkin],
+    gestures: Sequence[str],
+    per_gesture: int,
+    variety: float,
+    seed: int,
+    workers: Workers,
+    progress: Callable[[str], None] | None,
+) -> dict[tuple[str, str], tuple[Touch, ...]]:
+    """Touches by physics and part."""
+    pairs = mirror_pairs(skins)
+    tasks = [
+        Playing(skin, physics, tuple(gestures), per_gesture, variety, (seed, row, column))
+        for row, physics in enumerate((OURS, *VARIANTS))
+        for column, (part, skin) in enumerate(skins.items())
+        if physics == OURS or pairs[part] == part
+    ]
+    played = run_tasks(_play, tasks, workers=workers, progress=progress)
+    return {
+        (task.physics, task.skin.skin.part): tuple(
+            touch for one in recordings for touch in recorded_touches(task.skin, one)
+        )
+        for task, recordings in zip(tasks, played, strict=True)
+    }
+
+
+def _play(task: Playing) -> list[Recording]:
+    rng = task_rng(task.seed)
+    skin, count, gestures = task.skin.skin, task.per_gesture, task.gestures
+    if task.physics == OURS:
+        return [
+            simulate(skin, rng=rng, per_gesture=count, gestures=gestures, variety=task.variety)
+            for _ in range(OURS_TIMES)
+        ]
+    return [press(skin, rng=rng, variant=task.physics, per_gesture=count, gestures=gestures)]
+
+
+def _trainings(
+    touched: Mapping[tuple[str, str], tuple[Touch, ...]],
+    pairs: Mapping[str, str],
+    tested: str,
+    classifier: str,
+    seed: int,
+) -> list[_Training]:
+    """All trainings that test on one of the parts and its mirror image."""
+
+    def of(physics: Sequence[str], left: bool) -> tuple[Touch, ...]:
+        chosen = [part for part, first in pairs.items() if (first == tested) == left]
+        return tuple(t for one in physics for part in chosen for t in touched.get((one, part), ()))
+
+    every = (OURS, *VARIANTS)
+    tests = {one: of([one], True) for one in every}
+    made = [_Training(classifier, one, of([one], False), tests, seed) for one in (OURS, *TUNING)]
+    for one in every:
+        rest = [other for other in (OURS, *TUNING) if other != one]
+        made.append(_Training(classifier, BOTH, of(rest, False), {one: tests[one]}, seed))
+    return made
+
+
+def _train(task: _Training) -> list[tuple[str, str, list[Named], FloatArray]]:
+    """Train once; names of the touches of each physics, and (m, 2) sets that hold the truth, sizes.
+
+    Sizes and truth are NaN for classifiers that are too slow to calibrate sets of.
+    """
+    sets = task.classifier in WITH_SETS
+    model = classifiers.get(task.classifier)().fit(task.train, rng=task_rng(task.seed), sets=sets)
+    if sets:
+        model.promise(COVERAGE)
+    found = []
+    for physics, touches in task.test.items():
+        named, held = [], np.full((len(touches), 2), np.nan)
+        for row, touch in enumerate(touches):
+            guess = likeliest(model, touch)
+            named.append((touch.label, guess.label, float(guess.confidence)))
+            names = model.predict(touch).names
+            if names is not None:
+                held[row] = touch.label in names, len(names)
+        found.append((task.trained_on, physics, named, held))
+    return found
