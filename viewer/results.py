@@ -31,9 +31,9 @@ class NormalFit:
     Attributes
     ----------
     median_deg
-        Angle between both.
+        Median angle between both normals.
     share_within_15_deg
-        Of the taxels.
+        Share of the taxels within 15 degrees.
     inward
         Taxels whose normal points into the body.
     """
@@ -45,7 +45,7 @@ class NormalFit:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StructureCounts:
-    """Neighbourhood structures.
+    """Counts of neighbourhood structures.
 
     Attributes
     ----------
@@ -61,12 +61,12 @@ class StructureCounts:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TouchCounts:
-    """Simulated touches.
+    """Counts of simulated touches.
 
     Attributes
     ----------
     train
-        Learnt from.
+        Number of training touches.
     same_parts
         Tested, on the parts that were trained on.
     other_parts
@@ -107,13 +107,13 @@ class ScoreRow:
     Attributes
     ----------
     classifier
-        Its name.
+        Name of the classifier.
     tested_on
         Parts that were trained on, or others.
     accuracy
         Share of touches named right.
     touches
-        That were tested.
+        Number of tested touches.
     per_label, per_part
         The accuracy by gesture and by part.
     """
@@ -147,7 +147,7 @@ class OtherPhysics:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DemoSeconds:
-    """Time that passed.
+    """Times of the demo.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class DemoSeconds:
     pictures
         Pictures and the movie.
     total
-        All of it.
+        Time of the whole demo.
     """
 
     analysis: float
@@ -171,40 +171,42 @@ class DemoResult:
     Attributes
     ----------
     robot
-        Its name.
+        Name of the robot.
     parts
-        All of them.
-    taxels, meshed_taxels
-        How many there are, and are part of a surface mesh.
+        Names of all parts.
+    taxels
+        Total number of taxels.
+    meshed_taxels
+        Number of taxels in a surface mesh.
     patches
-        Connected sheets.
+        Number of connected sheets.
     flips
         Flipped triangles of all flat maps.
     edge_rms_percent
         Error of the flat maps.
     normals
-        Against the body.
+        Normals compared with the body.
     structures
-        How many.
+        Numbers of neighbourhood structures.
     accuracy_is
-        Touches are simulated.
+        Origin of the touches: always simulated.
     trained_on
-        Parts.
+        Parts of the training.
     touches
-        How many.
+        Numbers of simulated touches.
     accuracy
-        Of the names.
+        Accuracy of the names.
     table
         A row for each classifier and test.
     physics
-        How the default classifier does in another physics, as it was measured once and kept; null
-        in an installation without the kept results.
+        Kept accuracy of the default classifier in another physics; null in an
+        installation without the kept results.
     seed
-        Of all randomness.
+        Seed of all randomness.
     files
-        Inside `--out`.
+        Names of the files inside `--out`.
     seconds
-        That it took.
+        Times of the demo.
     """
 
     robot: str
@@ -234,9 +236,9 @@ class ShownTouch:
     Attributes
     ----------
     part
-        Where it is.
+        Name of the part.
     label
-        The name given.
+        Label of the touch.
     confidence
         0 to 1; null where it was not named yet.
     """
@@ -253,7 +255,7 @@ class ChangedTouch:
     Attributes
     ----------
     part
-        That is touched.
+        Name of the part.
     left, right
         Its name in each; null where it is not touched there.
     moved_mm
@@ -268,18 +270,18 @@ class ChangedTouch:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Difference:
-    """What the right one of two shows, less the left one.
+    """Right recording minus the left one, of two shown side by side.
 
     Attributes
     ----------
     parts
         Of the same skin in both.
     taxels
-        That differ, of counts by more than a touch does from rest.
+        Number of taxels that differ by more than the noise at rest.
     mean, largest
         Of the absolute differences, in the layer's unit.
     touches
-        Of both, paired.
+        Paired touches of both recordings.
     """
 
     parts: list[str]
@@ -291,14 +293,14 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Beside:
-    """What is shown at the right of two.
+    """Content of the right half of two side by side.
 
     Attributes
     ----------
     robot, source, touches
         As of the left one.
     time
-        Of what is shown, from the source's beginning [s]; null where nothing came.
+        Time of the picture from the source's beginning [s]; null without samples.
     difference
         Null where the two have no skin in common.
     note
@@ -320,17 +322,18 @@ class ViewFiles:
     Attributes
     ----------
     robot
-        Its name.
+        Name of the robot.
     parts
-        Shown.
+        Names of the shown parts.
     source
-        Of the samples.
+        Source of the samples.
     time
-        Of what is shown, from the source's beginning [s], as `--at`; null where nothing came.
+        Time of the picture from the source's beginning [s], as `--at`; null without
+        samples.
     touches
-        In the picture.
+        Touches in the picture.
     files
-        Written.
+        Names of the written files.
     beside
         The other one of two; null without `--beside`.
     """
@@ -351,11 +354,11 @@ class ViewWindow:
     Attributes
     ----------
     robot
-        Its name.
+        Name of the robot.
     parts
-        Shown.
+        Names of the shown parts.
     drawn
-        Pictures.
+        Number of drawn pictures.
     """
 
     robot: str
@@ -370,11 +373,11 @@ class ViewPage:
     Attributes
     ----------
     robot
-        Its name.
+        Name of the robot.
     parts
-        Shown.
+        Names of the shown parts.
     address
-        Of the page.
+        Address of the page.
     """
 
     robot: str

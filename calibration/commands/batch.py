@@ -48,13 +48,13 @@ class BatchPatch:
     Attributes
     ----------
     patch
-        Its name.
+        Name of the patch.
     status
         As of `calibrate wrap`, or `failed`.
     reasons
         Why, the most telling first.
     files
-        Inside `--out`.
+        Names of the files inside `--out`.
     found
         What else `calibrate wrap` prints, where it did not fail.
     """

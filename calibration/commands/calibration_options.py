@@ -47,7 +47,7 @@ class PatchFiles:
     touches : Path or None
         Touches with a known probe.
     units : str
-        Of all files.
+        Length unit of all files.
     sigma_mm : float
         Error of a coordinate where a file does not say.
     mirror : bool

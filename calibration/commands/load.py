@@ -31,7 +31,7 @@ class ClockRow:
     Attributes
     ----------
     recording
-        Its file.
+        File of the recording.
     first_row
         Row of the reference from which the line holds.
     offset_rows, slope_percent
@@ -72,13 +72,13 @@ class LoadResult(Calibrated):
     clocks
         A line or more for each recording.
     area_mm2
-        Of a taxel; null where nobody said.
+        Area of a taxel; null where none was given.
     fingerprint
         Of the skin; empty without `--part`.
     seconds
         CPU time of the solution.
     files
-        Inside `--out`.
+        Names of the files inside `--out`.
     """
 
     channels: int

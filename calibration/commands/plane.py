@@ -55,7 +55,7 @@ class NextPress:
     Attributes
     ----------
     surface
-        From 0.
+        Number of the surface, from 0.
     joints_deg
         Of joints that turn.
     slides_mm
@@ -77,11 +77,11 @@ class PlaneResult(Calibrated):
     Attributes
     ----------
     robot
-        Its name.
+        Name of the robot.
     calibrated
-        Parts.
+        Names of the calibrated parts.
     contacts
-        Presses.
+        Number of separate presses.
     predicted_sd_mm
         Predicted error of the taxels.
     touched
@@ -89,7 +89,7 @@ class PlaneResult(Calibrated):
     mounts
         T_link_patch [m], by part.
     planes
-        The surfaces.
+        Planes of the pressed surfaces.
     plane_given
         Whether they were known.
     joint_offsets_deg
@@ -101,7 +101,7 @@ class PlaneResult(Calibrated):
     module_spread_mm
         Shift of a module along each axis (sd).
     widening
-        Of the covariances.
+        Factor by which the covariances were widened.
     inconsistent
         Contacts that contradict the others, from 0.
     dropped
@@ -109,15 +109,15 @@ class PlaneResult(Calibrated):
     dead, stuck
         Channels left out, by part.
     assumed
-        What a prior had to decide, in words.
+        Quantities that the presses leave open and a prior decided, in words.
     weakest
-        How a part could still move most easily.
+        Least certain motion of each part, in words.
     next
         Poses to press in, the best first.
     seconds
         CPU time of the solution.
     files
-        Inside `--out`.
+        Names of the files inside `--out`.
     """
 
     robot: str

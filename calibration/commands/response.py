@@ -26,22 +26,22 @@ MAX_NAMED = 40  # unfit channels that a report names
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ResponseResult(Calibrated):
-    """How the channels of a skin answer.
+    """Response of the channels of a skin.
 
     Attributes
     ----------
     status
         `ok`, or `faulty` where too many channels are unfit.
     channels
-        How many.
+        Total number of channels.
     health
-        Channels by state.
+        Numbers of channels by state.
     unfit
         Channels that are not to be used.
     baseline
-        At rest [counts].
+        Reading at rest [counts].
     noise
-        At rest [counts].
+        Noise at rest [counts].
     threshold
         Deviation that is a touch [counts].
     gain
@@ -53,7 +53,7 @@ class ResponseResult(Calibrated):
     seconds
         CPU time of the solution.
     files
-        Inside `--out`.
+        Names of the files inside `--out`.
     """
 
     channels: int

@@ -26,14 +26,14 @@ REST = 3.0  # of a live source that sets the zero [s]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RestResult:
-    """A zero that was taken anew.
+    """A load calibration with a new zero.
 
     Attributes
     ----------
     channels
-        How many.
+        Total number of channels.
     samples
-        That the zero was taken from.
+        Number of samples behind the zero.
     zero
         `auto`, `first`, or `none` for the zero of the evidence.
     age_seconds
@@ -41,7 +41,7 @@ class RestResult:
     shift_counts
         Median over taxels of how far their rest moved from that of the evidence [counts].
     shared_bar
-        What all taxels share of it [bar].
+        Part of the shift that all taxels share [bar].
     file
         The calibration that was written.
     """

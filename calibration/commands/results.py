@@ -26,7 +26,7 @@ def grade(status: Status | str) -> Grade:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Spread:
-    """How figures spread.
+    """Spread of a figure over its values.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Spread:
     p95
         95 % of them are below.
     max
-        The largest.
+        Largest of the values.
     """
 
     median: float
@@ -112,10 +112,10 @@ class PatchResult(Calibrated):
     reasons
         The mistake that explains what does not fit comes first.
     mirrored
-        Whether the layout shows the board from its other side: found out, or said by `--mirror`
-        and not contradicted.
+        Whether the layout shows the board from its other side: detected, or given by
+        `--mirror` and not contradicted.
     taxels
-        How many.
+        Total number of taxels.
     predicted_mm, predicted_sd_mm
         Predicted error of the taxels (one figure under two names).
     leave_one_out_mm
@@ -130,7 +130,7 @@ class PatchResult(Calibrated):
     expected_strain_percent
         Of a flat map of where the patch lies.
     unexpected_strain_percent
-        Of the difference.
+        Difference between the measured and the expected strain.
     coverage
         Share of the patch inside the hull of its evidence.
     scale
@@ -138,7 +138,7 @@ class PatchResult(Calibrated):
     height_mm
         Mean height above the link.
     weakest
-        How the patch could still move most easily.
+        Least certain motion of the patch, in words.
     next
         Channels to measure next, the best first.
     evidence
@@ -146,11 +146,11 @@ class PatchResult(Calibrated):
     mesh_notes
         Faults of the mesh that wrapping it mended.
     touches
-        How many, with `calibrate touch`.
+        Number of touches, with `calibrate touch`.
     seconds
         CPU time of the solution, the link's wrap included.
     files
-        Inside `--out`.
+        Names of the files inside `--out`.
     """
 
     mirrored: bool
@@ -182,11 +182,11 @@ class Probe:
     Attributes
     ----------
     on
-        Its link.
+        Link that carries the probe.
     tip_mm
-        Where it was found, in the frame of that link.
+        Fitted place of the tip, in the frame of that link.
     assumed_tip_mm
-        Where it was assumed; null where nobody said.
+        First guess of the tip; null where none was given.
     radius_mm
         Of its tip; null for a point.
     """

@@ -27,7 +27,7 @@ PAIRS = ("x", "y", "z", "mesh_x", "mesh_y", "mesh_z")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ScanResult(Calibrated):
-    """Where a scan is on a mesh.
+    """Pose of a scan on a mesh.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class ScanResult(Calibrated):
     seconds
         CPU time of the solution.
     files
-        Inside `--out`.
+        Names of the files inside `--out`.
     """
 
     rms_mm: float

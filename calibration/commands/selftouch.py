@@ -29,9 +29,9 @@ class TouchDistances:
     Attributes
     ----------
     before
-        As it came.
+        Distances before the calibration.
     after
-        Calibrated.
+        Distances after the calibration.
     held_out
         Of touches that the fit never saw.
     """
@@ -52,9 +52,9 @@ class SelfTouchResult(Calibrated):
     calibrated
         Chains whose mount was found.
     events
-        Touches.
+        Total number of touches.
     rms_mm
-        How far apart what touched is.
+        Root mean square distance of the touching places.
     split_shift_mm
         Of taxels between fits to two halves.
     predicted_sd_mm
@@ -66,23 +66,23 @@ class SelfTouchResult(Calibrated):
     medians_mm
         Median distance of what touched, by recording.
     standoffs_mm
-        How far skins stand apart, by recording.
+        Distance of the two skins along their normals, by recording.
     mounts
         T_link_patch [m], by chain.
     probes
-        By name.
+        Probes by their names.
     tips_mm
         Of the probes, by name.
     joint_offsets_deg
         By joint; by column without a robot.
     notes
-        What was left out, and what the touches cannot tell.
+        Recordings left out, and unobservable quantities.
     next
         Channels to touch next, by chain.
     seconds
         CPU time of the solution.
     files
-        Inside `--out`.
+        Names of the files inside `--out`.
     """
 
     robot: str | None

@@ -29,7 +29,7 @@ class WrenchResult(Calibrated):
     Attributes
     ----------
     touches
-        How many.
+        Total number of touches.
     rms_mm
         Distance of points from their lines, root mean square.
     cross_validation_mm
@@ -37,13 +37,13 @@ class WrenchResult(Calibrated):
     predicted_sd_mm
         Predicted error of the taxels.
     weakest
-        How the patch could still move most easily.
+        Least certain motion of the patch, in words.
     mount
-        T_link_patch [m].
+        Pose of the patch, T_link_patch [m].
     seconds
         CPU time of the solution.
     files
-        Inside `--out`.
+        Names of the files inside `--out`.
     """
 
     touches: int

@@ -39,7 +39,7 @@ WORDS = ("long axis", "middle axis", "short axis")
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class ScanRegistration(Summary):
-    """Where a scan is on a mesh.
+    """Pose of a scan on a mesh.
 
     Attributes
     ----------

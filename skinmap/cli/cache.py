@@ -17,12 +17,14 @@ from skinmap.report.table import Cell, Table
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class KindRow:
-    """What is kept of one kind.
+    """Cache entries of one kind.
 
     Attributes
     ----------
-    entries, used_mb
-        How many, and how much.
+    entries
+        Number of cache entries.
+    used_mb
+        Size of the entries.
     """
 
     entries: int
@@ -31,7 +33,7 @@ class KindRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CacheInfo:
-    """What is kept between runs.
+    """Results kept between runs.
 
     Attributes
     ----------
@@ -42,7 +44,7 @@ class CacheInfo:
     limit_mb, used_mb
         The most that is kept, and what is.
     entries
-        How many.
+        Number of cache entries.
     kinds
         By the kind of what is kept.
     """
@@ -57,7 +59,7 @@ class CacheInfo:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CacheCleared:
-    """What was dropped.
+    """Entries dropped from the cache.
 
     Attributes
     ----------

@@ -53,11 +53,13 @@ class ExportedPart:
     name
         Of the part, or of the bare table.
     link
-        Whose frame the taxels are in; empty where a bare table does not say.
+        Link in whose frame the taxels are; empty for a bare table without one.
     channels
         Length of its live vector.
-    taxels, modules
-        How many.
+    taxels
+        Total number of taxels.
+    modules
+        Total number of modules.
     """
 
     name: str
@@ -76,11 +78,11 @@ class ExportedTaxels:
     robot
         Its name, or that of the bare table.
     format
-        Of the file.
+        Format of the file.
     parts
-        One.
+        The part that was exported.
     files
-        The file.
+        Name of the file.
     """
 
     robot: str
@@ -98,7 +100,7 @@ class ExportedSkin:
     name, link
         The part, and the link that carries it.
     taxels
-        How many.
+        Total number of taxels.
     """
 
     name: str
@@ -113,21 +115,23 @@ class ExportedModel:
     Attributes
     ----------
     robot
-        Its name.
+        Name of the robot.
     format
-        Of the file.
-    links, joints
-        How many links there are, and how many joints that move.
+        Format of the file.
+    links
+        Number of the robot's links.
+    joints
+        Number of joints that move.
     without_mass
-        Links that move and say no mass; they were given 20 g.
+        Moving links without a mass, which received 20 g.
     without_mesh
-        How many links have no mesh with a volume: nothing bumps into them.
+        Number of links without a mesh of any volume, which nothing can touch.
     unreadable
         Links whose mesh cannot be read, and why; nothing bumps into them either.
     parts
-        The skins.
+        Skins of the parts.
     files
-        The file.
+        Name of the file.
     """
 
     robot: str
@@ -162,17 +166,17 @@ class ExportedRecording:
     Attributes
     ----------
     robot
-        That was recorded; empty where the file does not say.
+        Name of the recorded robot; empty where the file has none.
     format
-        Of the file.
+        Format of the file.
     kind
-        What the values are.
+        Kind of the values, raw or pressure.
     samples
-        How many.
+        Total number of samples.
     parts
         In the order of the channels.
     files
-        The file.
+        Name of the file.
     """
 
     robot: str
@@ -185,16 +189,16 @@ class ExportedRecording:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TouchedRow:
-    """How a part was touched.
+    """Touches of one part over all recordings.
 
     Attributes
     ----------
     name
-        Of the part.
+        Name of the part.
     taxels
-        That were touched at least once, of `of`.
+        Number of taxels touched at least once.
     of
-        How many there are.
+        Number of taxels of the part.
     most
         Touches of the taxel that was touched most.
     dwell_s
@@ -213,18 +217,18 @@ class TouchedRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ExportedTouched:
-    """Where a robot was touched, over recordings.
+    """Touched places of a robot over recordings.
 
     Attributes
     ----------
     robot
-        That was recorded.
+        Name of the recorded robot.
     format
-        Of the file.
+        Format of the file.
     recordings
         Their names, in the order in which they were read.
     seconds
-        That they hold together.
+        Duration of all recordings.
     parts
         Those that were recorded.
     files
@@ -246,15 +250,17 @@ class ExportedImages:
     Attributes
     ----------
     robot
-        That was recorded.
+        Name of the recorded robot.
     format
-        Of the files.
+        Format of the files.
     images
-        How many, one a marked touch.
-    rows, columns
-        Pixels of each.
+        Number of images, one for each marked touch.
+    rows
+        Height of an image in pixels.
+    columns
+        Width of an image in pixels.
     labels
-        How many of each label.
+        Number of images by label.
     without_touch
         Marked touches in which no taxel is pressed; they have no image.
     files

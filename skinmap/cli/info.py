@@ -17,12 +17,12 @@ from skinmap.report.present import present
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RecordedSkin:
-    """The skin that a recording is of, as far as the file says.
+    """The recorded skin, as described in the file.
 
     Attributes
     ----------
     robot
-        Its name; empty where the file does not say.
+        Name of the robot; empty where the file has none.
     parts
         In the order of the channels.
     taxels
@@ -39,7 +39,7 @@ class RecordedSkin:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RecordingInfo:
-    """What a recording holds.
+    """Content of a recording.
 
     Attributes
     ----------
@@ -56,9 +56,9 @@ class RecordingInfo:
     recovered
         Whether the file was cut off or damaged.
     lost_seconds
-        What could not be recovered.
+        Duration of samples that could not be recovered.
     skin
-        What it was recorded on.
+        The skin of the recording.
     """
 
     samples: int

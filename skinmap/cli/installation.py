@@ -42,9 +42,9 @@ class Extra:
     Attributes
     ----------
     name
-        What `pip install 'skinmap[NAME]'` takes.
+        Name of the extra in `pip install 'skinmap[NAME]'`.
     purpose
-        What needs it.
+        Features that need it.
     packages
         Packages it brings; their versions where they are installed, null elsewhere.
     installed
@@ -68,7 +68,7 @@ class InstallationInfo:
     packages
         Versions of the packages that every installation has; null where one is missing.
     extras
-        Optional parts.
+        Optional parts of the installation.
     ports
         Default ports of this machine by number, and whether each is free.
     display

@@ -24,16 +24,17 @@ PAGES = "skinmap.label_pages"  # entry points: (marks, stream, robot, name) -> m
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LabelResult:
-    """What became of the touches.
+    """Touches of a recording after labelling.
 
     Attributes
     ----------
     before
         Touches that the recording had marked.
     found
-        That were found because it had none marked, or because --find asked for it.
+        Number of touches found in the samples, because none was marked or `--find` was
+        given.
     touches
-        That are marked now, by label.
+        Number of marked touches by label.
     stuck
         Marks that were left out: only stuck taxels were pressed.
     unnamed

@@ -22,7 +22,7 @@ class Listing:
     Attributes
     ----------
     kind
-        What was listed.
+        Kind of the listed names.
     names
         All there are, those of plug-ins too.
     """

@@ -26,22 +26,22 @@ SAME_RATE = 0.01  # share by which rates may differ
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MergeResult:
-    """What was joined.
+    """Recordings joined into one.
 
     Attributes
     ----------
     recordings
         Files that were read.
     parts
-        Samples of each.
+        Number of samples by part.
     touches
-        By label.
+        Number of touches by label.
     sessions
-        Touches of each: a recording that does not say otherwise is a session.
+        Number of touches by session; a recording without sessions is one session.
     stuck
         Marks that were left out: only stuck taxels were pressed.
     files
-        The new recording.
+        Name of the new recording.
     """
 
     recordings: list[str]

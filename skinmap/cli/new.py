@@ -50,7 +50,7 @@ class NewResult:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NewQuestions:
-    """What the files leave open; nothing was written.
+    """Open questions about the files; nothing was written.
 
     Attributes
     ----------

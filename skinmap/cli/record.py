@@ -40,18 +40,18 @@ SHOWN, LOGGED = 0.25, 5.0  # seconds between two lines on a terminal, and in a l
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RecordResult:
-    """What was recorded.
+    """Content of a new recording.
 
     Attributes
     ----------
     samples, dropped
         Written, and lost because the disk was too slow.
     touches
-        That were marked, by label; empty without --label and --model.
+        Number of marked touches by label; empty without --label and --model.
     withdrawn
-        How many more were taken back, as their taxels turned out to be stuck.
+        Number of touches taken back because their taxels were stuck.
     bytes
-        Of all files.
+        Size of all files.
     files
         In the order in which they were begun.
     """

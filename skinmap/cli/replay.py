@@ -23,14 +23,14 @@ from skinmap.report.present import present
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ReplayResult:
-    """What was played.
+    """Summary of a played recording.
 
     Attributes
     ----------
     samples, seconds
         Sent, and how long that took.
     published
-        Where to; null where nothing was published.
+        Address of the publication; null without one.
     """
 
     samples: int

@@ -53,11 +53,11 @@ class SimulatedPart:
     Attributes
     ----------
     part
-        Its name.
+        Name of the part.
     samples
-        Of its recording.
+        Number of samples of its recording.
     touches
-        How many by label.
+        Number of touches by label.
     subjects
         People who touched it.
     """
@@ -74,14 +74,16 @@ class SimulateResult:
 
     Attributes
     ----------
-    robot, seed
-        What it was made of.
+    robot
+        Name of the robot.
+    seed
+        Seed of the random numbers.
     variety
-        How far touches and sensors were drawn at random, 0 to 1.
+        Random spread of touches and sensors, 0 to 1.
     parts
         In the order of the recording.
     files
-        The recording.
+        Name of the recording.
     """
 
     robot: str
@@ -97,22 +99,28 @@ class StreamResult:
 
     Attributes
     ----------
-    robot, seed
-        What it was made of.
+    robot
+        Name of the robot.
+    seed
+        Seed of the random numbers.
     publish
-        Where to.
+        Address of the stream.
     kind
-        What its values are.
+        Kind of the values, raw or pressure.
     rate_hz
         Samples a second, as it was asked for.
-    parts, channels
-        Whose values it has, and how many.
-    samples, seconds
-        That went out, and how long that took.
+    parts
+        Names of the published parts.
+    channels
+        Total number of channels.
+    samples
+        Number of samples sent.
+    seconds
+        Duration of the stream.
     behind_s
-        How late the last samples went out.
+        Delay of the last samples.
     touches
-        How many by label.
+        Number of touches by label.
     interrupted
         Whether Ctrl-C ended it.
     """

@@ -35,16 +35,16 @@ RARE = 5  # structures with fewer members say little about the lattice
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StructureRow:
-    """One structure.
+    """One structure of the neighbourhoods.
 
     Attributes
     ----------
     structure
-        Its number.
+        Number of the structure.
     taxels
-        That have it.
+        Number of taxels with this structure.
     neighbours
-        That a taxel of it has.
+        Number of neighbours of a taxel with this structure.
     """
 
     structure: int
@@ -58,22 +58,24 @@ class StructuresResult:
 
     Attributes
     ----------
-    robot, parts
-        Where they were looked for.
+    robot
+        Name of the robot.
+    parts
+        Names of the parts.
     radius_mm
-        Of a neighbourhood.
+        Radius of a neighbourhood.
     radius_is
-        Where the radius comes from.
+        Origin of the radius: given, or automatic.
     tolerance_mm
-        How far neighbours may stray.
+        Largest deviation of a matching neighbour.
     rotations
         Turns that make no difference; 1: none.
     distance
         Straight, or along the skin.
     structures
-        How many there are.
+        Number of different structures.
     taxels
-        Of all parts.
+        Number of taxels of all parts.
     rare_taxels, rare_share
         Taxels in structures with fewer than 5 members, and their share.
     leftovers
@@ -83,7 +85,7 @@ class StructuresResult:
     table
         The commonest structure first.
     files
-        Pictures inside `--out`.
+        Names of the pictures inside `--out`.
     """
 
     robot: str

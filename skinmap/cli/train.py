@@ -56,12 +56,14 @@ class Accuracy:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Tested:
-    """How many touches the accuracy is of.
+    """Number of touches behind each accuracy.
 
     Attributes
     ----------
-    same_parts, other_parts
-        As above.
+    same_parts
+        Number of touches on parts of the training.
+    other_parts
+        Number of touches on other parts.
     """
 
     same_parts: int
@@ -74,12 +76,14 @@ class TrainedPart:
 
     Attributes
     ----------
-    robot, part
-        Which.
+    robot
+        Name of the robot.
+    part
+        Name of the part.
     taxels
-        Its size.
+        Total number of taxels.
     touches
-        Recorded there.
+        Number of recorded touches.
     """
 
     robot: str
@@ -95,39 +99,41 @@ class TrainResult:
     Attributes
     ----------
     classifier
-        Its name.
+        Name of the classifier.
     settings
         Knobs that were given.
     labels
-        That it knows.
+        Labels of the model.
     touches
-        That it was trained on.
+        Number of training touches.
     simulated
         Of them, by label, simulated ones; nothing is tested on these.
     seed
-        Of all randomness.
+        Seed of all randomness.
     tested_by
         Touches that were held out, or all of them in turn where there are few: then the model is
         trained on all.
     accuracy
         On touches that it has not seen.
     tested
-        How many those were.
+        Numbers of tested touches.
     per_part
-        Accuracy by part.
+        Accuracy by the name of the part.
     skins
-        That were recorded.
+        Skins of the recordings.
     people, sessions
         Recorded touches of each; people who are not named are left out.
     groups
         Labels that count as a hand, and as something else; empty where the model that ships decides
         that.
-    kinds, motions
-        Which labels are kinds of touches, and which are motions.
+    kinds
+        Labels that are kinds of touch.
+    motions
+        Labels that are motions.
     warnings
-        What the figures rest on, and should not.
+        Weaknesses of the recordings behind the figures.
     files
-        The model.
+        Name of the model.
     """
 
     classifier: str

@@ -90,12 +90,12 @@ def from_profile(name: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ProfileUsed:
-    """What a command took from a profile.
+    """Settings that a command took from a profile.
 
     Attributes
     ----------
     file
-        The profile.
+        File of the profile.
     took
         Knobs by name, without those that the command line gave itself.
     """

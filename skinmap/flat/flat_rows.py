@@ -14,7 +14,7 @@ METHOD = "With a method, as of the patch; null where a triangle collapses."
 
 @row
 class Spread:
-    """How a figure is spread over a map, weighted by area (edges: by length)."""
+    """Spread of a figure over a map, weighted by area (edges: by length)."""
 
     mean: float | None = column("Its mean; null where a triangle collapses.", "")
     p95: float | None = column("Its 95th percentile; null where a triangle collapses.")

@@ -91,7 +91,7 @@ class TouchLoop(Summary):
     feed : Feed
         What reads the source.
     counts : Counts
-        What became of the samples.
+        Counts of samples by their fate.
 
     Raises
     ------

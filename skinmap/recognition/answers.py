@@ -10,14 +10,14 @@ HandWord = Literal["hand", "other", "unsure"]
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """One of three answers.
+    """One of the three answers about a touch.
 
     Attributes
     ----------
     answer
-        The likeliest name.
+        Name with the highest probability.
     probability
-        That it is right.
+        Probability of the answer.
     set
         The names that hold the truth in nine of ten touches, the likeliest first; never empty.
     """
@@ -29,14 +29,14 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class HandAnswer:
-    """Whether a touch is made by a hand.
+    """Answer to the question whether a hand makes the touch.
 
     Attributes
     ----------
     answer
         `hand`, `other`, or `unsure` between the two.
     probability
-        That it is a hand.
+        Probability of a hand.
     """
 
     answer: HandWord

@@ -148,7 +148,7 @@ def all_right(
 
 @dataclass(frozen=True, slots=True)
 class ClassifiedTouch:
-    """What one touch of a recording was called.
+    """Name of one recorded touch.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class ClassifiedTouch:
     label : str
         `no_contact` where nothing is touched, `unknown` where the classifier is too unsure.
     confidence : float
-        0 to 1.
+        Confidence in the label, 0 to 1.
     recorded_label : str
         What the recording calls it.
     """

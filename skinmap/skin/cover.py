@@ -97,7 +97,7 @@ Why = Literal["on it", "a cover", "a frame", "a cover or a frame"]
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How a skin stands to its link.
+    """Fit of a skin to its link.
 
     Attributes
     ----------

@@ -43,12 +43,12 @@ UNIT_MATCH = 1.25  # how far a pitch may be off and still tell its unit: mm and 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class RepairReport:
-    """What was done to a table.
+    """Repairs of a taxel table.
 
     Attributes
     ----------
     original : TaxelTable
-        As it came.
+        The skin before the repairs.
     table : TaxelTable
         As it is now.
     unit : str

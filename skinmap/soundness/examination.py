@@ -21,7 +21,7 @@ from skinmap.soundness.track import Track, check_track, track_of
 
 @row
 class ExaminedFile:
-    """One recording."""
+    """Findings in one recording."""
 
     file: str = column("Its path.")
     rows: int = column("Samples.")

@@ -51,7 +51,7 @@ HARM: dict[str, tuple[float, str]] = {
 
 @row
 class Finding:
-    """One fault."""
+    """One fault of a recording."""
 
     kind: Kind = column("Kind of fault.")
     file: str | UnsetType = column("File that has it.", default=UNSET)

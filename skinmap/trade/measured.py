@@ -21,13 +21,13 @@ class TaskRow:
     Attributes
     ----------
     task
-        Its name.
+        Name of the task.
     work
-        What the seconds pay for.
+        Work that the seconds measure.
     unit, truth
         Of the errors, and what they are against.
     knobs
-        What its settings are made of.
+        Settings that are varied.
     """
 
     task: str
@@ -52,7 +52,7 @@ class Point:
         In the task's unit, the mean over the seeds, and its standard deviation; the latter null
         for one seed.
     runs
-        How many: one a seed.
+        Number of runs, one for each seed.
     pareto
         Whether no other setting is both faster and better.
     beside
@@ -85,8 +85,12 @@ class Recommended:
     ----------
     setting
         The value of each knob.
-    seconds, error, unit
-        What it costs.
+    seconds
+        Time of the recommended setting.
+    error
+        Error of the recommended setting.
+    unit
+        Unit of the error.
     why
         The limit that it keeps.
     """
@@ -100,12 +104,14 @@ class Recommended:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Unmeasured:
-    """What could not be measured.
+    """A setting or task without a measurement.
 
     Attributes
     ----------
-    task, reason
-        Where, and why.
+    task
+        Name of the task.
+    reason
+        Reason for the missing measurement.
     setting
         The value of each knob; null: the whole task.
     """
@@ -117,7 +123,7 @@ class Unmeasured:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TradeResult:
-    """What each setting costs, and which to take.
+    """Time and error of each setting, with a recommendation.
 
     Attributes
     ----------
@@ -128,19 +134,19 @@ class TradeResult:
     machine
         Its processor and system.
     versions
-        Of what the figures depend on; null where it is not installed.
+        Versions of packages behind the figures; null where one is not installed.
     tasks
-        That were measured.
+        Tasks with measured settings.
     points
         Every setting of every task.
     recommended
-        By task.
+        Recommended settings by task.
     failed
-        What could not be measured.
+        Settings and tasks without a measurement.
     profile
-        Where the recommendation was written; null without `--out`.
+        File of the recommended settings; null without `--out`.
     files
-        Names inside `--out`.
+        Names of the files inside `--out`.
     """
 
     robot: str

@@ -28,10 +28,14 @@ class Knob:
 
     Attributes
     ----------
-    name, meaning
-        That of the command's option, with underscores, and what it does in one line.
-    values, default
-        That are measured, and the one that commands take where none is given.
+    name
+        Name of the command's option, with underscores.
+    meaning
+        Effect of the option, in one line.
+    values
+        Values that were measured.
+    default
+        Default of the commands.
     """
 
     name: str

@@ -39,7 +39,7 @@ class AnchorsResult:
     reasons
         Why the patch is not to be used, or why there is none.
     anchors
-        How many.
+        Number of picked anchors.
     refused
         Whether saving was asked for and the status not accepted.
     files

@@ -360,7 +360,7 @@ class Mouse:
 
 
 class Beside:
-    """Solves in another thread, so that the link can be turned meanwhile."""
+    """Content of the right half of two side by side."""
 
     def __init__(self, view: CalibrationView) -> None:
         self.view = view

@@ -43,7 +43,7 @@ class Health:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ContactLoad:
-    """What presses on a touch, at its heaviest moment, in the frame of its link.
+    """Force and pressure of a touch at its heaviest moment, in the frame of its link.
 
     Pairs are the ends of the interval of 90 %.
 
@@ -62,7 +62,7 @@ class ContactLoad:
     mean_kpa, mean_kpa_90, peak_kpa, peak_kpa_90
         Pressures [kPa]; null without an answer.
     refused
-        Why there is no answer; empty where there is one.
+        Reason for a missing answer; empty where there is one.
     """
 
     force_n: float | None
@@ -86,14 +86,16 @@ class NamedRow:
 
     Attributes
     ----------
-    part, event
-        Where it was, and the number of the recorded event.
+    part
+        Name of the part.
+    event
+        Number of the recorded event.
     touch
         Among those of the event; 0 is the heaviest.
     label
         The name given; `no_contact` and `unknown` too.
     confidence
-        0 to 1.
+        Confidence in the label, 0 to 1.
     names
         With `--coverage`, the names that hold the truth as often, the likeliest first; none of
         them where no name is likely enough. Else null.
@@ -102,16 +104,22 @@ class NamedRow:
     channels
         Places of its taxels in the live vector of the part.
     heading
-        Where it went in the part's axes: up, down, round left or right as one sees who looks at the
-        skin, to and fro, or still.
-    up_mm, right_mm
-        How far it came in the part's axes, in the longest press.
-    way_mm, speed_mm_s
-        How far its centre went along the skin, and how fast; 0 where it stayed.
-    presses, period_ms
-        How often it was pressed, and the time between; the period is null of a single press.
+        Direction in the axes of the part: up, down, round left or right as seen facing
+        the skin, to and fro, or still.
+    up_mm
+        Displacement along the up axis of the part, in the longest press.
+    right_mm
+        Displacement along the right axis of the part, in the longest press.
+    way_mm
+        Length of the course of the centre along the skin; 0 where it stayed.
+    speed_mm_s
+        Speed of the centre along the skin; 0 where it stayed.
+    presses
+        Number of separate presses.
+    period_ms
+        Time between presses; null for a single press.
     twist_deg
-        How far the contact turned.
+        Turn of the contact about its normal.
     kind, motion, hand
         With what, how it moved, and whether it was a hand; null where nothing was touched.
     load
@@ -142,12 +150,12 @@ class NamedRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NameSets:
-    """How sets of names kept what was promised.
+    """Sets of names, compared with their promise.
 
     Attributes
     ----------
     coverage
-        That was asked for.
+        Promised share of sets that hold the true name.
     held
         Share of touches whose set held the recorded name; null without touches.
     mean_size
@@ -166,11 +174,11 @@ class ClassifyResult:
     Attributes
     ----------
     classifier
-        Its name.
+        Name of the classifier.
     touches
-        Event by event.
+        One row for each recorded event.
     events
-        How many were recorded.
+        Number of recorded events.
     accuracy
         Share of events of which every touch got its name; null without events.
     sets
@@ -194,11 +202,13 @@ class LiveTouch:
     Attributes
     ----------
     event
-        What the line is.
+        Kind of the line, always `touch`.
     touch
-        Its number.
-    part, label
-        Where it was, and the name given.
+        Number of the touch.
+    part
+        Name of the part.
+    label
+        Label of the touch.
     confidence
         0 to 1; null where it was too short to be named.
     names
@@ -206,24 +216,28 @@ class LiveTouch:
     start_s, duration_s
         In the source's clock.
     area_mm2
-        Largest touched skin.
+        Largest area of touched skin.
     path_mm
-        How far its centre went along the skin.
+        Length of the course of the centre along the skin.
     peak
         Largest pressure of a taxel [counts].
     centre_mm
-        Where it was last, in the link's frame.
+        Last place of the centre, in the frame of the link.
     contacts
-        That were part of it.
+        Numbers of the contacts in the touch.
     heading
-        Where it went in the part's axes: up, down, round left or right as one sees who looks at the
-        skin, to and fro, or still.
-    up_mm, right_mm
-        How far it came in the part's axes.
+        Direction in the axes of the part: up, down, round left or right as seen facing
+        the skin, to and fro, or still.
+    up_mm
+        Displacement along the up axis of the part.
+    right_mm
+        Displacement along the right axis of the part.
     speed_mm_s
         While it moved evenly; 0 where it stayed.
-    presses, period_s
-        How often it was pressed, and the mean time between; the period is null of a single press.
+    presses
+        Number of separate presses.
+    period_s
+        Mean time between presses; null for a single press.
     kind, motion, hand
         With what, how it moved, and whether it was a hand; null where it was too short to be named.
     channels
@@ -316,23 +330,23 @@ class LiveSummary:
     Attributes
     ----------
     event
-        What the line is.
+        Kind of the line, always `summary`.
     source, classifier
         As given, and the model's name.
     parts
-        That were followed.
+        Names of the followed parts.
     touches
-        How many ended.
+        Number of finished touches.
     withdrawn
-        How many more were taken back, as their taxels turned out to be stuck.
+        Number of touches taken back because their taxels were stuck.
     seconds
         From first to last sample; null where none came.
     rate_hz
-        That the source says; null where it does not.
+        Rate stated by the source; null where it states none.
     latency_ms
-        Of the labels.
+        Delay from a sample to its labels.
     counts
-        What became of the samples.
+        Counts of samples by their fate.
     health
         By part; parts whose taxels are all well are left out.
     """

@@ -10,7 +10,7 @@ from msgspec import UNSET, UnsetType
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Spread:
-    """How a figure is spread over the taxels.
+    """Spread of a figure over the taxels.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Spread:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AngleSpread(Spread):
-    """How angles are spread over the taxels.
+    """Spread of an angle over the taxels.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class DrawingMatch:
     Attributes
     ----------
     taxels
-        On the drawing.
+        Number of taxels on the drawing.
     missing
         Taxels that are not drawn.
     extra
@@ -59,12 +59,12 @@ class DrawingMatch:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Standing:
-    """How a skin stands to its link.
+    """Fit of a skin to its link.
 
     Attributes
     ----------
     why
-        "on it" where all taxels stand where the manifest says, else what explains it.
+        "on it" where all taxels lie as the manifest states, else the likely cause.
     far
         Taxels more than 5 mm from where they should be.
     cover_mm
@@ -93,10 +93,12 @@ class PartRow:
         Of the part and of the body that it covers.
     channels
         Length of its live vector.
-    taxels, modules
-        How many.
+    taxels
+        Total number of taxels.
+    modules
+        Total number of modules.
     distinct
-        Positions that differ.
+        Number of positions that differ.
     coincident
         Taxels that share a mesh vertex with another.
     rebuilt
@@ -106,7 +108,7 @@ class PartRow:
     unwired
         Taxels with a place and no channel.
     thermal
-        Sensors of temperature, which are no taxels.
+        Number of temperature sensors, which are not taxels.
     unit
         Of the positions in their file.
     pitch_mm
@@ -114,9 +116,10 @@ class PartRow:
     distance_mm
         To the mesh of the link; null for a bare table, which has no body.
     standing
-        Whether it stands where the manifest says, and why not; not for a bare table.
+        Fit of the part to its link, with the likely cause of a misfit; absent for a bare
+        table.
     frame
-        That positions are in; not for a bare table.
+        Frame of the positions; absent for a bare table.
     normal_angle_deg
         To the normals of the link's mesh; not for a bare table.
     inward, covered
@@ -128,11 +131,11 @@ class PartRow:
     mirror_mm
         Distance from the mirror image of the part's twin, where it has one.
     drawing
-        Where the manifest names one.
+        Match with the drawing that the manifest names; absent without one.
     verdict
-        What to do next, in a few words.
+        Next step, in a few words.
     warnings
-        Whole sentences.
+        Warnings, in whole sentences.
     """
 
     name: str
@@ -164,7 +167,7 @@ class PartRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InspectResult:
-    """What a robot's skin is made of, and whether it fits.
+    """Taxels, modules and fit of a robot's skin.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ MAX_BAR = 100.0  # above it the unit is wrong
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LoadEvidence:
-    """One recording.
+    """Evidence of one recording for a load calibration.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ class NamedTouch(Summary):
     label : str
         Name of the touch.
     confidence : float
-        0 to 1.
+        Confidence in the label, 0 to 1.
     identity : int
         The same number from its first sample to its last; -1 where nobody follows it.
     began : float

@@ -29,7 +29,7 @@ ROTATE_BYTES = 2**30
 
 @dataclass(slots=True)
 class RecorderCounts:
-    """What became of the samples.
+    """Counts of recorded samples by their fate.
 
     Attributes
     ----------

@@ -7,18 +7,18 @@ from dataclasses import asdict, dataclass
 
 @dataclass(slots=True)
 class Counts:
-    """What has happened to a stream's samples so far; each station counts its own.
+    """Counts of a stream's samples; each station keeps its own.
 
     Attributes
     ----------
     received : int
-        That came, whatever became of them.
+        Number of samples that arrived.
     given : int
-        That a receiver handed on.
+        Number of samples that a receiver passed on.
     used : int
-        That went into contacts.
+        Number of samples used for contacts.
     lost : int
-        That are missing by the transport's numbers, or by the times.
+        Number of samples missing by the transport's numbers or by the times.
     dropped : int
         Left out because they were not used in time.
     refused : int

@@ -36,7 +36,7 @@ class Spots(NamedTuple):
     Attributes
     ----------
     image : (k,) int
-        From 0.
+        Number of the image, from 0.
     features : (k, 7) float
         Logarithms of sum, peak, number of readings and spread along rows and columns; and the
         centre [mm].

@@ -13,14 +13,16 @@ Meaning = Literal["yes", "no", "doubtful"]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Evaluated:
-    """What one protocol measured.
+    """Result of one protocol.
 
     Attributes
     ----------
-    protocol, robot
-        What was measured, and where.
+    protocol
+        Name of the protocol.
+    robot
+        Name of the robot.
     files
-        Names inside `--out`.
+        Names of the files inside `--out`.
     """
 
     protocol: str
@@ -30,17 +32,17 @@ class Evaluated:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Simulated(Evaluated):
-    """On simulated touches.
+    """Result on simulated touches.
 
     Attributes
     ----------
     accuracy_is
-        Where the touches come from.
+        Origin of the touches.
     variety
-        How far touches and sensors were drawn at random, 0 to 1; 0 are pads of fixed sizes on clean
+        Random spread of touches and sensors, 0 to 1; 0 means pads of fixed sizes on clean
         sensors.
     seeds
-        Of the repetitions.
+        Seeds of the repetitions.
     """
 
     accuracy_is: Literal["simulated"] = "simulated"
@@ -50,12 +52,14 @@ class Simulated(Evaluated):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SimulatedGestures(Simulated):
-    """On so many simulated touches of each gesture.
+    """Result on equal numbers of simulated touches of each gesture.
 
     Attributes
     ----------
-    gestures, per_gesture
-        To tell apart, and touches of each on each part or patch, in each physics.
+    gestures
+        Names of the gestures to distinguish.
+    per_gesture
+        Number of touches of each gesture on each part or patch, in each physics.
     """
 
     gestures: list[str]
@@ -64,16 +68,16 @@ class SimulatedGestures(Simulated):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RealSkin(Evaluated):
-    """On samples of a real skin.
+    """Result on samples of a real skin.
 
     Attributes
     ----------
     taxels
-        Of the skin.
+        Number of taxels of the skin.
     archive, patch
         Files of the samples and of the skin.
     accuracy_is
-        Where the touches come from.
+        Origin of the touches.
     unplaced, unrecorded
         Channels without a place, and taxels without a channel.
     """
@@ -96,16 +100,20 @@ class AccuracyRow:
         kaspar: share of the samples that was drawn.
     folds
         Plain as published, or by touch event, so that no event is in both halves.
-    features, classifier
-        What it reads, and what decides.
+    features
+        Features that the classifier reads.
+    classifier
+        Name of the classifier.
     per_class
         Share named right, by label.
     mean
-        Of the classes.
+        Mean over the classes.
     std
         Of the mean over the seeds; not of published figures.
-    samples, touches
-        That were tested: samples (kaspar), touch events (recordings).
+    samples
+        Number of tested samples (kaspar).
+    touches
+        Number of tested touch events (recordings).
     """
 
     percent: int | UnsetType = UNSET
@@ -121,12 +129,12 @@ class AccuracyRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CarrySummary:
-    """How well some features carry over between patches.
+    """Accuracy of some features on other patches.
 
     Attributes
     ----------
     features
-        What is read.
+        Features that the classifier reads.
     same, other
         Accuracy on the patch trained on and on the others; null where there is none.
     difference
@@ -152,11 +160,13 @@ class CarryRow:
     Attributes
     ----------
     features
-        What is read.
-    trained_on, tested_on
-        The patches.
+        Features that the classifier reads.
+    trained_on
+        Patch of the training.
+    tested_on
+        Patch of the test.
     taxels
-        Of both.
+        Numbers of taxels of both patches.
     accuracy
         Share named right, by event.
     """
@@ -177,9 +187,9 @@ class CarryOver:
     percent
         Share of the samples that was drawn.
     summary
-        By features.
+        One row for each kind of features.
     rows
-        Pair by pair.
+        One row for each pair of patches.
     left_out
         Parts on which not every touch can be simulated.
     """
@@ -198,8 +208,12 @@ class SweepRow:
     ----------
     radius_mm, words
         Of a neighbourhood, and codewords of a structure.
-    structures, neighbours, bins
-        How many there are, of most taxels, and of the histogram.
+    structures
+        Number of different structures.
+    neighbours
+        Number of neighbours of most taxels.
+    bins
+        Number of bins of the histogram.
     mean, std
         Mean of the classes, and its spread over the seeds.
     """
@@ -215,7 +229,7 @@ class SweepRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MarginRow:
-    """How far histograms lead raw values in an RBF SVM.
+    """Lead of histograms over raw values in an RBF SVM.
 
     Attributes
     ----------
@@ -236,26 +250,28 @@ class MarginRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class KasparResult(Simulated):
-    """The protocol `kaspar`.
+    """Result of the protocol `kaspar`.
 
     Attributes
     ----------
-    part, taxels
-        What was measured, and where.
+    part
+        Name of the part.
+    taxels
+        Total number of taxels.
     places
-        Where people touch.
+        Choice of the touched places.
     sampling
-        How shares of the samples were drawn: at random, or every 50th and 10th as published.
+        Choice of the drawn samples: at random, or every 50th and 10th as published.
     samples
-        Of each gesture.
+        Number of samples of each gesture.
     table
-        Features and classifiers.
+        One row for each pair of features and classifier.
     margins
         Histograms ahead of raw values, beside the published margin.
     paper
-        The published figures.
+        Figures published in the paper.
     carry_over
-        Between patches.
+        Training and test on different patches.
     sweep
         Of radius and codewords; empty without `--set sweep=yes` or `--out`.
     """
@@ -279,8 +295,12 @@ class SplitSpread:
 
     Attributes
     ----------
-    mean, min, max
-        0 to 1.
+    mean
+        Mean over the splits, 0 to 1.
+    min
+        Least value over the splits, 0 to 1.
+    max
+        Largest value over the splits, 0 to 1.
     """
 
     mean: float
@@ -295,15 +315,15 @@ class MethodResult:
     Attributes
     ----------
     missing
-        Which library is not installed; then there is nothing else.
+        Name of a library that is not installed; the other fields are then absent.
     mean, min, max
         Mean of the diagonal over the splits, by touch.
     plain
         The same for splits as published.
     tuning
-        What was tried: settings and their mean.
+        Tried settings with their means.
     k
-        bovw: codewords.
+        Number of codewords (bovw).
     network, learning_rate, epochs
         cnn: its size and training.
     C, gamma
@@ -344,24 +364,32 @@ class Confusion:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BaxterResult(Evaluated):
-    """The protocol `baxter`.
+    """Result of the protocol `baxter`.
 
     Attributes
     ----------
-    part, taxels
-        What was measured, and where.
-    accuracy_is, simulated
-        Where the touches come from.
+    part
+        Name of the part.
+    taxels
+        Total number of taxels.
+    accuracy_is
+        Origin of the touches.
+    simulated
+        Whether the touches are simulated.
     variety
-        How far touches and sensors were drawn at random, 0 to 1.
+        Random spread of touches and sensors, 0 to 1.
     bovw, cnn, raw_rbf
         Bags of visual words, a network, raw values; those that were asked for.
     confusion
-        By method.
-    images, touches, repeats
-        How many; a repeat is a split into 70 and 30 %.
+        Confusion matrix by method.
+    images
+        Total number of images.
+    touches
+        Total number of touches.
+    repeats
+        Number of repeats; each is a split into 70 and 30 %.
     seed
-        Of all randomness.
+        Seed of all randomness.
     network
         The paper's size, or a smaller one.
     paper
@@ -392,8 +420,10 @@ class PatchesRow:
 
     Attributes
     ----------
-    features, classifier
-        What it reads, and what decides.
+    features
+        Features that the classifier reads.
+    classifier
+        Name of the classifier.
     mean, std
         Share named right, and its spread over the seeds.
     worst, worst_patch
@@ -403,7 +433,7 @@ class PatchesRow:
     unknown
         Share that the classifier would leave unnamed.
     touches
-        That were tested.
+        Number of tested touches.
     """
 
     features: str
@@ -420,16 +450,16 @@ class PatchesRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CrossPatchResult(SimulatedGestures):
-    """The protocol `cross-patch`.
+    """Result of the protocol `cross-patch`.
 
     Attributes
     ----------
     train_robot
         Robot trained on; null: all other patches of the same.
     patches
-        Taxels by patch.
+        Number of taxels by patch.
     rows
-        By classifier.
+        One row for each classifier.
     """
 
     protocol: Literal["cross-patch"] = "cross-patch"
@@ -469,14 +499,14 @@ class PhysicsRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PhysicsResult(SimulatedGestures):
-    """The protocol `physics`.
+    """Result of the protocol `physics`.
 
     Attributes
     ----------
     parts
-        What was measured, and where; mirror images are left out.
+        Names of the parts, without mirror images.
     classifier
-        What names.
+        Name of the classifier.
     frozen
         The variant that nothing is trained or tuned on.
     rows
@@ -497,7 +527,7 @@ class SeenRow:
     Attributes
     ----------
     features
-        What it looks at: contact geometry alone, and motion.
+        Features that the classifier reads: contact geometry alone, or with motion.
     tested_on
         Ours, or a variant of MuJoCo.
     seen
@@ -518,14 +548,14 @@ class SeenRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StrokesRow:
-    """How wrong the motion of strokes of 5 cm or more is, in the median.
+    """Median errors of the motion of strokes of 5 cm or more.
 
     Attributes
     ----------
     physics
         Ours, or a variant of MuJoCo.
     strokes
-        How many.
+        Number of judged strokes.
     speed
         Error of the speed as a share of it; this and the others are null without strokes.
     speed_bias
@@ -549,12 +579,12 @@ class StrokesRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TimeResult(SimulatedGestures):
-    """The protocol `time`.
+    """Result of the protocol `time`.
 
     Attributes
     ----------
     parts
-        What was measured, and where; mirror images are left out.
+        Names of the parts, without mirror images.
     per_gesture
         Touches of each on each part; of MuJoCo's a quarter.
     rows
@@ -570,7 +600,7 @@ class TimeResult(SimulatedGestures):
     half_seen
         Accuracy on half of a touch, as a share of that on all of it.
     skipped
-        What was left out, and why.
+        Parts left out, with the reasons.
     """
 
     protocol: Literal["time"] = "time"
@@ -592,7 +622,7 @@ class CountRow:
     Attributes
     ----------
     method
-        What counts.
+        Name of the counting method.
     exact, within_one
         Share of the recordings that it was not fitted on.
     spread
@@ -623,9 +653,9 @@ class FingersResult(RealSkin):
     majority
         Share of the most frequent number.
     seeds
-        Of the repetitions.
+        Seeds of the repetitions.
     first_samples
-        Of the control.
+        Number of samples of the control.
     narrow_mm, finger_mm
         Spread across one finger at most, and what each further one adds: chosen on a third of the
         recordings, median over the repetitions.
@@ -692,10 +722,12 @@ class PrintsResult(Evaluated):
 
     Attributes
     ----------
-    train, test
-        The two files.
+    train
+        File of the training prints.
+    test
+        File of the tested prints.
     people
-        Trained on.
+        People in the training.
     images, contacts
         Tested: images, and contacts found in their readings alone.
     judged
@@ -739,8 +771,10 @@ class ForceRow:
     ----------
     name
         Body or part, or `all`.
-    touches, judged
-        Pressed, and answered.
+    touches
+        Number of pressed touches.
+    judged
+        Number of touches with an answer.
     beyond
         Share whose heaviest moment lies above the calibrated range: an earlier one is judged.
     force_n_median
@@ -778,12 +812,14 @@ class ForceResult(Evaluated):
     ----------
     parts
         Judged. The width of the intervals comes from other parts and other variants.
-    bodies, per_body
-        That press, and how often each on each part.
+    bodies
+        Names of the pressing bodies.
+    per_body
+        Number of presses of each body on each part.
     physics
         Variant that nothing is tuned on.
     seeds
-        Of the repetitions.
+        Seeds of the repetitions.
     all, by_body, by_part
         Errors of the force.
     """
@@ -806,7 +842,7 @@ class LoadRow:
     Attributes
     ----------
     recording
-        Its file.
+        File of the recording.
     rms_bar
         Root mean square error of a taxel, mean of the answered ones [bar]; null without a
         reference, as `holds`.
@@ -863,7 +899,7 @@ class LoadsResult(Evaluated):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LeakRow:
-    """How much plain folds flatter a classifier.
+    """Points by which plain folds flatter a classifier.
 
     Attributes
     ----------
@@ -882,11 +918,11 @@ class LeftOutRow:
     Attributes
     ----------
     classifier
-        Its name.
+        Name of the classifier.
     left_out
         event: touches dealt out whatever group they are of; else session, person, place or part.
     groups
-        How many groups there are.
+        Number of left-out groups.
     per_class
         Share named right, by label.
     mean
@@ -899,12 +935,12 @@ class LeftOutRow:
         Share named right by the same classifier of what the skin read before the touches, and of
         the first samples; null where it sees nothing there.
     raw
-        Of what the skin read before the touches, by a linear classifier of raw values; null where
-        there is nothing.
+        Accuracy of a linear classifier on raw values before the touches; null where there
+        are none.
     meaning
-        Whether the figure says something of touches; null where there is none.
+        Whether the figure measures touches; null without a figure.
     verdict
-        The same in one line; or why there is no figure.
+        Verdict in one line, or the reason for a missing figure.
     """
 
     classifier: str
@@ -923,28 +959,30 @@ class LeftOutRow:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RecordingsResult(Evaluated):
-    """Recordings, cross-validated.
+    """Result of cross-validated recordings.
 
     Attributes
     ----------
     parts
-        What was measured, and where.
+        Names of the parts.
     recordings
-        The files.
-    folds, seeds
-        Of the cross-validation.
+        Files of the recordings.
+    folds
+        Number of folds of the cross-validation.
+    seeds
+        Seeds of the cross-validation.
     touches
-        Events by label.
+        Number of events by label.
     table
         By classifier and kind of folds.
     leak
-        By classifier.
+        One row for each classifier.
     left_out
         With --leave-out: what is left of the figures, and their controls.
     sessions, people
         Touches of each; people who are not named are left out.
     warnings
-        What classifiers may have learnt instead of the touches.
+        Leaks that a classifier may have learnt instead of the touches.
     skipped
         Classifiers that were left out, and why.
     """

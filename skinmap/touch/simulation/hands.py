@@ -72,7 +72,7 @@ class Draw:
     ----------
     rng : numpy.random.Generator
     variety : float
-        0 to 1.
+        Random spread, 0 to 1.
     hand : float
         Size of the hand, 1 = adult.
     strength : float
