@@ -127,7 +127,8 @@ def accepting(function: F) -> F:
     >>> skinmap.flatten("kaspar", part="torso").charts[0].distortion.flips
     0
     """
-    parameters = inspect.signature(function).parameters
+    signature = inspect.signature(function)
+    parameters = signature.parameters
     asked = {name: _words(one.annotation) for name, one in parameters.items()}
     first = next(iter(parameters), "")
     takes_part = PART not in parameters and bool(asked.get(first, set()) & PARTED)
@@ -157,8 +158,7 @@ def accepting(function: F) -> F:
         except SkinError:
             raise
         except INSIDE as error:
-            given = {**dict(zip(parameters, arguments, strict=False)), **options}
-            wrong = _wrong(function.__name__, given, parameters, asked)
+            wrong = _wrong(function.__name__, signature, arguments, options)
             if wrong is None:
                 raise
             raise wrong from error
@@ -173,34 +173,27 @@ def _words(annotation: Any) -> set[str]:
 
 
 def _wrong(
-    called: str,
-    given: Mapping[str, Any],
-    parameters: Mapping[str, inspect.Parameter],
-    asked: Mapping[str, set[str]],
+    called: str, signature: inspect.Signature, arguments: Sequence[Any], options: Mapping[str, Any]
 ) -> WrongTypeError | None:
-    """The first argument whose type is not among those of its annotation."""
-    for name, value in given.items():
+    """The first argument of another type than its annotation, or that has no parameter."""
+    parameters = signature.parameters
+    for name, value in {**dict(zip(parameters, arguments, strict=False)), **options}.items():
         if name not in parameters:
-            return WrongTypeError(
-                f"{called} has no parameter {name!r}; it takes {', '.join(parameters)}"
-            )
+            break
+        annotation = parameters[name].annotation
         kinds = {one.__name__ for one in type(value).__mro__} - {"object"}
-        wanted = asked[name]
+        wanted = _words(annotation)
         fits = wanted & kinds or (value is None and "None" in wanted)
         if "float" in wanted and {"int", "integer", "floating"} & kinds:
             continue
         plain = {"str", "int", "float", "bool", "dict"} & {type(value).__name__}
         foreign = wanted & OPEN and not (plain or type(value).__module__.startswith("skinmap"))
         if not fits and not foreign and wanted:
-            types = str(parameters[name].annotation)
-            return WrongTypeError(f"{called}: {name} must be {types}, not {_shown(value)}")
-    missing = [
-        name for name, one in parameters.items()
-        if name not in given and one.default is one.empty
-        and one.kind not in (one.VAR_POSITIONAL, one.VAR_KEYWORD)
-    ]  # fmt: skip
-    if missing:
-        return WrongTypeError(f"{called} needs {', '.join(missing)}")
+            return WrongTypeError(f"{called}: {name} must be {annotation}, not {_shown(value)}")
+    try:
+        signature.bind(*arguments, **options)
+    except TypeError as error:
+        return WrongTypeError(f"{called}: {error}; it takes {', '.join(parameters)}")
     return None
 
 

@@ -23,15 +23,18 @@ WRONG = {
     "flatten of no part": (lambda s: skinmap.flatten("icub", part="nose"), "no part 'nose'"),
     "flatten a part of a skin": (lambda s: skinmap.flatten(s, part="torso"), "part chooses a skin"),
     "flatten by a number": (lambda s: skinmap.flatten(s, method=5), "method must be str"),
-    "flatten with a stranger": (lambda s: skinmap.flatten(s, colour=1), "no parameter 'colour'"),
-    "flatten without anything": (lambda s: skinmap.flatten(), "flatten needs mesh"),
+    "flatten with a stranger": (
+        lambda s: skinmap.flatten(s, colour=1),
+        "argument 'colour'; it takes",
+    ),
+    "flatten without anything": (lambda s: skinmap.flatten(), "argument: 'mesh'"),
     "surface of points": (lambda s: skinmap.build_surface([[1, 2]]), "skin must be Skin, not list"),
     "structures of points": (lambda s: skinmap.find_structures(np.eye(3)), "not ndarray"),
     "simulate a robot": (lambda s: skinmap.simulate(skinmap.load_robot("icub")), "add part="),
     "simulate many": (lambda s: skinmap.simulate(s, per_gesture="many"), "per_gesture must be int"),
     "train on a number": (lambda s: skinmap.train(3, "icub"), "recordings must be"),
     "train on no file": (lambda s: skinmap.train("nope.npz", "icub"), "no file 'nope.npz'"),
-    "train without a robot": (lambda s: skinmap.train([]), "train needs robot"),
+    "train without a robot": (lambda s: skinmap.train([]), "argument: 'robot'"),
     "classify by a number": (lambda s: skinmap.classify("a.npz", 2, "icub"), "no file"),
     "load a robot of a number": (lambda s: skinmap.load_robot(5), "robot must be str"),
     "load a recording of a number": (lambda s: skinmap.load_recordings(5), "path must be str"),
@@ -39,6 +42,9 @@ WRONG = {
     "save a number": (lambda s: skinmap.save_recordings(1, "a.npz"), "recordings must be"),
     "record a number": (lambda s: skinmap.record(5), "source must be"),
     "open a number": (lambda s: skinmap.open_source(7), "spec must be str"),
+    "open by position": (lambda s: skinmap.open_source("sim", "icub"), "too many positional"),
+    "examine nothing": (lambda s: skinmap.examine(None), "examine"),
+    "contacts of words": (lambda s: skinmap.find_contacts(s, "hard"), "1 pressures for the 240"),
     "histograms of a number": (lambda s: skinmap.histograms(1, 2), "codebook must be Codebook"),
     "codebook of a number": (lambda s: skinmap.learn_codebook(5), "skins must be"),
     "mount of numbers": (lambda s: skinmap.fit_mount(1, 2), "fit_mount"),
@@ -101,3 +107,43 @@ def test_charts_are_shown_in_a_line(skin):
     chart = skinmap.flatten(skin).charts[0]
     assert len(repr(chart)) < 120
     assert len(repr(chart.distortion)) < 120
+
+
+def test_contacts_are_a_sequence_with_figures(skin, tmp_path):
+    mesh = skinmap.build_surface(skin)
+    pressures = np.zeros(len(skin))
+    nearest = np.argsort(np.linalg.norm(skin.positions - skin.positions[0], axis=1))
+    pressures[nearest[:8]] = 100.0
+    pressures[nearest[-3:]] = 50.0
+    found = skinmap.find_contacts(mesh, pressures)
+    assert set(found[0].taxels) == set(nearest[:8])
+    assert next(iter(found)).peak == 100.0
+    assert len(list(found)) == len(found) == found.number.max() + 1
+    assert found[-1].mean == 50.0
+    assert len(found[:1]) == 1
+    with pytest.raises(IndexError):
+        found[99]
+    assert len(repr(found)) < 120
+    assert found.save(tmp_path / "contacts.png").stat().st_size > 10_000
+    with pytest.raises(skinmap.SkinError, match=r"one sample \(240,\), not 2 samples"):
+        skinmap.find_contacts(mesh, np.zeros((2, len(skin))))
+
+
+def test_moment_of_a_loop_has_a_figure(tmp_path):
+    robot = skinmap.load_robot("kaspar")
+    loop = skinmap.TouchLoop(robot, skinmap.open_source("sim", robot=robot, speed=np.inf))
+    moment = next(one for one in loop if one.touches)
+    loop.close()
+    assert moment.plot().axes
+    moment.save(tmp_path / "moment.svg")
+    assert moment.touches[0].part in (tmp_path / "moment.svg").read_text()
+    bare = skinmap.Moment(0.0, moment.pressures)
+    with pytest.raises(skinmap.SkinError, match="moment without skins"):
+        bare.plot()
+
+
+def test_defaults_are_those_of_the_commands(skin):
+    flat = skinmap.flatten(skin)
+    one, turned = skinmap.find_structures(flat, rotations=1), skinmap.find_structures(flat)
+    assert len(turned.prototypes) < len(one.prototypes)
+    assert turned.prototypes.rotations == 6

@@ -211,7 +211,7 @@ def work(
     kind, path = _seam(seam)
     if kind == "none" and bound is not None:
         raise InvalidArrayError("--seam none cuts nothing: leave out --max-distortion")
-    how["max_edge_rms"] = max_edge_rms and max_edge_rms / 100.0
+    how["max_edge_rms"] = max_edge_rms
     title, meshing, sources = _sources(robots, parts, meshing)
     check_others(title, sources, names, drawing)
     with spread.open("flatten") as workers, progress(len(sources), "flatten") as advance:

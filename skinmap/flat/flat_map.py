@@ -231,7 +231,8 @@ def flatten(
     max_seconds : float, optional
         Only with `auto`: CPU time for all patches together [s].
     max_edge_rms : float, optional
-        Only with `auto`: edge error that each patch should reach, 0.01 for 1 %.
+        Only with `auto`: edge error that each patch should reach, root mean square
+        of all edges [%].
     avoid : (k,) array-like of int, optional
         Taxels that seams keep away from where there is another way.
     touched : (n,) array-like of float, optional
@@ -288,7 +289,7 @@ def flatten(
         max_distortion,
     )
     how: dict[str, Any] = {"method": method, "iterations": iterations}
-    how["max_edge_rms"] = max_edge_rms
+    how["max_edge_rms"] = max_edge_rms and max_edge_rms / 100.0
     charts, weights = [], [len(mesh.patch_faces(patch)) for patch in range(mesh.n_patches)]
     for patch, weight in enumerate(weights):
         # What earlier patches left of the time, shared out by size.

@@ -411,6 +411,7 @@ class TouchLoop(Summary):
             dropped=self.feed.dropped,
             contacts=contacts,
             states=self.states(),
+            skins=self.skins,
         )
 
     def _tell(self, moment: Moment) -> Moment:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.summary import Summary, listed
+from skinmap.summary import Drawable, listed
+from skinmap.touch.prepared_skin import PreparedSkin
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Moment(Summary):
+class Moment(Drawable):
     """One sample of all parts, and the touches found in it.
 
     Attributes
@@ -42,6 +43,8 @@ class Moment(Summary):
         label of its touch.
     states : mapping of str to (n,) array of str
         Of each part's taxels: "ok", "stuck", "noisy", "dead", or "unheard": not seen at rest yet.
+    skins : mapping of str to PreparedSkin
+        Of the parts, for `plot` and `save`; a `TouchLoop` gives them.
 
     Examples
     --------
@@ -50,6 +53,7 @@ class Moment(Summary):
     Moment(time=0.020 s, parts=torso, touches=none, stale=False)
     """
 
+    FIGURE: ClassVar = "skinmap.report.touch_figures:moment_figure"
     time: float
     pressures: Mapping[str, NDArray[Any]]
     touches: tuple[NamedTouch, ...] = ()
@@ -61,6 +65,7 @@ class Moment(Summary):
     dropped: int = 0
     contacts: tuple[NamedTouch, ...] = ()
     states: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
+    skins: Mapping[str, PreparedSkin] = field(default_factory=dict)
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

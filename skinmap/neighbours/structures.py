@@ -27,11 +27,13 @@ from skinmap.neighbours.matching import (
     view,
 )
 from skinmap.neighbours.offsets import (
+    LATTICE,
     Neighbourhoods,
     flat_map_directions,
     neighbourhoods,
     ramp,
 )
+from skinmap.neighbours.radius import auto_radius
 from skinmap.neighbours.resemblance import cover_resembling, most_alike
 from skinmap.summary import Summary, listed
 
@@ -100,9 +102,9 @@ class Structures(Summary):
 def find_structures(
     skin: FlatMap | Neighbourhoods,
     *,
-    radius: float = RADIUS,
+    radius: float | None = None,
     tolerance: float = TOLERANCE,
-    rotations: int = 1,
+    rotations: int = LATTICE,
     compiled: bool | None = None,
 ) -> Structures:
     """Cover all taxels with as few neighbourhood shapes as a greedy choice finds.
@@ -117,13 +119,14 @@ def find_structures(
     ----------
     skin : FlatMap or Neighbourhoods
         The flat map gives each taxel a direction; with neighbourhoods they are known already.
-    radius : float
-        How far neighbours of a taxel lie [m]; only with a flat map.
+    radius : float, optional
+        How far neighbours of a taxel lie [m]; by default between two rings of the lattice, near
+        8 mm. Only with a flat map.
     tolerance : float
         How far a neighbour may lie from its place [m].
     rotations : int
-        1, or the symmetry of the lattice: 6 lets structures turn by multiples of pi / 3, 4 by
-        quarters (square grids).
+        The symmetry of the lattice: 6 lets structures turn by multiples of pi / 3, 4 by quarters
+        (square grids), 1 not at all.
     compiled : bool, optional
         Whether numba does the matching; by default where it is installed and worth its import.
 
@@ -206,7 +209,9 @@ def adopt_nearest(hoods: Neighbourhoods, found: Structures) -> Structures:
     return Structures(found.prototypes, labels, neighbours, rotation)
 
 
-def _flat_neighbourhoods(flat: FlatMap, radius: float) -> Neighbourhoods:
+def _flat_neighbourhoods(flat: FlatMap, radius: float | None) -> Neighbourhoods:
+    if radius is None:
+        radius = auto_radius([flat.mesh.skin.positions], near=RADIUS)
     if not 0.0 < radius < np.inf:
         raise InvalidArrayError(f"radius must be above 0 m, got {radius}")
     skin, directions = flat.mesh.skin, flat_map_directions(flat)

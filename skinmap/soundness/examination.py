@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +17,10 @@ from skinmap.soundness.rest_faults import rest_faults, session_offsets
 from skinmap.soundness.set_faults import set_faults, together
 from skinmap.soundness.survey import Survey, survey
 from skinmap.soundness.time_faults import time_faults
-from skinmap.soundness.track import Track, check_track, track_of
+from skinmap.soundness.track import Track, check_track, read_track, track_of
+
+if TYPE_CHECKING:
+    from skinmap.touch.recording import Recording
 
 
 @row
@@ -39,7 +43,7 @@ class Examined:
     sound: bool = column("Whether no finding matters.")
 
 
-def examine(recording: Any) -> list[Finding]:
+def examine(recording: Recording | list[Recording] | str | Path) -> list[Finding]:
     """Find the faults of a recording.
 
     Parameters
@@ -66,10 +70,6 @@ def examine(recording: Any) -> list[Finding]:
     >>> [(one.kind, one.channels) for one in skinmap.examine("noise.npz")]
     [('dead', [3])]
     """
-    from pathlib import Path
-
-    from skinmap.soundness.track import read_track
-
     if isinstance(recording, str | Path):
         return examine_track(read_track(Path(recording)))[0].findings
     return examine_track(check_track(track_of(recording)))[0].findings

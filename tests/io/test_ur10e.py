@@ -142,7 +142,7 @@ def test_a_finger_across_a_joint_is_one_contact(ring):
         (across if both else inside).append(followed(closed, felt))
         if both:
             control.append(followed(halves, felt))
-            found.append(int(find_contacts(closed.skins["ring"].geometry, felt)[1].max()) + 1)
+            found.append(int(find_contacts(closed.skins["ring"].geometry, felt).number.max()) + 1)
     assert len(across) >= 15
     assert set(across) == set(inside) == set(found) == {1}
     # Without the ring most of the same fingers are two contacts: the judge can tell.

@@ -74,7 +74,8 @@ def test_contact_geometry_does_not_depend_on_the_order_of_taxels(plate, rng):
 
 
 def test_contacts_are_numbered_by_load(plate):
-    active, label = find_contacts(plate, disc(plate, 26, 1e-3) + 2 * disc(plate, 136, 1e-3))
+    found = find_contacts(plate, disc(plate, 26, 1e-3) + 2 * disc(plate, 136, 1e-3))
+    active, label = found.active, found.number
     assert active.sum() == 2
     assert (label[136], label[26]) == (0, 1)
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,7 @@ from skinmap.geometry.distances import bridged_graph, path_distances
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.topology import edges, half_edges
 from skinmap.geometry.triangles import unit
+from skinmap.summary import Drawable, Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 ACTIVE = 12.0  # counts of 255: ten times the noise at rest
@@ -206,32 +208,108 @@ def check_pressures(pressures: ArrayLike, geometry: SkinGeometry) -> NDArray[Any
     return array
 
 
-def find_contacts(
-    surface: SurfaceMesh | SkinGeometry, pressures: ArrayLike
-) -> tuple[BoolArray, IntArray]:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Contact(Summary):
+    """A connected piece of active taxels.
+
+    Attributes
+    ----------
+    taxels : (k,) int
+        Its taxels, rows of the skin.
+    centre : (3,) float
+        Mean of their positions, each weighted by its pressure, in the link's frame [m].
+    area : float
+        Of the skin under them [m2].
+    peak, mean : float
+        Largest and mean pressure [counts].
+    """
+
+    taxels: IntArray
+    centre: FloatArray
+    area: float
+    peak: float
+    mean: float
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "taxels": len(self.taxels),
+            "area": f"{1e6 * self.area:.0f} mm2",
+            "peak": f"{self.peak:.0f}",
+        }
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Contacts(Drawable, Sequence[Contact]):
+    """Contacts of one sample, the one with the largest load first.
+
+    Attributes
+    ----------
+    geometry : SkinGeometry
+        Of n taxels.
+    pressures : (n,) float
+        Of the sample [counts].
+    number : (n,) int
+        Contact of each taxel; -1 where it is not active.
+    """
+
+    FIGURE: ClassVar = "skinmap.report.touch_figures:contacts_figure"
+    geometry: SkinGeometry
+    pressures: NDArray[Any]
+    number: IntArray
+
+    def __len__(self) -> int:
+        return int(self.number.max(initial=-1)) + 1
+
+    @overload
+    def __getitem__(self, index: int) -> Contact: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Contact]: ...
+    def __getitem__(self, index: int | slice) -> Contact | list[Contact]:
+        if isinstance(index, slice):
+            return [self[k] for k in range(len(self))[index]]
+        taxels = np.flatnonzero(self.number == range(len(self))[index])
+        felt = np.asarray(self.pressures[taxels], np.float64)
+        centre = np.average(self.geometry.mesh.vertices[taxels], 0, felt / felt.max())
+        area = float(self.geometry.areas[taxels].sum())
+        return Contact(taxels, centre, area, float(felt.max()), float(felt.mean()))
+
+    @property
+    def active(self) -> BoolArray:
+        """(n,) whether each taxel is active."""
+        return np.asarray(self.number >= 0)
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        areas = [f"{1e6 * one.area:.0f} mm2" for one in self]
+        return {
+            "part": self.geometry.mesh.skin.part,
+            "contacts": len(self),
+            "areas": listed(areas),
+        }
+
+
+def find_contacts(surface: SurfaceMesh | SkinGeometry, pressures: ArrayLike) -> Contacts:
     """Connected pieces of active taxels on a skin in one sample.
 
     Parameters
     ----------
     surface : SurfaceMesh or SkinGeometry
-        Of n taxels. What is measured of a mesh is worth keeping where many samples follow:
-        `skinmap.touch.contacts.skin_geometry.measure_skin(mesh)`.
+        Of n taxels. Measure a mesh once where many samples follow: `skinmap.touch.measure_skin`.
     pressures : (n,) array-like
         0 to 255 [counts]; above 12 a taxel is active.
 
     Returns
     -------
-    active : (n,) array of bool
-        Whether each taxel is active.
-    contacts : (n,) array of int
-        Contact of each taxel, numbered by load, the largest 0; -1 where it is not active.
+    Contacts
+        A sequence, the largest load first; `number` holds the contact of each taxel.
 
     Raises
     ------
     SkinMismatchError
         Pressures of another length than the skin.
     InvalidArrayError
-        NaN or infinity (says which taxel).
+        NaN or infinity (names the taxel).
 
     Examples
     --------
@@ -239,12 +317,16 @@ def find_contacts(
     >>> mesh = skinmap.build_surface(skinmap.load_robot("kaspar").skin("left_hand"))
     >>> pressures = [0] * len(mesh.skin)
     >>> pressures[3] = 200
-    >>> active, contacts = skinmap.find_contacts(mesh, pressures)
-    >>> int(active.sum()), int(contacts[3])
-    (1, 0)
+    >>> found = skinmap.find_contacts(mesh, pressures)
+    >>> len(found), found[0].taxels.tolist()
+    (1, [3])
     """
     geometry = measure_skin(surface) if isinstance(surface, SurfaceMesh) else surface
     pressures = check_pressures(pressures, geometry)
+    if pressures.ndim != 1:
+        raise InvalidArrayError(
+            f"find_contacts takes one sample ({len(geometry)},), not {len(pressures)} samples"
+        )
     active = pressures > ACTIVE
     label = np.full(len(pressures), -1)
     index = np.flatnonzero(active)
@@ -255,7 +337,7 @@ def find_contacts(
         rank = np.empty(len(load), np.int64)
         rank[np.argsort(-load, kind="stable")] = np.arange(len(load))
         label[index] = rank[piece]
-    return active, label
+    return Contacts(geometry, pressures, label)
 
 
 def connected(links: IntArray, active: BoolArray, index: IntArray) -> IntArray:

@@ -30,7 +30,7 @@ def pressures(**at: float) -> np.ndarray:
 def contacts_of(scale: float) -> float:
     """Contacts beside the one that is there; the active taxels must be those of its shape."""
     shape = press() / press().max()
-    _, label = find_contacts(prepared().geometry, scale * shape)
+    label = find_contacts(prepared().geometry, scale * shape).number
     return float(abs(label.max() + 1 - 1))
 
 
@@ -39,7 +39,7 @@ def saturated(share: float) -> float:
     values = press()
     strong = np.argsort(-values)[: int(share * 144)]
     values[strong] = 255.0
-    return float(find_contacts(prepared().geometry, values)[1].max())
+    return float(find_contacts(prepared().geometry, values).number.max())
 
 
 def off_centre(dead: float) -> float:
@@ -100,9 +100,7 @@ LAWS = [
                 "no contact",
                 lambda: (
                     "no contact"
-                    if not find_contacts(prepared().geometry, 12.0 * press() / press().max())[
-                        0
-                    ].any()
+                    if not find_contacts(prepared().geometry, 12.0 * press() / press().max())
                     else "some"
                 ),
             ),

@@ -73,7 +73,7 @@ def without_structure(radius_mm: float = 8.8, noise_mm: float = 0.0) -> float:
     points = hand().positions + 1e-3 * noise_mm * np.random.default_rng(0).normal(size=(144, 3))
     directions = np.tile([0.0, 1.0, 0.0], (144, 1))
     hoods = neighbourhoods(points, hand().normals, directions, radius=1e-3 * radius_mm)
-    return float(np.count_nonzero(find_structures(hoods).labels < 0))
+    return float(np.count_nonzero(find_structures(hoods, rotations=1).labels < 0))
 
 
 @cache

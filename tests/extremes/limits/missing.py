@@ -101,7 +101,7 @@ def book() -> tuple[Any, Any]:
 
 
 def contacts_beside_one(modules: int) -> float:
-    return float(find_contacts(holed(modules).geometry, pressed(modules))[1].max())
+    return float(find_contacts(holed(modules).geometry, pressed(modules)).number.max())
 
 
 def changed_votes(share: float) -> float:
