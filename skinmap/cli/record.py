@@ -297,6 +297,7 @@ def _markers(loop: TouchLoop, moment: Any) -> list[Any]:
 
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Mark the touches that are over; one without a name is nothing to train on."""
+    from skinmap.classifiers.answers import answers_object
     from skinmap.touch.touch_labels import RESERVED
 
     shown.withdrawn += len(loop.withdrawn())
@@ -309,6 +310,7 @@ def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
                 began=event.began,
                 ended=event.ended,
                 channels=event.channels,
+                answers=None if event.answers is None else answers_object(event.answers),
             )
             shown.add(label=event.label)
 

@@ -304,12 +304,14 @@ def _touches(index: Index, stamps: IntArray, head: dict[str, str]) -> tuple[Mark
         words = all(isinstance(word, str) for word in said)
         channels = one.get("channels", [])
         listed = isinstance(channels, list) and all(isinstance(k, int) for k in channels)
-        damaged = not isinstance(subject, int) or not isinstance(owners, dict | None)
+        answers = one.get("answers")  # of files since models answer
+        damaged = not isinstance(subject, int)
+        damaged |= not all(isinstance(told, dict | None) for told in (owners, answers))
         if damaged or not words or not listed:
             raise DataFormatError(f"touch {event} of {part!r} is damaged", index.path)
         motion = _true_motion(one.get("motion"), f"touch {event} of {part!r}", index.path)
         mark = MarkedTouch(part, event, one["label"], first, last, subject, owners, *said)
-        touches.append(replace(mark, motion=motion, channels=tuple(channels)))
+        touches.append(replace(mark, motion=motion, channels=tuple(channels), answers=answers))
     return tuple(touches)
 
 

@@ -439,6 +439,7 @@ class McapRecording:
         person: str = "",
         motion: TrueMotion | None = None,
         channels: Sequence[int] = (),
+        answers: Mapping[str, Any] | None = None,
     ) -> None:
         """Mark a touch; what is said at its end counts more than what was said before.
 
@@ -460,6 +461,8 @@ class McapRecording:
             Its true way, presses and speed, where they are known.
         channels : sequence of int
             Places of its taxels in the live vector of the part, where they are known.
+        answers : mapping, optional
+            `kind`, `motion` and `hand` as JSON has them, where a model answered.
         """
         content: dict[str, Any] = {"part": part, "event": event, "label": label, "began_s": began}
         content["subject"] = subject
@@ -473,6 +476,8 @@ class McapRecording:
         content |= {key: word for key, word in said.items() if word}
         if motion is not None:
             content["motion"] = {key: one.tolist() for key, one in motion.to_arrays().items()}
+        if answers is not None:
+            content["answers"] = dict(answers)
         stamp = nanoseconds_of(began if ended is None else ended)
         text = json.dumps(content, separators=(",", ":"))
         self._message(TOUCHES, stamp, text_message(text), 0)
@@ -557,6 +562,8 @@ def touch_text(one: MarkedTouch, times: FloatArray, head: Mapping[str, str]) -> 
         content["channels"] = list(one.channels)
     if one.motion is not None:
         content["motion"] = {key: rows.tolist() for key, rows in one.motion.to_arrays().items()}
+    if one.answers is not None:
+        content["answers"] = dict(one.answers)
     stamp = nanoseconds_of(content["ended_s"])
     return stamp, json.dumps(content, separators=(",", ":"))
 

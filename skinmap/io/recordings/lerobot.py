@@ -1,7 +1,8 @@
 """Recordings as a LeRobot data set of version 3: frames and tasks in Parquet, the rest in JSON.
 
 One recording is one episode. A frame holds the values of each part, the joint angles, and as its
-task the names of what touches then; `meta/skin.json` says where each taxel is.
+task the names of what touches then. `meta/skin.json` holds the place of each taxel, and each touch
+with its frames and, where a model answered, its kind, its motion and whether it is a hand.
 """
 
 from __future__ import annotations
@@ -247,7 +248,17 @@ def _skin(track: RecordedStream) -> dict[str, Any]:
                 "positions_m": table.positions.tolist(),
                 "normals": table.normals.tolist(),
             }
-    return {**about(track), "taxels": parts}
+    touches = [
+        {
+            "part": one.part,
+            "label": one.label,
+            "first_frame": one.first,
+            "last_frame": one.last,
+            **(one.answers or dict.fromkeys(("kind", "motion", "hand"))),
+        }
+        for one in track.touches
+    ]
+    return {**about(track), "taxels": parts, "touches": touches}
 
 
 def _json(file: Path, content: object) -> None:

@@ -63,7 +63,7 @@ class Marks:
                 f"a touch of samples {one.first} to {one.last} cannot be split at {row}"
             )
         number = 1 + max(other.event for other in self.touches if other.part == one.part)
-        whole = replace(one, owners=None, motion=None, channels=())
+        whole = replace(one, owners=None, motion=None, channels=(), answers=None)
         later = replace(whole, event=number, first=row)
         return self._with(place, replace(whole, last=row - 1), later)
 
@@ -81,7 +81,7 @@ class Marks:
             raise InvalidArrayError(f"no later touch of {one.part!r} to join with")
         last = max(one.last, self.touches[later[0]].last)
         rest = tuple(t for k, t in enumerate(self.touches) if k not in (place, later[0]))
-        return Marks((*rest, replace(one, last=last, owners=None, motion=None, channels=())))
+        return Marks((*rest, replace(one, last=last, owners=None, motion=None, channels=(), answers=None)))
 
     def _with(self, place: int, *others: MarkedTouch) -> Marks:
         return Marks((*self.touches[:place], *others, *self.touches[place + 1 :]))
@@ -240,6 +240,7 @@ def _checked(
         same = old is not None and (old.first, old.last) == (one.first, one.last)
         motion = old.motion if old is not None and same else None
         channels = old.channels if old is not None and same else ()
+        answers = old.answers if old is not None and same else None
         own = spans.setdefault(one.part, [])
         place = bisect_left(own, (one.first, one.last))
         for first, last in own[max(place - 1, 0) : place + 1]:  # those beside it in time
@@ -252,8 +253,9 @@ def _checked(
             event, free = free, free + 1
         taken.add((one.part, event))
         yield replace(
-            one, event=event, owners=owners, subject=subject, motion=motion, channels=channels
-        )
+            one, event=event, owners=owners, subject=subject, motion=motion, channels=channels,
+            answers=answers,
+        )  # fmt: skip
 
 
 def _marked(

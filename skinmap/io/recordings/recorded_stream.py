@@ -135,6 +135,8 @@ class MarkedTouch:
         Its true way, presses and speed, where they are known.
     channels : tuple of int
         Places of its taxels in the live vector of the part; empty where nobody noted them.
+    answers : mapping, optional
+        `kind`, `motion` and `hand` as JSON has them, where a model answered.
     """
 
     part: str
@@ -148,6 +150,7 @@ class MarkedTouch:
     person: str = ""
     motion: TrueMotion | None = None
     channels: tuple[int, ...] = ()
+    answers: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)
