@@ -40,7 +40,7 @@ SHARE, COUNTS = Number(0.0, 1.0), Number(0.0, 255.0)
 SENSING: dict[str, click.ParamType[Any]] = {
     "noise": COUNTS, "drift": COUNTS, "dead": SHARE, "unplaced": SHARE, "stuck": SHARE,
     "spikes": SHARE, "gaps": Number(0.0, 0.5), "hysteresis": SHARE, "creep": Number(0.0, 10.0),
-    "cross-talk": SHARE, "gain-spread": Number(0.0, 10.0),
+    "compression": Number(0.0, 10.0), "cross-talk": SHARE, "gain-spread": Number(0.0, 10.0),
     "foam-mm": Number(0.0, 1000.0, min_open=True), "saturation": COUNTS,
     "bits": click.IntRange(1, 8), "rate": Number(0.0, 10_000.0, min_open=True),
 }  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,17 +25,20 @@ from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
 from skinmap.skin.skin import Skin, fingerprint
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN, TIME
+from skinmap.touch.simulation.hands import OBLIQUE
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
+from skinmap.touch.simulation.subjects import ALL_HANDS, HAND
+from skinmap.touch.simulation.variety import LEANS, beyond, happens, on_skin_of
 from skinmap.touch.true_motion import TrueMotion
 
 FOUR = tuple(PRESSERS)[:4]
 SUBJECTS = 10
-HAND = (0.75, 1.0)  # sizes of hands from child to adult, 1 = adult
 GAP = 0.25  # pause between touches [s]
 TRIES = 60  # places tried for one touch
 MISSES = 3  # touches that found no place before the part counts as too small for the gesture
 AROUND = 5  # taxels whose normals an arm comes in along
 LIFT = 0.06  # time in which a presser leaves the skin [s]
+FURTHER = 0.25  # spread of forces more at a variety of 2, as a logarithm
 TREMOR = 0.04  # of the force, standard deviation of its share
 FULL_PRESSURE = 160.0 / FULL_SCALE  # load that a variant's `full_scale` stands for
 
@@ -93,6 +96,7 @@ def simulate(
     gestures: Sequence[str] = FOUR,
     subjects: int = SUBJECTS,
     sensing: Sensing | None = None,
+    variety: float = 1.0,
     progress: Callable[[str], None] | None = None,
 ) -> Recording:
     """Touches on a skin, each gesture equally often, in random order, pressed by MuJoCo.
@@ -112,6 +116,9 @@ def simulate(
         How many people touch.
     sensing : Sensing, optional
         How taxels answer; its foam is not used, as the variant has its own.
+    variety : float
+        Above 1, to 2, rarer people and touches: small and large hands, light and quick ones,
+        oblique ones, and some over the rim of the skin.
     progress : callable, optional
         Called once a touch with the name of the part.
 
@@ -133,8 +140,10 @@ def simulate(
     for name in gestures:
         if name not in PRESSERS and name not in TIME:
             raise UnknownNameError("gesture that MuJoCo presses", name, [*PRESSERS, *TIME])
-    ground = make_ground(skin, find_variant(variant), rng=rng)
-    people = draw_people(subjects, ground.variant, rng=rng)
+    kind, more = find_variant(variant), beyond(variety)
+    kind = replace(kind, force_spread=kind.force_spread + FURTHER * more)
+    ground = make_ground(skin, kind, rng=rng)
+    people = draw_people(subjects, kind, rng=rng, further=more)
     player = _Player(ground, Sensors(skin, sensing or Sensing(), rng=rng), rng)
     missed = dict.fromkeys(gestures, 0)
     for row in rng.permutation(np.repeat(np.arange(len(gestures)), per_gesture)).tolist():
@@ -145,7 +154,9 @@ def simulate(
         if name in TIME:
             missed[name] += missed[name] >= MISSES or not player.touch_in_time(name, person)
             continue
-        place = find_place(ground, name, person, rng=rng) if missed[name] < MISSES else None
+        place = None
+        if missed[name] < MISSES:
+            place = find_place(ground, name, person, rng=rng, variety=variety)
         if place is None:
             missed[name] += 1
             continue
@@ -161,37 +172,51 @@ def make_ground(skin: Skin, variant: Variant, *, rng: np.random.Generator) -> Gr
     return Ground(bed, variant, foam, bed.spread(spread) / full, spread, full)
 
 
-def draw_people(count: int, variant: Variant, *, rng: np.random.Generator) -> tuple[Person, ...]:
-    """People with hands from child to adult."""
+def draw_people(
+    count: int, variant: Variant, *, rng: np.random.Generator, further: float = 0.0
+) -> tuple[Person, ...]:
+    """People with hands from child to adult, and `further` people from 0 to 1 beside these."""
+    low, high = HAND
+    low, high = low - further * (low - ALL_HANDS[0]), high + further * (ALL_HANDS[1] - high)
     return tuple(
         Person(
             number,
-            float(rng.uniform(*HAND)),
+            float(rng.uniform(low, high)),
             _log_uniform(rng, variant.flesh),
-            float(np.exp(rng.normal(0.0, 0.2))),
+            float(np.exp(rng.normal(-0.3 * further, 0.2 + 0.2 * further))),
         )
         for number in range(count)
     )
 
 
 def find_place(
-    ground: Ground, name: str, person: Person, *, rng: np.random.Generator
+    ground: Ground,
+    name: str,
+    person: Person,
+    *,
+    rng: np.random.Generator,
+    variety: float = 1.0,
 ) -> Place | None:
     """A touch at a place where enough of its footprint lies on the skin; None if there is none."""
+    enough = on_skin_of(variety, LONG_ON_SKIN.get(name, ON_SKIN), rng)
+    lean = float(np.tan(rng.uniform(*OBLIQUE))) if happens(LEANS, variety, rng) else 0.0
     for _ in range(TRIES):
         presser = PRESSERS[name](rng, person.hand, ground.variant)
         taxel = int(rng.integers(len(ground.bed.skin)))
         angle = float(rng.uniform(0.0, 2.0 * np.pi))
-        place = place_at(ground.bed, presser, taxel, angle)
-        if place is not None and place[1] >= LONG_ON_SKIN.get(name, ON_SKIN):
+        place = place_at(ground.bed, presser, taxel, angle, lean)
+        if place is not None and place[1] >= enough:
             return place[0]
     return None
 
 
 def place_at(
-    bed: SpringBed, presser: Presser, taxel: int, angle: float
+    bed: SpringBed, presser: Presser, taxel: int, angle: float, lean: float = 0.0
 ) -> tuple[Place, float] | None:
-    """A presser over a taxel, its x at an angle [rad], and the share of its footprint on skin."""
+    """A presser over a taxel, its x at an angle [rad], and the share of its footprint on skin.
+
+    It comes in along the normal, or with a lean (the tangent of its angle) towards its x and y.
+    """
     skin = bed.skin
     reach = float(np.linalg.norm(presser.footprint, axis=1).max()) + 3.0 * bed.spacing
     axes = presser_axes(skin, taxel, angle)
@@ -206,6 +231,8 @@ def place_at(
         _, near = tree.query(mount.spot, k=AROUND)
         around = reached[near]
         normal = unit(skin.normals[around].mean(axis=0))
+        if lean:
+            normal = unit(normal + lean * np.sqrt(0.5) * axes.sum(axis=0))
         frame = mount_frame(skin.positions[around[0]], normal, axes[0])
         frame[:3, 3] += frame[:3, :2] @ (np.array(mount.spot) - uv[around[0]])
         frames.append(frame)

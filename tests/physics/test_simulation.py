@@ -12,7 +12,8 @@ from skinmap.errors import MissingLibraryError, UnknownNameError
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.robots.manifest import load_robot
 from skinmap.physics import engine
-from skinmap.physics.simulation import simulate
+from skinmap.physics.bodies import PRESSERS
+from skinmap.physics.simulation import make_ground, place_at, simulate
 from skinmap.physics.variants import VARIANTS
 from skinmap.skin.skin import Skin
 from skinmap.touch.recording import Recording
@@ -81,6 +82,25 @@ def test_simulate_keeps_the_rate(forearm: Skin) -> None:
         sensing=Sensing(rate=33.0),
     )
     np.testing.assert_allclose(np.diff(made.times), 1 / 33.0)
+
+
+def test_simulate_beyond_wide_leans_and_reaches_over_rims(forearm: Skin) -> None:
+    how: dict[str, Any] = {"per_gesture": 3, "gestures": ["poke", "three_finger"]}
+    one, same, other = (
+        simulate(forearm, rng=np.random.default_rng(5), **how, **more)
+        for more in ({}, {"variety": 1.0}, {"variety": 2.0})
+    )
+    np.testing.assert_array_equal(one.pressures, same.pressures)
+    assert len(other.labels) == 6
+    assert all(samples.max() > 20 for _, _, samples in other.touches())
+    ground = make_ground(forearm, VARIANTS["foam"], rng=np.random.default_rng(0))
+    presser = PRESSERS["poke"](np.random.default_rng(0), 0.9, ground.variant)
+    taxel = len(forearm) // 2
+    straight, leant = (place_at(ground.bed, presser, taxel, 0.3, lean) for lean in (0.0, 0.5))
+    assert straight is not None
+    assert leant is not None
+    cosine = straight[0].frames[0, :3, 2] @ leant[0].frames[0, :3, 2]
+    assert np.degrees(np.arccos(cosine)) == pytest.approx(np.degrees(np.arctan(0.5)), abs=2.0)
 
 
 def test_simulate_refuses_unknown_names(forearm: Skin) -> None:

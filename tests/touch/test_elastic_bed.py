@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,11 +19,12 @@ from skinmap.touch.simulation.elastic_bed import (
     sunk_in,
 )
 from skinmap.touch.simulation.gestures import GESTURES
-from skinmap.touch.simulation.hands import HANDS, Body, Draw, full_finger, whole_hand
+from skinmap.touch.simulation.hands import HANDS, Body, Draw, full_finger, oblique, whole_hand
 from skinmap.touch.simulation.pairs import simulate_pairs
 from skinmap.touch.simulation.sensing import Sensing, Sensors
-from skinmap.touch.simulation.simulator import simulate
-from skinmap.touch.simulation.variety import draw_sensing, uses_pads, variety_of
+from skinmap.touch.simulation.simulator import loads_over_time, place, prepare, simulate
+from skinmap.touch.simulation.subjects import draw_subjects
+from skinmap.touch.simulation.variety import draw_sensing, happens, uses_pads, variety_of
 
 FLAT = np.zeros((2, 2))
 K = 2e7
@@ -103,6 +105,57 @@ def test_a_joint_follows_the_bend_along_its_axis():
     bend = np.diag([25.0, 10.0])
     bar = Body((-1e-2, 0.0), (1e-2, 0.0), 8e-3, 0.0, 1.0, K, follows=1.0)
     np.testing.assert_allclose(followed(bar, bend), np.diag([0.0, 10.0]), atol=1e-12)
+
+
+def test_an_oblique_fingertip_lies_on_longer_and_its_force_is_the_same(dense):
+    straight, uv = ball(3.0), dense.positions[:, :2]
+    straight = replace(straight, stiffness=3e7)
+    for seed in range(5):
+        (leant,) = oblique([straight], np.random.default_rng(seed))
+        rise = float(np.hypot(*leant.lean))
+        assert np.tan(np.radians(10.0)) <= rise <= np.tan(np.radians(35.0))
+        pair, foam = (straight, leant), Foam(4e7, 1.5e-3)
+        before, after = (bed_loads([one], foam, uv, dense)[0] for one in pair)
+        assert after.sum() * 1e-6 * FIRM == pytest.approx(3.0, rel=0.05)
+        # It sinks in where it is lowest, against its lean.
+        centre = after @ uv / after.sum() - before @ uv / before.sum()
+        assert centre @ np.array(leant.lean) < -1e-3 * rise
+
+
+def test_a_hand_that_leans_presses_harder_in_front():
+    pieces = [replace(ball(1.0), start=(x, 0.0), end=(x, 0.0)) for x in (-0.03, 0.03)]
+    leant = oblique(pieces, np.random.default_rng(0))
+    assert sum(one.force for one in leant) == pytest.approx(2.0)
+    low = int(np.argmin([np.dot(one.middle, one.lean) for one in leant]))
+    assert leant[low].force > 1.1 * leant[1 - low].force
+
+
+def test_a_touch_that_rolls_ends_elsewhere(icub):
+    skin = icub.skin("torso")
+    stage = prepare(skin, rng=np.random.default_rng(0), variety=2.0)
+    (person,) = draw_subjects(1, rng=np.random.default_rng(0))
+    rng = np.random.default_rng(1)
+    found = [place(stage, "poke", person, rng=rng) for _ in range(60)]
+    rolled_ones = [one for one in found if one is not None and one.rolled is not None]
+    assert 4 < len(rolled_ones) < 30  # 40 % of those that are not pads
+    for one in rolled_ones[:5]:
+        course = loads_over_time(one, 50.0, np.random.default_rng(2))
+        centres = [row @ skin.positions / row.sum() for row in (one.loads[0], one.rolled[0])]
+        own = [row @ skin.positions / row.sum() for row in (course[len(course) // 4], course[-6])]
+        step = centres[1] - centres[0]
+        assert 0.0 < np.linalg.norm(step) < 8e-3
+        assert (own[1] - own[0]) @ step > 0.0
+
+
+def test_wide_has_none_of_what_is_rarer(icub):
+    stage = prepare(icub.skin("torso"), rng=np.random.default_rng(0), variety=1.0)
+    (person,) = draw_subjects(1, rng=np.random.default_rng(0))
+    rng = np.random.default_rng(1)
+    assert not any(place(stage, "poke", person, rng=rng).rolled is not None for _ in range(20))
+    rng, before = np.random.default_rng(2), np.random.default_rng(2).bit_generator.state
+    assert not happens(1.0, 1.0, rng)
+    assert rng.bit_generator.state == before
+    assert draw_sensing(1.0, rng=rng).compression == 0.0
 
 
 def test_air_presses_evenly():
@@ -217,6 +270,9 @@ def test_faults_of_sensors_do_what_they_say(dense, rng):
     lonely[:, 7] = 1.0
     _, talking = read(dense, lonely, rng, cross_talk=0.5)
     assert talking[0, 7] > 100
+    full = np.ones((3, n)) * [[0.5], [1.0], [1.4]]
+    _, pressed = read(dense, full, rng, compression=0.5)
+    np.testing.assert_allclose(pressed[:, 0], [96, 160, 198], atol=1.0)  # 1.5 L / (1 + L / 2)
     lost = Sensors(dense, Sensing(gaps=0.2), rng=rng).lost(5000, rng=rng)
     assert 0.1 < lost.mean() < 0.3
 

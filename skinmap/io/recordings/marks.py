@@ -81,7 +81,9 @@ class Marks:
             raise InvalidArrayError(f"no later touch of {one.part!r} to join with")
         last = max(one.last, self.touches[later[0]].last)
         rest = tuple(t for k, t in enumerate(self.touches) if k not in (place, later[0]))
-        return Marks((*rest, replace(one, last=last, owners=None, motion=None, channels=(), answers=None)))
+        return Marks(
+            (*rest, replace(one, last=last, owners=None, motion=None, channels=(), answers=None))
+        )
 
     def _with(self, place: int, *others: MarkedTouch) -> Marks:
         return Marks((*self.touches[:place], *others, *self.touches[place + 1 :]))

@@ -178,7 +178,7 @@ def _gaps(body: Body, bend: FloatArray, points: FloatArray) -> FloatArray:
     squared = across**2 + beyond**2
     round_off = body.radius - np.sqrt(np.clip(body.radius**2 - squared, 0.0, None))
     sag = 0.5 * np.einsum("ij,jk,ik->i", away, bend, away)
-    gap = round_off + 0.5 * body.bow * along**2 + sag
+    gap = round_off + 0.5 * body.bow * along**2 + sag + away @ np.array(body.lean)
     return np.where(squared < body.radius**2, gap, np.inf)
 
 

@@ -20,6 +20,9 @@ STIFF = 1e9  # and of wood, metal or bone: the foam alone gives way
 # Shares of proximal, middle and distal phalanx, of an index finger of 82 mm with its pulp (Buryanov
 # and Kotiuk, Int. J. Morphol. 28(3), 2010).
 PHALANGES = (0.48, 0.28, 0.24)
+OBLIQUE = tuple(np.radians((10.0, 35.0)))  # between an oblique press and the skin's normal [rad]
+TIP, RISE, FRONT = 9e-3, 6e-3, 25e-3  # half a last phalanx; see `oblique` [m]
+ROLLED = (1e-3, 5e-3)  # how far a contact wanders while it is held [m]
 LEAST_SHARE = 0.15  # of the mean load of the pieces that touch: less is not felt at all
 
 
@@ -43,6 +46,8 @@ class Body:
         How much of the skin's bend along its axis it follows: joints do, 1 all of it.
     ceiling : float
         No higher pressure, as under the air of a ball [Pa].
+    lean : (2,) float
+        How steeply it rises from the skin along the plane, as under an oblique press.
     """
 
     start: tuple[float, float]
@@ -53,6 +58,7 @@ class Body:
     stiffness: float
     follows: float = 0.0
     ceiling: float = float("inf")
+    lean: tuple[float, float] = (0.0, 0.0)
 
     @property
     def middle(self) -> FloatArray:
@@ -113,6 +119,43 @@ def shared(bodies: list[Body], force: float, draw: Draw, uneven: float) -> list[
         replace(body, force=float(load))
         for body, load, own in zip(bodies, loads, keep, strict=True)
         if own
+    ]
+
+
+def oblique(bodies: list[Body], rng: np.random.Generator) -> list[Body]:
+    """The bodies as they come in at 10 to 35 degrees: each leans, and those in front carry more.
+
+    A fingertip lies on along its last phalanx; what is long gives way until it rises by `RISE`.
+    """
+    turn, rise = float(rng.uniform(0.0, 2.0 * np.pi)), float(np.tan(rng.uniform(*OBLIQUE)))
+    ahead = np.array([np.cos(turn), np.sin(turn)])
+    front = np.array([body.middle @ ahead for body in bodies])
+    share = np.array([body.force for body in bodies]) * np.exp(
+        -rise * (front - front.mean()) / FRONT
+    )
+    share *= sum(body.force for body in bodies) / share.sum()
+    found = []
+    for body, force in zip(bodies, share.tolist(), strict=True):
+        half = 0.5 * np.subtract(body.end, body.start)
+        if body.stiffness < STIFF and np.hypot(*half) < TIP:
+            half = float(rng.uniform(0.5, 1.0)) * TIP * ahead
+        lean = min(rise, RISE / max(abs(float(half @ ahead)), 1e-4)) * ahead
+        middle = body.middle
+        found.append(
+            replace(
+                body, start=_pair(middle - half), end=_pair(middle + half), force=force,
+                lean=_pair(lean),
+            )
+        )  # fmt: skip
+    return found
+
+
+def rolled(bodies: list[Body], rng: np.random.Generator) -> list[Body]:
+    """The bodies after they rolled and dragged the skin along, all by 1 to 5 mm one way."""
+    turn, far = float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(*ROLLED))
+    step = far * np.array([np.cos(turn), np.sin(turn)])
+    return [
+        replace(one, start=_pair(step + one.start), end=_pair(step + one.end)) for one in bodies
     ]
 
 

@@ -24,6 +24,7 @@ FORGETS = 5.0  # and forgets how far it was pressed in this [s]
 MAY_BE_ZERO = (
     *("noise", "gain_spread", "drift", "dead", "foam", "rate", "saturation", "sensitivity"),
     *("unplaced", "stuck", "spikes", "gaps", "hysteresis", "creep", "cross_talk"),
+    "compression",
 )
 SHARES = ("dead", "unplaced", "stuck", "spikes", "gaps", "hysteresis", "cross_talk")
 
@@ -68,6 +69,8 @@ class Sensing:
         By how much a reading still grows while the load stands.
     cross_talk : float
         Share of its module's mean reading that a taxel reads with its own.
+    compression : float
+        How much of a load `L` is lost as it grows: (1 + c) L / (1 + c L), 1 at a load of 1.
     """
 
     rate: float = 50.0
@@ -87,6 +90,7 @@ class Sensing:
     hysteresis: float = 0.0
     creep: float = 0.0
     cross_talk: float = 0.0
+    compression: float = 0.0
 
     def __post_init__(self) -> None:
         for name in MAY_BE_ZERO:
@@ -149,6 +153,8 @@ class Sensors:
         after = keep * self._baseline + np.sqrt(1.0 - keep**2) * fresh
         along = np.linspace(0.0, 1.0, len(loads))[:, None]
         loads = self._cross_talk(self._lags(loads))
+        if sensing.compression > 0:
+            loads = (1.0 + sensing.compression) * loads / (1.0 + sensing.compression * loads)
         counts = FULL_SCALE * loads * self.gains + self._baseline + along * (after - self._baseline)
         self._baseline = after
         counts += rng.normal(0.0, sensing.noise, counts.shape)

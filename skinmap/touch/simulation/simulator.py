@@ -31,7 +31,7 @@ from skinmap.skin.skin import Skin, fingerprint
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.elastic_bed import bed_loads, contact_width
 from skinmap.touch.simulation.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad
-from skinmap.touch.simulation.hands import Body, Draw
+from skinmap.touch.simulation.hands import Body, Draw, oblique, rolled
 from skinmap.touch.simulation.moving_touches import Ground, bed_press, lay
 from skinmap.touch.simulation.sensing import Sensing, Sensors
 from skinmap.touch.simulation.subjects import (
@@ -47,10 +47,13 @@ from skinmap.touch.simulation.things import BODIES, STILL
 from skinmap.touch.simulation.time_gestures import TIME_GESTURES, Timing
 from skinmap.touch.simulation.variety import (
     DEFAULT,
+    LEANS,
+    ROLLS,
     beyond,
     check_variety,
     draw_foam,
     draw_sensing,
+    happens,
     on_skin_of,
     uses_pads,
 )
@@ -110,6 +113,7 @@ class Placed:
     subject: Subject
     weights: FloatArray | None = None
     motion: TrueMotion | None = None
+    rolled: FloatArray | None = None  # `loads` at the end of the hold
 
 
 def prepare(
@@ -265,6 +269,8 @@ def place(
             pads = GESTURES[name](rng, size)
         else:
             bodies = BODIES[name](Draw(rng, drawn, size, subject.force))
+            if happens(LEANS, stage.variety, rng):
+                bodies = oblique(bodies, rng)
             foam = draw_foam(stage.variety, stage.sensors.sensing.foam, rng)
             pads = [body.footprint(contact_width(body, foam.stiffness)) for body in bodies]
         source, angle = _spot(stage, name, subject, places, rng)
@@ -276,7 +282,10 @@ def place(
         if bodies:
             loads = bed_loads(bodies, foam, turned, stage.skin)
             if is_felt(name, bodies, loads, turned):
-                return Placed(name, loads, subject)
+                after = None
+                if happens(ROLLS, stage.variety, rng):
+                    after = bed_loads(rolled(bodies, rng), foam, turned, stage.skin)
+                return Placed(name, loads, subject, rolled=after)
             continue
         loads = touch_loads(stage, pads, turned) * _follows(stage, pads, source)
         return Placed(name, subject.force * loads, subject)
@@ -406,7 +415,11 @@ def loads_over_time(placed: Placed, rate: float, rng: np.random.Generator) -> Fl
     # Mostly of the arm, and a little of each finger.
     tremor = 1.0 + 0.05 * rng.standard_normal((len(time), 1))
     tremor = tremor + 0.03 * rng.standard_normal((len(time), len(placed.loads)))
-    return np.asarray((each * tremor) @ placed.loads)
+    each = each * tremor
+    if placed.rolled is None:
+        return np.asarray(each @ placed.loads)
+    share = np.clip((time - press) / hold, 0.0, 1.0)[:, None]
+    return np.asarray((each * (1.0 - share)) @ placed.loads + (each * share) @ placed.rolled)
 
 
 COARSE, FINE = 3e-3, 1.5e-3  # between the points of the grid [m]

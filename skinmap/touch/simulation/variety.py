@@ -26,6 +26,8 @@ SPREAD = (1.4e-3, 2.6e-3)  # of a pressure by the foam of a skin, 1 to 3 mm thic
 UNEVEN = 0.15  # by which it differs from place to place, as a logarithm
 FURTHER = 1.5  # the logarithm of foam's stiffness and spread reach so much further at 2
 CROSS_TALK = 0.08  # more at most within a module, at 2
+LEANS, ROLLS = 0.35, 0.4  # share of touches that come in obliquely at 2, and that roll while held
+COMPRESSION = 0.6  # of high readings at most, at 2
 AT_RIM, LESS_ON_SKIN = 0.35, 0.3  # share of touches that lie over a rim at 2, and by how much
 
 
@@ -63,8 +65,12 @@ def on_skin_of(variety: float, enough: float, rng: np.random.Generator) -> float
 
     Half of a touch at the rim of a patch is on nothing.
     """
-    more = beyond(variety)
-    return enough - LESS_ON_SKIN * (more > 0 and rng.random() < AT_RIM * more)
+    return enough - LESS_ON_SKIN * happens(AT_RIM, variety, rng)
+
+
+def happens(share: float, variety: float, rng: np.random.Generator) -> bool:
+    """Whether something rare happens to a touch, in a share of them at 2; nothing is drawn to 1."""
+    return beyond(variety) > 0 and bool(rng.random() < share * beyond(variety))
 
 
 def uses_pads(variety: float, rng: np.random.Generator) -> bool:
@@ -110,4 +116,5 @@ def draw_sensing(variety: float, *, rng: np.random.Generator, rate: float = 50.0
         hysteresis=float(rng.uniform(0.0, 0.2 * variety)),
         creep=float(rng.uniform(0.0, 0.15 * variety)),
         cross_talk=float(rng.uniform(0.0, 0.04 * variety + CROSS_TALK * more)),
+        compression=float(rng.uniform(0.0, COMPRESSION * more)) if more > 0 else 0.0,
     )
