@@ -297,7 +297,7 @@ def _markers(loop: TouchLoop, moment: Any) -> list[Any]:
 
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Mark the touches that are over; one without a name is nothing to train on."""
-    from skinmap.classifiers.answers import answers_object
+    from skinmap.recognition.answers import answers_object
     from skinmap.touch.touch_labels import RESERVED
 
     shown.withdrawn += len(loop.withdrawn())
