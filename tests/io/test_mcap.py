@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,9 +20,15 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
-from skinmap.io.mcap.reading import read_track
+from skinmap.io.mcap.reading import (
+    Index,
+    McapSamples,
+    read_track,
+    write_marked,
+    write_repaired,
+)
 from skinmap.io.mcap.writing import McapRecording, McapWriter
-from skinmap.io.recordings.recorded_stream import nanoseconds_of
+from skinmap.io.recordings.recorded_stream import MarkedTouch, nanoseconds_of
 from skinmap.io.recordings.touch_files import load_recordings, save_recordings
 from skinmap.io.ros2.message_types import decode, definition, encode
 from skinmap.io.ros2.messages import read_text
@@ -275,3 +284,85 @@ def test_parts_sampled_at_other_times_are_refused_in_mcap(tmp_path):
     )
     with pytest.raises(SkinMismatchError, match="'b' and 'a' were sampled at other times"):
         save_recordings([one, other], tmp_path / "t.mcap")
+
+
+def touched_file(path: Path, **options: Any) -> McapRecording:
+    """Ten seconds of two parts: the second is pressed from 3.1 to 5.5 s, one taxel of it hangs."""
+    file = McapRecording(path, parts=["a", "b"], widths={"pressure": [3, 5]}, rate=50.0, **options)
+    for row in range(500):
+        values = np.zeros(8, np.uint8)
+        values[7] = 180
+        if 155 <= row < 275:
+            values[3:5] = 90
+        file.add("pressure", row / 50.0, values)
+    file.mark("b", 0, "poke", began=3.1)
+    file.mark("b", 0, "poke", began=3.1, ended=5.48)
+    return file
+
+
+def test_overview_has_what_was_touched_each_second_and_no_taxel_that_hangs(tmp_path):
+    touched_file(tmp_path / "t.mcap").close()
+    track = read_track(tmp_path / "t.mcap")
+    made = track.overview
+    assert made is not None
+    assert made.seconds.tolist() == [3, 4, 5]
+    assert made.parts.tolist() == [1, 1, 1]
+    assert made.largest.tolist() == [90.0, 90.0, 90.0]
+    assert made.taxels.tolist() == [2, 2, 2]
+    assert made.marks.tolist() == [1, 0, 0]
+    assert (made.touched(0), made.touched(1)) == ([], [(3.0, 6.0)])
+
+
+def test_file_that_proves_to_be_whole_is_read_by_its_index_with_the_same_samples(tmp_path):
+    path = tmp_path / "t.mcap"
+    touched_file(path).close()
+    trusted, scanned = Index(path, trusted=True), Index(path)
+    assert trusted.found.finished
+    assert not trusted.found.damage
+    assert trusted.channels.keys() == scanned.channels.keys()
+    for number, messages in scanned.channels.items():
+        assert trusted.channels[number].times == messages.times
+        assert trusted.channels[number].offsets == messages.offsets
+    assert max(map(max, (one.lengths for one in trusted.channels.values()))) == 0  # by its index
+    np.testing.assert_array_equal(
+        McapSamples(trusted, "pressure", 8)[0:500], McapSamples(scanned, "pressure", 8)[0:500]
+    )
+
+
+@pytest.mark.parametrize("place", [0.3, 0.6, 0.95])
+def test_file_with_one_wrong_byte_is_gone_through_as_ever(tmp_path, place):
+    path = tmp_path / "t.mcap"
+    touched_file(path).close()
+    data = bytearray(path.read_bytes())
+    data[int(place * len(data))] ^= 0x10
+    path.write_bytes(data)
+    lengths = [n for one in Index(path, trusted=True).channels.values() for n in one.lengths]
+    assert min(lengths) > 0  # every record was looked at
+
+
+def test_cut_file_opens_without_overview_and_mending_gives_it_one(tmp_path):
+    path = tmp_path / "t.mcap"
+    touched_file(path, chunk_seconds=0.1).close()
+    whole = read_track(path).overview
+    data = path.read_bytes()
+    path.write_bytes(data[: data.index(b"overview.csv") - 40])
+    track = read_track(path)
+    assert track.overview is None
+    assert track.loss.recovered
+    assert len(track.times) == 500
+    write_repaired(path, tmp_path / "mended.mcap")
+    mended = read_track(tmp_path / "mended.mcap").overview
+    assert mended is not None
+    assert whole is not None
+    assert mended.seconds.tolist() == whole.seconds.tolist()
+    assert mended.marks.tolist() == whole.marks.tolist()
+
+
+def test_labelled_copy_has_the_marks_of_its_labels(tmp_path):
+    path, other = tmp_path / "t.mcap", tmp_path / "o.mcap"
+    touched_file(path).close()
+    touch = MarkedTouch("b", 0, "slap", 200, 220)
+    write_marked(path, other, [touch, replace(touch, event=1)])
+    made = read_track(other).overview
+    assert made is not None
+    assert (made.seconds.tolist(), made.marks.tolist()) == ([3, 4, 5], [0, 2, 0])

@@ -8,12 +8,17 @@ after damage the next chunk is searched for. Each chunk proves itself by its che
 from __future__ import annotations
 
 import io
+import json
+import mmap
 import struct
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from skinmap.errors import DataFormatError, MissingFileError
 from skinmap.io.text import is_file
@@ -24,6 +29,12 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, times logged and pub
 SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, STATISTICS, METADATA = 3, 4, 5, 6, 9, 11, 12
 TOTALS = struct.Struct("<QHIIII")  # messages, schemas, channels, attachments, metadata, chunks
 FOOTER, LAST_OPCODE, PRIVATE = 2, 15, 0x80
+MESSAGE_INDEX, CHUNK_INDEX, ATTACHMENT_INDEX, METADATA_INDEX = 7, 8, 10, 13
+FOOTER_BODY, CHUNK_PLACE = struct.Struct("<QQI"), struct.Struct("<QQQQI")
+PLACE, NUMBER, INDEX_HEAD = struct.Struct("<QQ"), struct.Struct("<Q"), struct.Struct("<HI")
+WHOLE = "whole.json"  # an attachment: how many bytes stand before it, and their checksum
+END = HEAD.size + FOOTER_BODY.size + len(MAGIC)  # bytes of a footer and what follows
+CONTENT = HEAD.size + MESSAGE_HEAD.size  # from a message's record to its bytes
 # Where to go on after damage: a chunk record, told by the name of its compression.
 NAMES = (b"\x04\0\0\0zstd", b"\x03\0\0\0lz4")
 CHUNK_HEAD = struct.Struct("<QQQII")  # times, size, checksum, length of the compression's name
@@ -123,6 +134,88 @@ def scan(path: Path, take: Take) -> Scan:
     if missing > 0 and not found.damage:  # a record that a flipped bit turned into another kind
         found.damage.append(f"{missing} messages less than the file says it has")
     return found
+
+
+TakeAll = Callable[[int, NDArray[np.uint64], NDArray[np.uint64], Place], None]
+
+
+def scan_index(path: Path, take: TakeAll) -> Scan | None:
+    """Go through the index of a file that is whole; None of one that cannot be known to be.
+
+    Our files state the checksum of their bytes. No chunk is unfolded.
+
+    Parameters
+    ----------
+    path : Path
+    take : callable
+        Called with a channel, the times [ns] of its messages in a chunk, where their bytes begin
+        in the chunk's content, and the chunk's place.
+    """
+    size = path.stat().st_size if is_file(path) else 0
+    if size < len(MAGIC) + END:
+        return None
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        try:
+            return _by_index(data, path, take)
+        except (*DAMAGED, KeyError, TypeError):  # no such index, or not a true one
+            return None
+
+
+def _by_index(data: mmap.mmap, path: Path, take: TakeAll) -> Scan | None:
+    size = len(data)
+    footer = size - END
+    opcode, length = HEAD.unpack_from(data, footer)
+    start, _, checksum = FOOTER_BODY.unpack_from(data, footer + HEAD.size)
+    ended = data[:8] == MAGIC == data[size - 8 :]
+    if opcode != FOOTER or length != FOOTER_BODY.size or not ended or not 0 < start <= footer:
+        return None
+    summary = data[start:footer]
+    if zlib.crc32(summary + data[footer : size - 12]) != checksum:
+        return None
+    found = Scan(path, size, finished=True)
+    chunks: list[tuple[Place, int]] = []
+    offset = 0
+    while offset < len(summary):
+        opcode, length = HEAD.unpack_from(summary, offset)
+        offset += HEAD.size
+        if opcode in (SCHEMA, CHANNEL):
+            _content(opcode, summary[offset : offset + length], Place(0, 0), found, _nothing)
+        elif opcode == CHUNK_INDEX:
+            _, _, place, record, several = CHUNK_PLACE.unpack_from(summary, offset)
+            (after,) = NUMBER.unpack_from(summary, offset + CHUNK_PLACE.size + several)
+            chunks.append((Place(place, record), after))
+        elif opcode in (ATTACHMENT_INDEX, METADATA_INDEX):
+            place, record = PLACE.unpack_from(summary, offset)
+            body = data[place + HEAD.size : place + record]
+            kind = ATTACHMENT if opcode == ATTACHMENT_INDEX else METADATA
+            _content(kind, body, Place(place, record), found, _nothing)
+        offset += length
+    whole = json.loads(found.attachments[WHOLE])
+    with memoryview(data) as view, view[: int(whole["bytes"])] as before:
+        if not len(before) or zlib.crc32(before) != int(whole["crc32"]):
+            return None
+    for place, after in chunks:
+        _indexed(
+            data[place.offset + place.length : place.offset + place.length + after], place, take
+        )
+    return found
+
+
+def _nothing(*_: object) -> None:
+    """Take no message: a summary has none."""
+
+
+def _indexed(records: bytes, place: Place, take: TakeAll) -> None:
+    """Hand out the places of a chunk's messages by the indexes that follow it."""
+    offset = 0
+    while offset < len(records):
+        opcode, length = HEAD.unpack_from(records, offset)
+        offset += HEAD.size
+        if opcode == MESSAGE_INDEX:
+            channel, several = INDEX_HEAD.unpack_from(records, offset)
+            pairs = np.frombuffer(records, "<u8", several // 8, offset + INDEX_HEAD.size)
+            take(channel, pairs[::2], pairs[1::2] + CONTENT, place)
+        offset += length
 
 
 def _record(file: IO[bytes], offset: int, found: Scan, take: Take) -> int:

@@ -19,7 +19,19 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinError
-from skinmap.io.mcap.mcap_scan import DAMAGED, Place, Scan, read_chunk, scan
+from skinmap.io.mcap.mcap_scan import (
+    CONTENT,
+    DAMAGED,
+    MESSAGE_HEAD,
+    WHOLE,
+    Place,
+    Scan,
+    read_chunk,
+    scan,
+    scan_index,
+)
+from skinmap.io.mcap.mcap_scan import HEAD as HEAD_OF_RECORD
+from skinmap.io.mcap.overview import NAME, Overview, OverviewMaker
 from skinmap.io.mcap.writing import (
     FORMAT,
     METADATA,
@@ -69,13 +81,37 @@ class Messages:
 
 
 class Index:
-    """All messages of a file by channel, and its chunks."""
+    """All messages of a file by channel, and its chunks.
 
-    def __init__(self, path: Path) -> None:
+    Parameters
+    ----------
+    path : Path
+    trusted : bool
+        Believe the file's own index where the file proves to be whole: lengths and numbers of
+        messages are then not known, and their bytes not looked at.
+    """
+
+    def __init__(self, path: Path, *, trusted: bool = False) -> None:
         self.channels: dict[int, Messages] = {}
         self.chunks: list[Place] = []
         self.path = path
-        self.found = scan(path, self._take)
+        found = scan_index(path, self._take_all) if trusted else None
+        if found is None:
+            self.channels, self.chunks = {}, []
+        self.found = scan(path, self._take) if found is None else found
+
+    def _take_all(
+        self, channel: int, times: NDArray[np.uint64], offsets: NDArray[np.uint64], place: Place
+    ) -> None:
+        if not self.chunks or self.chunks[-1] is not place:
+            self.chunks.append(place)
+        messages, count = self.channels.setdefault(channel, Messages()), len(times)
+        first = len(messages)
+        messages.times.frombytes(np.ascontiguousarray(times).tobytes())
+        messages.samples.frombytes(np.arange(first, first + count, dtype=np.uint32).tobytes())
+        messages.chunks.frombytes(np.full(count, len(self.chunks) - 1, np.uint32).tobytes())
+        messages.offsets.frombytes(offsets.astype(np.uint32).tobytes())
+        messages.lengths.frombytes(bytes(4 * count))
 
     def _take(
         self, channel: int, sample: int, time: int, offset: int, length: int, place: Place
@@ -122,8 +158,10 @@ class Content:
             while len(self._kept) >= KEPT:
                 self._kept.popitem(last=False)
             self._kept[number] = chunk
-        start = messages.offsets[row]
-        return self._kept[number][start : start + messages.lengths[row]]
+        chunk, start, length = self._kept[number], messages.offsets[row], messages.lengths[row]
+        if length == 0:  # its record says it
+            length = HEAD_OF_RECORD.unpack_from(chunk, start - CONTENT)[1] - MESSAGE_HEAD.size
+        return chunk[start : start + length]
 
 
 class McapSamples:
@@ -151,22 +189,25 @@ class McapSamples:
         for place, (number, messages) in enumerate(self._messages.items()):
             self._check_lengths(number, messages)
             times.append(np.array(messages.times, np.uint64))
-            samples.append(np.array(messages.samples, np.int64))
-            numbers.append(np.full(len(messages), place))
-            rows.append(np.arange(len(messages)))
+            samples.append(np.array(messages.samples, np.uint32))
+            numbers.append(np.full(len(messages), place, np.uint8))
+            rows.append(np.arange(len(messages), dtype=np.uint32))
         stamps = np.concatenate(times)
-        # Those of one time in the order in which they were written.
-        order = np.lexsort((np.concatenate(samples), stamps))
+        order: IntArray | slice = slice(None)
+        if (stamps[1:] < stamps[:-1]).any() or sum(map(len, samples)) > max(map(len, samples)):
+            # Those of one time in the order in which they were written.
+            order = np.lexsort((np.concatenate(samples), stamps))
         self.stamps: IntArray = stamps[order].astype(np.int64)
         self.times: FloatArray = seconds_of(stamps[order])
-        self.samples: IntArray = np.concatenate(samples)[order]
+        self.samples: NDArray[Any] = np.concatenate(samples)[order]
         self._numbers, self._rows = np.concatenate(numbers)[order], np.concatenate(rows)[order]
         floats = len(self._messages["Float32"]) > 0
         self.dtype = DTYPES["Float32" if floats else "UInt8"]
 
     def _check_lengths(self, number: Number, messages: Messages) -> None:
         wanted = HEAD.size + self._channels * DTYPES[number].itemsize
-        other = np.flatnonzero(np.array(messages.lengths, np.int64) != wanted)
+        lengths = np.array(messages.lengths, np.int64)
+        other = np.flatnonzero((lengths != wanted) & (lengths > 0))
         if len(other):
             size = messages.lengths[int(other[0])] - HEAD.size
             raise DataFormatError(
@@ -212,7 +253,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
     MissingFileError, DataFormatError
         No such file, not MCAP, or MCAP of somebody else.
     """
-    index = Index(path)
+    index = Index(path, trusted=True)
     head = read_head(index.found)
     widths = head_value(head, "widths", dict, path)
     kinds: list[Kind] = [each for each in ("pressure", "raw") if each in widths]
@@ -250,6 +291,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
             if isinstance(count, int)
         },
         manifest=head.get("manifest", ""),
+        overview=Overview.parse(index.found.attachments.get(NAME, b""), parts),
     )
 
 
@@ -374,7 +416,7 @@ def _loss(
     if found.finished and not found.damage:
         return before
     step = 1.0 / rate if rate > 0 else 0.0
-    times, samples = values.times, values.samples
+    times, samples = values.times, values.samples.astype(np.int64)
     missing = np.diff(samples) > 1
     seconds = float((np.diff(times)[missing] - step).clip(0.0).sum())
     seconds += step * float(samples[0] if len(samples) else 0)
@@ -482,8 +524,22 @@ def write_repaired(path: Path, output: Path) -> RecordedStream:
         head[REPAIRED] = repr(track.loss.seconds)
     with _copied(index, head, output) as (writer, numbers):
         _copy(writer, index, numbers)
-        writer.finish({BAG_METADATA: {BAG_KEY: bag_metadata(output.name, _facts(index))}})
+        words = {BAG_METADATA: {BAG_KEY: bag_metadata(output.name, _facts(index))}}
+        writer.finish(words, _overview(track, track.touches))
     return track
+
+
+def _overview(track: RecordedStream, touches: Sequence[MarkedTouch]) -> bytes:
+    """The overview of a recording with these touches, by its own samples where it has none."""
+    made = track.overview
+    if made is None:
+        maker = OverviewMaker(track.info.widths, track.kind == "raw")
+        for rows, values in track.blocks():
+            for time, row in zip(track.times[rows].tolist(), values, strict=True):
+                maker.add(time, row)
+        made = maker.overview()
+    began = [(track.parts.index(one.part), float(track.times[one.first])) for one in touches]
+    return made.marked(began).to_bytes(track.parts)
 
 
 def write_marked(path: Path, output: Path, touches: Sequence[MarkedTouch]) -> None:
@@ -496,7 +552,8 @@ def write_marked(path: Path, output: Path, touches: Sequence[MarkedTouch]) -> No
     OutputError
         The output cannot be written.
     """
-    times = read_track(path).times
+    track = read_track(path)
+    times = track.times
     index = Index(path)
     head = read_head(index.found)
     channels = index.found.channels
@@ -510,7 +567,7 @@ def write_marked(path: Path, output: Path, touches: Sequence[MarkedTouch]) -> No
         for one in touches:
             stamp, text = touch_text(one, times, head)
             writer.add_message(place, stamp, text.encode() if bare else text_message(text), 0)
-        writer.finish()
+        writer.finish(overview=_overview(track, touches))
 
 
 @contextmanager
@@ -524,6 +581,8 @@ def _copied(
             writer.add_metadata(METADATA, head)
             numbers = _channels(writer, index, head)
             for name, data in sorted(index.found.attachments.items()):
+                if name in (NAME, WHOLE):
+                    continue  # of the other file
                 writer.add_attachment(name, "text/csv", data)
             yield writer, numbers
     except OSError as error:

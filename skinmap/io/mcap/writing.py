@@ -12,6 +12,7 @@ import json
 import os
 import tempfile
 import time
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,6 +24,8 @@ from numpy.typing import NDArray
 from skinmap import __version__
 from skinmap.arrays import FloatArray
 from skinmap.errors import OutputError, SkinMismatchError
+from skinmap.io.mcap.mcap_scan import WHOLE
+from skinmap.io.mcap.overview import NAME, OverviewMaker
 from skinmap.io.recordings.recorded_stream import Kind, MarkedTouch, RecordedStream, nanoseconds_of
 from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata, qos_profile
 from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA
@@ -139,13 +142,21 @@ class McapWriter:
         """Whether the system refused a write: only `finish` may follow."""
         return self._sink.broken
 
-    def finish(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
-        """End the file, with last tables of words and its index where there is room for them."""
+    def finish(
+        self,
+        metadata: Mapping[str, Mapping[str, str]] | None = None,
+        overview: bytes | None = None,
+    ) -> None:
+        """End the file, with last tables, its overview and index where there is room for them."""
         if not self.broken:
             try:
                 self.flush()
                 for name, content in (metadata or {}).items():
                     self._writer.add_metadata(name, dict(content))
+                if overview is not None:
+                    self.add_attachment(NAME, "text/csv", overview)
+                    whole = {"bytes": self._sink.size, "crc32": self._sink.checksum}
+                    self.add_attachment(WHOLE, "application/json", json.dumps(whole).encode())
                 self._writer.finish()
                 self._sink.flush()
                 return
@@ -189,7 +200,7 @@ class _WholeWrites:
         self._file = file
         self._waiting = bytearray()
         self._starts: list[int] = []
-        self.size = 0
+        self.size = self.checksum = 0
         self.broken = False
 
     @property
@@ -207,7 +218,7 @@ class _WholeWrites:
     def flush(self) -> None:
         rest = memoryview(bytes(self._waiting))
         self._waiting.clear()
-        length = len(rest)
+        length, checksum = len(rest), zlib.crc32(rest, self.checksum)
         try:
             while rest:
                 rest = rest[self._file.write(rest) :]
@@ -217,6 +228,7 @@ class _WholeWrites:
             raise
         self._starts = [*self._starts[1 - KEPT :], self.size]
         self.size += length
+        self.checksum = checksum
 
     def step_back(self) -> bool:
         """Take the newest write back; False where its place is not known."""
@@ -339,6 +351,7 @@ class McapRecording:
             for part, skin in (skins or {}).items():
                 self._writer.add_attachment(f"{TABLES}{part}.csv", "text/csv", table_of(skin))
         self._shown: Kind = "pressure" if "pressure" in widths else "raw"
+        self._overview = OverviewMaker(self._widths[self._shown], self._shown == "raw")
         if model is not None:
             topics = RobotTopics(model, self._parts, self._widths[self._shown], self._shown)
             self._view = RobotView(topics, self._message, points_hz)
@@ -399,6 +412,8 @@ class McapRecording:
         message, stamp = encode(values, number), nanoseconds_of(time)
         self._message(TOPICS[kind, number], stamp, message, self.samples[kind])
         self.samples[kind] += 1
+        if kind == self._shown:
+            self._overview.add(time, values)
         if self._view is not None and kind == self._shown:
             self._view.sample(stamp, values)
 
@@ -480,6 +495,7 @@ class McapRecording:
             content["answers"] = dict(answers)
         stamp = nanoseconds_of(began if ended is None else ended)
         text = json.dumps(content, separators=(",", ":"))
+        self._overview.mark(self._parts.index(part), event, began)
         self._message(TOUCHES, stamp, text_message(text), 0)
 
     def add_all(self, track: RecordedStream) -> None:
@@ -493,7 +509,10 @@ class McapRecording:
                     self.add_angles(time, {name: a for name, a in angles if np.isfinite(a)})
                 self.add(track.kind, time, track.values[row : row + 1][0])
                 while marks and marks[-1].last == row:
-                    stamp, text = touch_text(marks.pop(), track.times, self._head)
+                    one = marks.pop()
+                    began = float(track.times[one.first])
+                    self._overview.mark(self._parts.index(one.part), one.event, began)
+                    stamp, text = touch_text(one, track.times, self._head)
                     self._message(TOUCHES, stamp, text_message(text), 0)
         finally:
             self.close()
@@ -527,7 +546,9 @@ class McapRecording:
     def _finish(self) -> None:
         try:
             with self._disk():
-                self._writer.finish({BAG_METADATA: {BAG_KEY: self.bag_metadata()}})
+                words = {BAG_METADATA: {BAG_KEY: self.bag_metadata()}}
+                made = self._overview.overview().to_bytes(self._parts)
+                self._writer.finish(words, made if self._overview.even else None)
         finally:
             self._file.close()
 

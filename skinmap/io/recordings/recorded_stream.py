@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, UnknownNameError
+from skinmap.io.mcap.overview import Overview
 from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.recording import Recording
 from skinmap.touch.true_motion import TrueMotion
@@ -195,6 +196,8 @@ class RecordedStream:
         How many of the first samples each part really has; the others rest at zero.
     manifest : str
         What `skinmap.load_robot` loads the robot by; empty where the file does not say.
+    overview : Overview, optional
+        What is in it second by second, where the file has that.
     """
 
     info: StreamInfo
@@ -207,6 +210,7 @@ class RecordedStream:
     loss: Loss = field(default_factory=Loss)
     samples: Mapping[str, int] = field(default_factory=dict)
     manifest: str = ""
+    overview: Overview | None = None
 
     def __post_init__(self) -> None:
         times = check_finite(self.times, "times", (None,))
