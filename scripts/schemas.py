@@ -30,7 +30,7 @@ def commands(
         command = group.get_command(context, name)
         if isinstance(command, click.Group):
             yield from commands(command, (*above, name))
-        elif command is not None:
+        elif command is not None and not command.hidden:
             yield (*above, name), command
 
 

@@ -59,14 +59,6 @@ class Solution:
         return None if self.solved is None else self.solved.found
 
 
-@dataclass(frozen=True, slots=True)
-class SavedAnchors:
-    """What was written: whether taxels are among it, and the names of the files."""
-
-    good: bool
-    files: tuple[str, ...]
-
-
 class AnchorSession:
     """A board, a link, and the anchors picked so far.
 
@@ -276,8 +268,8 @@ class AnchorSession:
         else:
             self.message = solution.problem
 
-    def save(self, output: Outputs) -> SavedAnchors:
-        """Write what `skinmap calibrate wrap` writes, and the anchors to go on from.
+    def save(self, output: Outputs) -> tuple[str, ...]:
+        """Write what `skinmap calibrate wrap` writes, and the anchors; the names of the files.
 
         Where the status is not ok and not accepted, or there is no solution, earlier results
         stay as they are: only `refused.html` and `refused_anchors.csv` are written.
@@ -301,7 +293,7 @@ class AnchorSession:
         reasons = [solution.problem] if solved is None else solved.result.reasons
         first = reasons[0] if reasons else ""
         self.message = f"saved in {out}" if good else f"not accepted, anchors kept: {first}"
-        return SavedAnchors(good, tuple(files))
+        return tuple(files)
 
 
 def solve(task: PatchTask, anchors: tuple[Anchor, ...]) -> Solution:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from importlib.metadata import entry_points
+from pathlib import Path
+
 import click
 
 from calibration.commands.calibration_options import (
@@ -14,30 +17,62 @@ from calibration.commands.calibration_options import (
     outputs,
 )
 from calibration.commands.results import PatchResult
-from skinmap.commands.options import prints
+from skinmap.commands.options import PICTURE, prints
+from skinmap.commands.overwriting import guard
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import retired
+
+WINDOWS = "skinmap.anchor_windows"  # entry points: (files, output, picture or None) -> None
+HERE = "(window)"
+
+
+def _picture(ctx: click.Context, param: click.Parameter, value: str | None) -> str | Path | None:
+    """A picture's path, checked; words that ask for no window or for one as they are."""
+    if value in (None, HERE):
+        return value
+    return guard(ctx, param, PICTURE.convert(value, param, ctx))
 
 
 @click.command("wrap")
 @click.option(
-    "--anchors", "anchors_file", type=FILE, required=True,
+    "--anchors", "anchors_file", type=FILE,
     help="Known places: CSV `channel,x,y,z[,sigma]`, at least three taxels.",
 )  # fmt: skip
+@click.option(
+    "--window",
+    metavar="[PICTURE]",
+    is_flag=False,
+    flag_value=HERE,
+    callback=_picture,
+    help="Click taxels and their points in a window, where --anchors is optional; with the name "
+    "of a picture, write what the window shows instead.",
+)
 @board_options(of="all three files")
 @outputs("taxels.csv and report.html", required=True)
 @retired(**NO_EFFORT, seed=NO_SEED)
 @prints(PatchResult)
-def wrap(files: PatchFiles, output: Outputs) -> None:
+def wrap(files: PatchFiles, output: Outputs, window: str | Path | None) -> None:
     """Lay a flat board on its link so that lengths hold and the anchors are where they were found.
 
     Writes taxels.csv (metres, in the frame of the mesh, with covariances) and report.html. Where
     the status is not ok, only refused.html is written and the exit code is 3, unless --accept.
 
+    The window colours the patch by its predicted error from three anchors on; lines show how far
+    anchors are missed, rings the taxels to measure next. `w` saves, with the anchors.
+
     \b
     Example:  skinmap calibrate wrap --layout board.csv --mesh link.stl --anchors anchors.csv -o out
+              skinmap calibrate wrap --layout board.csv --mesh link.stl --window -o out
     """
-    _calibrate(files, output)
+    if window is None:
+        if files.anchors is None:
+            raise click.UsageError("give --anchors FILE, or --window to click them")
+        _calibrate(files, output)
+        return
+    found = list(entry_points(group=WINDOWS, name="window"))
+    if not found:
+        raise click.UsageError("--window needs the viewer, which is not installed")
+    found[0].load()(files, output, None if window == HERE else window)
 
 
 @click.command("touch")

@@ -45,7 +45,7 @@ print(f"{len(board)} taxels on {len(near)} modules")
 # ## Four anchors at the far ends
 #
 # Each next anchor is the taxel that is furthest from those chosen before. A person would click
-# them in `skinmap anchors`, or measure them with an arm.
+# them in `skinmap calibrate wrap --window`, or measure them with an arm.
 anchors = [int(np.argmin(board.sum(axis=1)))]
 while len(anchors) < 4:
     gaps = np.linalg.norm(board[:, None] - board[anchors], axis=2).min(axis=1)

@@ -88,7 +88,7 @@ class LazyGroup(NamedGroup):
         for name in self.list_commands(ctx):
             if name in COMMANDS:
                 rows.append((name, COMMANDS[name][1]))
-            elif (command := self.get_command(ctx, name)) is not None:
+            elif (command := self.get_command(ctx, name)) is not None and not command.hidden:
                 rows.append((name, command.get_short_help_str(80)))
         with formatter.section("Commands"):
             formatter.write_dl(rows)

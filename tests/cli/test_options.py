@@ -110,7 +110,7 @@ def test_list_of_an_unknown_kind_names_the_kinds():
             ("inspect", "kaspar", "--module", "nan"),
             "--module is for bare tables; kaspar",
         ),
-        (("anchors", "--screenshot", "p.html"), "files ending in '.html'"),
+        (("calibrate", "wrap", "--window", "p.html"), "files ending in '.html'"),
         (
             ("view", "--screenshot", "p.foo"),
             "files ending in '.foo'; the formats are",

@@ -49,14 +49,15 @@ def test_line_runs(folder, words, tmp_path, monkeypatch):
     for place, word in enumerate(args[:-1]):
         if word in ("-o", "--out", "--resume"):
             args[place + 1] = str(tmp_path / Path(args[place + 1]).name)
-    if args[0] == "anchors":
+    if "--window" in args:
         from skinmap.display import require_opengl
 
         require_opengl()
-        if "--screenshot" not in args:  # a window: its picture instead
-            args += ["--anchors", str(BOARD / "anchors.csv"), "--screenshot", "anchors.png"]
-        place = args.index("--screenshot")
-        args[place + 1] = str(tmp_path / "anchors.png")
+        place = args.index("--window")
+        shown = not args[place + 1].startswith("-")  # a picture; else a window: its picture instead
+        args[place : place + 1 + shown] = ["--window", str(tmp_path / "anchors.png")]
+        if "--anchors" not in args:
+            args += ["--anchors", str(BOARD / "anchors.csv")]
     if kind == "calibrate rest":  # its -o is a calibration that is there
         chamber = str(ROOT / "docs" / "examples" / "load" / "chamber.npz")
         CliRunner().invoke(cli, ["calibrate", "load", chamber, "-o", str(tmp_path / "load")])

@@ -68,8 +68,8 @@ def test_display_is_asked_without_importing_vtk():
     assert answer.stdout.strip() == "False", answer.stderr
 
 
-BOARD = ["--layout", "board.csv", "--mesh", "link.stl"]
-WINDOWS = (["view", "icub"], ["anchors", *BOARD])
+BOARD = ["--layout", "board.csv", "--mesh", "link.stl", "-o", "out", "--window"]
+WINDOWS = (["view", "icub"], ["calibrate", "wrap", *BOARD])
 COMMANDS = (  # a demo needs no display
     *((words, missing) for words in WINDOWS for missing in ("library", "display")),
     (["demo"], "library"),

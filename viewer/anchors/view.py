@@ -17,7 +17,7 @@ import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 
-from calibration.commands.anchor_session import AnchorSession, SavedAnchors, Solution, solve
+from calibration.commands.anchor_session import AnchorSession, Solution, solve
 from calibration.commands.calibration_options import Outputs
 from calibration.commands.results import MM
 from skinmap.arrays import FloatArray
@@ -166,7 +166,7 @@ class CalibrationView:
     ) -> None:
         self.session, self.output = session, output
         self.closed = False
-        self.saved: SavedAnchors | None = None
+        self.saved: tuple[str, ...] = ()
         self.solve: Callable[[], None] = self.solve_now  # a window does it beside itself,
         self.finish: Callable[[], object] = lambda: None  # and waits for that before it saves
         self.mouse: object = None  # what turns events into clicks and keys, kept alive here

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
-from skinmap.errors import DataFormatError, InvalidArrayError
+from skinmap.errors import DataFormatError, InvalidArrayError, InvalidMeshError
 from skinmap.io.text import MAX_CHANNEL, check_file, read_text
 from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
@@ -470,4 +470,8 @@ def cyskin_surface(path: Path, meshing: str | None = None) -> SurfaceMesh:
     skin = skin_from_table(table, None, path.stem, table.link, hint=hint)
     if meshing is not None:
         return build_surface(skin, method=meshing)
-    return build_surface(skin, faces=found.faces)
+    try:
+        return build_surface(skin, faces=found.faces)
+    except InvalidMeshError as error:
+        words = f"its faces are not a surface ({error}); --meshing consensus lays new ones"
+        raise DataFormatError(words, path) from None

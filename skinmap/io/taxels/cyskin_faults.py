@@ -100,7 +100,7 @@ def _surface_faults(found: CySkin) -> Iterator[str]:
     try:
         check_surface(faces)
     except InvalidMeshError as error:
-        yield f"the faces are no surface: {error}"
+        yield f"the faces are not a surface: {error}"
     alone = count - len(np.unique(faces))
     if alone:
         yield f"{alone} of {count} taxels are in no face"

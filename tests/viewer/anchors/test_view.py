@@ -217,15 +217,14 @@ def write(folder, board, link, places, taxels=CORNERS, unit=1.0):
 
 
 @pytest.mark.parametrize(("unit", "name"), [(1.0, "m"), (1e-3, "mm")])
-def test_anchors_command_writes_what_calibrate_wrap_writes(
-    opengl, tmp_path, board, link, places, unit, name
-):
+def test_window_writes_what_wrap_writes(opengl, tmp_path, board, link, places, unit, name):
     words = write(tmp_path, board, link, places, unit=unit)
     words += ["--anchors", str(tmp_path / "anchors.csv"), "--units", name]
     picture = tmp_path / "picture.png"
     out = {what: tmp_path / what for what in ("picked", "wrapped", "resumed")}
     shown = CliRunner().invoke(
-        cli, ["anchors", *words, "-o", str(out["picked"]), "--screenshot", str(picture), "--json"]
+        cli,
+        ["calibrate", "wrap", *words, "-o", str(out["picked"]), "--window", str(picture), "--json"],
     )
     assert shown.exit_code == 0, shown.output
     assert json.loads(shown.stdout)["status"] == "ok"
@@ -241,26 +240,34 @@ def test_anchors_command_writes_what_calibrate_wrap_writes(
         assert first == (out["resumed"] / file).read_bytes(), file
 
 
-def test_anchors_command_needs_a_display_or_a_screenshot(
+def test_window_needs_a_display_or_the_name_of_a_picture(
     opengl, tmp_path, board, link, places, monkeypatch
 ):
     monkeypatch.setattr("skinmap.display.has_display", lambda: False)
-    result = CliRunner().invoke(cli, ["anchors", *write(tmp_path, board, link, places)])
+    words = [
+        "calibrate",
+        "wrap",
+        *write(tmp_path, board, link, places),
+        "-o",
+        str(tmp_path / "out"),
+    ]
+    result = CliRunner().invoke(cli, [*words, "--window"])
     assert result.exit_code == 2
     assert "no display here" in result.output
+    assert "or --window" in CliRunner().invoke(cli, words).output
+    old = CliRunner().invoke(cli, ["anchors", "--mesh", "a.stl"])
+    assert old.exit_code == 2
+    assert "write skinmap calibrate wrap --mesh a.stl --window" in old.output
 
 
-def test_anchors_command_keeps_results_where_there_is_no_answer(
-    opengl, tmp_path, board, link, places
-):
+def test_window_keeps_results_where_there_is_no_answer(opengl, tmp_path, board, link, places):
     words = write(tmp_path, board, link, places, taxels=(0, 5))
     out, picture = tmp_path / "out", tmp_path / "picture.png"
     out.mkdir()
     (out / "taxels.csv").write_text("kept")
     words += ["--anchors", str(tmp_path / "anchors.csv"), "-o", str(out), "--force"]
-    result = CliRunner().invoke(cli, ["anchors", *words, "--screenshot", str(picture)])
-    assert result.exit_code == 3
-    assert "2 anchors, at least 3" in result.output
+    result = CliRunner().invoke(cli, ["calibrate", "wrap", *words, "--window", str(picture)])
+    assert "2 anchors, at least 3" in str(result.exception)
     assert (out / "taxels.csv").read_text() == "kept"
     assert sorted(path.name for path in out.iterdir()) == ["refused_anchors.csv", "taxels.csv"]
     assert picture.stat().st_size > 10_000
