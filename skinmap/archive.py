@@ -44,7 +44,7 @@ def open_arrays(path: Path) -> Iterator[NpzFile]:
         if size > LARGEST:
             raise DataFormatError(f"unpacks to {size / 2**30:.1f} GB; at most 4 GB are read", path)
         if strange:
-            raise DataFormatError(f"holds {strange[0]!r}, which is no array", path)
+            raise DataFormatError(f"holds {strange[0]!r}, which is not an array", path)
         file.seek(0)
         with _Arrays(file, allow_pickle=False) as arrays, quiet_headers():
             yield arrays

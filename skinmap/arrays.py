@@ -46,7 +46,7 @@ def check_finite(values: ArrayLike, name: str, shape: tuple[int | None, ...]) ->
     Raises
     ------
     InvalidArrayError
-        Wrong shape or type, or a value that is not finite (says which row).
+        Wrong shape or type, or a value that is not finite (names the row).
     """
     try:
         if np.iscomplexobj(values):  # numpy would drop half of each number with a mere warning
@@ -84,7 +84,7 @@ def check_faces(faces: ArrayLike, n_vertices: int, name: str = "faces") -> IntAr
     Raises
     ------
     InvalidMeshError
-        Wrong shape or type, or an index outside (says which face and which index).
+        Wrong shape or type, or an index outside (names face and index).
     """
     array = np.asarray(faces)
     if array.size == 0:

@@ -320,7 +320,7 @@ def _object_parts(value: Any, known: Known) -> list[bytes]:
         own = [getattr(value, field.name) for field in fields(value)]
         return [b"object", kind, *(_digest(item, known) for item in own)]
     raise InvalidArrayError(
-        f"a task holds a {type(value).__qualname__}, which does not say what it consists of"
+        f"a task holds a {type(value).__qualname__}, without a list of its content"
     )
 
 
@@ -340,7 +340,7 @@ def _opened_at(folder: str, limit: str) -> Cache | None:
     except (ValueError, OverflowError):
         most = -1
     if most < 0:
-        words = f"{LIMIT_VARIABLE}={limit!r} is no number of megabytes; it is {LIMIT_MB:.0f}"
+        words = f"{LIMIT_VARIABLE}={limit!r} is not a number of megabytes; it is {LIMIT_MB:.0f}"
         warnings.warn(words, CacheWarning, stacklevel=4)
         most = int(LIMIT_MB * 1e6)
     try:

@@ -94,7 +94,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
     names = [str(one) for one in known]
     head = re.split(r" (?:(?:of|in|with|for|to|among|shown|here)\b|\()", kind, maxsplit=1)[0]
     if not names:
-        return f"no {kind} {name!r}; there are no {_plural(head)}"
+        return f"no {kind} {name!r}; there are not any {_plural(head)}"
     exist = f"the {_plural(head)} are: {', '.join(names)}"
     if len(names) == 1:
         exist = f"the only {head} is {names[0]}"

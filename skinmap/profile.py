@@ -43,7 +43,7 @@ class Allowed:
     any_name : bool
         Whether plug-ins add names.
     least, most : float or None
-        Range of its numbers; none for a knob that is no number.
+        Range of its numbers; none for a knob that is not a number.
     whole : bool
         Whether they must be whole.
     only : tuple of int
@@ -171,7 +171,7 @@ def read_profile(path: Path | str) -> Profile:
     DataFormatError
         Not TOML, too large, of another format, or a number that a knob cannot take.
     UnknownNameError
-        A table, knob or name that there is not (says which there are).
+        A table, knob or name that there is not (lists those that exist).
 
     Warns
     -----
@@ -270,7 +270,7 @@ def _about(table: object, path: Path) -> _About:
         came = "none" if number is None else repr(number)
         raise DataFormatError(f"format of a profile: expected {FORMAT}, got {came}", path)
     if "skinmap" not in table:
-        raise DataFormatError(f"[{ABOUT}] does not say which version of skinmap wrote it", path)
+        raise DataFormatError(f"[{ABOUT}] lacks the version of skinmap that wrote it", path)
     return _check_table(table, _About, ABOUT, path)
 
 

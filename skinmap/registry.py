@@ -62,7 +62,7 @@ class Registry(Generic[T]):
         Raises
         ------
         UnknownNameError
-            If nothing has that name (says which names exist).
+            If nothing has that name (lists the names).
         """
         if name in self._own:
             return self._own[name]

@@ -238,7 +238,7 @@ def test_folder_is_for_its_owner_alone(folder):
 
 def test_limit_that_is_no_number_is_said(folder, monkeypatch):
     monkeypatch.setenv("SKINMAP_CACHE_MB", "lots")
-    with pytest.warns(CacheWarning, match="'lots' is no number of megabytes; it is 1000"):
+    with pytest.warns(CacheWarning, match="'lots' is not a number of megabytes; it is 1000"):
         assert open_cache().limit == 1_000_000_000
 
 

@@ -75,7 +75,7 @@ def test_a_refused_phrase_is_found(source):
         ("part", "torsoo", ["torso", "hand"], "did you mean 'torso'? The parts are: torso, hand"),
         ("part", "tail", ["torso", "hand"], "no part 'tail'; the parts are: torso, hand"),
         ("part", "tail", ["torso"], "no part 'tail'; the only part is torso"),
-        ("part", "tail", [], "no part 'tail'; there are no parts"),
+        ("part", "tail", [], "no part 'tail'; there are not any parts"),
         ("part in 'x.mcap'", "tail", ["a", "b"], "the parts are: a, b"),
         (
             "recording format for files ending in",

@@ -79,26 +79,26 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     metavar="SOURCE",
     default="sim",
     show_default=True,
-    help="What is shown: sim, a recording's file, lsl:NAME, zmq:HOST:PORT, mujoco:FILE or a "
+    help="Source of samples: sim, a recording's file, lsl:NAME, zmq:HOST:PORT, mujoco:FILE or a "
     "plug-in's name.",
 )
 @click.option(
-    "--model", type=PATH, help="Names the touches; without, the one that comes with Skinmap."
+    "--model", type=PATH, help="Model that names the touches.  [default: the shipped one]"
 )
-@click.option("--layer", metavar="LAYER", help=f"What the skin shows: {', '.join(LAYERS)}.")
+@click.option("--layer", metavar="LAYER", help=f"Layer of the skin: {', '.join(LAYERS)}.")
 @click.option(
     "--calibration",
     "calibrations",
     multiple=True,
     metavar="[PART=]FILE",
-    help="Calibrated taxels, for the layer uncertainty, or what `calibrate load` wrote, for forces "
-    "in newtons; may be repeated.",
+    help="Calibrated taxels, for the layer uncertainty, or a load calibration, for forces in "
+    "newtons; may be repeated.",
 )
 @response_option
 @click.option(
     "--view-file",
     type=FILE,
-    help="From where and how to look (style, links, pose, size, ranges, units); the window saves "
+    help="View to begin with (camera, style, links, pose, size, ranges, units); the window saves "
     "its view there.",
 )
 @file_option(
@@ -118,10 +118,10 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
 @click.option(
     "--at",
     type=Number(0.0, MAX_SECONDS),
-    help="Of the picture [s]; by default what shows most.",
+    help="Time of the picture [s].  [default: the moment with the clearest touches]",
 )
-@seconds_option("Stop after so long; a movie lasts so long.")
-@speed_option("than recorded", endless=False)
+@seconds_option("Stop after this time [s]; a movie lasts so long.")
+@speed_option("recorded", endless=False)
 @click.option(
     "--web",
     metavar="[HOST:PORT]",
@@ -324,5 +324,5 @@ def _check(options: Mapping[str, Any]) -> None:
         raise click.UsageError("--web serves the scene, and files are asked for: one of them")
     if not options["web"] and not any(files.values()) and not has_display():
         raise click.UsageError(
-            "there is no display here: give --screenshot, --movie, --gltf, --html or --web"
+            "no display was found: give --screenshot, --movie, --gltf, --html or --web"
         )

@@ -137,7 +137,7 @@ def read_responses(names: Sequence[str], robot: Robot, parts: Sequence[str]) -> 
             part = parts[0]
         if not part:
             raise SkinMismatchError(
-                f"{path}: calibrated was no part of {robot.name!r} that could be recognised; "
+                f"{path}: the calibration has no part of {robot.name!r} that could be recognised; "
                 "name it: PART=FILE"
             )
         skin = robot.skin(part)
@@ -188,7 +188,7 @@ def _in_order(
     strange = np.setdiff1d(channels, wanted)
     if len(strange):
         raise SkinMismatchError(
-            f"{path}: channel {strange[0]} is none of the {len(wanted)} taxels of {part!r}"
+            f"{path}: channel {strange[0]} is not one of the {len(wanted)} taxels of {part!r}"
         )
     ordered = np.full((len(wanted), 3, 3), np.nan)
     order = np.argsort(wanted)

@@ -151,7 +151,7 @@ def check_values(values: ArrayLike, n: int, part: str) -> FloatArray:
     try:
         array = np.asarray(values, np.float64)
     except (TypeError, ValueError) as error:
-        raise SkinMismatchError(f"values of {part!r} are no numbers") from error
+        raise SkinMismatchError(f"values of {part!r} are not numbers") from error
     if array.shape != (n,):
         raise SkinMismatchError(f"pressures of shape {array.shape} for the {n} taxels of {part!r}")
     return array if np.isfinite(array).all() else np.where(np.isfinite(array), array, np.nan)
@@ -224,7 +224,7 @@ class Layers:
         Raises
         ------
         UnknownNameError
-            No such layer (says which there are).
+            No such layer (lists those that exist).
         """
         check_layer(name)
         if name not in self._made:

@@ -114,7 +114,7 @@ class AnchorSession:
         Raises
         ------
         MissingFileError, DataFormatError
-            A file that is missing or not what it should be (says which line).
+            A file that is missing or not what it should be (names the line).
         """
         unit = UNITS[files.units]
         board = read_board(files.layout, unit)
@@ -231,7 +231,7 @@ class AnchorSession:
             return False
         others = tuple(anchor for anchor in self.anchors if anchor.taxel != taxel)
         if len(others) == len(self.anchors):
-            self.message = f"taxel {self.channel(taxel)} is no anchor"
+            self.message = f"taxel {self.channel(taxel)} is not an anchor"
             return False
         self._steps.append(Step(others))
         self.message = f"anchor of taxel {self.channel(taxel)} removed; {self.advice()}"

@@ -84,7 +84,7 @@ class BatchResult:
 
 @click.command("batch")
 @click.argument("table_file", metavar="TABLE", type=FILE)
-@units_option("files, where the table does not say")
+@units_option("files without a unit in the table")
 @outputs(
     "a folder with taxels.csv and report.html for each patch",
     required=True,
@@ -144,7 +144,7 @@ def read_batch(path: Path, units: str) -> dict[str, PatchFiles]:
     ------
     DataFormatError
         A missing or unknown column, a name twice or that is no name of a folder, a word that is
-        no number (says which line).
+        no number (names the line).
     """
     from calibration.files.tables import read_cells
 
@@ -154,7 +154,7 @@ def read_batch(path: Path, units: str) -> dict[str, PatchFiles]:
         words = {name: cell.strip() for name, cell in zip(names, cells, strict=True)}
         name = words["name"]
         if not name or name.startswith(".") or {*name} & set("/\\\0"):
-            raise DataFormatError(f"{name!r} is no name for a folder", path, line)
+            raise DataFormatError(f"{name!r} cannot name a folder", path, line)
         if name in found:
             raise DataFormatError(f"the patch {name!r} comes more than once", path, line)
         found[name] = _patch_files(words, path, line, units)

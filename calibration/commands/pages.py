@@ -35,7 +35,7 @@ COLOURS = {
 WORDS = {
     "ok": "The patch may be used as it is.",
     "low_coverage": "The evidence covers too little of the patch.",
-    "ambiguous": "What was measured does not settle where the patch is.",
+    "ambiguous": "The measurements do not determine the place of the patch.",
     "unobservable": "The patch can still move freely in some way.",
     "not_settled": "The search ended before it came to rest.",
 }

@@ -74,7 +74,7 @@ class PatchTask:
         Raises
         ------
         MissingFileError, DataFormatError
-            A file that is missing or not what it should be (says which line).
+            A file that is missing or not what it should be (names the line).
         """
         unit, sigma = UNITS[files.units], 1e-3 * files.sigma_mm
         board = read_board(files.layout, unit)

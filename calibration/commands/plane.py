@@ -155,9 +155,11 @@ class PlaneResult(Calibrated):
 )  # fmt: skip
 @click.option(
     "--joint-sigma-deg", type=Number(0.0, 180.0, min_open=True), default=0.5,
-    show_default=True, help="What zero positions of joints may be off by (sd).",
+    show_default=True, help="Standard deviation of the zero positions of joints.",
 )  # fmt: skip
-@click.option("--drop-inconsistent", is_flag=True, help="Leave out what contradicts the rest.")
+@click.option(
+    "--drop-inconsistent", is_flag=True, help="Leave out presses that contradict the rest."
+)
 @outputs("mounts, taxels and the report")
 @retired(
     threshold="a taxel is active from 8 counts above rest",

@@ -65,7 +65,7 @@ class RestResult:
               "the zero of the evidence.")  # fmt: skip
 @click.option("--robot", metavar="ROBOT", help="Robot of a live source.")
 @click.option("--part", metavar="PART", help="Only this part of the robot: that of a live source.")
-@seconds_option("Stop after so long: the rest of a live source, 3 s by default.")
+@seconds_option("Stop after this time [s]: the rest of a live source, 3 s by default.")
 @prints(RestResult)
 def rest(as_json: bool, **given: Any) -> None:
     """Zero an existing load calibration anew, on a skin that nothing touches.

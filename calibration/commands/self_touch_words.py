@@ -71,11 +71,11 @@ def _contradictions(fit: SelfTouchFit) -> Judged:
             "is not calibrated may be wrong"
         )
     elif len(fit.medians) == 2:
-        why = f"{one} contradict each other; of two it cannot be told which is wrong, so both stay"
+        why = f"{one} contradict each other; of two the wrong one is unknown, so both stay"
     else:
-        why = f"{one}: one of them contradicts the others; it cannot be told which, so all stay"
+        why = f"{one}: one of them contradicts the others; which one is unknown, so all stay"
     if own and len(fit.medians) == 2:
-        why += "; of two it cannot be told which is wrong, so both stay"
+        why += "; of two the wrong one is unknown, so both stay"
     return [(Status.AMBIGUOUS, why)]
 
 
@@ -163,10 +163,10 @@ def notes_of(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> li
         )
     for joint, name in told.joints.items():
         other = f"equals a move of {name}" if name else "equals moves of several others together"
-        notes.append(f"the zero of {joint_name(data, joint)} cannot be told: it {other}")
+        notes.append(f"the zero of {joint_name(data, joint)} cannot be determined: it {other}")
     for recording, name in told.standoffs.items():
         lifted = f"equals a lift of {name}" if name else "equals other moves"
-        notes.append(f"how far skins stand apart in {recording} cannot be told: it {lifted}")
+        notes.append(f"how far skins stand apart in {recording} cannot be determined: it {lifted}")
     for joint, way in told.still.items():
         notes.append(
             f"{joint_name(data, joint)} moved by {np.rad2deg(way):.0f} deg only: touch in poses "

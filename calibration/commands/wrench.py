@@ -70,7 +70,7 @@ class PlacedPatch:
 @units_option("the file; moments are newton times this unit")
 @click.option(
     "--point-mm", type=Number(0.0, 1000.0, min_open=True), default=3.0, show_default=True,
-    help="Error of where the skin was pressed.",
+    help="Error of the pressed place.",
 )  # fmt: skip
 @click.option(
     "--moment-mnm", type=Number(0.0, 1e6, min_open=True), default=5.0, show_default=True,

@@ -61,7 +61,7 @@ def read_places(path: Path, part: str, unit: float = 1.0) -> list[AskedPlace]:
             continue
         numbers = parse_floats([row[place] for place in wanted], path, line)
         if numbers[0] != int(numbers[0]):
-            raise DataFormatError(f"touch {row[wanted[0]]!r} is no whole number", path, line)
+            raise DataFormatError(f"touch {row[wanted[0]]!r} is not a whole number", path, line)
         found.setdefault(int(numbers[0]), array("d")).extend(numbers[1:])
     if not found:
         raise DataFormatError(f"no place on {part!r}", path)

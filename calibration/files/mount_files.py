@@ -40,7 +40,7 @@ def read_arrays(path: Path, expected: str) -> dict[str, NDArray[Any]]:
     ------
     MissingFileError, DataFormatError
         No such file, or not a file of plain arrays; a row of a `.csv` that has another number of
-        channels (says which line).
+        channels (names the line).
     """
     check_file(path, expected, most_bytes=2**32)
     if path.suffix.lower() == ".csv":
@@ -66,7 +66,7 @@ def active_by_event(arrays: Mapping[str, NDArray[Any]], name: str, m: int) -> li
         No `ptr_NAME`, or one that does not rise from 0 to the number of ids in m steps.
     """
     if f"ptr_{name}" not in arrays:
-        raise InvalidArrayError(f"lacks ptr_{name}, which says where each event begins in ids")
+        raise InvalidArrayError(f"lacks ptr_{name}, the start of each event in ids")
     ids = check_whole(arrays[f"ids_{name}"], f"ids_{name}")
     bounds = check_whole(arrays[f"ptr_{name}"], f"ptr_{name}")
     if bounds.shape != (m + 1,) or bounds[0] != 0 or bounds[-1] != len(ids):

@@ -70,12 +70,12 @@ def _arm(file: Path, name: str, probes: Mapping[str, Probe]) -> str:
         return probes[name].part
     if name in probes:
         raise DataFormatError(
-            f"probe {name!r} sits on a link, which needs --robot; without a robot, say the 'part'",
+            f"probe {name!r} sits on a link, which needs --robot; without a robot, give the 'part'",
             file,
         )
     there = sorted(path.stem.removeprefix(PART) for path in file.parent.glob(f"{PART}*.npz"))
     raise DataFormatError(
-        f"no taxels of {name!r}, and what it sits on is not known; say so in {BESIDE} beside it or "
+        f"no taxels of {name!r}, and its link is unknown; name it in {BESIDE} beside it or "
         f'with --probes FILE: [[probe]] name = "{name}", part = one of: '
         f"{', '.join(there) or 'none, so name the --robot'}",
         file,

@@ -175,7 +175,7 @@ def _active(
     if wrong.any():
         first = int(np.argmax(wrong))
         raise InvalidArrayError(
-            f"ids_{part}, press {press[first]}: {numbering} {ids[first]} is no taxel of {part}, "
+            f"ids_{part}, press {press[first]}: {numbering} {ids[first]} is not a taxel of {part}, "
             f"which has {len(keys)} {numbering}s between {keys.min()} and {keys.max()}"
         )
     active = np.zeros((m, len(keys)), np.bool_)

@@ -63,7 +63,7 @@ def read_probes(path: Path) -> dict[str, Probe]:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or one that is no list of probes (says which is wrong, and why).
+        No such file, or one that is no list of probes (names it, with the reason).
     """
     if not is_file(path):
         raise MissingFileError(path, "a file of probes (.toml)")

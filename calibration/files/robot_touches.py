@@ -83,7 +83,7 @@ def _own(file: TouchFile, robot: Robot, probes: Mapping[str, Probe]) -> TouchFil
     if file.robot and file.robot.lower() != robot.name.lower():
         raise SkinMismatchError(f"{file.path}: a recording of {file.robot!r}, not {robot.name!r}")
     if not file.joints:
-        raise DataFormatError("lacks 'joint_names', which tell whose angles q holds", file.path)
+        raise DataFormatError("lacks 'joint_names', the joints of the angles in q", file.path)
     for joint in file.joints:
         if joint not in robot.body.joints:
             raise UnknownNameError(f"joint ({file.path})", joint, robot.body.joints)

@@ -38,7 +38,7 @@ class BoardTable:
         return self.modules if len(np.unique(self.modules)) > 1 else None
 
     def rows(self, channels: IntArray, path: Path, lines: Sequence[int]) -> IntArray:
-        """Rows of the board that have some channels; says which line names one that it lacks."""
+        """Rows of the board with some channels; an error names the line of a missing one."""
         where = {int(channel): row for row, channel in enumerate(self.channels)}
         for channel, line in zip(channels.tolist(), lines, strict=True):
             if channel not in where:
@@ -78,7 +78,7 @@ def read_board(path: Path, unit: float = 1.0) -> BoardTable:
     Raises
     ------
     DataFormatError
-        A missing or unknown column, a word that is no number, a channel that comes twice.
+        A missing or unknown column, a word that is not a number, a channel that comes twice.
     """
     names, values, lines = read_table(path, ("x", "y"), ("module", *IGNORED))
     channels = check_channels(names, values, lines, path)
@@ -95,8 +95,8 @@ def read_anchors(
     Raises
     ------
     DataFormatError
-        A missing or unknown column, a word that is no number, a taxel that the board lacks
-        (says which line).
+        A missing or unknown column, a word that is not a number, a taxel that the board lacks
+        (names the line).
     """
     names, values, lines = read_table(path, ("x", "y", "z"), ("sigma",))
     _check_whole(values[:, 0], lines, path)  # before the cast, which warns of what is too large
@@ -141,7 +141,7 @@ def read_placed(path: Path, unit: float = 1.0) -> tuple[IntArray, FloatArray, Fl
     Raises
     ------
     DataFormatError
-        A missing or unknown column, a word that is no number, a channel that comes twice.
+        A missing or unknown column, a word that is not a number, a channel that comes twice.
     """
     names, values, lines = read_table(path, ("x", "y", "z"), ("module", "nx", "ny", "nz", "sigma"))
     channels = check_channels(names, values, lines, path)
@@ -193,7 +193,7 @@ def read_table(
     Raises
     ------
     DataFormatError
-        A missing or unknown column, a row of another length, a word that is no number.
+        A missing or unknown column, a row of another length, a word that is not a number.
     """
     names, rows = read_cells(path, needed, known, first)
     values, lines = array("d"), []  # a word takes ten times the memory of its number
@@ -263,7 +263,7 @@ def read_cells(
 def check_channels(
     names: Sequence[str], values: FloatArray, lines: Sequence[int], path: Path
 ) -> IntArray:
-    """Channels (n,) of the first column, each once; says which line names one again."""
+    """Channels (n,) of the first column, each once; an error names the line of a repeated one."""
     for name in ("module", names[0]):
         if name in names:
             _check_whole(values[:, names.index(name)], lines, path)
@@ -322,7 +322,7 @@ def read_numbers(path: Path, columns: Sequence[str] | None) -> FloatArray:
     Raises
     ------
     DataFormatError
-        Another header, rows of different lengths, a word that is no number (says which line).
+        Another header, rows of different lengths, a word that is not a number (names the line).
     """
     texts = enumerate(io.StringIO(read_text(path), newline=None), start=1)
     lines = ((line, text) for line, text in texts if text.strip())

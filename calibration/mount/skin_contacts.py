@@ -383,7 +383,7 @@ def _check(recording: TouchRecording, chains: Mapping[str, Chain]) -> TouchRecor
                 f"{name!r} needs column {joints.max()}"
             )
         if touched is None and not chains[name].is_probe:
-            raise InvalidArrayError(f"{recording.name!r} does not say which taxels of {name!r}")
+            raise InvalidArrayError(f"{recording.name!r} does not name the taxels of {name!r}")
         if touched is not None and chains[name].is_probe:
             raise InvalidArrayError(f"{recording.name!r} names taxels of {name!r}, which has none")
         if touched is None:

@@ -144,7 +144,7 @@ def _folded(
     inward = np.einsum("nd,nd->n", faces, normals) < 0.0
     share = float(area[inward].sum() / max(area.sum(), 1e-30))
     if share <= FOLDED:
-        # On a thin shell either side will do for the wrap; the mesh says which is its outside.
+        # On a thin shell either side will do for the wrap; the mesh defines its outside.
         behind = target.behind(positions, normals)
         share = float(area[behind].sum() / max(area.sum(), 1e-30))
         if share <= 0.5:

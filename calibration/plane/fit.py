@@ -241,7 +241,9 @@ def _checked(
                 f"{felt.shape[1]} taxels in the contacts of {name!r}, which has {len(chain.taxels)}"
             )
         if len(chain.joints) == 0:
-            raise InvalidArrayError(f"no joint moves {name!r}: a table tells nothing of its mount")
+            raise InvalidArrayError(
+                f"no joint moves {name!r}: presses on a table do not determine its mount"
+            )
         if chain.joints.max(initial=-1) >= contacts.angles.shape[1]:
             raise InvalidArrayError(
                 f"{contacts.angles.shape[1]} angles a pose, {name!r} needs column "

@@ -345,7 +345,7 @@ def judge(
         advice = (
             "leave them out (--drop-inconsistent) or press again"
             if len(left) <= MANY_ODD * contacts
-            else "too many to tell which are right: poses and taxels may not belong together"
+            else "too many to identify the right ones: poses and taxels may not belong together"
         )
         judged.append(
             (
@@ -381,7 +381,7 @@ def judge(
                     Status.UNOBSERVABLE,
                     f"taxels of {name} are known to {MM * float(np.percentile(sd, 95)):.1f} mm "
                     f"only (limit {MM * KNOWN:.0f} mm), {weakest[name]}: press in other poses, "
-                    "`next` says which",
+                    "`next` lists them",
                 ),
             )
     return judged

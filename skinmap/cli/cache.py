@@ -91,7 +91,7 @@ def command() -> None:
 @retired(profile=NO_PROFILE)
 @prints(CacheInfo)
 def info(as_json: bool) -> None:
-    """Where it is, how full, and what of.
+    """Show the folder, size and content of the cache.
 
     Example:  skinmap cache info --json
     """
@@ -102,7 +102,7 @@ def info(as_json: bool) -> None:
 @retired(profile=NO_PROFILE, kind="leave it out: all is dropped, and made anew where it is needed")
 @prints(CacheCleared)
 def clear(as_json: bool) -> None:
-    """Drop what is kept; other files in the folder stay.
+    """Empty the cache; other files in the folder stay.
 
     Example:  skinmap cache clear
     """

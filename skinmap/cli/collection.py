@@ -103,8 +103,8 @@ class Collection:
             where = {one: session for session, one in sessions}
             named = ", ".join(f"{label} ({where[label]})" for label in alone)
             yield (
-                f"recorded in one session only: {named}; what else was special about that session "
-                "can be learnt for the touch; record each label in two or more"
+                f"recorded in one session only: {named}; a model can learn the session instead of "
+                "the touch; record each label in two or more"
             )
         people = {name for name in self.count("person") if name}
         if len(people) < 2:
@@ -125,7 +125,7 @@ def field_of(one: Collected, name: str) -> str:
 def collect(
     paths: Sequence[Path], robot: str | None = None, parts: Sequence[str] = ()
 ) -> Collection:
-    """Read recordings and folders of them, each on the robot that it says it is of.
+    """Read recordings and folders of them, each on the robot that it names.
 
     Parameters
     ----------

@@ -282,9 +282,9 @@ class ExportedImages:
 @part_option
 @click.option(
     "--format", "format", type=click.Choice([*FORMATS, *FOLDERS, CONTACTS, IMAGES, RERUN, TOUCHED]),
-    help="Format to write taxels in (default: csv), or a recording, or where some were touched.",
+    help="Format of the output.  [default: csv for taxels]",
 )  # fmt: skip
-@out_file("What to write: a file, or the folder of a format.", required=True, folder=True)
+@out_file("File to write, or folder of a format.", required=True, folder=True)
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
 @calibration_option
 @retired(profile=NO_PROFILE, read_as="write FORMAT:FILE instead of FILE")
@@ -689,7 +689,7 @@ def _model_lines(result: ExportedModel) -> Iterator[str]:
         f"{len(result.parts)} skins of {taxels} taxels"
     )
     if result.without_mass:
-        yield f"given a mass, as they say none: {', '.join(result.without_mass)}"
+        yield f"given a mass of 20 g, since they have none: {', '.join(result.without_mass)}"
     for one in result.unreadable:
         yield f"without its mesh: {one}"
 

@@ -100,7 +100,7 @@ class Laid:
 @word(
     "--seam",
     "SEAM",
-    "Where what is no disc is cut: contacts:RECORDING (where its touches are divided least), "
+    "Seams of patches that are not discs: contacts:RECORDING (dividing fewest touches), "
     "shortest, a file of channels, or none (tubes: a map that repeats itself).  "
     "[default: shortest]",
     default="shortest",

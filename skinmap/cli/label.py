@@ -54,14 +54,16 @@ class LabelResult:
 @click.command("label")
 @click.argument("recording", type=click.Path(path_type=Path))
 @out_file("New recording (.mcap or .npz); never the old one.", guarded=False)
-@click.option("--csv", "table", type=click.Path(path_type=Path), help="Take the touches from here.")
+@click.option(
+    "--csv", "table", type=click.Path(path_type=Path), help="Read the touches from this CSV."
+)
 @click.option(
     "--write-csv", type=click.Path(path_type=Path, dir_okay=False),
     help="Write the touches as CSV, to edit and give back with --csv.",
 )  # fmt: skip
 @click.option("--web", is_flag=True, help="Step through the touches in the browser.")
-@click.option("--find", is_flag=True, help="Find the touches anew, whatever is marked.")
-@click.option("--name", metavar="LABEL", help="Name of all touches that have none in the end.")
+@click.option("--find", is_flag=True, help="Find the touches again and ignore the marks.")
+@click.option("--name", metavar="LABEL", help="Name of all touches without one.")
 @robot_option
 @retired(profile=NO_PROFILE)
 @prints(LabelResult)
@@ -142,7 +144,7 @@ def _check(recording: Path, output: Path | None, write_csv: Path | None, *, chan
     if output is None and write_csv is None:
         raise click.UsageError("name the new recording: -o NEW.mcap, or --write-csv FILE")
     if write_csv is not None and changes:
-        raise click.UsageError("--write-csv writes what is marked; --csv and --web change it")
+        raise click.UsageError("--write-csv writes the marks; --csv and --web change them")
     if output is not None:
         check_suffix(output)
     for path in (output, write_csv):

@@ -25,7 +25,7 @@ COMMANDS = {
     "new": ("skinmap.cli.new", "A manifest for your own robot, from its URDF and taxel tables."),
     "inspect": (
         "skinmap.cli.inspect.command",
-        "What a robot's skin is made of, and whether it fits.",
+        "Check the taxels, modules and fit of a robot's skin.",
     ),
     "examine": ("skinmap.cli.examine", "Faults of anyone's recording."),
     "export": ("skinmap.cli.export", "Taxels or recordings in the formats of others."),
@@ -51,7 +51,7 @@ COMMANDS = {
     ),
     "merge": ("skinmap.cli.merge", "Several recordings as one."),
     "replay": ("skinmap.cli.replay", "Play a recording, and publish it to other programs."),
-    "info": ("skinmap.cli.info", "What a recording holds, and what it lacks."),
+    "info": ("skinmap.cli.info", "Describe a recording, or the installation."),
     "classify": ("skinmap.cli.classify.command", "Name the touches of a recording, or live."),
     "list": ("skinmap.cli.listing", "Names of robots, parts, classifiers and layers."),
     "cache": ("skinmap.cli.cache", "What is kept between runs, and dropping it."),
@@ -98,7 +98,7 @@ class LazyGroup(NamedGroup):
 @click.version_option(__version__, prog_name="skinmap")
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
 @click.option("--quiet", is_flag=True, help="No warnings and no progress.")
-@click.option("--verbose", is_flag=True, help="Say what is done, on standard error.")
+@click.option("--verbose", is_flag=True, help="Report progress on standard error.")
 @click.pass_context
 def cli(ctx: click.Context, debug: bool, quiet: bool, verbose: bool) -> None:
     """From a robot's meshes and taxel positions to named touches on its skin.

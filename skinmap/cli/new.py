@@ -324,7 +324,7 @@ def _open(result: NewQuestions) -> str:
                 f"the {question} of {', '.join(parts)}: give --{question} "
                 + "|".join(names[:SHOWN] + ["..."] * (len(names) > SHOWN))
             )
-    return f"the files do not tell {' and '.join(told)}"
+    return f"the files leave open {' and '.join(told)}"
 
 
 def _lines(result: NewResult) -> Iterator[str | Table]:

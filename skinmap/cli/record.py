@@ -69,21 +69,24 @@ class RecordResult:
 @out_file("MCAP file to write.", required=True, guarded=False)
 @robot_option
 @part_option
-@seconds_option("Stop after so long.")
+@seconds_option("Stop after this time [s].")
 @click.option("--label", metavar="LABEL", help="Mark every touch with this name, to train on.")
 @click.option(
-    "--model", type=click.Path(path_type=Path), help="Mark every touch with what a model says."
+    "--model", type=click.Path(path_type=Path), help="Mark every touch with a model's label."
 )
 @click.option(
-    "--session", metavar="WORDS", default="", help="When, in words: to leave out in `evaluate`."
+    "--session",
+    metavar="WORDS",
+    default="",
+    help="Name of the session, for --leave-out of `evaluate`.",
 )
 @click.option(
     "--person",
     metavar="WORDS",
     default="",
-    help="Who touches, in words: to leave out in `evaluate`.",
+    help="Name of the person who touches, for --leave-out of `evaluate`.",
 )
-@speed_option("than recorded or simulated")
+@speed_option("recorded or simulated")
 @seed_option
 @retired(
     profile=NO_PROFILE,
@@ -110,7 +113,7 @@ def command(
     """Record SOURCE until it ends, the time is over, or Ctrl-C.
 
     SOURCE is sim, mujoco:FILE, lsl:NAME, zmq:HOST:PORT or a recording. At most 0.2 s are lost
-    if the process is killed; a full disk ends the recording, and what was written stays readable.
+    if the process is killed; a full disk ends the recording, and the written part stays readable.
     Of a source of raw values, --label and --model record the pressures too. Touches are marked when
     they end, grouped as `classify` groups them: a hand is one touch, whatever contacts it makes.
 
@@ -190,7 +193,7 @@ def _check_output(output: Path, source: str) -> None:
     from skinmap.live.recording.recorder import continued
 
     if output.exists() and Path(source).exists() and output.samefile(source):
-        raise OutputError(f"cannot write {str(output)!r}: it is what is played")
+        raise OutputError(f"cannot write {str(output)!r}: it is the recording being played")
     for path in (output, *continued(output)):
         protect(path, data=True)
 

@@ -46,10 +46,10 @@ class ReplayResult:
     help="Robot whose skin it must be; it also names a dumper's folders.",
 )
 @part_option
-@publish_option("what is played")
-@speed_option("than recorded")
+@publish_option("the samples")
+@speed_option("recorded")
 @click.option("--loop", is_flag=True, help="Start again at the end, until Ctrl-C.")
-@seconds_option("Stop after so long.")
+@seconds_option("Stop after this time [s].")
 @retired(profile=NO_PROFILE)
 @prints(ReplayResult)
 def command(

@@ -153,7 +153,7 @@ def _faults(ctx: click.Context, param: click.Parameter, given: tuple[str, ...]) 
 
 
 def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[str, str]:
-    """Who presses, and the variant of MuJoCo's physics."""
+    """The physics of the touches, and its variant in MuJoCo."""
     from skinmap.errors import UnknownNameError
     from skinmap.physics.variants import DEFAULT, VARIANTS
 
@@ -182,7 +182,7 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     type=click.IntRange(1, MAX_TOUCHES),
     default=10,
     show_default=True,
-    help="People who touch, each with a hand size and habits.",
+    help="Number of simulated people, each with a hand size and habits.",
 )
 @click.option(
     "--physics",
@@ -190,7 +190,7 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     default="ours",
     show_default=True,
     callback=_physics,
-    help="Who presses: our simulator, or MuJoCo on a bed of springs (extra 'mujoco'), which is "
+    help="Physics of the touches: ours, or MuJoCo on a bed of springs (extra 'mujoco') of "
     "foam, flesh, finger, ...",
 )
 @click.option(
@@ -198,7 +198,7 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     metavar="none|some|wide|X",
     default="wide",
     show_default=True,
-    help="How far touches and sensors are drawn at random: none (pads of fixed sizes on clean "
+    help="Random spread of touches and sensors: none (pads of fixed sizes on clean "
     "sensors), some, wide, or a number from 0 to 1.",
 )
 @click.option(
@@ -207,7 +207,7 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     metavar="NAME=VALUE",
     multiple=True,
     callback=_faults,
-    help=f"Of the sensors, instead of drawing it; may be repeated. {', '.join(SENSING)}.",
+    help=f"Fault of the sensors, instead of a random one; may be repeated. {', '.join(SENSING)}.",
 )
 @retired(
     variant="write --physics mujoco:VARIANT",
@@ -216,8 +216,8 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     **{name.replace("-", "_"): f"write --fault {name}=VALUE" for name in SENSING},
 )
 @out_file("Recording to write: .npz or .mcap.", default="touches.npz", guarded=False)
-@publish_option("touches without end instead of recording them")
-@seconds_option("Stop after so long; with --publish only.")
+@publish_option("endless touches instead of recording them")
+@seconds_option("Stop after this time [s]; with --publish only.")
 @click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
 @seed_option
 @profile_option("fidelity")

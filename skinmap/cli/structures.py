@@ -120,7 +120,7 @@ class StructuresResult:
     type=click.Choice(["1", "4", "6"]),
     default="6",
     show_default=True,
-    help="Whether structures may turn: by pi/3 (6), or by quarters (4, square grids).",
+    help="Order of the rotations that match structures: 6 (by pi/3) or 4 (square grids).",
 )
 @out_option
 @profile_option("classify", beside=("tolerance_mm", "distance"))

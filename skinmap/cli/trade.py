@@ -46,20 +46,20 @@ ALL = "all"
     multiple=True,
     default=(ALL,),
     show_default=True,
-    help="What to measure: flatten, classify, fidelity, a plug-in, or all.",
+    help="Task to measure: flatten, classify, fidelity, a plug-in, or all.",
 )
 @click.option(
     "--max-ms",
     multiple=True,
     metavar="[TASK=]X",
-    help="The time there is, instead of one sample of a stream; may be repeated.",
+    help="Limit of the time, instead of one sample of a stream; may be repeated.",
 )
 @click.option(
     "--seeds",
     type=click.IntRange(1, 1000),
     default=3,
     show_default=True,
-    help="Repetitions, each with touches of its own.",
+    help="Number of repetitions, each with its own touches.",
 )
 @out_folder("a plot a task, profile.toml and report.html")
 @retired(
@@ -78,7 +78,7 @@ def command(
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Measure what each setting costs and how wrong it is, and recommend one for each task.
+    """Measure the time and error of each setting, and recommend one for each task.
 
     Recommended is the least error within the time there is: one sample of a stream, or what the
     default takes where that is longer. It is never worse than the default unless a limit asks

@@ -167,7 +167,7 @@ class TrainResult:
     metavar="CLASSIFIER",
     default="contact-geometry",
     show_default=True,
-    help="Which classifier; an unknown name lists them.",
+    help="Classifier by name; an unknown name lists them.",
 )
 @click.option(
     "--network",
@@ -179,7 +179,7 @@ class TrainResult:
     "--with-simulated",
     type=click.IntRange(1, 1000),
     metavar="N",
-    help="Add N simulated touches of each recorded label that the simulator knows, on each skin.",
+    help="Add N simulated touches of each recorded label that the simulator has, on each skin.",
 )
 @click.option(
     "--groups",

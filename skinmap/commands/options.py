@@ -99,7 +99,7 @@ _shown_argument = click.argument("robot", required=False, metavar="[ROBOT|RECORD
 _robot_option = click.option(
     "--robot",
     metavar="ROBOT",
-    help="Robot that was recorded.  [default: what the recording says, else icub]",
+    help="Robot that was recorded.  [default: the recording's, else icub]",
 )
 
 
@@ -235,7 +235,7 @@ def speed_option(of: str, *, endless: bool = True) -> Callable[[F], F]:
         type=Number(0.0, MAX_SPEED, min_open=True, endless=endless),
         default=1.0,
         show_default=True,
-        help=f"How many times faster {of}{'; inf is as fast as it goes' if endless else ''}.",
+        help=f"Speed as a multiple of the {of} one{'; inf for no waiting' if endless else ''}.",
     )
 
 
@@ -246,7 +246,7 @@ def publish_option(what: str, *, multiple: bool = False) -> Callable[[F], F]:
         "--publish",
         metavar="SPEC",
         multiple=multiple,
-        help=f"Let others follow {what}: {PUBLISH_WAYS}{more}.",
+        help=f"Publish {what}: {PUBLISH_WAYS}{more}.",
     )
 
 
@@ -399,12 +399,12 @@ def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[
 def open_stream(
     spec: str, robot: str | None, parts: tuple[str, ...], **how: Any
 ) -> tuple[Robot, Source]:
-    """A robot and a source of its samples; without a name the robot of which a stream says it is.
+    """A robot and a source of its samples; without a name the robot that the stream names.
 
     Raises
     ------
     SkinMismatchError
-        A stream of a robot that is not built in (says which).
+        A stream of a robot that is not built in (named).
     UnknownNameError, MissingFileError, UnreachableError
         As for `open_robot` and `skinmap.open_source`.
     """
@@ -437,7 +437,7 @@ def named_robot(name: str) -> Robot:
 
 
 def _recorded_robot(ctx: click.Context | None) -> str:
-    """The robot of the recording that a command was given; empty where nothing says which."""
+    """The robot of the recording that a command was given; empty where nothing names one."""
     from skinmap.errors import MissingFileError
 
     if ctx is None:

@@ -146,7 +146,7 @@ def _say_profile(ctx: click.Context) -> None:
     said = ", ".join(f"{knob} {value}" for knob, value in took.items())
     won = [knob for knob in ctx.meta[PROFILE][1].values() if knob not in took]
     over = f"; given here: {', '.join(won)}" if won else ""
-    nothing = "nothing in it" if won else "no knob of it concerns this command"
+    nothing = "nothing in it" if won else "the profile has no setting for this command"
     click.echo(f"{name}: {said or nothing}{over}", err=True)
     robots = ctx.params.get("robots") or (ctx.params.get("robot"),)
     others = [one for one in robots if one and profile.robot and not _same(one, profile.robot)]

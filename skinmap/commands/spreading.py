@@ -47,7 +47,7 @@ _OPTIONS = (
         "--resume",
         type=click.Path(path_type=Path),
         metavar="FOLDER",
-        help="Of finished results: run the same again after an interruption to go on.",
+        help="Folder of finished results; the same command continues there after an interruption.",
     ),
     retired(backend="write --jobs tcp://HOST:PORT", address="write --jobs tcp://HOST:PORT"),
 )

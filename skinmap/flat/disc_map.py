@@ -162,7 +162,7 @@ def _prepare(vertices: FloatArray, faces: IntArray, where: str) -> tuple[Disc, f
     # Every vertex is used and every edge lies in two faces but for those of the outer loop.
     edges = (3 * len(disc.faces) + len(loops[0])) // 2
     if (number := len(vertices) - edges + len(disc.faces)) != 1:
-        raise FlatteningError(f"{where} is no disc: Euler number {number}")
+        raise FlatteningError(f"{where} is not a disc: Euler number {number}")
     return disc, size, len(loops) - 1
 
 

@@ -87,7 +87,7 @@ def face_metric(name: str) -> FaceMetric:
     Raises
     ------
     UnknownNameError
-        No such metric (says which there are).
+        No such metric (lists those that exist).
 
     Examples
     --------

@@ -371,7 +371,9 @@ def _rolled_out(vertices: FloatArray, faces: IntArray, where: str) -> _Opened | 
         flat = DiscMap(found.uv, PERIODIC, False, found.holes)
         return _Opened(CutMesh(found.faces, found.origin, 0.0), flat, periodic=True)
     if open_surface(vertices, faces, hole_share=HOLE_SHARE).seam_length > 0.0:
-        raise FlatteningError(f"{where} is no tube: without a seam only tubes and discs lie flat")
+        raise FlatteningError(
+            f"{where} is not a tube: without a seam only tubes and discs lie flat"
+        )
     return None
 
 

@@ -19,7 +19,7 @@ def read_xml(path: Path, expected: str, most_bytes: int = MAX_BYTES) -> Any:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, not XML (says which line), or one with a document type, entities or
+        No such file, not XML (names the line), or one with a document type, entities or
         inclusions: those can make a small file huge, or read other files.
     """
     from lxml import etree
@@ -75,7 +75,7 @@ def attribute(element: Any, name: str, path: Path) -> str:
     Raises
     ------
     DataFormatError
-        It is not (says which line).
+        It is not (names the line).
     """
     value = element.get(name)
     if not value:

@@ -119,7 +119,7 @@ def parse_whole(
     Raises
     ------
     DataFormatError
-        A word that is no whole number, or one out of range.
+        A word that is not a whole number, or one out of range.
     """
     values = []
     for word in words:

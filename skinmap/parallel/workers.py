@@ -162,7 +162,7 @@ class ResumeStore:
 
     def _no_store(self) -> DataFormatError:
         return DataFormatError(
-            f"no folder of results to resume (nothing in it says so: {HEAD} is missing or of "
+            f"not a folder of results to resume (it lacks the mark: {HEAD} is missing or of "
             "another user); name another, or a new one",
             self.path,
         )

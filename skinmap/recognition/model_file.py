@@ -240,7 +240,7 @@ def _read_estimator(data: bytes, classifier: TouchClassifier, path: Path) -> Any
     with warnings.catch_warnings():
         from sklearn.exceptions import InconsistentVersionWarning
 
-        warnings.simplefilter("ignore", InconsistentVersionWarning)  # ours says it in one line
+        warnings.simplefilter("ignore", InconsistentVersionWarning)  # our own message has one line
         estimator = loads(data, trusted=found)
     if type(estimator) is not type(classifier.estimator):
         raise DataFormatError(

@@ -57,7 +57,7 @@ def structure_colours(n: int) -> FloatArray:
 
 
 def colour_count() -> int:
-    """How many structures have a colour of their own; more cannot be told apart."""
+    """Number of structures with their own colour; more could not be distinguished."""
     return 40
 
 

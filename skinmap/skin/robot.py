@@ -157,7 +157,7 @@ class Robot(Summary):
         Raises
         ------
         UnknownNameError
-            No such part (says which there are).
+            No such part (lists those that exist).
         """
         if name not in self.part_specs:
             raise UnknownNameError("part", name, self.part_specs)

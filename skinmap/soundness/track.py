@@ -224,7 +224,7 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
         events, labels = _runs(labels)
     reference = next((held[one] * scale for one, scale in PRESSURE.items() if one in held), None)
     if reference is not None and (reference.ndim != 1 or reference.dtype.kind not in "uif"):
-        raise DataFormatError("the reference pressure is no list of numbers", path)
+        raise DataFormatError("the reference pressure is not a list of numbers", path)
     reference_times = held.get("reference_times")
     if reference is not None and reference_times is not None:
         reference_times, _ = _times(reference_times, len(reference), path, "reference_times")

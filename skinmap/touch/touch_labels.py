@@ -30,7 +30,7 @@ def check_label(label: str) -> str:
         raise InvalidArrayError(f"a label without control characters is needed, got {label!r}")
     word = label.strip()
     if not word:
-        raise InvalidArrayError("a label is empty; name what was done, poke for one")
+        raise InvalidArrayError("a label is empty; name the gesture, poke for one")
     if len(word) > MAX_LENGTH:
         raise InvalidArrayError(
             f"a label has {len(word)} characters, at most {MAX_LENGTH}: {word[:20]!r}..."
@@ -39,6 +39,6 @@ def check_label(label: str) -> str:
         raise InvalidArrayError(f"{word!r}: '+' joins the labels of touches at once; use another")
     if word in RESERVED:
         raise InvalidArrayError(
-            f"{word!r} is what classifiers say of a touch without a name; use another"
+            f"{word!r} is the answer of classifiers for a touch without a name; use another"
         )
     return word

@@ -58,7 +58,7 @@ class ClassifyTask:
     work = "naming one touch"
     truth = "simulated touches named wrong, on touches (of several parts: on a part) held out"
     knobs = (
-        Knob("classifier", (*QUICK, *ONE_SKIN, "bovw"), DEFAULT, "what names a touch"),
+        Knob("classifier", (*QUICK, *ONE_SKIN, "bovw"), DEFAULT, "the classifier of a touch"),
         Knob("radius_mm", (6.0, 8.0, 11.0), 8.0, "of a neighbourhood whose shape is a structure"),
         Knob("words", (4, 8, 16), 8, "codewords of a structure"),
         Knob("rotations", (1, 6), 6, "turns that leave a structure the same"),

@@ -53,7 +53,7 @@ class FidelityTask:
     truth = "touches of the next level up named wrong, on touches (of several parts: on a part) "
     truth += "held out; clean is tested on varied, varied on MuJoCo, MuJoCo on another variant"
     knobs = (
-        Knob("physics", ("ours", "mujoco"), "ours", "what presses touches to learn from"),
+        Knob("physics", ("ours", "mujoco"), "ours", "the physics of the training touches"),
         Knob("variety", ("none", "some", "wide"), "wide", "how far our own touches are drawn"),
     )
 

@@ -97,7 +97,7 @@ def recommend(
     Raises
     ------
     ImpossibleBudgetError
-        No point keeps the limit; says which comes nearest.
+        No point keeps the limit; names the nearest.
 
     Examples
     --------

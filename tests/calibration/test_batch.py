@@ -77,7 +77,7 @@ def test_a_batch_by_two_processes_goes_on_where_it_ended(batch):
         ("name,layout,mesh\n", "1: expected the columns"),
         ("name,layout,mesh,anchors\n", "1: the table has no row"),
         ("name,layout,mesh,anchors\na,b,c\n", "2: expected 4 columns, got 3"),
-        ("name,layout,mesh,anchors\n../a,b,c,d\n", "2: '../a' is no name for a folder"),
+        ("name,layout,mesh,anchors\n../a,b,c,d\n", "2: '../a' cannot name a folder"),
         ("name,layout,mesh,anchors\na,b,c,d\na,b,c,d\n", "3: the patch 'a' comes more than once"),
         ("name,layout,mesh,anchors,units\na,b,c,d,ell\n", "2: no unit 'ell'; the units are: m, cm"),
         ("name,layout,mesh,anchors,sigma_mm\na,b,c,d,0\n", "2: sigma_mm must be above 0, got 0"),

@@ -480,7 +480,7 @@ def test_damaged_files_are_named(case, robot, tmp_path):
         read(angles=far)
     ids = plain[f"ids_{PART}"].copy()
     ids[0] = 6  # a thermal pad
-    with pytest.raises(DataFormatError, match="press 0: channel 6 is no taxel of right_forearm"):
+    with pytest.raises(DataFormatError, match="press 0: channel 6 is not a taxel of right_forearm"):
         read(**{f"ids_{PART}": ids})
     with pytest.raises(DataFormatError, match=r"ptr_right_forearm must rise from 0"):
         read(**{f"ptr_{PART}": plain[f"ptr_{PART}"][:-1]})

@@ -101,7 +101,7 @@ def test_the_command_names_robot_base_probe_and_what_it_cannot_tell(shown):
     probe = result["probes"]["right_finger"]
     assert (probe["on"], probe["assumed_tip_mm"]) == ("r_hand", [-120.0, -15.0, 10.0])
     assert np.linalg.norm(np.subtract(probe["tip_mm"], probe["assumed_tip_mm"])) < 6
-    assert any("zero of l_wrist_prosup cannot be told" in note for note in result["notes"])
+    assert any("zero of l_wrist_prosup cannot be determined" in note for note in result["notes"])
     assert set(result["joint_offsets_deg"]) >= {"l_elbow", "r_shoulder_roll"}
     assert list(result["next"]) == ["left_forearm"]
     assert result["dropped"] == result["inconsistent"] == []

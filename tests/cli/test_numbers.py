@@ -140,7 +140,7 @@ def test_every_option_says_what_it_takes():
 @pytest.mark.parametrize(
     ("option", "begins", "fewest"),
     [
-        ("--seconds", "Stop after so long", 5),
+        ("--seconds", "Stop after this time [s]", 5),
         ("--speed", "How many times faster than recorded", 3),
         ("--publish", "Let others follow ", 3),
         ("--jobs", "Processes (1 to 256)", 3),

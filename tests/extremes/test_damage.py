@@ -115,7 +115,7 @@ def test_members_that_are_no_arrays_are_refused(tmp_path):
     with zipfile.ZipFile(tmp_path / "t.npz", "w") as whole:
         whole.writestr("head.npy", "not an array")
     with (
-        pytest.raises(DataFormatError, match=r"'head\.npy', which is no array"),
+        pytest.raises(DataFormatError, match=r"'head\.npy', which is not an array"),
         archive.open_arrays(tmp_path / "t.npz"),
     ):
         pass

@@ -138,7 +138,7 @@ def test_faults_of_published_files_are_all_named():
 
 
 def test_faults_that_are_made_are_named(document, tmp_path):
-    assert said(tmp_path, document) == ["no parent frame: where the skin sits is not said"]
+    assert said(tmp_path, document) == ["no parent frame: the place of the skin is missing"]
     skin, (one,) = document["skin"], document["tactile_maps"]
     rotation = [0.0, 1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1, 0.0, 0.0, 1.0]
     skin["parent_frames"] = [{"name": "forearm_link", "tf_matrix": rotation}]
@@ -155,7 +155,7 @@ def test_faults_that_are_made_are_named(document, tmp_path):
     )
     assert said(tmp_path, document, "left_link3.json") == []  # its own name and its maps agree
     skin["n_taxels"] = 640
-    assert said(tmp_path, document) == ["the skin is said to have 640 taxels and has 524"]
+    assert said(tmp_path, document) == ["the skin is stated to have 640 taxels and has 524"]
     skin["n_taxels"] = 524
     turned = [{**taxel, "n": [-value for value in taxel["n"]]} for taxel in skin["taxels"]]
     inward = {**document, "skin": {**skin, "taxels": turned}}

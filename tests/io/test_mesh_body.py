@@ -73,7 +73,7 @@ def test_a_single_mesh_meshes_and_flattens(ball):
 def test_mesh_body_has_no_joints_and_one_link(ball):
     body = load_robot(ball()).body
     assert body.links == body.visible_links == ("body",)
-    with pytest.raises(UnknownNameError, match="no joint 'elbow'; there are no joints"):
+    with pytest.raises(UnknownNameError, match="no joint 'elbow'; there are not any joints"):
         body.poses({"elbow": 1.0})
     with pytest.raises(UnknownNameError, match="no link 'arm'; the only link is body"):
         body.mesh("arm")

@@ -175,7 +175,7 @@ class Forgets(Playback):
         (Slow, r"read takes .* s with a timeout of 0\.2 s"),
         (Bare, "read gives a ndarray, expected a Block"),
         (Empty, "read gives a block without samples"),
-        (Wide, "4 values in a sample, info says 3"),
+        (Wide, "4 values in a sample, info states 3"),
         (Typed, "values are float64, expected uint8 or float32"),
         (Infinite, "values hold NaN or infinity"),
         (Loud, "pressures must lie within 0 to 255 counts"),

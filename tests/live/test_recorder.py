@@ -267,7 +267,7 @@ def test_full_disk_leaves_a_file_that_the_standard_reader_opens(room):
 
 def test_full_disk_is_said_and_what_was_written_stays_readable(tmp_path, values):
     told = recordings.fill_disk(tmp_path, values, room=60_000)
-    assert "File too large; what was written stays readable" in told["error"]
+    assert "File too large; the written part stays readable" in told["error"]
     assert told["readable"] == told["readable_by_mcap"]
     # 300 random bytes a sample: all but the last chunk and the ends of the file.
     assert told["readable"] > (60_000 - 7_000) / 400

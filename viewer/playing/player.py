@@ -22,7 +22,7 @@ from skinmap.live.sources.source import Block, Relay, Seekable, Source, SourceEn
 from viewer.playing.recent_moments import History, Outlet, Past, Timeline
 
 HURRY = 25.0  # speed through samples that are only listened to, where none can be had singly
-PERIOD = 0.02  # between two samples where nobody says it [s]
+PERIOD = 0.02  # between two samples where the source states none [s]
 
 
 WAIT = 0.1  # longest wait of the thread before it looks for requests again [s]
@@ -49,7 +49,7 @@ class Stepwise(Relay, Seekable):
 
     @property
     def speed(self) -> float:
-        """How many times faster than recorded."""
+        """Factor of the speed."""
         return self._recording.speed
 
     @speed.setter

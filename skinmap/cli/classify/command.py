@@ -42,24 +42,24 @@ SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test comp
     type=Number(1.0, 10_000.0),
     default=200.0,
     show_default=True,
-    help="A spread hand: contacts further apart are separate touches.",
+    help="Width of a spread hand: contacts further apart are separate touches.",
 )
 @click.option(
     "--together-ms",
     type=Number(1.0, 60_000.0),
     default=80.0,
     show_default=True,
-    help="Contacts that begin and end within this time are one grip.",
+    help="Contacts that begin and end within this time form one grip.",
 )
-@seconds_option("Stop after so long; live sources only.")
+@seconds_option("Stop after this time [s]; live sources only.")
 @publish_option("pressures, contacts and labels", multiple=True)
 @response_option
 @calibration_option
 @click.option(
     "--coverage",
     type=Number(0.0, 1.0, min_open=True, max_open=True),
-    help="Give each touch the fewest names that hold the truth in this share of all touches, "
-    "0.9 for one: `poke or edge`.",
+    help="Promised share of touches whose set of names holds the truth, such as 0.9; sets look "
+    "like `poke or edge`.",
 )
 @seed_option
 @click.option(
@@ -67,7 +67,7 @@ SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test comp
     "gestures",
     multiple=True,
     metavar="GESTURE",
-    help="Of the source sim: only these gestures, with commas between; or four, eight, "
+    help="Gestures of the source sim, with commas between; or four, eight, "
     "all, hand, other, time. May be repeated.  [default: four]",
 )
 @retired(

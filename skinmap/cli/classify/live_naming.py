@@ -474,7 +474,7 @@ def check_model(
     strange = sorted(recorded - set(classifier.labels))
     if strange:
         click.echo(
-            f"note: recorded as {', '.join(strange)}, which the model cannot say; "
-            f"it knows {', '.join(classifier.labels)}",
+            f"note: recorded as {', '.join(strange)}, which the model lacks; "
+            f"its labels are {', '.join(classifier.labels)}",
             err=True,
         )

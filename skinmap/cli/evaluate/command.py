@@ -44,7 +44,7 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
 @click.option(
     "--protocol",
     metavar="|".join(PROTOCOLS) + "|RECORDING",
-    help="What to measure; recordings are cross-validated by touch event.",
+    help="Protocol to run; recordings are cross-validated by touch event.",
 )
 @click.option("--robot", metavar="ROBOT", help="Robot to simulate on, or that was recorded.")
 @retired(
@@ -75,7 +75,7 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
     default="four",
     show_default=True,
     metavar="four|eight|all|time|NAME,NAME...",
-    help="Touches to tell apart (recordings: all by default; time: time).",
+    help="Touches to distinguish (recordings: all by default; time: time).",
 )
 @per_gesture_option(
     "cross-patch, physics, time, force: touches of each gesture on each patch or part."
@@ -83,7 +83,7 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
 @click.option(
     "--variety",
     metavar="none|some|wide|X",
-    help="How far simulated touches and sensors are drawn at random, as in `skinmap simulate`.  "
+    help="Random spread of simulated touches and sensors, as in `skinmap simulate`.  "
     "[default: wide; kaspar, baxter: none, as in the papers]",
 )
 @click.option(

@@ -265,10 +265,10 @@ def _fit_warnings(found: SkinFit, standing: Standing) -> list[str]:
         )
     elif standing.why == "a cover":
         said = f", not {standing.cover_mm:g}" if standing.cover_mm else ""
-        warnings.append(f"{steady}{said}: a cover? cover_mm says so in the manifest")
+        warnings.append(f"{steady}{said}: a cover? set cover_mm in the manifest")
     else:
         warnings.append(
-            f"{steady}: a cover (cover_mm says so), or its frame is {standing.move_mm:.0f} mm off"
+            f"{steady}: a cover (set cover_mm), or its frame is {standing.move_mm:.0f} mm off"
         )
     return warnings
 

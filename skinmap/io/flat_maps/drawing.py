@@ -131,7 +131,7 @@ def read_drawing(path: Path) -> Drawing:
     Raises
     ------
     DataFormatError
-        No `[SENSORS]`, a line that is wrong (says which), or nothing that could be placed.
+        No `[SENSORS]`, a line that is wrong (named), or nothing that could be placed.
     """
     modules, skipped = _without_duplicates(_modules(path))
     channels: list[IntArray] = []

@@ -80,7 +80,7 @@ class Scan:
     promised : int
         Latest message time [ns] that the head of an unreadable or cut chunk states; 0 where none.
     stated : int
-        Messages that the file says it has, at its end; 0 where it does not say.
+        Number of messages stated at the end of the file; 0 where it is missing.
     """
 
     path: Path
@@ -132,7 +132,7 @@ def scan(path: Path, take: Take) -> Scan:
             offset = _record(file, offset, found, counted)
     missing = found.stated - taken
     if missing > 0 and not found.damage:  # a record that a flipped bit turned into another kind
-        found.damage.append(f"{missing} messages less than the file says it has")
+        found.damage.append(f"{missing} messages fewer than the file states")
     return found
 
 
@@ -403,9 +403,9 @@ def unfold(body: bytes, *, whole: bool = True) -> bytes:
     start = CHUNK_HEAD.size + letters + 8
     compression = body[CHUNK_HEAD.size : CHUNK_HEAD.size + min(letters, 8)]
     if size > MAX_RECORD:
-        raise ValueError(f"a chunk that says it unfolds to {size / 2**20:.0f} MB")
+        raise ValueError(f"a chunk with a stated size of {size / 2**20:.0f} MB")
     if whole and int.from_bytes(body[start - 8 : start], "little") != len(body) - start:
-        raise ValueError("a chunk of another length than it says")
+        raise ValueError("a chunk of another length than stated")
     data = _decompress(compression, body[start:], size, whole=whole)
     if whole and (len(data) != size or (checksum and zlib.crc32(data) != checksum)):
         raise ValueError("a chunk with a wrong checksum")

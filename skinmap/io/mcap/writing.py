@@ -400,7 +400,7 @@ class McapRecording:
         InvalidArrayError
             A time that is none.
         OutputError
-            No room; what was written stays readable.
+            No room; the written part stays readable.
         """
         channels = sum(self._widths[kind])
         if np.shape(values) != (channels,):
@@ -533,7 +533,7 @@ class McapRecording:
         Raises
         ------
         OutputError
-            No room for the end; what was written stays readable.
+            No room for the end; the written part stays readable.
         """
         if self._file.closed:
             return

@@ -98,7 +98,7 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
     Raises
     ------
     DataFormatError
-        Times that run backwards, values that are no numbers, channels given twice, or none that
+        Times that run backwards, values that are not numbers, channels given twice, or none that
         the skin has.
     """
     robot = load_robot(mapping.robot)
@@ -144,10 +144,10 @@ def _check(table: ChannelTable, path: Path) -> None:
     stretches = np.zeros(len(table.times)) if table.stretches is None else table.stretches
     strange = (table.channels < 0) | (table.channels > MAX_CHANNEL)
     if strange.any():
-        raise DataFormatError(f"{table.channels[strange][0]} is no channel's number", path)
+        raise DataFormatError(f"{table.channels[strange][0]} is not a channel number", path)
     back = (np.diff(table.times) < 0) & (np.diff(stretches) == 0)
     if not (np.abs(table.times) < MAX_SECONDS).all():
-        raise DataFormatError("holds times that are no seconds of this age", path)
+        raise DataFormatError("holds times that are not seconds of this age", path)
     if back.any():
         row = int(np.flatnonzero(back)[0]) + 1
         raise DataFormatError(
@@ -258,7 +258,7 @@ def read_table(path: Path) -> list[Recording]:
     if mapping.event_column is not None:
         if not (np.abs(others[:, -1]) <= MAX_CHANNEL).all():
             raise DataFormatError(
-                f"{mapping.event_column} holds what is no number of a touch", path
+                f"{mapping.event_column} holds a value that is not the number of a touch", path
             )
         numbers = others[:, -1].astype(np.int64)
     events, first = _events(said[0], numbers, mapping.label_of(path), count)
@@ -409,7 +409,7 @@ def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Pa
     labels = [str(word) for word in arrays.get("labels", arrays.get("file_class", np.array([])))]
     for name, whole in (("channels", channels), ("events", events)):
         if whole.dtype.kind not in "iu" or whole.ndim != 1:
-            raise DataFormatError(f"{name} are no list of whole numbers", path)
+            raise DataFormatError(f"{name} are not a list of whole numbers", path)
     kinds = min(int(np.max(events, initial=-1)) + 1, count)
     labels = labels or [label] * kinds
     for name, held, length in (
@@ -448,7 +448,7 @@ def read_cyskin_text(path: Path) -> list[Recording]:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, no mapping, or lines that do not fit together (says which).
+        No such file, no mapping, or lines that do not fit together (named).
     """
     check_file(path, "a CySkin recording", MAX_BYTES)
     mapping = needed_mapping(path)
@@ -481,7 +481,7 @@ def read_cyskin_text(path: Path) -> list[Recording]:
                 begin[0][0],
             )
         if not ((pairs[0, ::2] >= 0) & (pairs[0, ::2] <= MAX_CHANNEL)).all():
-            raise DataFormatError("ids that are no numbers of taxels", path, begin[0][0])
+            raise DataFormatError("ids that are not numbers of taxels", path, begin[0][0])
         channels, values = pairs[0, ::2].astype(np.int64).tolist(), pairs[:, 1::2]
     label = mapping.label_of(path)
     table = ChannelTable(

@@ -44,7 +44,7 @@ def read_dump(path: Path, *, robot: Robot | None = None) -> RecordedStream:
     Raises
     ------
     MissingFileError, DataFormatError
-        No log, or one that does not follow its format (says which line).
+        No log, or one that does not follow its format (names the line).
     UnknownNameError
         A folder that is called like no part of the robot.
     """
@@ -106,7 +106,7 @@ def read_log(path: Path) -> tuple[FloatArray, NDArray[Any], str]:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or an invalid line (says which): only the last may be cut off.
+        No such file, or an invalid line (named): only the last may be cut off.
     """
     check_file(path, "a log of the data dumper", MAX_BYTES)
     times: list[float] = []

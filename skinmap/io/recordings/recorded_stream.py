@@ -294,7 +294,7 @@ def warn_of_loss(track: RecordedStream, path: Path) -> RecordedStream:
     if loss.recovered:
         warnings.warn(
             f"{str(path)!r} was cut off or damaged: {loss.seconds:.2f} s of samples are lost "
-            f"({'; '.join(loss.damage[:2]) or 'said by the file itself'})",
+            f"({'; '.join(loss.damage[:2]) or 'stated by the file itself'})",
             SkinWarning,
             stacklevel=3,
         )

@@ -371,7 +371,7 @@ def with_ids(table: TaxelTable, path: Path) -> TaxelTable:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, another number of ids, or something that is no whole number.
+        No such file, another number of ids, or something that is not a whole number.
     """
     ids: list[int] = []
     for line, text in enumerate(read_text(path).splitlines(), start=1):

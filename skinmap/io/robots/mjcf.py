@@ -64,7 +64,7 @@ def write_mjcf(robot: Robot, path: Path, *, parts: Sequence[str] | None = None) 
     Raises
     ------
     InvalidMeshError
-        A part whose taxels make no surface (says which).
+        A part whose taxels make no surface (named).
     DataFormatError
         A body that is no tree of links.
     """

@@ -232,7 +232,7 @@ def read_urdf(path: Path) -> Any:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, unsafe XML, no URDF, or links and joints that are no tree (says which line).
+        No such file, unsafe XML, no URDF, or links and joints that are no tree (names the line).
     """
     root = read_xml(path, "a URDF file")
     if local_name(root) != "robot":

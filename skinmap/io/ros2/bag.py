@@ -95,7 +95,7 @@ def read_bag(bag: Path) -> RecordedStream:
     MissingFileError, DataFormatError
         No mapping, or a bag or mapping that does not follow its format (says where).
     UnknownNameError
-        A topic or field that the bag has not (says which there are).
+        A topic or field that the bag has not (lists those that exist).
     """
     mapping = read_bag_mapping(mapping_of(bag))
     read = _read_topics(bag, mapping)
@@ -119,7 +119,7 @@ def read_bag_mapping(path: Path) -> _Mapping:
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or one with a key or value that means nothing (says which).
+        No such file, or one with a key or value that means nothing (named).
     """
     if not path.is_file():
         raise MissingFileError(

@@ -316,7 +316,7 @@ def read_cyskin_taxels(path: Path) -> TaxelTable:
 
 
 def _refuse_constant(word: str) -> float:
-    raise ValueError(f"{word} is no number")
+    raise ValueError(f"{word} is not a number")
 
 
 def _skin(name: str, told: _Skin | None, maps: tuple[TactileMap, ...]) -> CySkin:

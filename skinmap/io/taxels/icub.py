@@ -30,7 +30,7 @@ def read_icub(path: Path) -> TaxelTable:
     Raises
     ------
     DataFormatError
-        Wrong column count, a word that is no number, or no placed taxel.
+        Wrong column count, a word that is not a number, or no placed taxel.
     """
     lines = read_text(path).splitlines()
     start = next((i + 1 for i, text in enumerate(lines) if text.strip() == SECTION), 0)

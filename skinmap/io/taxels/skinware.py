@@ -28,7 +28,7 @@ def read_skinware(path: Path) -> TaxelTable:
     Raises
     ------
     DataFormatError
-        Wrong count, column count or number (says which line), or several links or types: their
+        Wrong count, column count or number (names the line), or several links or types: their
         taxels share no frame, or no numbering.
     """
     rows = _rows(path)
@@ -72,7 +72,7 @@ def _rows(path: Path) -> IntArray:
         numbers = parse_whole(words, path, line)
         if not 0 <= numbers[UID] <= MAX_CHANNEL:
             raise DataFormatError(
-                f"uid {numbers[UID]} is no channel (0..{MAX_CHANNEL})", path, line
+                f"uid {numbers[UID]} is not a channel (0..{MAX_CHANNEL})", path, line
             )
         values.extend(numbers)
     rows = np.frombuffer(values, np.int64).reshape(-1, len(COLUMNS))

@@ -54,7 +54,7 @@ def read_tactile_sensors(path: Path) -> dict[str, TaxelTable]:
     Raises
     ------
     DataFormatError
-        No URDF, no tactile sensor, or one that is wrong (says which line).
+        No URDF, no tactile sensor, or one that is wrong (names the line).
     """
     root = read_xml(path, "a URDF file")
     if local_name(root) != "robot":

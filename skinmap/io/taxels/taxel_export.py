@@ -41,7 +41,7 @@ def write_icub(table: TaxelTable, path: Path, *, name: str | None = None) -> Non
     Raises
     ------
     OutputError
-        A table that the format cannot hold (says which taxel), or a name of several words.
+        A table that the format cannot hold (names the taxel), or a name of several words.
     """
     word = name or table.link or "skin"
     if len(word.split()) != 1 or not word.isprintable():
@@ -77,7 +77,7 @@ def _check_icub(table: TaxelTable) -> None:
     zero = ~table.positions.any(axis=1)
     if zero.any():
         raise OutputError(
-            f"channel {table.channels[zero][0]} lies in the origin, which says 'no taxel' in an "
+            f"channel {table.channels[zero][0]} lies in the origin, which means 'no taxel' in an "
             f"iCub file; write csv"
         )
 

@@ -26,7 +26,7 @@ def read_csv(path: Path) -> TaxelTable:
     Raises
     ------
     DataFormatError
-        Wrong header, column count, number, channel or module (says which line).
+        Wrong header, column count, number, channel or module (names the line).
     """
     return parse_csv(read_text(path), path)
 
@@ -47,8 +47,7 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
         if names not in (COLUMNS, (*COLUMNS, *COVARIANCE)):
             came = ",".join(header)[:200] if header is not None else "an empty file"
             raise DataFormatError(
-                f"expected the header {','.join(COLUMNS)} (zeros for what is not known), got "
-                f"{came!r}",
+                f"expected the header {','.join(COLUMNS)} (zeros for unknown values), got {came!r}",
                 path,
                 1,
             )

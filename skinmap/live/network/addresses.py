@@ -58,7 +58,9 @@ def parse_address(text: str) -> Address:
     digits = port.isascii() and port.isdigit() and len(port) <= DIGITS
     known = all(letter.isalnum() or letter in ".-_*:%" for letter in host)
     if not digits or not 1 <= int(port) <= 65535 or not known or host.startswith("-"):
-        raise InvalidArrayError(f"{text!r} is no address; expected PORT or HOST:PORT, such as 5555")
+        raise InvalidArrayError(
+            f"{text!r} is not an address; expected PORT or HOST:PORT, such as 5555"
+        )
     return Address(host or HERE, int(port))
 
 

@@ -62,9 +62,9 @@ def split_scope(address: str) -> tuple[str, str]:
         scope, _, name = address.removeprefix("//").partition("/")
     bad = not name or not name.isprintable() or any(mark in name for mark in "'\"<>&")
     if bad or (address.startswith("//") and not scope):
-        raise InvalidArrayError(f"{address!r} is no LSL stream; expected {SCOPES}")
+        raise InvalidArrayError(f"{address!r} is not an LSL stream; expected {SCOPES}")
     if not all(letter.isalnum() or letter in ".-_:" for letter in scope):
-        raise InvalidArrayError(f"{scope!r} is no host; expected {SCOPES}")
+        raise InvalidArrayError(f"{scope!r} is not a host; expected {SCOPES}")
     return scope, name
 
 

@@ -28,7 +28,7 @@ class OpenPublisher(Protocol):
     a way has no use for is left alone.
     """
 
-    def __call__(  # noqa: D102 - the class says it
+    def __call__(  # noqa: D102 - described by the class
         self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None
     ) -> Publisher: ...
 

@@ -49,8 +49,8 @@ def load_responses(specs: Sequence[str], skins: Mapping[str, PreparedSkin]) -> d
         part = part or by_fingerprint.get(own, "")
         if not part:
             raise InvalidArrayError(
-                f"{name} was calibrated on none of {', '.join(skins)}, or does not say on which; "
-                "PART=FILE says it"
+                f"{name} was calibrated on none of {', '.join(skins)}, or does not name its skin; "
+                "give PART=FILE"
             )
         found[part] = response
     return found

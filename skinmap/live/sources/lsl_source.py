@@ -45,7 +45,7 @@ class LslSource(Source):
     Raises
     ------
     UnknownNameError
-        No such stream (says which there are), or several of that name.
+        No such stream (lists those that exist), or several of that name.
     UnreachableError
         It is there but does not answer.
     MessageError

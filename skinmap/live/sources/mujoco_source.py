@@ -140,7 +140,7 @@ class MujocoSource(MadeSource):
         Only these.
     seed : int
     speed : float
-        How many times faster than the clock; `inf` as fast as they are asked for.
+        Speed as a multiple of the clock's; `inf` gives samples as soon as they are read.
     """
 
     def __init__(

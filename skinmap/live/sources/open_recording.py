@@ -52,7 +52,7 @@ def open_recording(
     parts : sequence of str, optional
         Only these, in this order.
     speed : float
-        How many times faster than recorded; `inf` gives all at once.
+        Speed as a multiple of the recorded one; `inf` gives all at once.
     loop : bool
         Whether it starts again at its end.
     kind : {"raw", "pressure"}, optional

@@ -25,7 +25,7 @@ class OpenSource(Protocol):
     what the user asked for; what makes no sense for a source is left alone.
     """
 
-    def __call__(  # noqa: D102 - the class says it
+    def __call__(  # noqa: D102 - described by the class
         self,
         address: str,
         *,
@@ -87,7 +87,7 @@ def open_source(
     Raises
     ------
     UnknownNameError
-        No such source, stream or part (says which there are).
+        No such source, stream or part (lists those that exist).
     MissingFileError, DataFormatError
         No such file, or not a recording.
     SkinMismatchError

@@ -25,7 +25,7 @@ class Playback(Seekable):
         In the recording's clock [s], not decreasing.
     values : (t, channels) array or Samples
     speed : float
-        How many times faster than recorded; `inf` gives all at once, 0 halts.
+        Speed as a multiple of the recorded one; `inf` gives all at once, 0 halts.
     loop : bool
         Whether it starts again at its end.
     joints : sequence of str
@@ -68,7 +68,7 @@ class Playback(Seekable):
 
     @property
     def speed(self) -> float:
-        """How many times faster than recorded."""
+        """Factor of the speed."""
         return self._speed
 
     @speed.setter

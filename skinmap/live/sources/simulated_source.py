@@ -178,7 +178,7 @@ class MadeSource(Source):
     info : StreamInfo
     touching : Maker
     speed : float
-        How many times faster than the clock; `inf` as fast as they are asked for.
+        Speed as a multiple of the clock's; `inf` gives samples as soon as they are read.
     seconds : float
         It ends after so long; never by default.
 
@@ -208,7 +208,7 @@ class MadeSource(Source):
 
     @property
     def speed(self) -> float:
-        """How many times faster than the clock."""
+        """Speed as a multiple of the clock's."""
         return self._speed
 
     @property
@@ -299,7 +299,7 @@ class SimulatedSource(MadeSource):
     rate : float
         Samples a second.
     speed : float
-        How many times faster than the clock; `inf` as fast as they are asked for.
+        Speed as a multiple of the clock's; `inf` gives samples as soon as they are read.
     kind : {"pressure", "raw"}
         Raw values are 240 at rest and fall under load, as the iCub sends them.
     gestures : sequence of str

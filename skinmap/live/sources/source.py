@@ -146,7 +146,7 @@ class Source(ABC):
 
     @property
     def speed(self) -> float:
-        """How many times faster than its clock it sends; `inf` gives all at once, 0 halts."""
+        """Speed as a multiple of its clock's; `inf` gives all at once, 0 halts."""
         return 1.0
 
     def angles_at(self, time: float) -> Mapping[str, float]:
@@ -160,7 +160,7 @@ class Seekable(Source):
     Attributes
     ----------
     speed : float
-        How many times faster than recorded; `inf` gives all at once, 0 halts.
+        Speed as a multiple of the recorded one; `inf` gives all at once, 0 halts.
     loop : bool
         Whether it starts again at its end.
     duration, position : float
@@ -188,7 +188,7 @@ class Seekable(Source):
     @property
     @abstractmethod
     def speed(self) -> float:
-        """How many times faster than recorded; `inf` gives all at once, 0 halts."""
+        """Speed as a multiple of the recorded one; `inf` gives all at once, 0 halts."""
 
     @speed.setter
     @abstractmethod

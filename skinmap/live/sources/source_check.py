@@ -127,9 +127,9 @@ def _read(source: Any, samples: int, seconds: float) -> list[Block]:
 
 def _check_block(info: StreamInfo, block: Any) -> None:
     _require(isinstance(block, Block), f"read gives a {type(block).__name__}, expected a Block")
-    _require(len(block) > 0, "read gives a block without samples; None says that nothing came")
+    _require(len(block) > 0, "read gives a block without samples; return None for silence")
     width = block.values.shape[1]
-    _require(width == info.channels, f"{width} values in a sample, info says {info.channels}")
+    _require(width == info.channels, f"{width} values in a sample, info states {info.channels}")
     kind = block.values.dtype
     _require(kind in (np.uint8, np.float32), f"values are {kind}, expected uint8 or float32")
     _require(bool(np.isfinite(block.values).all()), "values hold NaN or infinity")

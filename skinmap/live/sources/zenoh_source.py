@@ -255,7 +255,7 @@ def _of_robot(info: StreamInfo, robot: Robot, parts: Sequence[str] | None) -> St
     else:
         raise SkinMismatchError(
             f"{info.name} has {info.channels} values; {', '.join(wanted)} of {robot.name} have "
-            f"{sum(widths.values())} taxels together: --part says which it is"
+            f"{sum(widths.values())} taxels together: choose one by --part"
         )
     prints = {part: fingerprint(robot.skin(part)) for part in chosen}
     sizes = tuple(widths[part] for part in chosen)

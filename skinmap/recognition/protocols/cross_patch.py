@@ -129,7 +129,7 @@ def touch_patches(
     per_gesture : int
         Touches of each gesture on each patch.
     variety : float
-        How far touches and sensors are drawn at random, 0 to 1.
+        Random spread of touches and sensors, 0 to 1.
     workers : Workers
     progress : callable, optional
         Called after each patch.

@@ -96,7 +96,7 @@ def evaluate_kaspar(
     sampling : {"random", "paper"}
         How the shares are drawn: at random, or every 50th and every 10th sample.
     variety : float
-        How far touches and sensors are drawn at random; 0 as in the paper.
+        Random spread of touches and sensors; 0 as in the paper.
     workers : Workers
     progress : callable, optional
         Called after each seed.

@@ -377,7 +377,7 @@ def meaning_of(
     if way != "session" and (alone := _of_one_group(judged.groups["session"], judged.labels)):
         return "doubtful", (
             f"{figure} is doubtful: {', '.join(alone)} recorded in one session only, so session "
-            "and touch cannot be told apart; record each label in two sessions or more"
+            "and touch cannot be separated; record each label in two sessions or more"
         )
     if not any(len(samples) for samples in judged.before):
         return "doubtful", f"{figure} has no control: nothing was recorded before the touches"

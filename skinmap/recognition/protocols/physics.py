@@ -99,7 +99,7 @@ def evaluate_physics(
         raise InvalidArrayError(f"leaving parts out needs two parts, got {len(skins)}")
     pairs = mirror_pairs(skins)
     if len(set(pairs.values())) < 2:
-        raise InvalidArrayError("leaving parts out needs two parts that are no mirror images")
+        raise InvalidArrayError("leaving parts out needs two parts that are not mirror images")
     found: list[tuple[str, str, list[Named], FloatArray]] = []
     for seed in seeds:
         touched = _touch(skins, gestures, per_gesture, variety, seed, workers, progress)

@@ -194,7 +194,7 @@ def check_pressures(pressures: ArrayLike, geometry: SkinGeometry) -> NDArray[Any
     SkinMismatchError
         Pressures of another length than the skin.
     InvalidArrayError
-        NaN or infinity (says which taxel).
+        NaN or infinity (names the taxel).
     """
     array = np.asarray(pressures)
     if array.ndim not in (1, 2) or array.shape[-1] != len(geometry):

@@ -60,7 +60,7 @@ def simulate_pairs(
     Returns
     -------
     Recording
-        Labels such as "poke+whole_hand"; `owners` says which taxel belongs to which.
+        Labels such as "poke+whole_hand"; `owners` holds the label of each taxel.
     """
     check_gestures(gestures)
     answers = draw_sensing(variety, rng=rng) if sensing is None else sensing

@@ -1,4 +1,4 @@
-"""Accidents of files: flipped bits, lost lines, words that are no numbers, a cut end."""
+"""Accidents of files: flipped bits, lost lines, words that are not numbers, a cut end."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def check_links(robot: Robot, links: Links, parts: Iterable[str] = ()) -> tuple[
     Raises
     ------
     UnknownNameError
-        A link without a mesh (says which have one).
+        A link without a mesh (lists those with one).
     """
     visible = robot.body.visible_links
     if links is None or links == "all":
