@@ -87,7 +87,7 @@ def test_the_tables_hold_every_output_of_every_command():
     for name, command in commands(cli):
         kept = [one for one in command.params if not isinstance(one, RetiredOption)]
         options = {opt for one in kept for opt in one.opts}
-        outputs = [] if name == RENEWED else sorted(options & OUTPUTS)
+        outputs = [] if name == RENEWED else sorted(options & set(OUTPUTS))
         for output in outputs:
             found = [one for one in lines if one.startswith(f"{name} ") and one.endswith(output)]
             assert found, (name, output)
