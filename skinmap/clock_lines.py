@@ -29,6 +29,8 @@ BREAK = 15  # rows lost at once that make a line of their own
 GAIN = 0.8  # of the misfit that a further line must leave at most
 CHUNK = 10_000  # rows at once
 UNEXPLAINED = 0.2  # of the reference's variance: above it the clocks do not align
+WRONG = 10.0  # times the usual misfit of a stretch, of which a lag mends less than half
+FALSE = 5.0  # times the misfit must fall by leaving wrong stretches out
 PRIOR = 0.05  # weight of (slope / 1 %)^2 and (lag / 500 rows)^2 against the log of the misfit
 
 
@@ -175,7 +177,7 @@ class _Alignment:
         self.features = _trailing(self.fine, COARSE)
         self.reference = _trailing(reference, trail)
         self.rows = np.arange(0, len(reference), COARSE)
-        self.wanted = _trailing(self.reference, COARSE)[self.rows]
+        self.coarse = _trailing(self.reference, COARSE)
         self.middle = len(reference) / 2
 
     def left(self, positions: FloatArray, *, least: float = OVERLAP) -> float:
@@ -184,7 +186,7 @@ class _Alignment:
         inside = (index >= 0) & (index < len(self.features))
         if inside.sum() < least * len(index):
             return np.inf
-        own, wanted = self.features[index[inside]], self.wanted[inside]
+        own, wanted = self.features[index[inside]], self.coarse[self.rows[inside]]
         wanted = wanted - wanted.mean()
         square = own.T @ own
         square[np.diag_indices_from(square)] += 1e-6 * len(own)
@@ -210,6 +212,7 @@ class _Alignment:
         slope, offsets = self._coarse()
         firsts = np.zeros(1, np.int64)
         slope, offsets = self._finer(slope, offsets, firsts)
+        slope, offsets = self._without_wrong(slope, offsets, firsts)
         while len(firsts) < 6:
             more = self._broken(slope, offsets, firsts)
             if more is None:
@@ -269,8 +272,35 @@ class _Alignment:
                 best, (slope, offsets) = costs[least], tries[least]
         return slope, offsets
 
-    def _windows(self, slope: float, offsets: FloatArray, firsts: IntArray) -> FloatArray:
-        """Misfit (k, 2 REACH + 1) of each window at each lag, against the curve of all."""
+    def _without_wrong(
+        self, slope: float, offsets: FloatArray, firsts: IntArray
+    ) -> tuple[float, FloatArray]:
+        """Leave out a load that the skin never felt, where nearly all of the misfit is its own."""
+        misfit = self._windows(slope, offsets, firsts, level=True)
+        least = misfit.min(axis=1)
+        wrong = (least > WRONG * np.median(least)) & (least > 0.5 * misfit[:, REACH])
+        rows, before = self.rows, self.cost(slope, offsets, firsts)
+        wide = max(len(self.reference) // WINDOWS, 100)
+        inside = (rows >= self._starts()[wrong, None]) & (rows < self._starts()[wrong, None] + wide)
+        self.rows = rows[~inside.any(axis=0)]
+        without = self._finer(slope, offsets, firsts)
+        if self.cost(*without, firsts) < before - np.log(FALSE):
+            return without
+        self.rows = rows
+        return slope, offsets
+
+    def _starts(self) -> IntArray:
+        """First row of each window."""
+        last = len(self.reference) - max(len(self.reference) // WINDOWS, 100)
+        return np.linspace(0, last, WINDOWS).astype(np.int64)
+
+    def _windows(
+        self, slope: float, offsets: FloatArray, firsts: IntArray, *, level: bool = False
+    ) -> FloatArray:
+        """Misfit (k, 2 REACH + 1) of each window at each lag, against the curve of all.
+
+        A shift of a window's level is part of it with `level`.
+        """
         rows = np.arange(len(self.reference))
         which = np.maximum(np.searchsorted(firsts, rows, side="right") - 1, 0)
         places = rows + offsets[which] + slope * (rows - self.middle)
@@ -282,18 +312,19 @@ class _Alignment:
         wide = max(len(rows) // WINDOWS, 100)
         lags = np.arange(-REACH, REACH + 1)
         found = []
-        for start in np.linspace(0, len(rows) - wide, WINDOWS).astype(np.int64):
+        for start in self._starts():
             here = slice(start, start + wide, 4)
             at = np.clip(index[here][None] + lags[:, None], 0, len(curve) - 1)
-            found.append((self.reference[here][None] - curve[at]).var(axis=1))
+            away = self.reference[here][None] - curve[at]
+            found.append((away**2).mean(axis=1) if level else away.var(axis=1))
         return np.array(found)
 
     def _residual(self, slope: float, offsets: FloatArray, firsts: IntArray) -> float:
         misfit = self._windows(slope, offsets, firsts)
         sharp = np.quantile(misfit, 0.5, axis=1) - misfit.min(axis=1)
-        telling = sharp >= np.median(sharp)
-        best = np.argmin(misfit[telling], axis=1) - REACH
-        return float(np.median(np.abs(best - np.median(best))))
+        best = np.argmin(misfit, axis=1).astype(np.float64)
+        # Each window counts by how much its lag matters: a rest matches at any.
+        return _middle(np.abs(best - _middle(best, sharp)), sharp)
 
     def _broken(
         self, slope: float, offsets: FloatArray, firsts: IntArray
@@ -328,6 +359,13 @@ class _Alignment:
             if self.cost(new_slope, more, cuts) < whole + np.log(GAIN):
                 return new_slope, more, cuts
         return None
+
+
+def _middle(values: FloatArray, weights: FloatArray) -> float:
+    """Median of values (k,) that count as much as their weights (k,)."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
 
 
 def _trailing(values: FloatArray, wide: int) -> FloatArray:

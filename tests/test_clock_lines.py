@@ -66,3 +66,20 @@ def test_following_leaves_out_what_is_broken(recording):
 def test_what_cannot_be_aligned_is_refused(recording, change, words):
     with pytest.raises(InvalidArrayError, match=words):
         align(*change(*recording))
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_load_that_the_skin_never_felt_does_not_turn_the_line(seed):
+    # One press: nearly all of it is ramps, so that a wrong level pulls at the line.
+    rng = np.random.default_rng(seed)
+    at = np.array([0, 1300, 2900, 4000, 4400, 4600, 4900, 5100, 6000, 6400, 8000])
+    at[1:-1] += rng.integers(-60, 60, 9)
+    load = np.interp(np.arange(8000), at, [0, 0, 1, 0.9, 0.65, 0.65, 0.5, 0.5, 0.2, 0, 0])
+    samples = 120 + np.outer(load, np.linspace(30, 90, 40)) + rng.normal(0, 0.5, (8000, 40))
+    truth = 60 + 1.008 * np.arange(7700)
+    reference = np.interp(truth, np.arange(8000), load) + rng.normal(0, 0.003, 7700)
+    reference[600:1150] += 0.08
+    (line,) = align(samples.round(), reference)
+    # With that load in the search the line ends 90 rows and more off.
+    assert np.abs(skin_rows([line], np.arange(7700)) - truth).max() < 12
+    assert line.residual_rows < 12
