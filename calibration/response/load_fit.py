@@ -18,6 +18,7 @@ from skinmap.clock_lines import UNEXPLAINED, ClockLine, align, following, refere
 from skinmap.errors import InvalidArrayError
 from skinmap.memory_features import FEATURES, RADII, MemoryState
 from skinmap.touch.load_calibration import (
+    REST_DOUBT,
     SHRINK,
     LoadCalibration,
     calm_rests,
@@ -158,10 +159,11 @@ def fit_load(
         dead &= ~moves
         told[own[np.isin(own, own[following(one.samples[:, own])])]] = True
     told &= ~dead
-    rest, span, recovery = np.zeros(n), np.ones(n), np.zeros(n)
+    rest, span, recovery, rested = np.zeros(n), np.ones(n), np.zeros(n), False
     shifts, known = [], np.zeros(n, bool)
     for one, reference in zip(evidence, wanted, strict=True):
-        own_rest, own_span, own_recovery = _scales(one, reference, told & _felt(one, n))
+        own_rest, own_span, own_recovery, begins = _scales(one, reference, told & _felt(one, n))
+        rested |= begins
         new = _felt(one, n) & ~known
         rest[new], recovery[new] = own_rest[new], own_recovery[new]
         known |= new
@@ -181,7 +183,7 @@ def fit_load(
         total = total + more
     return _solved(
         total, told, dead, lines, rest, span, recovery,
-        top=np.nanmax([np.nanmax(one) for one in wanted]), rate=first.rate,
+        top=np.nanmax([np.nanmax(one) for one in wanted]), rested=rested, rate=first.rate,
         when=when, area_mm2=area_mm2, fingerprint=fingerprint,
     )  # fmt: skip
 
@@ -208,8 +210,8 @@ def _aligned(one: Pressed) -> tuple[ClockLine, ...]:
 
 def _scales(
     one: Pressed, reference: FloatArray, told: BoolArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rest before load, signed span and recovery of each channel [counts]."""
+) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
+    """Rest before load, signed span and recovery of each channel [counts]; whether it was seen."""
     every = max(EVERY, len(reference) // MOST_ROWS)
     few, known = one.samples[::every], reference[::every]
     good = np.isfinite(known)
@@ -229,7 +231,7 @@ def _scales(
         rest = before
         recovery = recovery if after is None else after - before
     span = np.where(sign < 0, ends[0], ends[1]) - rest
-    return rest, np.where(span * sign > 0, span, sign), recovery
+    return rest, np.where(span * sign > 0, span, sign), recovery, before is not None
 
 
 def _sums(one: Pressed, reference: FloatArray, rest: FloatArray, span: FloatArray) -> Sums:
@@ -295,7 +297,7 @@ def _error(weights: FloatArray, square: FloatArray, toward: FloatArray, power: f
 def _solved(
     sums: Sums, told: BoolArray, dead: BoolArray, lines: list[tuple[ClockLine, ...]],
     rest: FloatArray, span: FloatArray, recovery: FloatArray, *,
-    top: float, rate: float, when: float, area_mm2: float, fingerprint: str,
+    top: float, rested: bool, rate: float, when: float, area_mm2: float, fingerprint: str,
 ) -> LoadFit:  # fmt: skip
     """Choose the model by its held-out error, and fit it on all."""
     n = len(rest)
@@ -333,9 +335,11 @@ def _solved(
         weights[k] = _weights(model, whole.square[k], whole.toward[k], float(whole.rows[k]))
     error = errors[model].copy()
     shared = _share(weights, error, whole, own)
+    # A quiet recording hides how far sessions differ.
+    least = REST_DOUBT * float(np.median(top / np.abs(span[own]))) * (1 if rested else 2)
     calibration = LoadCalibration(
         weights, rest, span, recovery, np.full(n, top), error,
-        doubt=float(SHRINK * np.nanmedian(memoryless)), rate=rate, model=model,
+        doubt=max(float(SHRINK * np.nanmedian(memoryless)), least), rate=rate, model=model,
         shift=np.zeros(n), zeroed=when, area_mm2=area_mm2, fingerprint=fingerprint,
     )  # fmt: skip
     return LoadFit(

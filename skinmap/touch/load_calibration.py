@@ -35,7 +35,9 @@ NORMAL_90 = 1.645  # standard deviations on either side that hold 90 %
 CHUNK = 2000  # rows at once
 WANDER = 0.7  # counts that rest wanders within a session, where it was not seen twice
 RANGE = 0.03  # beyond the calibrated counts that still are answered, in spans, and one count
-GAIN_SD = 0.02  # of a taxel between sessions; fitted on no other day, see `calibrate load`
+GAIN_SD = 0.025  # of a taxel between sessions
+REST_DOUBT = 0.65  # counts that a zero differs between sessions at least, by seven of one insole
+UNSEEN_DOUBT = 0.5  # counts more where a recording shows no rest before load
 GAIN_BAR = 0.15  # values that a taxel still answers whose gain a session proved wrong
 WANDER_BAR = 0.3  # of a taxel's rest within a session, above which it is not answered
 SHRINK = 0.6  # of the error of the best curve without memory: a shared shift below it is doubted
@@ -110,6 +112,12 @@ class LoadCalibration:
     def answered(self) -> BoolArray:
         """Taxels (n,) whose pressure is known."""
         return np.isfinite(self.weights[:, 0])
+
+    @property
+    def count_bar(self) -> float:
+        """What a count is worth: median of the taxels [bar]."""
+        own = self.answered
+        return float(np.median((self.top / np.abs(self.span))[own])) if own.any() else 0.0
 
     @classmethod
     def read(cls, path: Path | str, *, fingerprint: str = "") -> LoadCalibration:
@@ -211,8 +219,7 @@ class LoadCalibration:
         if zero == "first":
             after = None
         if before is None:
-            wander = np.full(len(self), np.nan)
-            found = Session(self.shift, wander, gain, self.doubt, False)
+            found = replace(self._unseen(), gain=gain)
         else:
             found = self._zeroed(before, after, gain)
         return replace(found, wander=np.where(stuck, np.inf, found.wander))
@@ -231,6 +238,11 @@ class LoadCalibration:
         shift = moved - (1.0 - kept) * shared / slope
         return Session(shift, wander * np.abs(slope), gain, self.doubt, True)
 
+    def _unseen(self) -> Session:
+        """A session whose rest before load nobody saw."""
+        n, shared = len(self), float(np.hypot(self.doubt, UNSEEN_DOUBT * self.count_bar))
+        return Session(self.shift, np.full(n, np.nan), np.zeros(n), shared, False)
+
     def rests(self, counts: FloatArray, rate: float) -> tuple[FloatArray | None, FloatArray | None]:
         """Counts (n,) at rest before load and after it; None where a recording has none."""
         own = self.answered
@@ -239,13 +251,15 @@ class LoadCalibration:
         return calm_rests(counts, skin_level(counts, own, self.rest, self.span), rate)
 
     def _ends(self, counts: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """How far each taxel went beyond its calibrated counts; which stood still under load."""
+        """How far taxels went beyond calibrated counts and the others; which stood still then."""
         ends = np.percentile(counts, (0.1, 99.9), axis=0)
         scaled = (ends - self.rest - self.shift) / self.span
-        reached = np.abs(scaled[1] - scaled[0])
-        loaded = self.answered.any() and np.median(reached[self.answered]) > STILL_LOADED
-        stuck = (np.ptp(ends, axis=0) < STILL_COUNTS) & bool(loaded)
-        return np.maximum(scaled.max(axis=0) - 1.0, 0.0), stuck
+        own, most = self.answered, scaled.max(axis=0)
+        if not own.any() or np.median(np.ptp(scaled[:, own], axis=0)) <= STILL_LOADED:
+            none = np.zeros(len(self))  # nothing pressed on all of them: they may differ
+            return none, none > 0
+        usual = max(float(np.median(most[own])), 1.0)
+        return np.maximum(most - usual, 0.0), np.ptp(ends, axis=0) < STILL_COUNTS
 
     def zero_at(self, samples: ArrayLike, when: float) -> LoadCalibration:
         """The calibration zeroed anew by samples (t, n) at rest."""
@@ -256,9 +270,7 @@ class LoadCalibration:
 
     def stream(self, rate: float | None = None) -> LoadStream:
         """Pressures of moments as they come, on the zero of this calibration."""
-        n = len(self)
-        session = Session(self.shift, np.full(n, np.nan), np.zeros(n), self.doubt, False)
-        return LoadStream(self, rate or self.rate, session)
+        return LoadStream(self, rate or self.rate, self._unseen())
 
 
 ARRAYS = ("weights", "rest", "span", "recovery", "top", "error", "shift")
@@ -280,7 +292,7 @@ class Session:
         Half the difference of the two rests [bar]; NaN where there was one at most, infinite for
         a taxel that stood still while the others were loaded.
     gain : (n,) float
-        How far a taxel went beyond its calibrated counts, against its span.
+        How far a taxel went beyond its calibrated counts and the other taxels, against its span.
     shared : float
         Standard deviation of what all taxels share [bar].
     zeroed : bool
@@ -304,7 +316,8 @@ class LoadStream:
     def zero(self, samples: ArrayLike) -> None:
         """Set the zero by samples (t, n) at rest."""
         fresh = self._calibration.zero_at(samples, self._calibration.zeroed)
-        self.session = replace(self.session, shift=fresh.shift, zeroed=True)
+        shared = self._calibration.doubt
+        self.session = replace(self.session, shift=fresh.shift, shared=shared, zeroed=True)
         self._state = None
 
     def update(self, sample: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -113,6 +113,9 @@ def test_above_the_calibrated_range_is_refused(fit):
     values, *_ = fit.calibration.pressures(samples)
     assert np.isnan(values[pressure > 3.4]).all()
     assert np.nanmax(values) < 3.2
+    own = np.delete(np.arange(N), [DEAD, STRAY])
+    # Within the range they answer: a hard press does not condemn a skin for its session.
+    assert np.isfinite(values[pressure < 2.7][:, own]).mean() > 0.97
 
 
 def test_a_taxel_that_dies_later_is_refused_for_its_session(fit):
