@@ -1,4 +1,4 @@
-"""Where `skinmap wiring` wants to be touched next, on the robot's body in a browser."""
+"""Where `skinmap checkup` wants to be touched next, on the robot's body in a browser."""
 
 from __future__ import annotations
 
@@ -92,5 +92,5 @@ def next_touch(skin: PreparedSkin, path: FloatArray, words: str) -> NamedTouch:
 def open_marker(
     robot: Robot, parts: Sequence[str], told: Callable[[str], None] | None = None
 ) -> WebMarker:
-    """The marker that `skinmap wiring --web` opens."""
+    """The marker that `skinmap checkup --web` opens."""
     return WebMarker(robot, parts, told)

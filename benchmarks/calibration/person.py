@@ -6,15 +6,23 @@ own model of a touch; spikes, dead taxels and gross misses are added.
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.wiring import Fault, Wiring, boards_of
+from calibration.wiring.boards import Boards
+from calibration.wiring.faults import chain_faults
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.log_map import log_map
 from skinmap.geometry.proximity import nearest_first
 from skinmap.geometry.rigid import tangent_frames
+from skinmap.live.sources.source import Block, Source, StreamInfo
+from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.touch.simulation.gestures import poke
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing
@@ -22,6 +30,8 @@ from skinmap.touch.simulation.simulator import Stage, prepare, touch_loads
 
 REACH = 0.13  # of the log map round a place [m]
 POKE, PACE = 12, 0.13  # samples of a poke; speed of a stroke [m/s], sampled at 50 Hz
+RATE, WAY = 50.0, 1.5  # samples a second; seconds on the way to the next place
+OF_TAXELS = ("dead", "stuck", "noisy", "clipped", "weak")  # `dead:5`, `weak:5,40` (percent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +96,10 @@ class Person:
     clumsiness : Clumsiness
     noise : float
         Of a sample [counts].
+    touches : numpy.random.Generator, optional
+        Of the touches, where `rng` makes the same skin again.
+    taxels : sequence of (str, int, float)
+        Faults of single taxels, of `OF_TAXELS`.
     """
 
     def __init__(
@@ -96,8 +110,10 @@ class Person:
         *,
         clumsiness: Clumsiness | None = None,
         noise: float = 1.2,
+        touches: np.random.Generator | None = None,
+        taxels: Sequence[tuple[str, int, float]] = (),
     ) -> None:
-        self.patient, self.rng = patient, rng
+        self.patient, self.rng, self.taxels = patient, rng, taxels
         self.clumsiness = Clumsiness() if clumsiness is None else clumsiness
         n = len(patient.skin)
         self.sources = np.arange(n) if sources is None else np.asarray(sources)
@@ -108,6 +124,9 @@ class Person:
         self.baseline = rng.normal(0.0, 0.5, n)
         self.hand = float(rng.uniform(0.75, 1.0))
         self.force = float(np.exp(rng.normal(0.0, 0.15)))
+        self.rng = rng if touches is None else touches
+        for _, taxel, percent in (one for one in taxels if one[0] == "weak"):
+            self.gains[taxel] *= 1.0 - percent / 100.0
 
     def poke(self, place: FloatArray) -> NDArray[np.uint8]:
         """Samples (t, n) of a poke at a place (3,), with its error."""
@@ -160,6 +179,12 @@ class Person:
         sent = np.where(self.sources >= 0, counts[:, self.sources], 0.0)
         spikes = self.rng.random(sent.shape) < self.clumsiness.spikes
         sent[spikes] = self.rng.uniform(20.0, 255.0, int(spikes.sum()))
+        for kind, taxel, _ in self.taxels:
+            if kind == "noisy":
+                sent[:, taxel] += self.rng.normal(0.0, 15.0, len(sent))
+            elif kind != "weak":
+                top = {"dead": 0.0, "stuck": 37.0, "clipped": 40.0}[kind]
+                sent[:, taxel] = np.minimum(sent[:, taxel], top) if kind == "clipped" else top
         return np.asarray(np.rint(np.clip(sent, 0.0, 255.0)), np.uint8)
 
 
@@ -170,3 +195,139 @@ def _lay(patient: Patient, taxel: int, uv: FloatArray, point: FloatArray) -> Flo
     near = nearest_first(away)[:3]
     weight = 1.0 / (away[near] + 1e-4)
     return np.asarray((weight[:, None] * uv[near]).sum(axis=0) / weight.sum())
+
+
+class SimulatedSkin(Source):
+    """A skin with planted faults, and a person who touches it wherever `show` points.
+
+    Parameters
+    ----------
+    robot : Robot
+    part : str
+    plant : sequence of str
+        Faults: `swap:3,7`, `turn:5,120`, `mirror:5`, `mute:4`, `chains:0,1`, `reverse:0`,
+        `mute-chain:1`, `channels:12,15`, `dead:5`, `stuck:5`, `noisy:5`, `clipped:5`, `weak:5,40`.
+    seed : int
+        Of the touches; the skin is the same for all seeds.
+    """
+
+    def __init__(self, robot: Robot, part: str, plant: Sequence[str] = (), seed: int = 0) -> None:
+        skin, boards = robot.skin(part), boards_of(robot, part)
+        super().__init__(StreamInfo("sim", (part,), (len(skin),), RATE, robot=robot.name))
+        wiring, taxels = Wiring.as_mapped(boards), []
+        for word in plant:
+            name, _, rest = word.partition(":")
+            if name in OF_TAXELS:
+                taxels.append(_taxel_fault(name, rest, boards))
+            else:
+                wiring = parse_fault(word, boards).apply(wiring, boards)
+        self.person = Person(
+            Patient(skin), np.random.default_rng(7), wiring.sources(boards),
+            clumsiness=Clumsiness(dead=(0.0, 0.0)), taxels=taxels,
+            touches=np.random.default_rng([seed, 1]),
+        )  # fmt: skip
+        self._coming = self.person.rest(0)
+        self._sent = 0
+
+    def read(self, timeout: float) -> Block:
+        """The next samples, at once."""
+        if not len(self._coming):
+            self._coming = self.person.rest(25)
+        values, self._coming = self._coming[:10], self._coming[10:]
+        times = (self._sent + np.arange(len(values))) / RATE
+        self._sent += len(values)
+        return Block(times, values, time.perf_counter())
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+    def show(self, part: str, path: FloatArray, words: str) -> None:
+        """Touch a place (p, 3) [m], after the way to it."""
+        touched = self.person.stroke(path) if len(path) > 1 else self.person.poke(path[0])
+        self._coming = np.concatenate([self.person.rest(round(WAY * RATE)), touched])
+
+    def feed(self, part: str, answers: FloatArray) -> None:
+        """The person does not look at answers."""
+
+
+def _taxel_fault(name: str, rest: str, boards: Boards) -> tuple[str, int, float]:
+    """A fault of one taxel from words such as `weak:88,40`."""
+    words = rest.split(",")
+    try:
+        channel, percent = int(words[0]), float(words[1]) if len(words) > 1 else 40.0
+    except ValueError:
+        raise InvalidArrayError(f"{name}:{rest} is no fault: a channel is expected") from None
+    row = np.flatnonzero(boards.table.channels == channel)
+    if not len(row) or not 0 < percent < 100:
+        raise InvalidArrayError(f"{name}:{rest}: {boards.part!r} has no such channel or share")
+    return name, int(row[0]), percent
+
+
+def parse_fault(text: str, boards: Boards) -> Fault:
+    """A fault from words such as `swap:3,7`, `turn:5,120`, `mirror:5`, `mute:4`, `chains:0,1`.
+
+    Raises
+    ------
+    UnknownNameError, InvalidArrayError
+        Another word, module or chain, or another number of them.
+    """
+    name, _, rest = text.partition(":")
+    counts = {"swap": (2,), "turn": (1, 2), "mirror": (1, 2), "mute": (1,), "chains": (2,),
+              "reverse": (1,), "mute-chain": (1,), "channels": (2,)}  # fmt: skip
+    if name not in counts:
+        raise UnknownNameError("fault", name, (*counts, *OF_TAXELS))
+    try:
+        values = [int(word) for word in rest.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in counts[name]:
+        raise InvalidArrayError(
+            f"{text!r} is no fault: {name} takes {' or '.join(map(str, counts[name]))} whole "
+            "numbers after the colon"
+        )
+    if name in ("chains", "reverse", "mute-chain"):
+        return _chain_fault(name, values, boards)
+    if name == "channels":
+        return _channel_fault(values, boards)
+    count = 2 if name == "swap" else 1
+    modules = tuple(_module(number, boards) for number in values[:count])
+    if name in ("swap", "mute"):
+        if len(set(modules)) < count:
+            raise InvalidArrayError(f"{text!r}: a module cannot be swapped with itself")
+        return Fault("swapped_modules" if name == "swap" else "mute_module", tuple(sorted(modules)))
+    degrees = values[1] if len(values) > 1 else (120 if name == "turn" else 0)
+    if degrees not in ((120, 240) if name == "turn" else (0, 120, 240)):
+        raise InvalidArrayError(f"{text!r}: boards are turned by 120 or 240 degrees")
+    if not boards.turnable:
+        raise InvalidArrayError(f"{text!r}: {boards.part!r} has no layout that can be turned")
+    kind, first = ("turned_module", 0) if name == "turn" else ("mirrored_module", 3)
+    return Fault(kind, modules, element=first + degrees // 120)
+
+
+def _module(number: int, boards: Boards) -> int:
+    found = np.flatnonzero(boards.numbers == number)
+    if len(found) == 0:
+        raise UnknownNameError(
+            f"module of {boards.part!r}", str(number), [str(n) for n in boards.numbers]
+        )
+    return int(found[0])
+
+
+def _chain_fault(name: str, values: Sequence[int], boards: Boards) -> Fault:
+    kind = {"chains": "swapped_chains", "reverse": "reversed_chain", "mute-chain": "mute_chain"}
+    for fault in chain_faults(boards):
+        if fault.kind == kind[name] and fault.chains == tuple(sorted(values)):
+            return fault
+    there = [str(chain) for chain in np.unique(boards.chains)]
+    raise UnknownNameError(f"chain of {boards.part!r}", ",".join(map(str, values)), there)
+
+
+def _channel_fault(values: Sequence[int], boards: Boards) -> Fault:
+    rows = [np.flatnonzero(boards.table.channels == value) for value in values]
+    if any(len(row) == 0 for row in rows):
+        raise InvalidArrayError(f"{boards.part!r} has no channels {values[0]} and {values[1]}")
+    spots = [np.argwhere(boards.columns == row[0])[0] for row in rows]
+    if spots[0][0] != spots[1][0] or values[0] == values[1]:
+        raise InvalidArrayError("two different channels of one module are expected")
+    slots = sorted(int(spot[1]) for spot in spots)
+    return Fault("swapped_channels", (int(spots[0][0]),), slots=(slots[0], slots[1]))

@@ -46,7 +46,7 @@ COMMANDS = {
     "calibrate selftouch": f"calibrate selftouch {BOARD}/selftouch --robot icub "
     "--calibrate left_forearm -o OUT",
     "calibrate wrench": f"calibrate wrench {BOARD}/wrench.npz -o OUT",
-    "wiring": f"wiring {BOARD}/wiring/pokes.mcap --part right_forearm "
+    "wiring": f"checkup {BOARD}/wiring/pokes.mcap --part right_forearm "
     f"--places {BOARD}/wiring/places.csv -o OUT.csv",
     "structures": "structures icub --part left_foot -o OUT",
     "merge": "merge IN.mcap IN.mcap -o OUT.mcap",

@@ -39,7 +39,7 @@ class AskedPlace:
     span: tuple[float, float] | None
 
 
-def read_places(path: Path, part: str, unit: float = 1.0) -> list[AskedPlace]:
+def read_places(path: Path, part: str) -> list[AskedPlace]:
     """The places of one part, in the order of their numbers.
 
     Raises
@@ -69,7 +69,7 @@ def read_places(path: Path, part: str, unit: float = 1.0) -> list[AskedPlace]:
     for number, values in sorted(found.items()):
         rows = np.array(values).reshape(-1, len(wanted) - 1)
         span = (float(rows[0, 3]), float(rows[0, 4])) if all(timed) else None
-        places.append(AskedPlace(number, rows[:, :3] * unit, span))
+        places.append(AskedPlace(number, rows[:, :3], span))
     return places
 
 
@@ -88,5 +88,5 @@ def check_places(places: list[AskedPlace], positions: FloatArray, part: str, pat
         if float(away.max()) > limit:
             raise DataFormatError(
                 f"touch {place.number} is {1e3 * float(away.max()):.0f} mm from the nearest taxel "
-                f"of {part!r}: another part's place, or another unit (--units)", path,
+                f"of {part!r}: another part's place, or not in metres", path,
             )  # fmt: skip

@@ -1,25 +1,20 @@
-"""`skinmap wiring`: where to touch next, and which cable is in the wrong socket."""
+"""`skinmap checkup`: a minute of touches, and the cable, board or taxel that is at fault."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import replace
+from datetime import UTC, datetime
+from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from calibration.wiring.findings import WiringResult, findings, lines
-from skinmap.commands.options import (
-    open_robot,
-    out_file,
-    part_option,
-    prints,
-    robot_option,
-    units_option,
-)
+from calibration.wiring.findings import CheckupResult, findings, lines, with_changes
+from skinmap.commands.options import open_robot, out_file, part_option, prints, robot_option
 from skinmap.commands.overwriting import protect
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
@@ -27,109 +22,194 @@ from skinmap.report.result import OK, Verdict
 
 if TYPE_CHECKING:
     from calibration.wiring.examination import Examination, Marker, Plan
+    from skinmap.live.sources.source import Source
     from skinmap.skin.robot import Robot
 
-MARKERS = "skinmap.wiring_markers"  # entry points of what shows the next place on the body
+MARKERS = "skinmap.checkup_markers"  # entry points of what shows the next place on the body
+PAGE = "checkup.pdf"
+SIMULATED = "benchmarks.calibration.person"
 
 
-@click.command("wiring", short_help="Touch where it says: swapped, turned and mute modules.")
+@click.command("checkup", short_help="Is this skin sound? A minute of touches, and a page.")
 @click.argument("source")
 @robot_option
 @part_option
 @click.option(
-    "--touch", "how", type=click.Choice(["poke", "stroke"]), default="poke",
-    show_default=True, help="How the skin is touched.",
-)  # fmt: skip
-@click.option("--places", type=click.Path(path_type=Path, dir_okay=False),
-              help="Where a recording's touches were asked for: CSV `touch,x,y,z`.")  # fmt: skip
-@units_option("--places")
-@out_file("Corrected map: a new .csv, or a folder for several parts.", folder=True, guarded=False)
+    "--places",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Where a recording's touches were asked for [m]: CSV `touch,x,y,z`.",
+)
+@click.option("--plant", multiple=True, metavar="FAULT",
+              help="Fault of SOURCE sim: swap:3,7, mute:4, turn:5,120, weak:88,40 ...; may be "
+                   "repeated.")  # fmt: skip
+@click.option(
+    "--history",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder that keeps this check-up, and compares it with those before.",
+)
+@out_file("Page (.pdf), corrected map (.csv), or a folder for both.", folder=True, guarded=False)
 @click.option("--web", is_flag=True, help="Show the next place on the body, in a browser.")
 @retired(
-    plant="faults are planted by benchmarks/calibration/wiring.py alone",
+    touch="it asks for strokes and pokes, whichever tells more",
+    units="--places are in metres",
     chain="a chain has 16 modules",
-    patience="a live touch is waited for 30 s",
+    patience="a live touch is waited for 15 s",
     seed="nothing is random",
-    max_touches="it asks for 30 at most; Ctrl-C ends it and judges by those until then",
+    max_touches="it asks for a minute; Ctrl-C ends it and judges by the touches until then",
     profile=NO_PROFILE,
 )
-@prints(WiringResult)
-def wiring(
+@prints(CheckupResult)
+def checkup(
     source: str,
     robot: str | None,
     parts: tuple[str, ...],
-    how: str,
     places: Path | None,
-    units: str,
+    plant: tuple[str, ...],
+    history: Path | None,
     output: Path | None,
     web: bool,
     as_json: bool,
 ) -> None:
-    """Find swapped cables and modules, turned, mirrored and mute ones, by touching the skin.
+    """Check a skin: five seconds at rest, then the strokes and pokes that tell most.
 
-    SOURCE is a recording's file, lsl:NAME, zmq:HOST:PORT or a plug-in's name. Names the next
-    place to touch, and writes a corrected map with -o. Exit code 3: the answers do not fit the
-    places.
+    SOURCE is lsl:NAME, zmq:HOST:PORT, a plug-in's name, a recording's file, or sim. Finds swapped,
+    turned, mirrored and mute modules, cables, and dead, noisy, stuck or weaker taxels. Exit code 3:
+    the answers do not fit the places.
 
     \b
-    Example:  skinmap wiring lsl:skin --part right_forearm -o corrected.csv
+    Example:  skinmap checkup lsl:skin --part right_forearm --history checkups -o today.pdf
     """
-    from calibration.wiring.channel_map import map_files
     from calibration.wiring.examination import Plan
-    from skinmap.io.units import UNITS
+    from calibration.wiring.history import earlier_checkups
 
+    started, when = time.process_time(), datetime.now(UTC)
     loaded, names = open_robot(robot, parts)
-    recorded = _is_file(source)
+    simulated, recorded = source == "sim", source != "sim" and _is_file(source)
+    if simulated and not parts:
+        names = parts = names[:1]
     if places is not None and not recorded:
         raise click.UsageError("--places belongs to a recording: SOURCE is not a file")
+    if plant and not simulated:
+        raise click.UsageError("--plant belongs to the simulated skin: SOURCE is not sim")
+    if simulated and len(parts) > 1:
+        raise click.UsageError("sim has one part: give one --part")
     if output is not None:
-        # Of the parts that one table is for the source decides.
-        table = output.suffix.lower() == ".csv"
-        for file in [output] if table else map_files(names, output).values():
-            protect(file, data=True)
+        _protect(output, names)
+    before = [] if history is None else earlier_checkups(history)
 
     def told(line: str) -> None:
         click.echo(line, err=as_json)
 
-    started = time.process_time()
-    marker = _marker(loaded, names, told) if web else None
-    plan = Plan(how=how, told=told, marker=marker)
+    opened = None if recorded else _opened(source, loaded, parts, plant, len(before))
+    markers = [_marker(loaded, names, told)] if web else []
+    if simulated:
+        markers.append(opened)  # type: ignore[arg-type]  # a person, who touches where it is shown
+    plan = Plan(told=told, markers=markers, covers=history is not None)
     try:
-        if recorded:
-            from calibration.wiring.examination import examine_recording
-
-            examined = examine_recording(
-                Path(source), loaded, parts, plan, places=places, unit=UNITS[units]
-            )
-        else:
-            examined = _live(source, loaded, parts, plan)
+        examined = _examined(Path(source), opened, loaded, parts, plan, places)
     finally:
-        if marker is not None:
-            marker.close()
-    result = findings(examined, output)
+        for one in [*markers, *([] if opened is None or simulated else [opened])]:
+            one.close()
+    result = findings(examined)
+    if history is not None:
+        from calibration.wiring.history import keep_checkup
+
+        changes, kept = keep_checkup(history, before, examined, result, when)
+        result = with_changes(result, examined.cases, changes, len(before) + 1)
+        result = replace(result, files=kept)
+    if output is not None:
+        result = replace(result, files=[*_written(output, result, examined, loaded, when),
+                                        *result.files])  # fmt: skip
     result = replace(result, seconds=time.process_time() - started)
     bad = result.status == "inconsistent"
     present(result, lines, as_json=as_json, verdict=Verdict(result.status if bad else OK))
 
 
-def _live(source: str, robot: Robot, parts: tuple[str, ...], plan: Plan) -> Examination:
-    from calibration.wiring.examination import examine_live
+def _protect(output: Path, parts: tuple[str, ...]) -> None:
+    """Refuse files that are there before any work is done."""
+    from calibration.wiring.channel_map import map_files
+
+    suffix = output.suffix.lower()
+    if suffix not in ("", ".csv", ".pdf"):
+        raise click.UsageError(f"-o takes a .pdf, a .csv or a folder, not {output.suffix!r}")
+    # Of the parts that one table is for the source decides.
+    for one in [output] if suffix else map_files(parts, output).values():
+        protect(one, data=suffix != ".pdf")
+    if not suffix:
+        protect(output / PAGE)
+
+
+def _examined(
+    path: Path,
+    opened: Source | None,
+    robot: Robot,
+    parts: tuple[str, ...],
+    plan: Plan,
+    places: Path | None,
+) -> Examination:
+    from calibration.wiring.examination import examine_live, examine_recording
+
+    if opened is None:
+        return examine_recording(path, robot, parts, plan, places=places)
+    return examine_live(opened, robot, parts, plan)
+
+
+def _opened(
+    source: str, robot: Robot, parts: tuple[str, ...], plant: tuple[str, ...], seed: int
+) -> Source:
+    """The live source, or the simulated person of the benchmarks."""
     from skinmap.live.sources.open_source import open_source
 
-    opened = open_source(source, robot=robot, parts=parts or None)
+    if source != "sim":
+        return open_source(source, robot=robot, parts=parts or None)
+    import sys
+
+    clone = str(Path(__file__).resolve().parents[2])
+    if clone not in sys.path:
+        sys.path.append(clone)  # benchmarks are not installed
     try:
-        return examine_live(opened, robot, parts, plan)
-    finally:
-        opened.close()
+        simulated: Source = import_module(SIMULATED).SimulatedSkin(robot, parts[0], plant, seed)
+    except ModuleNotFoundError:
+        raise click.UsageError(
+            "sim needs the simulated person in benchmarks/, which is in a clone of the repository"
+        ) from None
+    return simulated
+
+
+def _written(
+    output: Path, result: CheckupResult, examined: Examination, robot: Robot, when: datetime
+) -> Iterator[str]:
+    """Write the page and the corrected maps; the files' names."""
+    from calibration.wiring.channel_map import corrected, map_files, write_map
+    from calibration.wiring.page import write_page
+    from skinmap.io.output import staged_file
+
+    suffix = output.suffix.lower()
+    if not suffix:
+        output.mkdir(parents=True, exist_ok=True)
+    if suffix != ".csv":
+        page = output if suffix else output / PAGE
+        with staged_file(page) as stage:
+            write_page(stage, result, examined.cases, robot, f"{when:%d %B %Y, %H:%M} UTC")
+        yield str(page)
+    if suffix == ".pdf":
+        return
+    files = map_files([case.part for case in examined.cases], output)
+    for case in examined.cases:
+        faults = [found.fault for found in case.doctor.found]
+        table, moved = corrected(case.boards, case.doctor.wiring, faults)
+        if len(moved) and case.doctor.status != "inconsistent":
+            write_map(table, files[case.part])
+            yield str(files[case.part])
 
 
 def _is_file(source: str) -> bool:
     from skinmap.errors import MissingFileError
     from skinmap.live.sources.open_source import FILES, sources
 
-    if source.partition(":")[0] == "sim":
-        raise click.UsageError("a simulated skin does not answer where it is asked to be touched")
     if source.partition(":")[0] in sources.names():
+        if source.partition(":")[0] == "sim":
+            raise click.UsageError("the simulated skin of a check-up is `sim` alone, with --part")
         return False
     path = Path(source)
     if not path.exists() and (path.suffix.lower() in FILES or path.name != source):
@@ -137,7 +217,7 @@ def _is_file(source: str) -> bool:
     return path.exists()
 
 
-def _marker(robot: Robot, parts: tuple[str, ...], told: Callable[[str], None]) -> Marker:
+def _marker(robot: Robot, parts: tuple[str, ...], told: object) -> Marker:
     found = list(entry_points(group=MARKERS, name="web"))
     if not found:
         raise click.UsageError("--web needs the viewer, which is not installed")

@@ -29,6 +29,7 @@ LIVELY = np.log(0.005)  # a module with noise of its own is hardly mute: its foa
 MAX_FAULTS = 8  # found one after the other, at most
 MISFIT = 0.34  # share of touches that fit no fault's model: the places are not those touched
 FEW = 3
+NEVER = -60.0  # logarithm of the probability of what cannot be
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -192,6 +193,12 @@ class Doctor:
     def _begin(self) -> None:
         self._witness = Witness(self.boards, self.hypotheses, self.wiring)
         self._log = self.hypotheses.log_prior.copy()
+        # A mute module in another's place would be that one's silence, for which one touch is
+        # bounded; and what was named once is known.
+        swaps = self.hypotheses.swaps
+        self._log[1 : 1 + len(swaps)][self.wiring.mute[swaps].any(axis=1)] = NEVER
+        named = {one.fault for one in self.found}
+        self._log[[fault in named for fault in self.hypotheses.faults]] = NEVER
         if self._rested:
             self._log += self._at_rest()
         self._choosers: dict[str, Chooser] = {}

@@ -1,19 +1,21 @@
-"""One run of the doctor: the rest of a skin, then touches one after the other, to the last word."""
+"""One check-up: the rest of a skin, then touches one after the other, to the last word."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from calibration.files.asked_places import check_places, read_places
 from calibration.wiring.answer_model import THRESHOLD
 from calibration.wiring.boards import Boards, boards_of
-from calibration.wiring.doctor import Doctor
+from calibration.wiring.doctor import CLEAR, Doctor
+from calibration.wiring.places import AGAIN
 from calibration.wiring.rest import FEWEST, RestFindings, judge_rest
 from calibration.wiring.touches import (
     BEGINS,
@@ -24,7 +26,7 @@ from calibration.wiring.touches import (
     untouched,
     without_holes,
 )
-from skinmap.arrays import FloatArray
+from skinmap.arrays import BoolArray, FloatArray
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.geometry.proximity import nearest_first
 from skinmap.skin.robot import Robot
@@ -34,11 +36,22 @@ if TYPE_CHECKING:
     from skinmap.live.sources.source import Source
 
 MM = 1e3
-ENOUGH = 0.02  # a place that would tell less is not worth a touch [nats]
-REST_SECONDS = 8.0
-PATIENCE = 30.0  # that a touch is waited for [s]
+ENOUGH = 0.005  # a place that would tell less is not worth a touch [nats]
+REST_SECONDS, SECONDS = 5.0, 60.0  # untouched, and in all, on the clock of the skin [s]
+COST = {"poke": 2.0, "stroke": 2.5}  # of a touch and the way to it [s]
+PATIENCE = 15.0  # that a touch is waited for [s]
+BESIDE, OFTEN = 8e-3, 2  # taxels so near a stroke are felt [m]; strokes that measure a gain
 MAX_REST = 3000  # samples of a recording's rest that are judged
-HANDS = {"whole_hand", "forearm", "three_finger", "full_finger", "edge", "cylinder", "hand"}
+LARGE = {
+    "stroke",
+    "whole_hand",
+    "forearm",
+    "three_finger",
+    "full_finger",
+    "edge",
+    "cylinder",
+    "hand",
+}
 Answers = Mapping[str, FloatArray]  # (t, n) by part [counts]
 
 
@@ -61,19 +74,27 @@ class Plan:
 
     Attributes
     ----------
-    how : str
-        Kind of touch.
-    most : int
-        Touches that are asked for.
     told : callable
         Gets a line for people now and then.
-    marker : Marker or None
+    markers : sequence of Marker
+        Get each place that is asked for.
+    covers : bool
+        Whether a skin without faults is stroked all over, to measure gains.
     """
 
-    how: str = "poke"
-    most: int = 30
     told: Callable[[str], None] = lambda _: None
-    marker: Marker | None = None
+    markers: Sequence[Marker] = ()
+    covers: bool = False
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Asked:
+    """A touch to ask for: its part, kind, path (p, 3) [m] and worth [nats]."""
+
+    part: str
+    how: str
+    path: FloatArray
+    gain: float
 
 
 @dataclass(eq=False)
@@ -84,6 +105,7 @@ class Case:
     doctor: Doctor
     rest: RestFindings | None = None
     places_known: bool = True
+    beside: BoolArray | None = None  # (strokes, n) taxels that each stroke passes
 
     @property
     def boards(self) -> Boards:
@@ -96,6 +118,13 @@ class Case:
             self.rest = judge_rest(samples, self.boards)
             self.doctor.rest(self.rest)
 
+    def without_noisy(self, base: Baseline) -> Baseline:
+        """A baseline above which noisy channels never rise: they would answer all the time."""
+        noisy = [row for one in (self.rest.rows("noisy") if self.rest else []) for row in one]
+        sign = base.sign.copy()
+        sign[..., noisy] = 0.0
+        return replace(base, sign=sign)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Examination:
@@ -103,16 +132,18 @@ class Examination:
 
     Attributes
     ----------
-    source, robot, how : str
+    source, robot : str
     cases : tuple of Case
+    skin_seconds : float
+        Duration on the clock of the skin [s].
     notes : tuple of str
-        What could not be told.
+        Questions that stay open.
     """
 
     source: str
     robot: str
-    how: str
     cases: tuple[Case, ...]
+    skin_seconds: float
     notes: tuple[str, ...] = ()
 
 
@@ -121,36 +152,57 @@ def open_cases(robot: Robot, parts: Sequence[str]) -> dict[str, Case]:
     return {part: Case(part, Doctor.of(boards_of(robot, part))) for part in parts}
 
 
-def next_touch(cases: Mapping[str, Case], how: str) -> tuple[str, FloatArray, float] | None:
-    """Part and path (p, 3) [m] that tell most, and how much; None where nothing is left to ask."""
-    best: tuple[str, FloatArray, float] | None = None
+def next_touch(cases: Mapping[str, Case], *, covers: bool = False) -> Asked | None:
+    """The touch that tells most a second; None where nothing is left to ask."""
+    best: Asked | None = None
     for part, case in cases.items():
-        path, gain = case.doctor.next_place(how)
-        if best is None or gain > best[2]:
-            best = part, path, gain
-    return best if best is not None and best[2] > ENOUGH else None
+        clear = covers and case.doctor.healthy >= CLEAR and not case.doctor.found
+        for how in ("stroke",) if clear else ("stroke", "poke"):
+            path, gain = _uncovered(case) if clear else case.doctor.next_place(how)
+            if best is None or gain / COST[how] > best.gain / COST[best.how]:
+                best = Asked(part, how, path, gain)
+    return best if best is not None and best.gain > ENOUGH else None
+
+
+def _uncovered(case: Case) -> tuple[FloatArray, float]:
+    """The stroke that passes most taxels whose gain is not measured yet, and their share."""
+    case.doctor.next_place("stroke")
+    positions, paths = case.boards.table.positions, case.doctor.places["stroke"].paths
+    if case.beside is None:
+        tree = cKDTree(positions)
+        beside = np.zeros((len(paths), len(positions)), bool)
+        for own, path in zip(beside, paths, strict=True):
+            own[[row for near in tree.query_ball_point(path, BESIDE) for row in near]] = True
+        case.beside = beside
+    felt = np.sum([one.response > THRESHOLD for one in case.doctor.touches], axis=0)
+    share = case.beside @ (felt < OFTEN) / len(positions)
+    asked = [one.middle for one in case.doctor.touches if one.middle is not None]
+    for row, path in enumerate(paths):
+        if asked and np.linalg.norm(path[len(path) // 2] - asked, axis=1).min() < AGAIN:
+            share[row] *= 0.5
+    best = int(np.argmax(share))
+    return paths[best], float(share[best])
 
 
 def ask(
     cases: Mapping[str, Case],
     plan: Plan,
-    touched: Callable[[str, FloatArray], Answers | None],
+    touched: Callable[[], Answers | None],
+    left: Callable[[], bool],
 ) -> Iterator[str]:
     """Name one place after the other, and hear what answers; gives the places where nothing did."""
-    for number in range(1, plan.most + 1):
-        asked = next_touch(cases, plan.how)
-        if asked is None:
-            break
-        part, path, _ = asked
-        words = place_words(cases[part].boards, path, plan.how)
+    number = 0
+    while left() and (asked := next_touch(cases, covers=plan.covers)) is not None:
+        number += 1
+        words = place_words(cases[asked.part].boards, asked)
         plan.told(f"{number}. {words}")
-        if plan.marker is not None:
-            plan.marker.show(part, path, words)
-        heard = touched(part, path)
+        for marker in plan.markers:
+            marker.show(asked.part, asked.path, words)
+        heard = touched()
         if heard is None:
             yield words
-            heard = {part: np.zeros((1, len(cases[part].boards.table)))}
-        _hear(cases[part], heard[part], plan.how, path, plan)
+            heard = {asked.part: np.zeros((1, len(cases[asked.part].boards.table)))}
+        _hear(cases[asked.part], heard[asked.part], asked.how, asked.path, plan)
 
 
 def _hear(case: Case, answers: FloatArray, how: str, path: FloatArray | None, plan: Plan) -> None:
@@ -169,13 +221,14 @@ def concluded(
     robot: Robot,
     plan: Plan,
     cases: Mapping[str, Case],
+    skin_seconds: float,
     notes: Sequence[str] = (),
 ) -> Examination:
     """Result, with what is certainly wrong though not sure which fault it is."""
     for case in cases.values():
         for found in case.doctor.conclude():
             plan.told(f"   {found.fault.words(case.boards)} ({100 * found.confidence:.1f} %)")
-    return Examination(source, robot.name, plan.how, tuple(cases.values()), tuple(notes))
+    return Examination(source, robot.name, tuple(cases.values()), skin_seconds, tuple(notes))
 
 
 def examine_recording(
@@ -185,7 +238,6 @@ def examine_recording(
     plan: Plan,
     *,
     places: Path | None,
-    unit: float = 1.0,
 ) -> Examination:
     """Examine a recording of touches by a person.
 
@@ -198,9 +250,7 @@ def examine_recording(
         Parts to examine; all that were recorded by default.
     plan : Plan
     places : Path or None
-        A table of where the touches were asked for.
-    unit : float
-        Of that table [m].
+        A table of where the touches were asked for [m].
 
     Returns
     -------
@@ -235,10 +285,11 @@ def examine_recording(
         if values.shape[1] != len(case.boards.table):
             values = values[:, case.boards.table.channels]
         case.places_known = places is not None
-        notes += _examine_part(case, values, track, path, places, unit, plan)
+        notes += _examine_part(case, values, track, path, places, plan)
     if not any(case.doctor.touches for case in cases.values()):
         notes.append("the recording holds no touch: only the rest was judged")
-    return concluded(path.name, robot, plan, cases, notes)
+    span = float(track.times[-1] - track.times[0]) if len(track.times) else 0.0
+    return concluded(path.name, robot, plan, cases, span, notes)
 
 
 def _examine_part(
@@ -247,7 +298,6 @@ def _examine_part(
     track: RecordedStream,
     path: Path,
     places: Path | None,
-    unit: float,
     plan: Plan,
 ) -> list[str]:
     """Rest and touches of one part; what could not be told."""
@@ -260,10 +310,11 @@ def _examine_part(
         spans = find_touches(answers)
         quiet = untouched(len(values), spans)
     case.take_rest(values[quiet][:MAX_REST])
+    answers = case.without_noisy(base).answers(values)
     labels = [touch.label for touch in marked] or [""] * len(spans)
     asked: list[FloatArray | None] = [None] * len(spans)
     if places is not None:
-        rows = read_places(places, case.part, unit)
+        rows = read_places(places, case.part)
         check_places(rows, case.boards.table.positions, case.part, places)
         if all(row.span is not None for row in rows):
             spans = np.array([np.searchsorted(track.times, row.span or (0.0, 0.0)) for row in rows])
@@ -280,11 +331,10 @@ def _examine_part(
     used = 0
     for (begin, end), label, place in zip(spans.tolist(), labels, asked, strict=True):
         stroked = place is not None and len(place) > 1
-        kind = "stroke" if stroked else plan.how
-        if (label in HANDS and not stroked) or (place is None and kind != "poke"):
+        if label in LARGE and not stroked:
             continue  # a hand is too large; and without its place a stroke, too
         used += 1
-        _hear(case, answers[begin : end + 1], kind, place, plan)
+        _hear(case, answers[begin : end + 1], "stroke" if stroked else "poke", place, plan)
     return _untold(case, len(spans) - used)
 
 
@@ -301,9 +351,9 @@ def _untold(case: Case, left_out: int) -> list[str]:
     return notes
 
 
-def place_words(boards: Boards, path: FloatArray, how: str) -> str:
+def place_words(boards: Boards, asked: Asked) -> str:
     """Where to touch, for people: the nearest taxels by channel and module."""
-    spots = []
+    spots, path = [], asked.path
     for point in (path[0], path[-1]) if len(path) > 1 else (path[0],):
         away = np.linalg.norm(boards.table.positions - point, axis=1)
         order = nearest_first(away)
@@ -318,7 +368,7 @@ def place_words(boards: Boards, path: FloatArray, how: str) -> str:
                 boards.table.modules[other]
             )
         spots.append(f"{words} ({x:.0f}, {y:.0f}, {z:.0f} mm)")
-    if how == "stroke":
+    if asked.how == "stroke":
         return f"stroke {boards.part} from {spots[0]} to {spots[-1]}"
     return f"poke {boards.part}: {spots[0]}"
 
@@ -355,17 +405,18 @@ def examine_live(source: Source, robot: Robot, parts: Sequence[str], plan: Plan)
         info.part_slice(part)
     check_skin(info, robot)
     cases = open_cases(robot, there)
-    next_touch(cases, plan.how)  # what takes seconds once, before anybody waits for it
+    next_touch(cases)  # what takes seconds once, before anybody waits for it
     stream = _Stream(source, cases)
     notes: list[str] = []
     try:
         level = stream.rest(cases, plan)
-        for words in ask(cases, plan, lambda *_: stream.touch(level, plan)):
+        left = lambda: stream.seconds < SECONDS  # noqa: E731
+        for words in ask(cases, plan, lambda: stream.touch(level, plan), left):
             notes.append(f"nothing answered within {PATIENCE:.0f} s at: {words}")
     except KeyboardInterrupt:
         plan.told("interrupted")
         notes.append("interrupted: judged by what was touched until then")
-    return concluded(info.name, robot, plan, cases, notes)
+    return concluded(info.name, robot, plan, cases, stream.seconds, notes)
 
 
 class _Stream:
@@ -373,6 +424,7 @@ class _Stream:
 
     def __init__(self, source: Source, cases: Mapping[str, Case]) -> None:
         self.source, self.rate = source, source.info.rate or 50.0
+        self.seconds = 0.0  # that were read
         self.columns = {}
         for part, case in cases.items():
             rows = np.arange(source.info.channels)[source.info.part_slice(part)]
@@ -389,6 +441,7 @@ class _Stream:
             raise InvalidArrayError("the source ended before the examination did") from None
         if block is None or len(block) == 0:
             return None
+        self.seconds += len(block) / self.rate
         values = np.asarray(block.values, np.float64)
         if values.shape[1] != self.source.info.channels:
             raise SkinMismatchError(
@@ -419,7 +472,11 @@ class _Stream:
         samples = self.some(round(REST_SECONDS * self.rate), patience=5.0 * REST_SECONDS)
         for part, case in cases.items():
             case.take_rest(samples[part])
-        return {part: Baseline.of(samples[part], self.source.info.kind) for part in cases}
+        kind = self.source.info.kind
+        return {
+            part: case.without_noisy(Baseline.of(samples[part], kind))
+            for part, case in cases.items()
+        }
 
     def touch(self, level: dict[str, Baseline], plan: Plan) -> dict[str, FloatArray] | None:
         """Answers (t, n) by part from a touch's beginning to its end; None where none came."""
@@ -434,8 +491,8 @@ class _Stream:
             for part, values in block.items():
                 above = level[part].above(values)
                 active |= (above > THRESHOLD).any(axis=1)
-                if plan.marker is not None:
-                    plan.marker.feed(part, np.maximum(above[-1], 0.0))
+                for marker in plan.markers:
+                    marker.feed(part, np.maximum(above[-1], 0.0))
             if not active.any() and not felt:
                 for part, values in block.items():
                     level[part] = level[part].followed(values, self.rate)

@@ -81,25 +81,30 @@ class Fault:
 
     def words(self, boards: Boards) -> str:
         """For people."""
-        numbers = self.numbers(boards)
+        numbers, part = self.numbers(boards), boards.part
+        every = f"modules {', '.join(map(str, numbers))}"
         if self.kind == "healthy":
             return "nothing is wrong"
         if self.kind == "swapped_modules":
-            return f"modules {numbers[0]} and {numbers[1]} are swapped"
+            return f"modules {numbers[0]} and {numbers[1]} of {part} exchanged: swap their plugs"
         if self.kind == "turned_module":
-            return f"module {numbers[0]} is turned by {120 * self.element} degrees"
+            turn = 120 * self.element
+            return f"module {numbers[0]} of {part}: mounted with a turn of {turn} degrees"
         if self.kind == "mirrored_module":
             turn = 120 * (self.element - 3)
-            return f"module {numbers[0]} is mirrored" + (f" and turned by {turn}" if turn else "")
+            more = f" and with a turn of {turn} degrees" if turn else ""
+            return f"module {numbers[0]} of {part}: mounted mirrored{more}"
         if self.kind == "mute_module":
-            return f"module {numbers[0]} is mute"
+            return f"module {numbers[0]} of {part}: cable or board"
         if self.kind == "swapped_channels":
             one, other = self.channels(boards)
-            return f"channels {one} and {other} of module {numbers[0]} are swapped"
+            return f"channels {one} and {other} of {part} exchanged, in module {numbers[0]}"
         if self.kind == "swapped_chains":
-            return f"chains {self.chains[0]} and {self.chains[1]} are swapped"
-        verb = "mute" if self.kind == "mute_chain" else "reversed"
-        return f"chain {self.chains[0]} (modules {', '.join(map(str, numbers))}) is {verb}"
+            one, other = self.chains
+            return f"chains {one} and {other} of {part} exchanged: swap their cables"
+        if self.kind == "mute_chain":
+            return f"chain {self.chains[0]} of {part}, {every}: cable or board of the chain"
+        return f"chain {self.chains[0]} of {part}, {every}: wired in reverse order"
 
 
 NOTHING = Fault("healthy")

@@ -1,266 +1,248 @@
-"""What an examination found, for people and programs."""
+"""Result of a check-up, for people and programs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, cast
 
 import msgspec
 
+from skinmap.rows import column, row
 from skinmap.summary import first_few
 
 if TYPE_CHECKING:
     from calibration.wiring.examination import Case, Examination
     from calibration.wiring.faults import Fault
-    from calibration.wiring.touches import How
-    from skinmap.arrays import FloatArray
+    from calibration.wiring.history import Change
+    from skinmap.arrays import IntArray
 
-TRIED = 3  # touches in which a taxel should have answered before it counts as mute
+TRIED = 3  # touches in which a taxel should have answered before it counts as silent
 SURELY = 60.0  # counts that its neighbours answered with
-LEAST = 0.01  # suspects less probable are not told
-SUSPECTS = 3  # of each part
+SAME_SURE = 0.95  # confidence in a taxel that stayed silent in that many touches
+LEAST = 0.01  # alternatives less probable are not listed
 ORDER = ("inconsistent", "faulty", "undecided", "healthy")  # worst first
-MAX_NAMED = 12  # channels in a line
+MAX_NAMED = 8  # channels in a line
 WORDS = {
-    "healthy": "the wiring is as the map has it",
-    "faulty": "the wiring is not as the map has it",
-    "undecided": "not certain yet: touch more",
+    "healthy": "nothing is wrong",
+    "faulty": "faults were found",
+    "undecided": "no fault so far, and not enough touches to exclude one",
     "inconsistent": "the answers do not come from where the touches were asked for: the places "
     "belong to another part, order or unit, or more is wrong than one thing at a time",
+}
+OF_TAXELS = {
+    "dead": "never answers",
+    "stuck": "stands still",
+    "noisy": "is noisier than the others",
+    "clipped": "is cut off",
+    "quantised": "takes coarser steps than the others",
+    "copied": "send the same signal: one is a copy of the other",
+    "silent": "stays silent where its neighbours feel a touch",
 }
 State = Literal["healthy", "faulty", "undecided", "inconsistent"]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@row
 class FaultRow:
-    """What may be wrong.
+    """A fault."""
 
-    Attributes
-    ----------
-    part
-        Where; not of alternatives.
-    kind
-        Of modules, chains or channels.
-    modules, chains, channels
-        That it is of; channels are those that are mute or not where the map has them.
-    words
-        For people.
-    confidence
-        Probability.
-    alternatives
-        What else it may be, the most probable first; alternatives have none.
-    """
+    part: str | msgspec.UnsetType = column("Its part; not of alternatives.", default=msgspec.UNSET)
+    kind: str = column(
+        "Of modules and chains: swapped, turned, mirrored, reversed, mute; of channels: "
+        "swapped_channels, dead, stuck, noisy, clipped, quantised, copied, silent, and since "
+        "earlier check-ups weaker, stronger, noisier, moved."
+    )
+    modules: list[int] = column("Modules that it is of.")
+    chains: list[int] = column("Chains that it is of.")
+    channels: list[int] = column("Channels that it is of.")
+    words: str = column("For people.")
+    confidence: float = column("Probability.")
+    place_mm: list[float] | None = column(
+        "Middle of its channels in the frame of the link [mm]; null where none has a place.",
+        default=None,
+    )
+    since: str | None = column(
+        "Time of the first check-up that shows it; null where it is not from the history.",
+        default=None,
+    )
+    alternatives: list[FaultRow] | msgspec.UnsetType = column(
+        "Other faults that would show the same, the most probable first; alternatives have none.",
+        heading="", default=msgspec.UNSET,
+    )  # fmt: skip
 
-    part: str | msgspec.UnsetType = msgspec.UNSET
-    kind: str
-    modules: list[int]
-    chains: list[int]
-    channels: list[int]
-    words: str
-    confidence: float
-    alternatives: list[FaultRow] | msgspec.UnsetType = msgspec.UNSET
 
-
-@dataclass(frozen=True, kw_only=True, slots=True)
+@row
 class PartRow:
-    """A part that was examined.
+    """A part that was examined."""
 
-    Attributes
-    ----------
-    part
-        Its name.
-    status
-        Of its wiring.
-    healthy
-        Probability that nothing else is wrong.
-    touches
-        How many.
-    misfits
-        Touches not felt where they were asked for.
-    places_known
-        Whether it is known where touches were asked for.
-    mute_taxels
-        Channels that stayed silent in every touch that their neighbours all felt.
-    """
-
-    part: str
-    status: State
-    healthy: float
-    touches: int
-    misfits: int
-    places_known: bool
-    mute_taxels: list[int]
+    part: str = column("Its name.")
+    status: State = column("Of this part.")
+    healthy: float = column("Probability that nothing else is wrong with its wiring.")
+    touches: int = column("Touches.")
+    misfits: int = column("Touches not felt where they were asked for.")
+    places_known: bool = column("Whether it is known where touches were asked for.")
+    rest_samples: int = column("Samples at rest that were judged.")
+    rest_tells: bool = column("Whether there was noise enough at rest to judge channels by it.")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class NextTouch:
-    """Where to touch next.
+@row
+class CheckupResult:
+    """Is this skin sound, and which cable, board or taxel is not."""
 
-    Attributes
-    ----------
-    part
-        Its name.
-    words
-        For people.
-    path_mm
-        In the link's frame: one point, or those of a stroke.
-    gain_nats
-        What it would tell.
-    """
-
-    part: str
-    words: str
-    path_mm: list[list[float]]
-    gain_nats: float
+    robot: str = column("Its name.")
+    source: str = column("Source that was examined.")
+    status: State = column("The worst of the parts.")
+    parts: list[PartRow] = column("One by one.", heading="")
+    faults: list[FaultRow] = column("Faults, those of cables and modules first.", heading="")
+    suspects: list[FaultRow] = column("Faults that are possible and not certain.", heading="")
+    touches: int = column("Touches.")
+    skin_seconds: float = column("Duration on the clock of the skin [s].")
+    next: str | None = column("Next place to touch; null where nothing is left to ask.")
+    checkups: int = column("Check-ups in the history, with this one; 0 without a history.")
+    notes: list[str] = column("Questions that stay open.")
+    seconds: float = column("CPU time.")
+    files: list[str] = column("Files that were written.")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RestRow:
-    """What a part told untouched.
+def findings(examined: Examination) -> CheckupResult:
+    """The result, without files and CPU time."""
+    from calibration.wiring.examination import next_touch, place_words
 
-    Attributes
-    ----------
-    samples
-        How many.
-    tells
-        Whether there was noise enough to judge.
-    stuck
-        Channels that never changed, though others did.
-    mute_modules
-        Modules of which no channel changed.
-    given_twice
-        Pairs of channels that say the same.
-    too_calm
-        Channels that changed too seldom to be compared.
-    no_numbers
-        Channels that sent no number in most samples.
-    """
-
-    samples: int
-    tells: bool
-    stuck: list[int]
-    mute_modules: list[int]
-    given_twice: list[list[int]]
-    too_calm: list[int]
-    no_numbers: list[int]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class WiringResult:
-    """Which cable is in the wrong socket.
-
-    Attributes
-    ----------
-    robot
-        Its name.
-    source
-        What was examined.
-    touch
-        How the skin was touched.
-    status
-        The worst of the parts.
-    parts
-        One by one.
-    faults
-        That were named.
-    suspects
-        That were not.
-    touches
-        How many.
-    next
-        Where to touch next; null where nothing is left to ask.
-    rest
-        By part; null where none was recorded.
-    notes
-        What cannot be told.
-    seconds
-        CPU time.
-    files
-        Corrected maps.
-    """
-
-    robot: str
-    source: str
-    touch: Literal["poke", "stroke"]
-    status: State
-    parts: list[PartRow]
-    faults: list[FaultRow]
-    suspects: list[FaultRow]
-    touches: int
-    next: NextTouch | None
-    rest: dict[str, RestRow | None]
-    notes: list[str]
-    seconds: float
-    files: list[str]
-
-
-def findings(examined: Examination, out: Path | None) -> WiringResult:
-    """All of it, with corrected maps where they were asked for; `seconds` are not known here."""
-    from calibration.wiring.examination import next_touch
-
-    cases = examined.cases
-    parts = [_part_row(case) for case in cases]
-    following = next_touch({case.part: case for case in cases if case.places_known}, examined.how)
-    faults = [
-        _fault_row(case, found.fault, found.confidence, found.alternatives)
-        for case in cases
-        if case.doctor.status != "inconsistent"
-        for found in case.doctor.found
-    ]
+    cases = {case.part: case for case in examined.cases}
+    faults = [one for case in cases.values() for one in _of_case(case)]
+    parts = [_part_row(case, faults) for case in cases.values()]
     suspects = [
         _fault_row(case, fault, chance)
-        for case in cases
-        for fault, chance in case.doctor.suspects(SUSPECTS)
-        if chance > LEAST and not case.doctor.wiring.mute[list(fault.modules)].all()
+        for case in cases.values()
+        for fault, chance in case.doctor.suspects(3)
+        if case.doctor.status == "undecided"
+        and chance > LEAST
+        and not case.doctor.wiring.mute[list(fault.modules)].all()
     ]
-    return WiringResult(
+    asked = next_touch({part: case for part, case in cases.items() if case.places_known})
+    return CheckupResult(
         robot=examined.robot,
         source=examined.source,
-        touch=cast("How", examined.how),
-        status=min((row.status for row in parts), key=ORDER.index),
+        status=min((one.status for one in parts), key=ORDER.index),
         parts=parts,
         faults=faults,
         suspects=suspects,
-        touches=sum(row.touches for row in parts),
-        next=None if following is None else _next(cases, *following, examined.how),
-        rest={case.part: _rest_row(case) for case in cases},
+        touches=sum(one.touches for one in parts),
+        skin_seconds=examined.skin_seconds,
+        next=None if asked is None else place_words(cases[asked.part].boards, asked),
+        checkups=0,
         notes=list(examined.notes),
         seconds=0.0,
-        files=[] if out is None else _write(cases, out),
+        files=[],
     )
 
 
-def _part_row(case: Case) -> PartRow:
-    doctor = case.doctor
+def with_changes(
+    result: CheckupResult, cases: Sequence[Case], changes: Sequence[Change], checkups: int
+) -> CheckupResult:
+    """The result with what has changed since earlier check-ups."""
+    boards = {case.part: case.boards for case in cases}
+    known = {(one.part, c) for one in result.faults for c in one.channels}
+    new = [
+        _taxel_row(boards[one.part].part, boards[one.part], one.kind, [one.row], one.words,
+                   one.confidence, one.since)
+        for one in changes
+        if (one.part, int(boards[one.part].table.channels[one.row])) not in known
+    ]  # fmt: skip
+    changed = {one.part for one in new}
+    parts = [
+        replace(one, status="faulty") if one.part in changed and one.status != "inconsistent"
+        else one for one in result.parts
+    ]  # fmt: skip
+    return replace(
+        result, faults=[*result.faults, *new], parts=parts, checkups=checkups,
+        status=min((one.status for one in parts), key=ORDER.index),
+    )  # fmt: skip
+
+
+def _of_case(case: Case) -> Iterator[FaultRow]:
+    """Faults of cables and modules, then those of single channels."""
+    named: set[int] = set()
+    if case.doctor.status != "inconsistent":
+        for found in case.doctor.found:
+            one = _fault_row(case, found.fault, found.confidence, found.alternatives)
+            named |= set(one.channels) if "mute" in one.kind else set()
+            yield one
+    channels = case.boards.table.channels
+    for own in case.rest.found if case.rest is not None else ():
+        rows = own.channels or []
+        for several in [rows] if own.kind == "copied" else [[one] for one in rows]:
+            if not named & set(channels[several].tolist()):
+                named |= set(channels[several].tolist())
+                text = OF_TAXELS[own.kind] + (
+                    f" at {own.value:g}" if isinstance(own.value, float) else ""
+                )
+                yield _taxel_row(case.part, case.boards, own.kind, several, text, own.confidence)
+    for silent in _silent(case).tolist():
+        if int(channels[silent]) not in named:
+            text = OF_TAXELS["silent"]
+            yield _taxel_row(case.part, case.boards, "silent", [silent], text, SAME_SURE)
+
+
+def _taxel_row(
+    part: str, boards: object, kind: str, rows: list[int], text: str, sure: float,
+    since: str | None = None,
+) -> FaultRow:  # fmt: skip
+    from calibration.wiring.boards import Boards
+
+    assert isinstance(boards, Boards)
+    table = boards.table
+    channels = [int(one) for one in table.channels[rows]]
+    modules = sorted({int(one) for one in table.modules[rows]})
+    head = (
+        "channels " + " and ".join(map(str, channels)) if len(rows) > 1 else f"taxel {channels[0]}"
+    )
+    return FaultRow(
+        part=part, kind=kind, modules=modules, chains=[], channels=channels,
+        words=f"{head} of {part}: {text}", confidence=sure, since=since,
+        place_mm=(1e3 * table.positions[rows].mean(axis=0)).tolist(), alternatives=[],
+    )  # fmt: skip
+
+
+def _part_row(case: Case, faults: Sequence[FaultRow]) -> PartRow:
+    doctor, rest = case.doctor, case.rest
+    state = doctor.status
+    if state != "inconsistent" and any(one.part == case.part for one in faults):
+        state = "faulty"
     return PartRow(
         part=case.part,
-        status=cast("State", doctor.status),
+        status=cast("State", state),
         healthy=doctor.healthy,
         touches=len(doctor.touches),
         misfits=doctor.misfits,
         places_known=case.places_known,
-        mute_taxels=_mute_taxels(case),
+        rest_samples=0 if rest is None else rest.samples,
+        rest_tells=rest is not None and rest.tells,
     )
 
 
 def _fault_row(
     case: Case, fault: Fault, confidence: float, others: Sequence[tuple[Fault, float]] = ()
 ) -> FaultRow:
-    def row(one: Fault, chance: float) -> FaultRow:
-        boards = case.boards
+    import numpy as np
+
+    boards = case.boards
+
+    def made(one: Fault, chance: float) -> FaultRow:
+        channels = one.channels(boards)
+        there = boards.table.positions[np.isin(boards.table.channels, channels)]
         return FaultRow(
-            kind=one.kind, modules=one.numbers(boards), chains=list(one.chains),
-            channels=one.channels(boards), words=one.words(boards), confidence=chance,
+            kind=one.kind, modules=one.numbers(boards), chains=list(one.chains), channels=channels,
+            words=one.words(boards), confidence=chance,
+            place_mm=(1e3 * there.mean(axis=0)).tolist() if len(there) else None,
         )  # fmt: skip
 
-    alternatives = [row(*other) for other in others]
-    return replace(row(fault, confidence), part=case.part, alternatives=alternatives)
+    alternatives = [made(*other) for other in others]
+    return replace(made(fault, confidence), part=case.part, alternatives=alternatives)
 
 
-def _mute_taxels(case: Case) -> list[int]:
-    """Channels that stayed silent in every touch that their neighbours all felt."""
+def _silent(case: Case) -> IntArray:
+    """Rows that stayed silent in every touch that their neighbours all felt."""
     import numpy as np
 
     from calibration.wiring.answer_model import THRESHOLD
@@ -274,88 +256,35 @@ def _mute_taxels(case: Case) -> list[int]:
         strong = touch.response > SURELY
         answered |= touch.response > THRESHOLD
         tried += (near & strong[None]).sum(axis=1) >= 3
-    return cast("list[int]", case.boards.table.channels[(tried >= TRIED) & ~answered].tolist())
+    return np.flatnonzero((tried >= TRIED) & ~answered)
 
 
-def _rest_row(case: Case) -> RestRow | None:
-    """The rest; None where there was none."""
-    rest, boards = case.rest, case.boards
-    if rest is None:
-        return None
-    channels = boards.table.channels
-    return RestRow(
-        samples=rest.samples,
-        tells=rest.tells,
-        stuck=channels[rest.stuck].tolist(),
-        mute_modules=[int(boards.numbers[module]) for module in rest.mute],
-        given_twice=channels[rest.pairs].tolist(),
-        too_calm=channels[rest.unsure].tolist(),
-        no_numbers=channels[rest.silent].tolist(),
-    )
-
-
-def _next(cases: Sequence[Case], part: str, path: FloatArray, gain: float, how: str) -> NextTouch:
-    from calibration.wiring.examination import MM, place_words
-
-    boards = next(case.boards for case in cases if case.part == part)
-    words = place_words(boards, path, how)
-    return NextTouch(part=part, words=words, path_mm=(MM * path).tolist(), gain_nats=gain)
-
-
-def _write(cases: Sequence[Case], out: Path) -> list[str]:
-    """Write the corrected map of each part whose channels moved; the files' names."""
-    from calibration.wiring.channel_map import corrected, map_files, write_map
-
-    files = map_files([case.part for case in cases], out)
-    written = []
-    for case in cases:
-        if case.doctor.status == "inconsistent":
-            continue
-        faults = [found.fault for found in case.doctor.found]
-        table, moved = corrected(case.boards, case.doctor.wiring, faults)
-        if len(moved):
-            files[case.part].parent.mkdir(parents=True, exist_ok=True)
-            write_map(table, files[case.part])
-            written.append(str(files[case.part]))
-    return written
-
-
-def lines(result: WiringResult) -> Iterator[str]:
-    """What people read at the end."""
+def lines(result: CheckupResult) -> Iterator[str]:
+    """What people read at the end, and on the page."""
     yield f"{result.status}: {WORDS[result.status]}"
     for fault in result.faults:
-        yield f"  {fault.part}: {_likely(fault)}"
+        yield f"  {fault.words} ({100 * fault.confidence:.1f} %){_where(fault)}"
         for other in fault.alternatives or ():
-            yield f"    or {_likely(other)}"
-    if result.status != "healthy":
-        yield from (f"  perhaps {one.part}: {_likely(one)}" for one in result.suspects)
-    for part, rest in result.rest.items():
-        yield from (f"  {part}: {line}" for line in _rest_lines(rest))
-    for row in result.parts:
-        chance = f"nothing (else) wrong: {100 * row.healthy:.1f} %"
-        yield f"  {row.part}: {row.touches} touches, {chance}"
-        if row.mute_taxels:
-            yield f"    channels that never answered: {first_few(row.mute_taxels, MAX_NAMED)}"
+            yield f"    or {other.words} ({100 * other.confidence:.1f} %)"
+    if result.status == "undecided":
+        for one in result.suspects:
+            yield f"  perhaps {one.words} ({100 * one.confidence:.1f} %)"
+    for part in result.parts:
+        rest = "" if part.rest_tells else "; the rest has too little noise to judge channels by"
+        yield (
+            f"  {part.part}: {part.touches} touches, {part.rest_samples} samples at rest, "
+            f"no (other) fault of its wiring: {100 * part.healthy:.1f} %{rest}"
+        )
     yield from (f"  note: {note}" for note in result.notes)
     if result.next is not None and result.status in ("undecided", "faulty"):
-        yield f"  next: {result.next.words}"
+        yield f"  next: {result.next}"
 
 
-def _likely(fault: FaultRow) -> str:
-    return f"{fault.words} ({100 * fault.confidence:.1f} %)"
-
-
-def _rest_lines(rest: RestRow | None) -> Iterator[str]:
-    if rest is None:
-        yield "no rest was recorded"
-        return
-    if rest.no_numbers:
-        one = len(rest.no_numbers) == 1
-        who = f"channel {rest.no_numbers[0]} sends" if one else "these channels send"
-        yield f"{who} no numbers" + ("" if one else f": {first_few(rest.no_numbers, MAX_NAMED)}")
-    if not rest.tells:
-        yield "at rest too few channels change to tell anything"
-    if rest.stuck:
-        yield f"stuck channels: {first_few(rest.stuck, MAX_NAMED)}"
-    if rest.given_twice:
-        yield f"given twice: {first_few([f'{a} = {b}' for a, b in rest.given_twice], MAX_NAMED)}"
+def _where(fault: FaultRow) -> str:
+    place = (
+        "" if fault.place_mm is None else " at ({:.0f}, {:.0f}, {:.0f} mm)".format(*fault.place_mm)
+    )
+    several = (
+        f", channels {first_few(fault.channels, MAX_NAMED)}" if len(fault.channels) > 2 else ""
+    )
+    return place + several

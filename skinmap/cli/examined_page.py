@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from skinmap.report.channel_map import COLOURS, draw_channels
 from skinmap.report.image import image, picture_bytes, plain_figure
 from skinmap.report.page import heading, note, page, paragraph
 from skinmap.report.table import Table
@@ -13,10 +14,6 @@ from skinmap.soundness.examination import Examined, ExaminedFile
 from skinmap.soundness.finding import Finding
 from skinmap.soundness.survey import Survey
 
-COLOURS = (
-    "#d55e00", "#0072b2", "#cc79a7", "#e69f00", "#56b4e9", "#009e73", "#8c564b", "#5b6773",
-)  # fmt: skip
-SOUND = "#dfe6ec"
 MOST_SPANS = 400
 
 
@@ -88,27 +85,7 @@ def _channels(file: ExaminedFile, survey: Survey) -> bytes:
         wide = int(np.ceil(np.sqrt(file.channels * 3)))
         at = np.array([(k % wide, -(k // wide)) for k in range(file.channels)], float)
     figure = plain_figure((11.0, 4.2))
-    axis = figure.subplots()
-    size = float(np.clip(9000 / file.channels, 4, 160))
-    sound = np.array([k not in states for k in range(file.channels)])
-    axis.scatter(*at[sound].T, s=size, color=SOUND, label="sound")
-    for place, kind in enumerate(dict.fromkeys(states.values())):
-        own = [k for k, state in states.items() if state == kind]
-        colour = COLOURS[place % len(COLOURS)]
-        axis.scatter(*at[own].T, s=size, color=colour, label=f"{kind} ({len(own)})")
-        for k in own if len(own) <= 40 else []:
-            axis.annotate(
-                str(k),
-                at[k],
-                (0, -7),
-                textcoords="offset points",
-                fontsize=6,
-                ha="center",
-                va="top",
-            )
-    axis.set_aspect("equal")
-    axis.set_axis_off()
-    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    draw_channels(figure.subplots(), at, states)
     return picture_bytes(figure)
 
 

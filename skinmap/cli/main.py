@@ -57,6 +57,7 @@ COMMANDS = {
     "cache": ("skinmap.cli.cache", "What is kept between runs, and dropping it."),
 }
 GROUP = "skinmap.commands"
+OLD_NAMES = {"wiring": "checkup"}  # that answer for one release, and are not listed
 # What is said of each, and the exit code.
 SAID: dict[int, tuple[str, int]] = {
     signal.SIGINT: ("interrupted", 130),
@@ -74,6 +75,7 @@ class LazyGroup(NamedGroup):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Load one command; None if there is none of that name."""
+        cmd_name = OLD_NAMES.get(cmd_name, cmd_name)
         if cmd_name in COMMANDS:
             command: click.Command = importlib.import_module(COMMANDS[cmd_name][0]).command
             return command

@@ -34,7 +34,7 @@ FILES = {
     "view icub --html": ("icub.html",),
     "calibrate wrap {PATCH} -o out --window": ("anchors.png",),
     "new ../robot/robot.urdf --taxels ../robot/forearm.csv -o": ("robot.toml",),
-    "wiring wiring/pokes.mcap --part right_forearm -o": ("map.csv",),
+    "checkup wiring/pokes.mcap --part right_forearm -o": ("map.csv",),
 }
 FOLDERS = (
     "demo -o",

@@ -19,7 +19,7 @@ from skinmap.cli.main import cli
 ROOT = Path(__file__).parents[2]
 BOARD = ROOT / "docs" / "examples" / "board"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), BOARD / "README.md"]
-LINE = re.compile(r"^    skinmap ((?:calibrate|anchors|wiring) .*)$", re.MULTILINE)
+LINE = re.compile(r"^    skinmap ((?:calibrate|anchors|checkup) .*)$", re.MULTILINE)
 EXTRAS = {"calibrate scan": "open3d"}
 
 
