@@ -68,8 +68,11 @@ def smallest_altitudes(vertices: FloatArray, faces: IntArray) -> FloatArray:
 
 def edge_lengths(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(m, 3) length of the edge opposite each corner [m], in any dimension."""
-    corners = vertices[faces]
-    return np.linalg.norm(corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]], axis=2)
+    square = np.zeros(faces.shape)
+    for column in vertices.T:  # axes apart: sums over three columns are slow
+        corners = column[faces]
+        square += (corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]]) ** 2
+    return np.asarray(np.sqrt(square))
 
 
 def pair_lengths(points: FloatArray, pairs: IntArray) -> FloatArray:

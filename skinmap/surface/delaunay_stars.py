@@ -9,26 +9,17 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.proximity import nearest_of
 from skinmap.geometry.rigid import tangent_frames
-from skinmap.geometry.triangles import unit
 from skinmap.surface.compiled import star_kernel
 from skinmap.surface.taxel_cloud import faces_away
 
 NEIGHBOURS = 20  # more than two rings of a hexagonal lattice; a star needs one
 FEW = 12  # close most stars too; at borders a little less is seen
 JITTER = 1e-4  # in spacings: the least that breaks the ties of a square grid bent in space
-FIRST = 12  # nearest to begin with: they close most stars, and the rest then only confirms it
+FIRST = 12  # nearest to begin with: they settle most stars
 FLAT = 1e-12  # of the inverted size squared: less is a rounding error
 CHUNK = 256  # taxels at a time: the k^2 numbers of a star stay in the processor's cache
-COMPILED_CHUNK = 65_536  # bounds the memory of the neighbour table
-
-
-def tangent_offsets(offsets: FloatArray, normals: FloatArray) -> FloatArray:
-    """(n, k, 2) offsets (n, k, 3) laid into each tangent plane at their full 3D length [m].
-
-    Keeping the length, not the shadow, makes strongly bent neighbourhoods near-isometric.
-    """
-    flat = np.einsum("nki,nai->nka", offsets, tangent_frames(normals))
-    return unit(flat) * np.linalg.norm(offsets, axis=2, keepdims=True)
+MANY = 65_536  # bounds the memory of the neighbour table
+MARGIN = 1e-9  # relative: for the rounding of a circle's diameter
 
 
 def delaunay_stars(
@@ -73,22 +64,34 @@ def delaunay_stars(
     shaken = points + jitter
     tree = cKDTree(shaken)
     kernel = star_kernel(len(points), compiled)
-    size = CHUNK if kernel is None else COMPILED_CHUNK
-    votes = [np.zeros((0, 3), np.int64)]
-    for start in range(0, len(points), size):
-        rows = np.arange(start, min(start + size, len(points)))
-        distance, index = nearest_of(tree, rows, neighbours)
-        distance = np.where(faces_away(normals, rows, index), np.inf, distance)
+    found = [np.zeros((0, 3), np.int64)]
+
+    def near(rows: IntArray, count: int) -> tuple[FloatArray, IntArray, FloatArray]:
+        distance, index = nearest_of(tree, rows, count)
+        reach = distance[:, -1] if index.shape[1] < len(points) - 1 else np.full(len(rows), np.inf)
+        out = faces_away(normals, rows, index) | (distance > limit) | (distance == 0)
         if allowed is not None:
             own = np.repeat(np.arange(len(rows)), index.shape[1])
-            fits = contains(allowed[rows], own, index.ravel()).reshape(index.shape)
-            distance = np.where(fits, distance, np.inf)
+            out |= ~contains(allowed[rows], own, index.ravel()).reshape(index.shape)
+        return np.where(out, np.inf, distance), index, reach
+
+    left = []
+    for start in range(0, len(points), MANY):
+        rows = np.arange(start, min(start + MANY, len(points)))
+        votes, settled = _settled_stars(shaken, normals, rows, *near(rows, FIRST), limit)
+        found.append(votes)
+        left.append(rows[~settled])
+    rest = np.concatenate(left)
+    size = CHUNK if kernel is None else MANY
+    for start in range(0, len(rest), size):
+        rows = rest[start : start + size]
+        distance, index, _ = near(rows, neighbours)
         if kernel is not None:
             first, second = tangent_frames(normals[rows]).swapaxes(0, 1)
-            votes.append(kernel(shaken, first, second, rows, index, distance, limit))
+            found.append(kernel(shaken, first, second, rows, index, distance, limit))
         else:
-            votes.append(_stars(shaken, normals, index, distance, limit, rows))
-    return np.concatenate(votes)
+            found.append(_stars(shaken, normals, index, distance, limit, rows))
+    return np.concatenate(found)
 
 
 def contains(pairs: csr_array, first: IntArray, second: IntArray) -> BoolArray:
@@ -96,6 +99,83 @@ def contains(pairs: csr_array, first: IntArray, second: IntArray) -> BoolArray:
     n = pairs.shape[1]
     row, column = pairs.tocoo().coords
     return np.isin(first * n + second, row.astype(np.int64) * n + column)
+
+
+def _settled_stars(
+    points: FloatArray,
+    normals: FloatArray,
+    rows: IntArray,
+    distance: FloatArray,
+    index: IntArray,
+    reach: FloatArray,
+    limit: float,
+) -> tuple[IntArray, BoolArray]:
+    """Triangles (t, 3) of the stars that no taxel further away than reach (r,) can change.
+
+    And which rows (r,) these are. All others lie outside the circles round the triangles of such
+    a star, whose diameters are shorter. In order of angle, neighbours drop out that lie within
+    the triangle of the origin and the two beside them, until the hull is left.
+    """
+    x, y = _inverted(points, normals, rows, distance, index)
+    angle = np.where(np.isfinite(distance), np.arctan2(y, x), np.inf)
+    order = np.argsort(angle, axis=1)
+    place = (order + np.arange(len(rows))[:, None] * order.shape[1])[
+        np.arange(order.shape[1]) < np.isfinite(distance).sum(axis=1)[:, None]
+    ]
+    row, x, y = place // order.shape[1], x.ravel()[place], y.ravel()[place]
+    settled = np.bincount(row, minlength=len(rows)) >= 3
+    tiny = FLAT * np.bincount(row, x * x + y * y, minlength=len(rows))
+    while True:
+        after = _next_of(row)
+        before = np.empty_like(after)
+        before[after] = np.arange(len(row))
+        stepx, stepy = x[after] - x, y[after] - y
+        bend = stepx[before] * stepy - stepy[before] * stepx
+        turn = x * y[after] - y * x[after]
+        # A gap of half a turn or more is a border; a rounding error decides nothing.
+        settled[row[(turn <= tiny[row]) | (np.abs(bend) <= tiny[row])]] = False
+        keep = settled[row] & (bend > 0)
+        if keep.all():
+            break
+        row, x, y, place = row[keep], x[keep], y[keep], place[keep]
+    far = turn * reach[row] <= (1.0 + MARGIN) * np.hypot(stepx, stepy)
+    settled[row[far]] = False
+    who = index.ravel()[place]
+    triangles = np.column_stack([rows[row], who, who[after]])[settled[row]]
+    chord = np.linalg.norm(points[triangles[:, 1]] - points[triangles[:, 2]], axis=1)
+    return triangles[chord <= limit], settled
+
+
+def _next_of(row: IntArray) -> IntArray:
+    """(k,) the next entry of the same row, round and round; rows (k,) are in order."""
+    after = np.arange(1, len(row) + 1)
+    last = np.flatnonzero(np.diff(row, append=-1))
+    after[last] = np.concatenate([[0], last[:-1] + 1])[: len(last)]
+    return after
+
+
+def _inverted(
+    points: FloatArray,
+    normals: FloatArray,
+    rows: IntArray,
+    distance: FloatArray,
+    index: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """(r, k) x and y of neighbours inverted in the unit circle; 0 for those infinitely far.
+
+    Neighbours are laid into the tangent plane at their full length, not at that of their shadow:
+    strongly bent neighbourhoods stay near-isometric.
+    """
+    x, y = np.zeros(index.shape), np.zeros(index.shape)
+    first, second = tangent_frames(normals[rows]).swapaxes(0, 1)
+    for axis in range(3):  # axes apart: sums over three columns are slow
+        offset = points[:, axis][index] - points[rows, axis][:, None]
+        x += offset * first[:, axis, None]
+        y += offset * second[:, axis, None]
+    shadow = np.hypot(x, y)
+    near = np.isfinite(distance) & (shadow > 0)
+    stretch = np.divide(1.0, distance * shadow, out=np.zeros_like(x), where=near)
+    return x * stretch, y * stretch
 
 
 def _stars(
@@ -106,17 +186,10 @@ def _stars(
     limit: float,
     rows: IntArray,
 ) -> IntArray:
-    flat = tangent_offsets(points[index] - points[rows, None], normals[rows])
-    near = (distance <= limit) & (distance > 0)
-    squared = np.where(near, distance**2, 1.0)
-    inverted = np.where(near[..., None], flat / squared[..., None], 0.0)
-    x, y = np.ascontiguousarray(inverted[..., 0]), np.ascontiguousarray(inverted[..., 1])
+    x, y = _inverted(points, normals, rows, distance, index)
+    near = np.isfinite(distance)
     tiny = FLAT * np.maximum(np.abs(x), np.abs(y)).max(axis=1, initial=0.0)[:, None] ** 2
-    step = np.full(index.shape, -1)
-    first = min(FIRST, index.shape[1])
-    step[:, :first] = _hull_steps(x[:, :first], y[:, :first], tiny)
-    open_rows = np.flatnonzero(_changed_by_more(x, y, tiny, step, first))
-    step[open_rows] = _hull_steps(x[open_rows], y[open_rows], tiny[open_rows])
+    step = _hull_steps(x, y, tiny)
     row, start = np.nonzero((step >= 0) & near)
     end = step[row, start]
     triangles = np.column_stack([rows[row], index[row, start], index[row, end]])
@@ -141,23 +214,3 @@ def _hull_steps(x: FloatArray, y: FloatArray, tiny: FloatArray) -> IntArray:
     side -= dy[..., None] * x[:, None, :]
     hull = side.min(axis=2, initial=np.inf) - (dx * y - dy * x) >= -tiny
     return np.where(hull & forward.any(axis=2), step, -1)
-
-
-def _changed_by_more(
-    x: FloatArray, y: FloatArray, tiny: FloatArray, step: IntArray, first: int
-) -> BoolArray:
-    """(r,) whether the hull of the first neighbours is open, or misses one of the others."""
-    if first == x.shape[1]:
-        return np.zeros(len(x), np.bool_)
-    used = step >= 0
-    ends = np.zeros_like(used)
-    row, start = np.nonzero(used)
-    end = step[row, start]
-    ends[row, end] = True
-    dx, dy = x[row, end] - x[row, start], y[row, end] - y[row, start]
-    side = dx[:, None] * (y[row, first:] - y[row, start][:, None])
-    side -= dy[:, None] * (x[row, first:] - x[row, start][:, None])
-    outside = side.min(axis=1) < -tiny[row, 0]
-    changed = (used != ends).any(axis=1) | (used.sum(axis=1) < 3)
-    changed[row[outside]] = True
-    return np.asarray(changed)

@@ -147,4 +147,5 @@ def _nearest_on_its_side(points: FloatArray, normals: FloatArray) -> tuple[Float
 
 def faces_away(normals: FloatArray, rows: IntArray, index: IntArray) -> BoolArray:
     """(r, k) whether neighbours of rows (r,) look the other way: on the far side, or a fold's."""
-    return np.asarray(np.einsum("ri,rki->rk", normals[rows], normals[index]) < AWAY)
+    x, y, z = (normals[rows, axis, None] * normals[:, axis][index] for axis in range(3))
+    return np.asarray(x + y + z < AWAY)

@@ -177,12 +177,12 @@ def test_stars_of_few_neighbours_first_are_those_of_all_at_once(rng):
 
     points, normals = wavy(200, rng)
     both = []
-    for first in (stars.FIRST, NEIGHBOURS):
+    for first in (stars.FIRST, NEIGHBOURS, 2):  # two settle no star: each goes the long way
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(stars, "FIRST", first)
             both.append(delaunay_stars(points, normals, 1.0, 2.5, compiled=False))
-    assert canonical(both[0]) == canonical(both[1])
-    assert len(both[0]) == len(both[1])
+    assert canonical(both[0]) == canonical(both[1]) == canonical(both[2])
+    assert len(both[0]) == len(both[1]) == len(both[2])
 
 
 @settings(max_examples=30, deadline=None)
