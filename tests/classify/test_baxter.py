@@ -12,6 +12,7 @@ from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.images import visual_features
 from skinmap.recognition.images.cnn import ContactImageCNN
 from skinmap.recognition.model_file import load_classifier, save_classifier
+from skinmap.recognition.protocols import baxter_methods
 from skinmap.recognition.protocols.baxter import LABELS, evaluate_baxter
 from skinmap.recognition.protocols.baxter_images import GESTURES, simulate_images, split_images
 from skinmap.recognition.protocols.baxter_methods import (
@@ -110,6 +111,8 @@ def test_evaluate_baxter_reports_what_it_promises(skin):
     table = np.array(found.confusion.raw_rbf)
     np.testing.assert_allclose(table.sum(axis=1), 1.0, atol=1e-12)
     assert np.diag(table).mean() == pytest.approx(row.mean)
+    assert np.diag(row.plain.confusion).mean() == pytest.approx(row.plain.mean)
+    assert len(row.chosen) == 2
     assert found.confusion.labels == list(LABELS)
     assert found.simulated is True
     again = evaluate_baxter(skin, seed=1, repeats=2, images=240, methods=("raw_rbf",), tuned=False)
@@ -131,11 +134,38 @@ def test_tune_takes_the_best_of_what_it_tried(data):
         "raw_rbf",
         default_settings("small"),
         rows=np.arange(len(data)) % 3 > 0,
+        kind="event",
         rng=np.random.default_rng(0),
     )
     best = max(tried, key=lambda row: row["mean"])
     assert (settings.penalty, settings.width) == (best["penalty"], best["width"])
     assert len(tried) == 12
+
+
+def test_the_papers_network_is_tuned_over_table_1(skin, monkeypatch):
+    pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    # Two of its rates, few epochs and folds: the whole table takes hours.
+    monkeypatch.setattr(baxter_methods, "TABLE_I", {1e-3: (97.3, 98.3), 1e3: (50.0, 49.0)})
+    monkeypatch.setattr(baxter_methods, "TABLE_I_EPOCHS", (1, 2))
+    monkeypatch.setattr(baxter_methods, "FOLDS", 2)
+    few = simulate_images(skin, images=140, rng=np.random.default_rng(7))
+    settings, tried = tune(
+        Bench(few),
+        "cnn",
+        default_settings("paper"),
+        rows=np.arange(len(few)) % 4 == 0,
+        kind="plain",
+        rng=np.random.default_rng(0),
+    )
+    assert [(row["learning_rate"], row["epochs"], row["paper"]) for row in tried] == [
+        (1e-3, 1, 0.973),
+        (1e-3, 2, 0.983),
+        (1e3, 1, 0.5),
+        (1e3, 2, 0.49),
+    ]
+    assert tried[3]["mean"] == pytest.approx(0.5, abs=0.1)  # it ran away
+    best = max(tried, key=lambda row: row["mean"])
+    assert (settings.learning_rate, settings.epochs) == (best["learning_rate"], best["epochs"])
 
 
 def test_a_missing_library_leaves_one_method_out(skin, monkeypatch):

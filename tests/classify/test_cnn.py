@@ -79,6 +79,34 @@ def test_a_net_that_stays_at_chance_is_trained_again(bars, monkeypatch):
     assert machine.score(images[90:], labels[90:]) >= 0.9
 
 
+def test_parts_of_a_batch_train_as_the_whole(bars, monkeypatch):
+    pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    images, labels = bars
+    shares = []
+    for cached in (2**40, 1):  # the whole batch at once, and each image alone
+        monkeypatch.setattr(module, "CACHED", cached)
+        machine = ContactImageCNN(epochs=3, schedule="constant", mirror=False, shift=0)
+        shares.append(machine.fit(images[:70], labels[:70]).predict_proba(images[70:]))
+    # Float32 sums in another order, over nine steps.
+    np.testing.assert_allclose(shares[0], shares[1], atol=1e-3)
+    assert np.ptp(shares[0][:, 0]) > 0.1
+
+
+def test_one_training_passes_the_shorter_ones_on_its_way(bars):
+    pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    images = (bars[0].reshape(-1, 66, 100)[:40, ::2, ::2] / 255.0).astype(np.float32)
+    number, names = np.arange(40) % 2, ("lying", "standing")
+    steady = recipe(epochs=4, mirror=False, learning_rate=0.01)
+    found = module.train_along(images, number, names, steady, epochs=(2, 4), seed=3)
+    for epochs, net in zip((2, 4), found, strict=True):
+        alone = module.train(images, number, names, recipe(**{
+            "epochs": epochs, "mirror": False, "learning_rate": 0.01
+        }), seed=3)  # fmt: skip
+        np.testing.assert_array_equal(net.logits(images), alone.logits(images))
+    hasty = recipe(epochs=4, learning_rate=1e9)
+    assert module.train_along(images, number, names, hasty, epochs=(2, 4), seed=3)[-1] is None
+
+
 def test_varied_images_are_mirrored_and_shifted_copies():
     torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
     from skinmap.recognition.images.cnn import _varied

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import click
 from msgspec import Meta
@@ -19,13 +19,6 @@ from skinmap.commands.progress import progress
 from skinmap.recognition.protocols.results import BaxterResult
 from skinmap.report.result import given
 from skinmap.report.table import Table
-
-# Tables II and III: rows are hand and other, columns what they were named.
-PAPER_CONFUSION = {
-    "bovw": ((0.9692, 0.0308), (0.0174, 0.9826)),
-    "cnn": ((0.9824, 0.0176), (0.0088, 0.9912)),
-}
-TUNING_STEPS = 6  # about; only the bar shows it
 
 
 class Baxter(Own):
@@ -60,9 +53,7 @@ def work(settings: Settings) -> BaxterResult:
         if len(parts) > 1:
             raise click.UsageError(f"which part of {name}? --part {' | '.join(parts)}")
         subject, name = PreparedSkin(loaded.skin(parts[0])), loaded.name
-    # Beside the repetitions of both splits, tuning takes a step for each value tried.
-    steps = len(methods) * (2 * settings.seeds + TUNING_STEPS)
-    with progress(steps, "baxter") as advance:
+    with progress(2 * len(methods) * settings.seeds, "baxter") as advance:
         return evaluate_baxter(
             subject,
             robot=name,
@@ -95,12 +86,46 @@ def lines(result: BaxterResult) -> Iterator[str | Table]:
             theirs = [percent(result.paper[name][key]) for key in ("repeats_mean", "min", "max")]
             rows.append([name, "the paper's, plain", *theirs])
     yield Table(["method", "split", "mean", "min", "max"], rows)
-    yield "\nwhat touches (rows) were named, by touch, in %; beside it the paper's one split"
+    yield "\nnames of touches (rows) in %: by touch, plain, and in the paper's one plain split"
     rows = []
     for name in ("bovw", "cnn", "raw_rbf"):
         table: list[list[float]] = given(getattr(result.confusion, name)) or []
-        published = PAPER_CONFUSION.get(name)
+        method = given(getattr(result, name))
+        plain = given(method.plain) if method else None
+        dealt = plain.confusion if plain else table
         for number, label in enumerate(result.confusion.labels[: len(table)]):
-            theirs = [percent(one) for one in published[number]] if published else ["", ""]
-            rows.append([name, label, *map(percent, table[number]), *theirs])
-    yield Table(["method", "touch", "hand", "other", "paper: hand", "paper: other"], rows)
+            right = result.paper.get(name, {}).get(label)
+            both = ["", ""] if right is None else [percent(right), percent(1.0 - right)]
+            cells = [*table[number], *dealt[number]]
+            rows.append([name, label, *map(percent, cells), *(both[:: 1 - 2 * number])])
+    heads = [f"{who}{label}" for who in ("", "plain: ", "paper: ") for label in ("hand", "other")]
+    yield Table(["method", "touch", *heads], rows)
+    yield from _tuned(result)
+
+
+def _tuned(result: BaxterResult) -> Iterator[str | Table]:
+    """What tuning tried on the first split, as Fig. 8 and Table I of the paper have it."""
+    beside = "5 folds by touch within the first split, in %; in brackets the paper's"
+    tried = [(row, _beside(row)) for row in _tries(result, "bovw")]
+    if tried:
+        yield f"\naccuracy over K (Fig. 8), {beside}"
+        yield Table(["K", "accuracy"], [[row["words"], cell] for row, cell in tried])
+    tried = [(row, _beside(row)) for row in _tries(result, "cnn")]
+    if tried:
+        cells = {(row["learning_rate"], row["epochs"]): cell for row, cell in tried}
+        rates, epochs = (sorted({key[axis] for key in cells}) for axis in (0, 1))
+        yield f"\naccuracy over learning rate and epochs (Table I), {beside}"
+        rows: Rows = [
+            [f"{rate:g}", *(cells.get((rate, number), "") for number in epochs)] for rate in rates
+        ]
+        yield Table(["rate", *map(str, epochs)], rows)
+
+
+def _tries(result: BaxterResult, name: str) -> list[dict[str, Any]]:
+    method = given(getattr(result, name))
+    return [] if method is None else given(method.tuning) or []
+
+
+def _beside(row: dict[str, Any]) -> str:
+    theirs = f" ({percent(row['paper'])})" if "paper" in row else ""
+    return percent(row["mean"]) + theirs

@@ -301,11 +301,14 @@ class SplitSpread:
         Least value over the splits, 0 to 1.
     max
         Largest value over the splits, 0 to 1.
+    confusion
+        Mean shares: rows are the touches, columns the names they got.
     """
 
     mean: float
     min: float
     max: float
+    confusion: list[list[float]]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -321,7 +324,9 @@ class MethodResult:
     plain
         The same for splits as published.
     tuning
-        Tried settings with their means.
+        Settings tried on the first split with their means, and the paper's where it prints one.
+    chosen
+        The settings of each split by touch.
     k
         Number of codewords (bovw).
     network, learning_rate, epochs
@@ -336,6 +341,7 @@ class MethodResult:
     max: float | UnsetType = UNSET
     plain: SplitSpread | UnsetType = UNSET
     tuning: list[dict[str, Any]] | UnsetType = UNSET
+    chosen: list[dict[str, Any]] | UnsetType = UNSET
     k: int | UnsetType = UNSET
     network: str | UnsetType = UNSET
     learning_rate: float | UnsetType = UNSET
