@@ -59,7 +59,7 @@ def test_read_profile_warns_of_another_version(profile):
         (GOOD.replace("format = 1", "format = 2"), DataFormatError, "expected 1, got 2"),
         (GOOD.replace("format = 1", "format = true"), DataFormatError, "expected 1, got True"),
         (GOOD.replace("format = 1\n", ""), DataFormatError, "expected 1, got none"),
-        (HEAD.partition("skinmap")[0], DataFormatError, "which version"),
+        (HEAD.partition("skinmap")[0], DataFormatError, "lacks the version"),
         ("", DataFormatError, r"no table \[profile\]"),
         ("profile = 1", DataFormatError, r"no table \[profile\]"),
         (HEAD + "robot = 3", DataFormatError, r"robot must be text, got 3"),

@@ -114,7 +114,9 @@ def test_record_replaces_files_only_with_force(tmp_path, there):
 
 def test_record_never_writes_into_what_it_plays(recording):
     before = recording.read_bytes()
-    assert "it is what is played" in refuse("record", recording, "-o", recording, "--force")
+    assert "it is the recording being played" in refuse(
+        "record", recording, "-o", recording, "--force"
+    )
     assert recording.read_bytes() == before
 
 
@@ -124,7 +126,9 @@ def test_touches_that_nobody_could_name_are_not_marked():
     shown = SimpleNamespace(add=lambda label: counted.append(label), withdrawn=0)
     names = ["poke", "touch", "unknown", "no_contact"]
     over = [
-        SimpleNamespace(part="a", identity=row, label=name, began=0.0, ended=1.0, channels=(7,))
+        SimpleNamespace(
+            part="a", identity=row, label=name, began=0.0, ended=1.0, channels=(7,), answers=None
+        )
         for row, name in enumerate(names)
     ]
     loop = SimpleNamespace(finished=lambda: over, withdrawn=lambda: [object()])

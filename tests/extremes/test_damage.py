@@ -320,5 +320,5 @@ def test_numbers_that_stop_a_machine_are_quiet_ones_in_wrenches_of_doubles(tmp_p
 
 
 def test_ports_of_thousands_of_digits_are_no_addresses():
-    with pytest.raises(InvalidArrayError, match="is no address"):
+    with pytest.raises(InvalidArrayError, match="is not an address"):
         parse_address("1" * 5000)

@@ -130,7 +130,7 @@ def test_no_place_of_a_periodic_map_distorts_for_the_seam(rng):
 
 
 def test_what_is_no_tube_is_refused_without_a_seam(sphere, square_grid):
-    with pytest.raises(FlatteningError, match="no tube"):
+    with pytest.raises(FlatteningError, match="not a tube"):
         flatten(surface(*sphere), periodic=True)
     (chart,) = flatten(surface(*square_grid(6)), periodic=True).charts  # a disc needs no seam
     assert chart.period is None

@@ -169,7 +169,7 @@ def test_tables_that_do_not_fit_are_refused_in_one_line(tmp_path, text, match):
         ('robot = "kaspar"\n', "part"),
         (MAPPING + "colour = 3\n", "colour"),
         (MAPPING + "full_scale = 0\n", "full_scale"),
-        (MAPPING + 'label = "unknown"\n', "what classifiers say"),
+        (MAPPING + 'label = "unknown"\n', "the answer of classifiers"),
         ("robot =", "not a mapping"),
     ],
 )

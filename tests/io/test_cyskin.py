@@ -147,10 +147,10 @@ def test_faults_that_are_made_are_named(document, tmp_path):
     skin["parent_frames"][0]["tf_matrix"] = rows
     assert "not written by columns" in said(tmp_path, document)[0]
     skin["parent_frames"][0]["tf_matrix"] = [2.0, *rotation[1:]]
-    assert "no rigid motion" in said(tmp_path, document)[0]
+    assert "not a rigid motion" in said(tmp_path, document)[0]
     skin["parent_frames"][0]["tf_matrix"] = rotation
     assert (
-        "say link2"
+        "state link2"
         in said(tmp_path, {**document, "info": {**document["info"], "name": "link7"}})[0]
     )
     assert said(tmp_path, document, "left_link3.json") == []  # its own name and its maps agree

@@ -30,7 +30,7 @@ def test_addresses_stay_here_unless_another_is_named(text, address, endpoint, he
     "text", ["", "abc", "0", "65536", "-1", "1.5", "a:b", "host:", "²", "a/b:5", "a b:5", "x;y:5"]
 )
 def test_what_is_no_address_is_refused(text):
-    with pytest.raises(InvalidArrayError, match="is no address; expected PORT or HOST:PORT"):
+    with pytest.raises(InvalidArrayError, match="is not an address; expected PORT or HOST:PORT"):
         parse_address(text)
 
 

@@ -288,9 +288,9 @@ def test_address_says_how_far_to_look(address, scope, name):
 
 @pytest.mark.parametrize("address", ["", "//any", "//any/", "///demo", "a'b", 'a"b', "a\nb", "a<b"])
 def test_what_is_no_stream_is_refused(address):
-    with pytest.raises(InvalidArrayError, match="is no LSL stream; expected NAME, //any/NAME"):
+    with pytest.raises(InvalidArrayError, match="is not an LSL stream; expected NAME, //any/NAME"):
         split_scope(address)
-    with pytest.raises(InvalidArrayError, match="'x}y' is no host"):
+    with pytest.raises(InvalidArrayError, match="'x}y' is not a host"):
         split_scope("//x}y/demo")
 
 

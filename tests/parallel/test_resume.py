@@ -131,7 +131,7 @@ def test_what_is_of_another_kind_is_refused_and_kept(tmp_path, content):
         place.mkdir()
         (place / name).write_bytes(content)
     for place in (path, folder, head):
-        with pytest.raises(DataFormatError, match="no folder of results to resume"):
+        with pytest.raises(DataFormatError, match="not a folder of results to resume"):
             ResumeStore(place, "draws")
     for file in (path, folder / "table.csv", head / "sweep.json"):
         assert file.read_bytes() == content
@@ -209,7 +209,7 @@ def test_keys_tell_contents_apart_and_nothing_else(prepared):
     assert content_key(same, Draw(1)) != keys[4]
     skin.hoods  # noqa: B018 - what is computed of a skin does not change what it is
     assert content_key(draw, skin) == keys[16]
-    with pytest.raises(InvalidArrayError, match="does not say what it consists of"):
+    with pytest.raises(InvalidArrayError, match="without a list of its content"):
         content_key(draw, object())
     with pytest.raises(InvalidArrayError, match="has no name to key a result by"):
         content_key(lambda task: task, 1)

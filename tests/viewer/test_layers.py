@@ -131,7 +131,7 @@ def test_layers_refuse_what_they_do_not_know(layers, prepared):
         layers.get("pressure").values("head", None)
     with pytest.raises(SkinMismatchError, match=r"\(3,\).*430 taxels of 'torso'"):
         layers.get("pressure").values("torso", Moment(0.0, {"torso": np.zeros(3)}))
-    with pytest.raises(SkinMismatchError, match=r"no numbers"):
+    with pytest.raises(SkinMismatchError, match=r"not numbers"):
         layers.get("pressure").values("torso", Moment(0.0, {"torso": np.array(["a"] * 430)}))
     with pytest.raises(SkinMismatchError, match=r"3 taxels for the 430"):
         Layers(skins, covariances={"torso": np.zeros((3, 3, 3))})

@@ -80,14 +80,14 @@ def _id_faults(ids: IntArray) -> Iterator[str]:
 
 def _frame_faults(found: CySkin) -> Iterator[str]:
     if not found.frames:
-        yield "no parent frame: where the skin sits is not said"
+        yield "no parent frame: the place of the skin is missing"
     for frame in found.frames:
         if frame.placeholder:
             yield f"tf_matrix is a placeholder: its frame is called {frame.name!r}, no link"
         turn = frame.transform[:3, :3]
         last = frame.transform[3]
         if np.abs(turn @ turn.T - np.eye(3)).max() > RIGID or np.linalg.det(turn) < 0:
-            yield f"tf_matrix of frame {frame.name!r} is no rigid motion"
+            yield f"tf_matrix of frame {frame.name!r} is not a rigid motion"
         elif np.abs(last - [0.0, 0.0, 0.0, 1.0]).max() > RIGID:
             yield f"tf_matrix of frame {frame.name!r} is not written by columns"
 
@@ -157,7 +157,7 @@ def _count_faults(what: str, stated: Sequence[int | None], of: CySkin | TactileM
         ("taxels", "faces"), stated, (len(of.ids), len(of.faces)), strict=True
     ):
         if said is not None and said != have:
-            faults.append(f"{what} is said to have {said} {word} and has {have}")
+            faults.append(f"{what} is stated to have {said} {word} and has {have}")
     return faults
 
 
@@ -169,7 +169,7 @@ def _name_faults(found: CySkin, file: str) -> Iterator[str]:
         said = {one[word] for one in witnesses if word in one}
         if said and number not in said:
             others = " and ".join(f"{word}{other}" for other in sorted(said))
-            yield f"info.name is {found.name!r}; its maps or its file say {others}"
+            yield f"info.name is {found.name!r}; its maps or its file state {others}"
 
 
 def _numbered(name: str) -> dict[str, str]:
