@@ -32,6 +32,8 @@ MOST_ROWS = 20_000  # that ranges of counts are taken from
 FOLDS = 5  # stretches of a recording of which each is held out
 LEAST_SPAN = 3.0  # counts from rest to the top: below it a taxel tells too little
 LEAST_SPREAD = 0.5  # counts: below it a taxel is dead
+FULL_ROWS, FULL_RANGE = 0.1, 0.3  # a taxel is saturated that stands still at its end in so many
+# rows while the load goes through so much of its range
 # Ridge a row: of the cubic, the plays and the slow means.
 RIDGE = np.array([0.0] + [1e-4] * 3 + [1e-2] * len(RADII) + [1e-3] * (FEATURES - 4 - len(RADII)))
 
@@ -164,6 +166,13 @@ def fit_load(
     for one, reference in zip(evidence, wanted, strict=True):
         own_rest, own_span, own_recovery, begins = _scales(one, reference, told & _felt(one, n))
         rested |= begins
+        told &= ~_saturated(one, reference, told & _felt(one, n))
+        turned = told & known & _felt(one, n)
+        if turned.any() and np.median(np.sign(own_span * span)[turned]) < 0:
+            raise InvalidArrayError(
+                f"{one.name} contradicts {first.name}: under load the counts of one fall and "
+                "those of the other rise"
+            )
         new = _felt(one, n) & ~known
         rest[new], recovery[new] = own_rest[new], own_recovery[new]
         known |= new
@@ -206,6 +215,26 @@ def _aligned(one: Pressed) -> tuple[ClockLine, ...]:
             f"{100 * (1 - UNEXPLAINED):.0f} % are needed"
         )
     return lines
+
+
+def _saturated(one: Pressed, reference: FloatArray, told: BoolArray) -> BoolArray:
+    """Taxels (n,) that stand at their last count while the load goes on; most of them: an error."""
+    every = max(EVERY, len(reference) // MOST_ROWS)
+    known = reference[::every]
+    few, known = one.samples[::every][np.isfinite(known)], known[np.isfinite(known)]
+    found = np.zeros(few.shape[1], bool)
+    high = known > np.median(known)
+    for k in np.flatnonzero(told):
+        end = few[:, k].max() if few[high, k].mean() > few[~high, k].mean() else few[:, k].min()
+        at = known[few[:, k] == end]
+        wide = np.ptp(np.quantile(at, (0.05, 0.95)))
+        found[k] = len(at) > FULL_ROWS * len(few) and wide > FULL_RANGE * np.ptp(known)
+    if 2 * found.sum() > told.sum():
+        raise InvalidArrayError(
+            f"{one.name}: {found.sum()} of {told.sum()} taxels are saturated: their counts stand "
+            "at one end while the load goes on"
+        )
+    return found
 
 
 def _scales(

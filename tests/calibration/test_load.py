@@ -162,6 +162,15 @@ def test_recordings_that_contradict_each_other_are_named():
         )
 
 
+def test_falling_and_rising_counts_contradict_each_other():
+    samples, pressure = chamber(1)
+    other, more = chamber(2)
+    with pytest.raises(InvalidArrayError, match=r"b\.npz contradicts a\.npz: under load"):
+        fit_load(
+            [Pressed("a.npz", samples, RATE, pressure), Pressed("b.npz", 255 - other, RATE, more)]
+        )
+
+
 def test_files_come_back(fit, tmp_path):
     file = tmp_path / "load.npz"
     file.write_bytes(fit.calibration.to_bytes())
@@ -248,6 +257,11 @@ def test_a_mass_on_its_footprint_is_a_pressure(files, tmp_path):
         ({"mass_kg": np.linspace(0, 5, 9000)}, ("pressure_bar",), "needs `footprint"),
         ({"prints": np.ones(3)}, ("pressure_bar",), "prints teach areas"),
         ({"pressure_bar": np.linspace(0, 300000, 9000)}, (), "another unit"),
+        ({"pressure_bar": np.linspace(0, 44, 9000)}, (), "psi"),
+        ({"pressure_bar": np.linspace(0, -3, 9000)}, (), "a load is positive"),
+        ({"pressure_bar": np.r_[np.nan, np.ones(8999)]}, (), "NaN or infinity, first in row 0"),
+        ({"channels": np.arange(12)}, (), "12 of 24 channels"),
+        ({"samples": np.maximum(chamber(1)[0], 210)}, (), "are saturated"),
     ],
 )
 def test_bad_evidence_is_one_line(files, tmp_path, arrays, drop, words):

@@ -24,7 +24,7 @@ LATER = {
 }
 UNITS = {"psi": "bar = psi x 0.0689476", "mmhg": "bar = mmHg x 0.00133322"}
 BAR = 1e-5  # bar in a pascal
-MAX_BAR = 100.0  # above it the unit is wrong
+MAX_BAR = 20.0  # above it the unit is wrong: foams of skins are flat by then
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -131,11 +131,19 @@ def _with_reference(
     scale = PRESSURES.get(kind) or FORCES[kind]
     if kind in PRESSURES and reference.max() * scale > MAX_BAR:
         raise DataFormatError(
-            f"{kind} reaches {reference.max() * scale:.0f} bar: is it another unit? "
+            f"{kind} reaches {reference.max() * scale:.0f} bar: is it psi, mmHg or another unit? "
             f"{', '.join(PRESSURES)} are read",
             path,
         )
+    if reference.min() < -0.5 * np.ptp(reference):
+        raise DataFormatError(f"{kind} falls to {reference.min():.3g}: a load is positive", path)
     channels = _channels(held, samples.shape[1], path)
+    if channels is not None and kind in PRESSURES and len(channels) < samples.shape[1]:
+        raise DataFormatError(
+            f"{kind} on {len(channels)} of {samples.shape[1]} channels: a chamber presses on all; "
+            "mass_kg with `footprint` and force_n with `channels` press on some",
+            path,
+        )
     return LoadEvidence(path.name, samples, times, kind, reference * scale, own, channels)
 
 
@@ -241,6 +249,9 @@ def _channels(held: dict[str, NDArray[Any]], n: int, path: Path) -> IntArray | N
 
 def _numbers(held: dict[str, NDArray[Any]], name: str, path: Path) -> FloatArray:
     values = held[name]
+    if values.dtype.kind == "f" and values.ndim == 1 and not np.isfinite(values).all():
+        row = int(np.argmin(np.isfinite(values)))
+        raise DataFormatError(f"{name} holds NaN or infinity, first in row {row}", path)
     if values.dtype.kind not in "buif" or values.ndim > 1 or not np.isfinite(values).all():
         raise DataFormatError(
             f"{name} must be finite numbers in one dimension, got shape {values.shape}", path
