@@ -44,7 +44,7 @@ State = Literal["healthy", "faulty", "undecided", "inconsistent"]
 
 @row
 class FaultRow:
-    """A fault."""
+    """One fault of the skin."""
 
     part: str | msgspec.UnsetType = column("Its part; not of alternatives.", default=msgspec.UNSET)
     kind: str = column(
@@ -55,8 +55,8 @@ class FaultRow:
     modules: list[int] = column("Modules that it is of.")
     chains: list[int] = column("Chains that it is of.")
     channels: list[int] = column("Channels that it is of.")
-    words: str = column("For people.")
-    confidence: float = column("Probability.")
+    words: str = column("Description of the fault in words.")
+    confidence: float = column("Probability of the fault.")
     place_mm: list[float] | None = column(
         "Middle of its channels in the frame of the link [mm]; null where none has a place.",
         default=None,
@@ -75,10 +75,10 @@ class FaultRow:
 class PartRow:
     """A part that was examined."""
 
-    part: str = column("Its name.")
-    status: State = column("Of this part.")
+    part: str = column("Name of the part.")
+    status: State = column("State of this part.")
     healthy: float = column("Probability that nothing else is wrong with its wiring.")
-    touches: int = column("Touches.")
+    touches: int = column("Number of judged touches.")
     misfits: int = column("Touches not felt where they were asked for.")
     places_known: bool = column("Whether it is known where touches were asked for.")
     rest_samples: int = column("Samples at rest that were judged.")
@@ -89,18 +89,18 @@ class PartRow:
 class CheckupResult:
     """Is this skin sound, and which cable, board or taxel is not."""
 
-    robot: str = column("Its name.")
+    robot: str = column("Name of the robot.")
     source: str = column("Source that was examined.")
     status: State = column("The worst of the parts.")
-    parts: list[PartRow] = column("One by one.", heading="")
+    parts: list[PartRow] = column("One entry for each part.", heading="")
     faults: list[FaultRow] = column("Faults, those of cables and modules first.", heading="")
     suspects: list[FaultRow] = column("Faults that are possible and not certain.", heading="")
-    touches: int = column("Touches.")
+    touches: int = column("Number of judged touches.")
     skin_seconds: float = column("Duration on the clock of the skin [s].")
     next: str | None = column("Next place to touch; null where nothing is left to ask.")
     checkups: int = column("Check-ups in the history, with this one; 0 without a history.")
     notes: list[str] = column("Questions that stay open.")
-    seconds: float = column("CPU time.")
+    seconds: float = column("CPU time of the judgement.")
     files: list[str] = column("Files that were written.")
 
 

@@ -68,7 +68,7 @@ class FlattenResult:
     compare: list[ComparedRow] = column("By `--compare`, in the same order.")
     seconds: float = column("CPU time of all solves.")
     sheets: Sequence[str] = column("Files of `--sheet`, a page each but for PDF.", default=())
-    files: Sequence[str] = column("Names inside `--out`.", default=())
+    files: Sequence[str] = column("Names of the files inside `--out`.", default=())
 
 
 @dataclass(frozen=True, eq=False, slots=True)

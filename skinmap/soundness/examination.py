@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 class ExaminedFile:
     """Findings in one recording."""
 
-    file: str = column("Its path.")
-    rows: int = column("Samples.")
+    file: str = column("Path of the recording.")
+    rows: int = column("Total number of samples.")
     channels: int = column("Values in a sample.")
     rate_hz: float | None = column("Samples a second; null without times.")
     findings: list[Finding] = column("Its faults, the most harmful first.", heading="")
@@ -38,7 +38,7 @@ class ExaminedFile:
 class Examined:
     """The examination of one or several recordings."""
 
-    files: list[ExaminedFile] = column("Each recording.", heading="")
+    files: list[ExaminedFile] = column("One entry for each recording.", heading="")
     findings: list[Finding] = column("Faults of several recordings together.", heading="")
     sound: bool = column("Whether no finding matters.")
 

@@ -53,7 +53,7 @@ HARM: dict[str, tuple[float, str]] = {
 class Finding:
     """One fault of a recording."""
 
-    kind: Kind = column("Kind of fault.")
+    kind: Kind = column("Kind of the fault.")
     file: str | UnsetType = column("File that has it.", default=UNSET)
     files: list[str] | UnsetType = column("Files that have it together.", default=UNSET)
     channels: list[int] | None = column("Channels, from 0; null for all.", default=None)
@@ -69,7 +69,7 @@ class Finding:
     harm: float = column("Harm to a model or a measurement, 0 to 1.")
     matters: bool = column("Whether it makes the recording unsound.")
     text: str = column("The fault in a sentence.")
-    do: str = column("The remedy.")
+    do: str = column("Remedy for the fault.")
     value: float | UnsetType = column("Value at which the channels are clipped.", default=UNSET)
     offset_rows: float | UnsetType = column("Skin row of the first reference row.", default=UNSET)
     slope: float | UnsetType = column("Skin rows in one reference row.", default=UNSET)

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 # Pages written before the rule; a page leaves this list when it is rewritten, none is added.
-OLDER = {"evaluation", "json", "reliability", "touches"}
+OLDER = {"reliability", "touches"}
 PAGES = [
     ROOT / "README.md",
     *(p for p in sorted((ROOT / "docs").glob("*.md")) if p.stem not in OLDER | {"writing"}),

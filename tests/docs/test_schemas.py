@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.docs.test_prose import findings
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -51,6 +53,22 @@ def nullable(schema):
     if isinstance(schema, dict):
         return schema.get("type") == "null" or any(nullable(one) for one in schema.values())
     return isinstance(schema, list) and any(nullable(one) for one in schema)
+
+
+def descriptions(schema):
+    if isinstance(schema, dict):
+        if isinstance(text := schema.get("description"), str):
+            yield text
+        schema = schema.values()
+    if not isinstance(schema, str | int | float | bool | None):
+        for one in schema:
+            yield from descriptions(one)
+
+
+@pytest.mark.parametrize("name", FOUND)
+def test_description_can_be_read_alone(name):
+    texts = [*descriptions(FOUND[name])]
+    assert [text for text in texts if len(text.split()) <= 3 or findings(text)] == []
 
 
 @pytest.mark.parametrize("name", FOUND)
