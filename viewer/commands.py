@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -103,17 +105,18 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
 )
 @file_option(
     "--screenshot",
-    Written(*PICTURE.suffixes, ".svg", ".pdf"),
-    "Write a picture, or a figure for a paper (.svg or .pdf, 180 mm wide); needs no screen.",
+    Written(*PICTURE.suffixes, ".svg", ".pdf", ".glb"),
+    "Write a picture, a figure for a paper (.svg or .pdf, 180 mm wide) or the scene for 3D "
+    "programs (.glb); needs no screen.",
 )
 @click.option(
     "--beside",
-    metavar="RECORDING",
-    help="Another recording (or folder of some, with --layer touched) in the same picture, and "
-    "the difference of both; with --screenshot.",
+    metavar="RECORDING|SECONDS|MODEL|CALIBRATION|SOURCE",
+    help="Another recording (or folder of some, with --layer touched), or another moment, model "
+    "or calibration of this one, or a live source, in the same picture, and the difference of "
+    "both; with --screenshot.",
 )
 @file_option("--movie", Written(".mp4", ".gif"), "Write a movie (.mp4 or .gif); needs no screen.")
-@file_option("--gltf", Written(".glb"), "Write the scene for 3D programs (.glb).")
 @file_option("--html", PAGE, "Write the scene as a page that needs nothing else.")
 @click.option(
     "--at",
@@ -138,6 +141,7 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     detail="links are drawn as fine as the picture is",
     contour_rate="contours are found anew with each sample",
     loop="press l in the window or the page",
+    gltf="write --screenshot FILE.glb",
     host="write --web HOST:PORT",
     port="write --web PORT",
     token="set SKINMAP_TOKEN: every user of this machine reads a command line",
@@ -195,7 +199,6 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
     wanted = Wanted(
         screenshot=options["screenshot"],
         movie=options["movie"],
-        gltf=options["gltf"],
         html=options["html"],
         at=options["at"],
         seconds=options["seconds"],
@@ -214,35 +217,85 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
 
 
 def _beside(session: Any, options: Mapping[str, Any], look: Any, wanted: Any) -> ViewFiles:
-    """Write a picture of two recordings."""
+    """Write a picture of two recordings, moments, models, calibrations or live sources."""
     from dataclasses import replace
 
     from viewer.export.beside import write_beside
     from viewer.view_files import shown_files
 
-    name = options["beside"]
-    given = _with_recording({**options, "robot": name, "source": "sim"})
-    other = _session({**given, "parts": (), "responses": (), "calibrations": ()})
-    if options["parts"]:
-        skins = {part: skin for part, skin in other.skins.items() if part in options["parts"]}
-        other.skins = skins or other.skins
-        other.parts = tuple(other.skins)
-    moment, beside = write_beside(session, other, look, wanted.screenshot, wanted.at)
+    name, kind = options["beside"], _beside_kind(options["beside"])
+    then = float(name) if kind == "moment" else None
+    if kind == "recording":
+        given = _with_recording({**options, "robot": name, "source": "sim"})
+        other = _session({**given, "parts": (), "responses": (), "calibrations": ()})
+        if options["parts"]:
+            skins = {part: skin for part, skin in other.skins.items() if part in options["parts"]}
+            other.skins = skins or other.skins
+            other.parts = tuple(other.skins)
+    elif kind == "calibration":
+        other = _session({**options, "calibrations": (name,)})
+    else:
+        other = replace(session, origin=math.nan)
+        other.model = Path(name) if kind == "model" else session.model
+        other.source = name if kind == "live" else session.source
+    named = Path(name).name if kind in ("model", "calibration") else ""
+    moment, beside = write_beside(
+        session, other, look, wanted.screenshot, wanted.at, then=then, named=named
+    )
     return replace(shown_files(session, moment, [wanted.screenshot]), beside=beside)
+
+
+def _beside_kind(name: str) -> str:
+    """What stands beside: a "recording", "moment", "model", "calibration" or "live" source."""
+    from skinmap.live.sources.open_source import sources
+
+    path = Path(name)
+    if re.fullmatch(r"[-+.\deE]+", name) and not path.exists():
+        return "moment"
+    if name.partition(":")[0] in sources.names():
+        return "live"
+    if path.suffix == ".skinmodel" and path.is_file():
+        return "model"
+    given = path if path.exists() else Path(name.partition("=")[2] or name)
+    if given.suffix == ".csv" or given != path or _is_load(given):
+        return "calibration"
+    return "recording"
+
+
+def _is_moment(name: str) -> bool:
+    try:
+        return 0.0 <= float(name) <= MAX_SECONDS
+    except ValueError:
+        return False
+
+
+def _is_load(path: Path) -> bool:
+    """Whether `calibrate load` wrote it; a recording may end in .npz too, or be a folder."""
+    from skinmap.errors import SkinError
+    from skinmap.touch.load_calibration import LoadCalibration
+
+    try:
+        LoadCalibration.read(path)
+    except SkinError:
+        return False
+    return True
 
 
 def _check_beside(options: Mapping[str, Any]) -> None:
     """Refuse what `--beside` cannot do."""
     from skinmap.errors import MissingFileError
 
-    path, picture = Path(options["beside"]), options["screenshot"]
-    if not path.exists():
-        raise MissingFileError(path, "a recording, for --beside")
-    if not path.is_dir() and not _is_recording(path):
+    name, picture = options["beside"], options["screenshot"]
+    kind, path = _beside_kind(name), Path(name)
+    if kind == "recording" and not path.exists():
+        raise MissingFileError(path, "a recording, a moment [s], a model or a source, for --beside")
+    if kind == "recording" and not path.is_dir() and not _is_recording(path):
         raise click.UsageError(f"--beside takes a recording ({', '.join(RECORDINGS)}), got {path}")
-    if picture is None or any(options[one] for one in ("movie", "gltf", "html", "web")):
+    if kind == "moment" and not _is_moment(name):
+        raise click.UsageError(f"--beside {name}: not a moment, which is 0 seconds or more")
+    if picture is None or any(options[one] for one in ("movie", "html", "web")):
         raise click.UsageError("--beside is for --screenshot alone")
-    if picture.suffix.lower() in (".svg", ".pdf"):
+    if picture.suffix.lower() in (".svg", ".pdf", ".glb"):
         raise click.UsageError(f"--beside is a picture of pixels, as {picture.with_suffix('.png')}")
 
 
@@ -314,7 +367,7 @@ def _check(options: Mapping[str, Any]) -> None:
         raise UnknownNameError("layer", options["layer"], LAYERS)
     if options["beside"] is not None:
         _check_beside(options)
-    files = {name: options[name] for name in ("screenshot", "movie", "gltf", "html")}
+    files = {name: options[name] for name in ("screenshot", "movie", "html")}
     for name, path in files.items():
         if path is not None and not path.parent.is_dir():
             raise OutputError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
@@ -323,6 +376,4 @@ def _check(options: Mapping[str, Any]) -> None:
     if options["web"] and any(files.values()):
         raise click.UsageError("--web serves the scene, and files are asked for: one of them")
     if not options["web"] and not any(files.values()) and not has_display():
-        raise click.UsageError(
-            "no display was found: give --screenshot, --movie, --gltf, --html or --web"
-        )
+        raise click.UsageError("no display was found: give --screenshot, --movie, --html or --web")

@@ -29,7 +29,7 @@ SUFFIXES = {
     ".pdf": "screenshot",
     ".mp4": "movie",
     ".gif": "movie",
-    ".glb": "gltf",
+    ".glb": "screenshot",
     ".html": "html",
 }
 

@@ -39,7 +39,7 @@ class Wanted:
 
     Attributes
     ----------
-    screenshot, movie, gltf, html : Path or None
+    screenshot, movie, html : Path or None
     at : float or None
         Time of the picture from the source's beginning [s]; the moment that shows most by default.
     seconds : float or None
@@ -48,7 +48,6 @@ class Wanted:
 
     screenshot: Path | None = None
     movie: Path | None = None
-    gltf: Path | None = None
     html: Path | None = None
     at: float | None = None
     seconds: float | None = None
@@ -56,7 +55,7 @@ class Wanted:
     @property
     def files(self) -> list[Path]:
         """What is asked for."""
-        every = (self.screenshot, self.movie, self.gltf, self.html)
+        every = (self.screenshot, self.movie, self.html)
         return [path for path in every if path is not None]
 
     @property
@@ -90,7 +89,7 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
     else:
         for _ in moments:
             pass
-    if wanted.screenshot or wanted.gltf or wanted.html:
+    if wanted.screenshot or wanted.html:
         files += _stills(session, look, wanted, best.moment, excerpt)
     return shown_files(session, best.moment, files)
 
@@ -133,9 +132,8 @@ def _stills(
     scene.update(step=360.0)
     files = []
     if wanted.screenshot is not None:
-        files.append(scene.screenshot(wanted.screenshot))
-    if wanted.gltf is not None:
-        files.append(write_gltf(scene, wanted.gltf))
+        solid = wanted.screenshot.suffix.lower() == ".glb"
+        files.append((write_gltf if solid else Scene.screenshot)(scene, wanted.screenshot))
     if wanted.html is not None:
         played, now = excerpt.around(moment)
         files.append(write_html(scene, wanted.html, moments=played, now=now, size=look.size))

@@ -56,7 +56,7 @@ COMMANDS = {
     "view --screenshot": "view icub --part left_hand --source sim --screenshot OUT.png",
     "view --movie": "view icub --part left_hand --source sim --seconds 1 --movie OUT.gif",
     "view --html": "view icub --part left_hand --source sim --seconds 1 --html OUT.html",
-    "view --gltf": "view icub --part left_hand --source sim --gltf OUT.glb",
+    "view --screenshot glb": "view icub --part left_hand --source sim --screenshot OUT.glb",
     "anchors --screenshot": f"anchors --layout {BOARD}/board.csv --mesh {BOARD}/link.stl "
     f"--anchors {BOARD}/anchors.csv --screenshot OUT.png",
 }

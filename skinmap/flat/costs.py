@@ -25,7 +25,7 @@ def patch_rows(part: str, flat: FlatMap, metric: FaceMetric) -> list[PatchRow]:
 
 def _patch_row(part: str, flat: FlatMap, chart: Chart, metric: FaceMetric) -> PatchRow:
     stress = None
-    if len(chart.taxels) <= MAX_GEODESIC:
+    if len(chart.faces) and len(chart.taxels) <= MAX_GEODESIC:
         vertices, rng = flat.mesh.vertices[chart.taxels], np.random.default_rng(0)
         stress = geodesic_stress(vertices, chart.faces, chart.uv, rng=rng)
     faces, values = worst_faces(chart, metric, WORST)

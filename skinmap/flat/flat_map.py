@@ -172,6 +172,8 @@ class FlatMap(Drawable):
         wanted = check_finite(points, "points of the map", (None, 2))
         found = np.full((len(wanted), 3), np.nan)
         for chart in self.charts:
+            if len(chart.faces) == 0:
+                continue
             face, weights = enclosing_triangles(chart.uv, chart.faces, wanted)
             inside = np.flatnonzero(face >= 0)
             corners = self.mesh.vertices[chart.taxels[chart.faces[face[inside]]]]
@@ -288,6 +290,8 @@ def flatten(
         periodic,
         max_distortion,
     )
+    if len(mesh.faces) == 0:
+        return _lone_taxels(mesh, method)
     how: dict[str, Any] = {"method": method, "iterations": iterations}
     how["max_edge_rms"] = max_edge_rms and max_edge_rms / 100.0
     charts, weights = [], [len(mesh.patch_faces(patch)) for patch in range(mesh.n_patches)]
@@ -301,6 +305,21 @@ def flatten(
     for chart in charts:
         uv[chart.taxels] = chart.uv
     return FlatMap(mesh, tuple(charts), uv[mesh.representative])
+
+
+def _lone_taxels(mesh: SurfaceMesh, method: str) -> FlatMap:
+    """The map of one or two taxels: side by side, as far apart as they are."""
+    n = len(mesh.skin)
+    apart = mesh.vertices - mesh.vertices[0]
+    uv = np.column_stack([np.linalg.norm(apart, axis=1), np.zeros(n)])
+    uv -= uv.mean(axis=0)
+    one, ends = np.ones(1), np.array([[0, n - 1]])
+    length = np.array([mesh.skin.spacing])
+    true = Distortion(  # an isometry
+        one, one, ISOMETRY * one, one, one, 0 * one, 0 * one, length, ends, mesh.taxel_areas[:1], 0
+    )  # fmt: skip
+    chart = Chart(0, np.arange(n), mesh.faces, uv, true, method, False, 0, 0.0, 0.0)
+    return FlatMap(mesh, (chart,), uv)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

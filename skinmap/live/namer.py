@@ -82,7 +82,7 @@ class Namer:
     def _warm_up(self, skin: PreparedSkin) -> None:
         """Name one touch: distances along a skin are found once, ahead of time."""
         sample = np.zeros((1, len(skin)), np.uint8)
-        sample[0, skin.mesh.faces[0]] = 100
+        sample[0, skin.mesh.faces[0] if len(skin.mesh.faces) else 0] = 100
         try:
             name_touches(self.classifier, skin, sample, rule=self.rule)
         except SkinError:

@@ -12,6 +12,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.proximity import median_spacing
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import cross_products, unit
 
 BAND = 0.8e-3  # half-width of the soft radius [m]: taxels this close to it are optional
@@ -167,6 +168,8 @@ def flat_map_directions(flat: FlatMap, *, symmetry: int = LATTICE) -> FloatArray
     >>> flat_map_directions(flat).shape[1]
     3
     """
+    if len(flat.mesh.faces) == 0:
+        return tangent_frames(flat.mesh.skin.normals)[:, 1]
     directions = np.zeros((len(flat.mesh.skin), 3))
     for chart in flat.charts:
         phase = lattice_phase(chart.uv, symmetry=symmetry)

@@ -33,6 +33,8 @@ MAX_CUT = 8_000  # triangles: finer ones take the colour under their middle
 
 def part_figure(flat: FlatMap, metric: FaceMetric = METRICS["edge_strain"]) -> Any:
     """Flat map and body side by side: coloured by a metric above, a checkerboard below."""
+    if len(flat.mesh.faces) == 0:
+        return _disc_figure(flat.mesh, flat.uv, title(flat))
     frame = limb_frame(flat.mesh.vertices, flat.mesh.faces, flat.mesh.skin.up)
     views = choose_views(flat.mesh.vertices, flat.mesh.faces, frame)
     unit, factor = length_unit(flat)
@@ -78,6 +80,10 @@ def part_figure(flat: FlatMap, metric: FaceMetric = METRICS["edge_strain"]) -> A
 
 def mesh_figure(mesh: SurfaceMesh) -> Any:
     """A surface mesh from one or two sides."""
+    if len(mesh.faces) == 0:
+        places = np.linalg.norm(mesh.vertices - mesh.vertices[0], axis=1)
+        words = f"{mesh.skin.part}: {len(mesh.skin)} taxels, no triangle"
+        return _disc_figure(mesh, np.column_stack([places, 0.0 * places]), words)
     frame = limb_frame(mesh.vertices, mesh.faces, mesh.skin.up)
     views = choose_views(mesh.vertices, mesh.faces, frame)
     figure = plain_figure((HEIGHT * len(views), HEIGHT + 0.5))
@@ -93,6 +99,19 @@ def mesh_figure(mesh: SurfaceMesh) -> Any:
     return figure
 
 
+def _disc_figure(mesh: SurfaceMesh, places: FloatArray, words: str) -> Any:
+    """One or two taxels, which have no surface: each a disc [mm]."""
+    from matplotlib.patches import Circle
+
+    figure = plain_figure((HEIGHT, HEIGHT))
+    axis = figure.subplots()
+    for place in 1e3 * places:
+        axis.add_patch(Circle(tuple(place), 500.0 * mesh.skin.spacing, color=BOARD[1]))
+    _frame_flat(axis, "mm")
+    figure.suptitle(words, fontsize=9)
+    return figure
+
+
 def comparison_figure(
     maps: Sequence[tuple[str, FlatMap]],
     drawn: Mapping[str, Sequence[DrawnChart]],
@@ -102,7 +121,10 @@ def comparison_figure(
 
     Triangles that the drawing turns over are black.
     """
-    unit, factor = length_unit(maps[0][1])
+    first_map = maps[0][1]
+    if len(first_map.mesh.faces) == 0:
+        return picture_bytes(_disc_figure(first_map.mesh, first_map.uv, title(first_map)))
+    unit, factor = length_unit(first_map)
     panels = len(maps) + len(drawn)
     extent = np.ptp(np.concatenate([chart.uv for chart in maps[0][1].charts]), axis=0)
     tall = float(np.clip(3.1 * extent[1] / max(extent[0], 1e-300), 1.2, 3.6))

@@ -77,8 +77,10 @@ def measure_fit(skin: Skin, body: TriangleMesh) -> SkinFit:
     """
     distance, face, _ = closest_on_mesh(skin.positions, body.vertices, body.faces)
     cosine = np.einsum("ij,ij->i", face_normals(body.vertices, body.faces)[face], skin.normals)
-    gap, _ = nearest(skin.positions, 1)
-    lift = skin.normals * (LIFT * float(np.median(gap)))
+    gap = np.zeros((1, 1))
+    if len(skin) > 1:
+        gap, _ = nearest(skin.positions, 1)
+    lift = skin.normals * (LIFT * skin.spacing)
     above = ray_hits(skin.positions + lift, skin.normals, body.vertices, body.faces)
     below = ray_hits(skin.positions - lift, -skin.normals, body.vertices, body.faces)
     angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))

@@ -10,11 +10,18 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, SkinWarning
-from skinmap.geometry.proximity import median_spacing, nearest, neighbour_graph, ray_hits
-from skinmap.geometry.triangles import TriangleMesh
+from skinmap.geometry.proximity import (
+    closest_on_mesh,
+    median_spacing,
+    nearest,
+    neighbour_graph,
+    ray_hits,
+)
+from skinmap.geometry.triangles import TriangleMesh, face_normals, unit
 
 NEIGHBOURS = 10  # two rings of a hexagonal lattice, half of them missing at a border
 PATCH_GAP = 2.5  # in spacings: further apart, points belong to different patches
+CLOSE = 1e-4  # nearer to the body a lone taxel lies on it [m]
 LIFT = 0.3  # in spacings (2 mm on the iCub): past the cover that taxels lie on or just under
 
 
@@ -102,16 +109,40 @@ def repair_normals(
 ) -> FloatArray:
     """(n, 3) unit normals estimated from positions (n, 3) [m], consistent and outward.
 
-    `hint` (n, 3) are rough outward directions for where there is no body.
+    `hint` (n, 3) are rough outward directions for where there is no body. One or two taxels span
+    no surface: theirs are the hints, or those of the body's nearest faces.
 
     Raises
     ------
     InvalidArrayError
-        Fewer than three points, or all of them on one line: no surface there.
+        One or two points without hint and body, or more on one line: no surface there.
     """
+    if 0 < len(points) < 3:
+        return _lone_normals(points, body, hint)
     centred = points - points.mean(axis=0)
     if len(points) < 3 or np.linalg.matrix_rank(centred, tol=1e-9 * np.abs(centred).max()) < 2:
         raise InvalidArrayError(f"{len(points)} taxels that span no surface: no normals there")
     labels = patch_labels(points)
     oriented = orient_normals(points, estimate_normals(points), labels)
     return outward_normals(points, oriented, labels, body, hint)
+
+
+def _lone_normals(
+    points: FloatArray, body: TriangleMesh | None, hint: FloatArray | None
+) -> FloatArray:
+    """(n, 3) unit normals of one or two taxels."""
+    known = unit(np.zeros_like(points) if hint is None else np.asarray(hint, np.float64))
+    rows = np.flatnonzero(~known.any(axis=1))
+    if len(rows) and (body is None or len(body.faces) == 0):
+        raise InvalidArrayError(
+            f"{len(points)} taxels that span no surface: no normals there; write them in the table"
+        )
+    if len(rows) and body is not None:
+        distance, face, closest = closest_on_mesh(points[rows], body.vertices, body.faces)
+        own = unit(face_normals(body.vertices, body.faces)[face])
+        away = unit(points[rows] - closest)
+        # A taxel above the face shows the side; where it lies on it, the face does.
+        above = (np.einsum("ij,ij->i", own, away) < 0) & (distance > CLOSE)
+        own[above] *= -1
+        known[rows] = own
+    return known

@@ -18,11 +18,14 @@ from skinmap.arrays import (
     freeze,
 )
 from skinmap.errors import InvalidArrayError
+from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.normals import repair_normals
 from skinmap.skin.svg_picture import svg_picture
 from skinmap.skin.taxels import TaxelTable
 from skinmap.summary import Summary
+
+ALONE = 0.01  # across the disc that a taxel without neighbours is shown as [m]
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -86,6 +89,11 @@ class Skin(Summary):
 
     def __len__(self) -> int:
         return len(self.channels)
+
+    @property
+    def spacing(self) -> float:
+        """Median distance of a taxel to the nearest other [m]; 10 mm where there is no other."""
+        return median_spacing(self.positions) or ALONE
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""
@@ -184,6 +192,8 @@ def skin_from_table(
     >>> len(skin_from_table(table, robot.mesh_under("left_hand"), "left_hand", "l_hand"))
     48
     """
+    if hint is None and len(table) < 3:  # they span no surface: the file alone knows
+        hint = table.normals
     normals = table.normals if keep_normals else repair_normals(table.positions, body, hint)
     return Skin(
         part,

@@ -30,7 +30,7 @@ DEFAULT = MESHING[0]
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class SurfaceMesh(Drawable):
-    """Triangles over the taxels of a skin.
+    """Triangles over the taxels of a skin; none over one or two, each of which is a disc.
 
     Attributes
     ----------
@@ -74,12 +74,12 @@ class SurfaceMesh(Drawable):
     @property
     def n_patches(self) -> int:
         """Number of connected patches."""
-        return int(self.face_patches.max(initial=-1)) + 1
+        return int(self.face_patches.max(initial=-1 if len(self.faces) else 0)) + 1
 
     @property
     def taxel_patches(self) -> IntArray:
         """(n,) patch of each taxel; -1 for a taxel that no face uses."""
-        patch = np.full(len(self.skin), -1, np.int64)
+        patch = np.full(len(self.skin), -1 if len(self.faces) else 0, np.int64)
         patch[self.faces.ravel()] = np.repeat(self.face_patches, 3)
         return patch[self.representative]
 
@@ -87,8 +87,10 @@ class SurfaceMesh(Drawable):
     def taxel_areas(self) -> FloatArray:
         """(n,) skin area that each taxel stands for [m2]: a third of its triangles.
 
-        Taxels merged into one vertex share its area.
+        Taxels merged into one vertex share its area; that of a disc is as wide as the spacing.
         """
+        if len(self.faces) == 0:
+            return np.full(len(self.skin), 0.25 * np.pi * self.skin.spacing**2)
         areas = vertex_areas(self.vertices, self.faces)
         share = np.bincount(self.representative, minlength=len(areas))
         return areas[self.representative] / share[self.representative]
@@ -122,7 +124,8 @@ def build_surface(
     """Delaunay surface mesh over all taxels of a skin.
 
     Each taxel votes for the triangles of its own tangent-plane Delaunay star; triangles are
-    taken greedily by votes while the mesh stays a manifold; small holes are closed.
+    taken greedily by votes while the mesh stays a manifold; small holes are closed. One or two
+    taxels have no triangle: each stands for a disc.
 
     Parameters
     ----------
@@ -155,8 +158,8 @@ def build_surface(
     UnknownNameError
         No such method.
     InvalidMeshError
-        Fewer than three distinct taxels, none that are close enough to be joined, faces that are
-        no oriented manifold, or no body for "accurate".
+        Three or more taxels at fewer than three places, none that are close enough to be joined,
+        faces that are no oriented manifold, or no body for "accurate".
 
     Examples
     --------
@@ -169,6 +172,9 @@ def build_surface(
         return surface_from_faces(skin, faces)
     if method not in MESHING:
         raise UnknownNameError("meshing method", method, MESHING)
+    if 0 < len(skin) < 3:
+        none = np.zeros(0, np.int64)
+        return SurfaceMesh(skin, none.reshape(0, 3), np.arange(len(skin)), none)
     if skin.pieces is not None:
         mesh_of = partial(
             build_surface,

@@ -140,7 +140,15 @@ def test_at_and_time_are_one_clock(files, tmp_path, opengl):
     recording, model = files
     for source in ("sim", str(recording)):
         words = ["view", "icub", "--part", "left_foot", "--source", source]
-        words += ["--model", str(model), "--gltf", str(tmp_path / "a.glb"), "--at", "2.5", "--json"]
+        words += [
+            "--model",
+            str(model),
+            "--screenshot",
+            str(tmp_path / "a.glb"),
+            "--at",
+            "2.5",
+            "--json",
+        ]
         result = CliRunner().invoke(cli, words)
         assert result.exit_code == 0, result.output
         assert json.loads(result.stdout)["time"] == pytest.approx(

@@ -1,9 +1,10 @@
-"""Two recordings in one picture, seen from one side on one scale, and how they differ."""
+"""Two recordings, moments, models or calibrations in one picture, and how they differ."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,12 +31,20 @@ if TYPE_CHECKING:
 SIZE = (1100, 800)  # of each of the pictures [px]
 LINES = 24  # of touches that are listed at most
 LEFT, RIGHT = "left", "right"
+Pair = tuple[NamedTouch | None, NamedTouch | None]
 
 
 def write_beside(
-    session: Session, other: Session, look: Look, path: Path, at: float | None
+    session: Session,
+    other: Session,
+    look: Look,
+    path: Path,
+    at: float | None,
+    *,
+    then: float | None = None,
+    named: str = "",
 ) -> tuple[Moment | None, Beside]:
-    """Write a picture of two recordings and of their difference, where they have a skin in common.
+    """Write a picture of two sources and of their difference, where they have a skin in common.
 
     Parameters
     ----------
@@ -47,6 +56,10 @@ def write_beside(
     at : float or None
         Of both [s]; by default what shows most of the left one, and the same of the right one
         where it lasts so long.
+    then : float or None
+        Of the right one alone [s].
+    named : str
+        What the right one differs in: its model or calibration.
 
     Returns
     -------
@@ -56,15 +69,19 @@ def write_beside(
         What stands at the right, and the difference.
     """
     first = _moment(session, look, at)
-    second = _moment(other, look, _same_time(session, first, at), strict=at is not None)
+    wanted = _same_time(session, other, first, at) if then is None else then
+    second = _moment(other, look, wanted, strict=(at if then is None else then) is not None)
     scenes = [_scene(one, look, moment) for one, moment in ((session, first), (other, second))]
     try:
         left, right = scenes
         _one_scale(left, right)
         common = common_parts(session, other)
         titles = [
-            _title(name, one, moment)
-            for name, one, moment in ((LEFT, session, first), (RIGHT, other, second))
+            _title(name, one, moment) + more
+            for name, one, moment, more in (
+                (LEFT, session, first, ""),
+                (RIGHT, other, second, named and f", {named}"),
+            )
         ]
         for scene, words in zip(scenes, titles, strict=True):
             scene.set_title(words)
@@ -79,9 +96,11 @@ def write_beside(
         found, lines = None, [f"no difference: {names} have no skin in common"]
         if common:
             values = difference(left, right, common)
-            touches = changed_touches(_touches(first), _touches(second))
-            found = _measured(values, touches, least_of(left.layer))
-            pictures.append(_difference_picture(session, look, values, left))
+            pairs = paired_touches(_touches(first), _touches(second))
+            found = _measured(values, [_row(*pair) for pair in pairs], least_of(left.layer))
+            shown = [one for one in starmap(moved_touch, pairs) if one.part in common]
+            moved = second and dataclasses.replace(second, touches=tuple(shown))
+            pictures.append(_difference_picture(session, look, values, left, moved))
             lines = _lines(found, left.layer)
         _compose(path, pictures, lines)
     finally:
@@ -113,8 +132,12 @@ def _moment(
         return still_moment(session, look, None)
 
 
-def _same_time(session: Session, moment: Moment | None, at: float | None) -> float | None:
-    return at if at is not None or moment is None else moment.time - session.origin
+def _same_time(
+    session: Session, other: Session, moment: Moment | None, at: float | None
+) -> float | None:
+    if at is not None or moment is None or not other.repeats:
+        return at
+    return moment.time - session.origin
 
 
 def _scene(session: Session, look: Look, moment: Moment | None) -> Scene:
@@ -165,15 +188,36 @@ def difference(left: Scene, right: Scene, parts: Sequence[str]) -> dict[str, Flo
 
 
 def changed_touches(left: Sequence[NamedTouch], right: Sequence[NamedTouch]) -> list[ChangedTouch]:
+    """How the touches of two differ, as `paired_touches` has them."""
+    return [_row(*pair) for pair in paired_touches(left, right)]
+
+
+def paired_touches(left: Sequence[NamedTouch], right: Sequence[NamedTouch]) -> list[Pair]:
     """Touches of both, each with that of its part with most taxels in common, or the nearest."""
-    rest, rows = list(right), []
+    rest: list[NamedTouch] = list(right)
+    rows: list[Pair] = []
     for touch in left:
         here = [one for one in rest if one.part == touch.part]
         mate = min(here, key=_apart(touch), default=None)
         if mate is not None:
             rest.remove(mate)
-        rows.append(_row(touch, mate))
-    return rows + [_row(None, touch) for touch in rest]
+        rows.append((touch, mate))
+    return rows + [(None, touch) for touch in rest]
+
+
+def moved_touch(left: NamedTouch | None, right: NamedTouch | None) -> NamedTouch:
+    """The touch as the difference shows it: both names, and the way from its place at the left."""
+    either = right or left
+    assert either is not None
+    name, path = either.label, None
+    if left is None or right is None:
+        name = f"{name}, {RIGHT if left is None else LEFT} only"
+    else:
+        name = name if name == left.label else f"{left.label}, {RIGHT} {name}"
+        path = np.stack([left.centre, right.centre])
+    return dataclasses.replace(
+        either, label=name, confidence=np.nan, path=path, motion=None, answers=None, load=None
+    )
 
 
 def _apart(touch: NamedTouch) -> Callable[[NamedTouch], tuple[int, float]]:
@@ -218,9 +262,13 @@ def _measured(
 
 
 def _difference_picture(
-    session: Session, look: Look, values: Mapping[str, FloatArray], left: Scene
+    session: Session,
+    look: Look,
+    values: Mapping[str, FloatArray],
+    left: Scene,
+    moment: Moment | None,
 ) -> NDArray[np.uint8]:
-    """The difference on the body of the left one, seen as that is."""
+    """The difference on the body of the left one, seen as that is, with the touches of both."""
     largest = max(
         (float(np.nanmax(np.abs(one), initial=0.0)) for one in values.values()), default=0
     )
@@ -236,10 +284,11 @@ def _difference_picture(
         "difference", f"difference of {left.layer.title}", unit, (-top, top),
         ramp(DIFFERENCE_STOPS), (), False, "nothing in common", source,
     )  # fmt: skip
+    if moment is not None:
+        scene.show_moment(moment)
     scene.set_title("difference: right less left")
     if scene.panel is not None and left.panel is not None:
         scene.show_flat_map(left.panel.part)
-        scene.panel.list.tell(" ")
     scene.framing.look(left.framing.view, "still")
     try:
         return scene.canvas.draw(scene, 360.0, samples=8)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 
-from skinmap.geometry.proximity import median_spacing
 from skinmap.io.output import staged_file
 from viewer.colours import BODY, rgb
 from viewer.drawing.body.bare_body import body_meshes
@@ -57,7 +56,7 @@ def write_gltf(scene: Scene, path: Path) -> Path:
             add(link, link, mesh, np.tile(body, (mesh.n_points, 1)))
     for part, drawn in scene.layers.items():
         skin = drawn.skin
-        radius = DISC_SHARE * median_spacing(skin.positions)
+        radius = DISC_SHARE * skin.spacing
         discs = hexagons(skin.positions + LIFT * skin.normals, skin.normals, radius)
         set_normals(discs, np.repeat(skin.normals, CORNERS, axis=0))
         colours = scene.layer.colours(scene.layer.values(part, scene.moment))

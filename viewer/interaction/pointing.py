@@ -7,7 +7,6 @@ import time
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.live.moment import Moment
 from viewer.drawing.frame import camera
@@ -46,7 +45,7 @@ class Pointing:
         self._rings = {"body": Trace2D(self._body)}
         self._line: Trace2D | None = None
         self._maps: dict[str, MapTargets] = {}
-        self._spacings = {part: median_spacing(s.skin.positions) for part, s in self.skins.items()}
+        self._spacings = {part: s.skin.spacing for part, s in self.skins.items()}
         if scene.panel is not None:
             self._boxes["map"] = TextBox(scene.panel.renderer, scene.font_px)
             self._rings["map"] = Trace2D(scene.panel.renderer)

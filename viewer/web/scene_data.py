@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_array
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.geometry.triangles import edge_lengths
 from skinmap.skin.robot import Robot
@@ -23,6 +22,7 @@ from viewer.colours import BACKGROUND, BODY, DOT, INK, RIM, TRACES, UNKNOWN
 from viewer.drawing.body.bare_body import Links, body_meshes, check_links, posed
 from viewer.drawing.frame.camera import VIEW_ANGLE, front_view
 from viewer.drawing.skin.draw_positions import DISC_LIFT, DOT_SHARE, LIFT
+from viewer.drawing.skin.refinement import flat_vertices
 from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
 from viewer.web.packing import pack
 
@@ -209,8 +209,8 @@ def _add_skins(
     shell_start = 0
     for number, (part, skin) in enumerate(skins.items()):
         layer, start = layers[part], vertices[number]
-        uv = layer.fine.linear @ np.nan_to_num(skin.flat.uv)
-        own = {
+        uv = flat_vertices(layer.fine, skin.flat)
+        own: dict[str, NDArray[Any]] = {
             "sheet.points": layer.points.astype(np.float32),
             "sheet.normals": as_bytes(layer.fine.normals),
             "sheet.faces": (layer.fine.faces + start).astype(np.uint32),
@@ -230,7 +230,7 @@ def _add_skins(
             "taxel.modules": skin.skin.modules.astype(np.int32),
             "taxel.patches": skin.patches.astype(np.int32),
         }
-        spacing = median_spacing(skin.skin.positions)
+        spacing = skin.skin.spacing
         one: dict[str, Any] = {
             "name": part,
             "link": names.index(skin.skin.link),

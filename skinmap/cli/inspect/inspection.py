@@ -177,7 +177,9 @@ def _row(
     cosine = np.einsum("ij,ij->i", stored, normals) / np.where(length > 0, length, 1.0)
     replaced = int((np.arccos(np.clip(cosine, -1.0, 1.0)) > PLACEHOLDER).sum())
     distinct = len(np.unique(table.positions, axis=0))
-    gap, _ = nearest(np.unique(table.positions, axis=0), 1)
+    gap = np.zeros((1, 1))  # of one place alone
+    if distinct > 1:
+        gap, _ = nearest(np.unique(table.positions, axis=0), 1)
     notes = [*faults, *warnings]
     if len(report.rebuilt):
         notes.append(f"{len(report.rebuilt)} taxels shared a place and were rebuilt")

@@ -15,7 +15,6 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.geometry.distances import bridged_graph, path_distances
-from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.topology import edges, half_edges
 from skinmap.geometry.triangles import unit
 from skinmap.summary import Drawable, Summary, listed
@@ -102,11 +101,14 @@ def measure_skin(mesh: SurfaceMesh) -> SkinGeometry:
     """
     points = mesh.vertices
     # Two rings of neighbours: paths over one ring alone are up to 15 % too long on hexagons.
-    graph = bridged_graph(points, 18, 2.5 * median_spacing(points))
+    graph = bridged_graph(points, 18, 2.5 * mesh.skin.spacing)
     merged = np.flatnonzero(mesh.representative != np.arange(len(points)))
     same = np.column_stack([merged, mesh.representative[merged]])
     border = border_taxels(mesh)
-    links = np.concatenate([edges(mesh.faces), same])
+    pairs = edges(mesh.faces)
+    if len(mesh.faces) == 0 and len(points) == 2 and mesh.skin.spacing <= BRIDGE:
+        pairs = np.array([[0, 1]])
+    links = np.concatenate([pairs, same])
     bridged = np.concatenate([links, _facing(mesh, border)])
     if mesh.skin.ring:
         links = bridged

@@ -19,7 +19,6 @@ from scipy.sparse import csr_array
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinMismatchError
 from skinmap.flat.flat_map import FlatMap
-from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.raster import locate_pixels, pixel_coverage
 from skinmap.numba_loops import compiled
 
@@ -199,8 +198,14 @@ def image_geometry(
     middle, half = 0.5 * (low + high), 0.5 * pitch * np.array([columns, rows])
     corner = np.array([middle[0] - half[0], middle[1] + half[1]])
     points = (uv - corner) / (pitch, -pitch)
-    pixels, face, weights = locate_pixels(points, faces, (rows, columns))
-    vertices = taxels[faces[face]]
+    if len(faces):
+        pixels, face, weights = locate_pixels(points, faces, (rows, columns))
+        vertices = taxels[faces[face]]
+    else:  # taxels without a surface: the pixel of each
+        at = np.clip(points.astype(np.int64), 0, [columns - 1, rows - 1])
+        pixels, first = np.unique(at[:, 1] * columns + at[:, 0], return_index=True)
+        vertices = np.repeat(taxels[first, None], 3, axis=1)
+        weights = np.tile([1.0, 0.0, 0.0], (len(first), 1))
     mask = np.zeros(rows * columns, bool)
     mask[pixels] = True
     entries = (weights.ravel(), (np.repeat(pixels, 3), vertices.ravel()))
@@ -210,7 +215,9 @@ def image_geometry(
         corner,
         csr_array(matrix @ _merging(flat.mesh.representative)),
         mask.reshape(rows, columns),
-        pixel_coverage(points, faces, (rows, columns)),
+        pixel_coverage(points, faces, (rows, columns))
+        if len(faces)
+        else mask.reshape(rows, columns).astype(np.float64),
         pixels,
         vertices,
         weights.astype(np.float32),
@@ -224,7 +231,7 @@ def taxel_grid(flat: FlatMap) -> ContactImageGeometry:
     Starts at the median distance between taxels (8 mm on the paper's skin) and narrows by steps of
     2 % until each taxel of the map has a pixel; on the built-in robots it ends at half or more.
     """
-    spacing = median_spacing(flat.mesh.skin.positions)
+    spacing = flat.mesh.skin.spacing
     placed = np.isfinite(flat.uv[:, 0])
     for share in NARROWING:
         geometry = image_geometry(flat, pitch=share * spacing)

@@ -25,7 +25,6 @@ from skinmap.errors import UnknownNameError
 from skinmap.geometry.distances import bridged_graph
 from skinmap.geometry.log_map import LogMaps
 from skinmap.geometry.point_surface import PointSurface
-from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import plane_turns
 from skinmap.skin.skin import Skin, fingerprint
 from skinmap.touch.recording import Recording
@@ -124,7 +123,7 @@ def prepare(
     variety: float = 0.0,
 ) -> Stage:
     """Build the neighbour graph of a skin and draw its sensors and habitual places."""
-    spacing = median_spacing(skin.positions)
+    spacing = skin.spacing
     graph = bridged_graph(skin.positions, 10, 2.5 * spacing)
     habits = {
         name: tuple(

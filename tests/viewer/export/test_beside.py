@@ -13,7 +13,7 @@ from PIL import Image
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.live.contacts.named_touch import NamedTouch
-from viewer.export.beside import changed_touches
+from viewer.export.beside import changed_touches, moved_touch
 
 
 def recorded(path: Path, robot: str, part: str, seed: int) -> Path:
@@ -71,6 +71,30 @@ def test_two_skins_are_both_drawn_without_a_difference(opengl, pair, tmp_path):
     assert np.array(Image.open(out)).shape == (860, 2200, 3)
 
 
+def test_another_moment_and_another_model_stand_beside_the_same_recording(opengl, pair, tmp_path):
+    from skinmap.classifiers.model_file import save_classifier
+    from skinmap.classifiers.named_classifiers import default_model
+
+    words = (pair[0], "--part", "torso", "--at", "0.5", "--screenshot")
+    shown = view(*words, tmp_path / "moments.png", "--beside", "2")["beside"]
+    assert shown["time"] == pytest.approx(2.0, abs=0.021)
+    assert shown["difference"]["taxels"] > 0
+    model = tmp_path / "own.skinmodel"
+    save_classifier(default_model(), model)
+    shown = view(*words, tmp_path / "models.png", "--beside", model)["beside"]
+    assert shown["difference"]["taxels"] == 0
+    assert all(one["left"] == one["right"] for one in shown["difference"]["touches"])
+
+
+def test_the_difference_shows_both_names_and_the_way_between():
+    left = NamedTouch("torso", np.array([1]), np.zeros(3), "poke", 0.9)
+    right = NamedTouch("torso", np.array([1]), np.ones(3), "tap", 0.8)
+    shown = moved_touch(left, right)
+    assert shown.label == "poke, right tap"
+    np.testing.assert_array_equal(shown.path, [[0, 0, 0], [1, 1, 1]])
+    assert moved_touch(left, None).label == "poke, left only"
+
+
 def test_changed_touches_pairs_what_lies_on_the_same_taxels():
     def touch(label: str, taxels: list[int], x: float, part: str = "torso") -> NamedTouch:
         return NamedTouch(part, np.array(taxels), np.array([x, 0.0, 0.0]), label, 0.9)
@@ -85,7 +109,8 @@ def test_changed_touches_pairs_what_lies_on_the_same_taxels():
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["--beside", "none.mcap", "--screenshot", "x.png"], "a recording, for --beside"),
+        (["--beside", "none.mcap", "--screenshot", "x.png"], "a recording, a moment"),
+        (["--beside", "-3", "--screenshot", "x.png"], "not a moment"),
         (["--beside", "{one}", "--web"], "--beside is for --screenshot alone"),
         (["--beside", "{one}", "--screenshot", "x.pdf"], "a picture of pixels"),
     ],

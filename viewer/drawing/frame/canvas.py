@@ -331,7 +331,7 @@ class Canvas:
         taxels = sum(len(layer.skin) for layer in self.layers.values())
         count = len(scene.touches)
         touches = "1 touch" if count == 1 else f"{count} touches"
-        return f"{scene.robot.name}   {taxels:,} taxels   {touches}"
+        return f"{scene.robot.name}   {taxels:,} {'taxel' if taxels == 1 else 'taxels'}   {touches}"
 
 
 def absent(parts: Iterable[str]) -> list[str]:

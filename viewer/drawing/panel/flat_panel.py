@@ -128,7 +128,8 @@ class FlatPanel:
         self._border.mapper.dataset = make_lines(line, edges)
         charts = len(self.flat_maps[part].charts)
         self._caption.write(f"flat map: {part.replace('_', ' ')}")
-        self._about.write(f"{len(skin)} taxels, {charts} {'patch' if charts == 1 else 'patches'}")
+        taxels = "1 taxel" if len(skin) == 1 else f"{len(skin)} taxels"
+        self._about.write(f"{taxels}, {charts} {'patch' if charts == 1 else 'patches'}")
 
     def places(self, part: str) -> Places:
         """Where the skin of a part lies on its flat map."""

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyvista as pv
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.flat.flat_map import FlatMap
-from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.surface.surface_mesh import SurfaceMesh
 from viewer.drawing.frame.polydata import make_mesh
-from viewer.drawing.skin.refinement import FineSurface, split
+from viewer.drawing.skin.refinement import FineSurface, flat_vertices, split
 
 LIFT = 2.0e-3  # the sheet above the taxels [m]: covers lie up to 1 mm above taxels
 DISC_LIFT = 0.35e-3  # dots and discs above the sheet [m]
@@ -70,7 +69,7 @@ def body_places(mesh: SurfaceMesh, fine: FineSurface) -> Places:
     """On the body, in the frame of the part's link: a little above the taxels."""
     skin = mesh.skin
     points = fine.positions + LIFT * fine.normals
-    base = np.searchsorted(fine.taxels, mesh.faces)
+    base = fine.coarse
     cells, mids, corners = taxel_cells(base)
     # Where the fine surface has them, the middles of edges are its own: they follow the curve.
     k = len(fine.taxels)
@@ -79,7 +78,7 @@ def body_places(mesh: SurfaceMesh, fine: FineSurface) -> Places:
     else:
         ends = np.vstack([points, points[mids].mean(axis=1)])
         bent = np.vstack([fine.normals, unit(fine.normals[mids].sum(axis=1))])
-    spacing = median_spacing(skin.positions)
+    spacing = skin.spacing
     return Places(
         points,
         fine.normals,
@@ -110,6 +109,8 @@ def flat_places(flat: FlatMap, fine: FineSurface, dot: float) -> Places:
         Largest radius of a dot [m].
     """
     mesh = flat.mesh
+    if len(mesh.faces) == 0:
+        return _disc_places(flat, fine, dot)
     faces, start = np.zeros_like(mesh.faces), 0
     for chart in flat.charts:  # chart faces are the patch's own, in their order
         faces[mesh.face_patches == chart.patch] = chart.faces + start
@@ -124,7 +125,7 @@ def flat_places(flat: FlatMap, fine: FineSurface, dot: float) -> Places:
         points = np.vstack([points, points[edges].mean(axis=1)])
     vertex = np.zeros(len(points), np.int64)
     vertex[halves.ravel()] = fine.faces.ravel()
-    spacing = median_spacing(mesh.vertices)
+    spacing = mesh.skin.spacing
     return Places(
         raised(points),
         _up(len(points)),
@@ -140,6 +141,25 @@ def flat_places(flat: FlatMap, fine: FineSurface, dot: float) -> Places:
         DISC_SHARE * spacing,
         min(DOT_SHARE * spacing, dot),
         False,
+    )
+
+
+def _disc_places(flat: FlatMap, fine: FineSurface, dot: float) -> Places:
+    """On the flat map, taxels without a surface: each a disc."""
+    on_body = body_places(flat.mesh, fine)
+    _, mids, corners = taxel_cells(fine.coarse)
+    uv = flat_vertices(fine, flat)
+    ends = uv[: len(fine.taxels) + len(mids)]
+    return replace(
+        on_body,
+        points=raised(uv),
+        normals=_up(len(uv)),
+        cell_points=raised(np.vstack([ends, ends[corners].mean(axis=1)])),
+        cell_normals=_up(len(ends) + len(corners)),
+        centres=raised(flat.uv, FLAT_LIFT),
+        facing=_up(len(flat.uv)),
+        dot=min(on_body.dot, dot),
+        lit=False,
     )
 
 

@@ -13,9 +13,14 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array, vstack
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.flat.flat_map import FlatMap
+from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.topology import half_edges
 from skinmap.geometry.triangles import cross_products, unit
+from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh
+
+RIM = 12  # corners of the disc of a taxel without a surface
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -34,6 +39,8 @@ class FineSurface:
         The same by straight edges: for the flat map, whose triangles are flat.
     taxels : (k,) int
         Taxel of each of the first k vertices.
+    coarse : (c, 3) int
+        Triangles over those, before any edge was halved.
     """
 
     positions: FloatArray
@@ -42,13 +49,22 @@ class FineSurface:
     smooth: csr_array
     linear: csr_array
     taxels: IntArray
+    coarse: IntArray
 
 
 def refine(mesh: SurfaceMesh, levels: int = 1) -> FineSurface:
-    """Halve each edge of a surface mesh `levels` times; gaps and holes stay as they are."""
-    taxels, compact = np.unique(mesh.faces, return_inverse=True)
-    faces = compact.reshape(-1, 3)
-    positions, normals = mesh.vertices[taxels], mesh.skin.normals[taxels]
+    """Halve each edge of a surface mesh `levels` times; gaps and holes stay as they are.
+
+    Taxels without a surface become discs, each a fan of triangles that has the taxel's own value.
+    """
+    if len(mesh.faces):
+        taxels, compact = np.unique(mesh.faces, return_inverse=True)
+        faces = compact.reshape(-1, 3)
+        positions, normals = mesh.vertices[taxels], mesh.skin.normals[taxels]
+    else:
+        taxels, positions, faces = _discs(mesh.skin)
+        normals = mesh.skin.normals[taxels]
+    coarse = faces
     smooth = _shared(mesh.representative)[taxels]
     linear = smooth
     for _ in range(levels):
@@ -59,7 +75,30 @@ def refine(mesh: SurfaceMesh, levels: int = 1) -> FineSurface:
         positions = np.vstack([positions, _curved(positions, normals, ends)])
         normals = np.vstack([normals, unit(normals[ends[:, 0]] + normals[ends[:, 1]])])
         faces = halves
-    return FineSurface(positions, normals, faces, smooth, linear, taxels)
+    return FineSurface(positions, normals, faces, smooth, linear, taxels, coarse)
+
+
+def _discs(skin: Skin) -> tuple[IntArray, FloatArray, IntArray]:
+    """Taxel (k,), place (k, 3) [m] and triangles (c, 3) of discs around taxels that touch."""
+    angle = np.arange(RIM) * 2.0 * np.pi / RIM
+    ring = 0.5 * skin.spacing * np.column_stack([np.cos(angle), np.sin(angle)])
+    fans = np.concatenate([np.zeros((1, 2)), ring]) @ tangent_frames(skin.normals)
+    points = skin.positions[:, None] + fans
+    spoke = 1 + np.arange(RIM)
+    fan = np.column_stack([np.zeros(RIM, np.int64), spoke, 1 + spoke % RIM])
+    faces = fan + (RIM + 1) * np.arange(len(skin))[:, None, None]
+    taxels = np.repeat(np.arange(len(skin)), RIM + 1)
+    return taxels, points.reshape(-1, 3), faces.reshape(-1, 3)
+
+
+def flat_vertices(fine: FineSurface, flat: FlatMap) -> FloatArray:
+    """(v, 2) places of a fine surface's vertices on the flat map [m]."""
+    uv = np.asarray(fine.linear @ np.nan_to_num(flat.uv))
+    if len(flat.mesh.faces) == 0:  # discs: as wide as on the body
+        skin = flat.mesh.skin
+        away = fine.positions - fine.linear @ skin.positions
+        uv += np.einsum("vij,vj->vi", tangent_frames(fine.linear @ skin.normals), away)
+    return uv
 
 
 def split(faces: IntArray) -> tuple[IntArray, IntArray]:

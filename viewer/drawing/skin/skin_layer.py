@@ -94,8 +94,8 @@ def build_layer(mesh: SurfaceMesh, *, levels: int = 1) -> SkinLayer:
         mesh,
         fine,
         places,
-        underside(places.points, fine, mesh),
-        underside(places.points, fine, mesh, quick=True),
+        underside(places.points, fine),
+        underside(places.points, fine, quick=True),
         boundary_edges(fine.faces),
         beside,
         fine.smooth @ beside,
@@ -113,16 +113,13 @@ def neighbour_mean(mesh: SurfaceMesh) -> csr_array:
     return coo_array((1.0 / count[row], (row, column)), shape=(n, n)).tocsr()
 
 
-def underside(
-    points: FloatArray, fine: FineSurface, mesh: SurfaceMesh, *, quick: bool = False
-) -> pv.PolyData:
+def underside(points: FloatArray, fine: FineSurface, *, quick: bool = False) -> pv.PolyData:
     """Edge and back of the sheet: they make it look solid, and hide its colours from behind.
 
     The edge reaches from the border down to the body; the back is the unrefined mesh. The quick
     one is an edge of the unrefined mesh without a back: where a body is drawn, it hides the back.
     """
-    taxels, back = np.unique(mesh.faces, return_inverse=True)
-    faces = back.reshape(-1, 3) if quick else fine.faces  # the fine one's first vertices are taxels
+    faces = fine.coarse if quick else fine.faces
     used, number = np.unique(boundary_edges(faces), return_inverse=True)
     a, b = number.reshape(-1, 2).T
     n = len(used)
@@ -130,7 +127,8 @@ def underside(
     low = points[used] - EDGE_DEPTH * fine.normals[used]
     if quick:
         return make_mesh(np.concatenate([points[used], low]), edge)
-    behind = mesh.vertices[taxels] + (LIFT - BACK) * mesh.skin.normals[taxels]
-    faces = np.concatenate([edge, back.reshape(-1, 3)[:, ::-1] + 2 * n])
+    k = len(fine.taxels)
+    behind = fine.positions[:k] + (LIFT - BACK) * fine.normals[:k]
+    faces = np.concatenate([edge, fine.coarse[:, ::-1] + 2 * n])
     vertices = np.concatenate([points[used], low, behind])
     return make_mesh(vertices, faces)

@@ -34,7 +34,7 @@ PIECES = 8  # shades of a trail
 JUMP = 0.03  # [m]: on the flat map what is so near on the skin and so far there has a seam between
 FINE = 16  # pieces that a step of a trail across a seam is cut into
 TORN = 3.0  # how much longer than on the skin a piece must become to be the one across
-CENTRE = 4e-3  # radius of the centre of pressure on the flat map [m]
+CENTRE = 4e-3  # largest radius of the centre of pressure on the flat map [m]
 
 RING_SIDES = 12
 INNER, OUTER = 1.2, 1.65  # in radii of a disc
@@ -186,10 +186,10 @@ def paler(colour: str, share: float) -> str:
 def centre_on(ground: Ground, touch: NamedTouch) -> list[tuple[FloatArray, IntArray, str]]:
     """A disc with a white rim at the centre of pressure, for the flat map."""
     at = ground.carried(touch.centre[None], 0.0)[0]
-    found = []
+    found, wide = [], min(CENTRE, 0.6 * ground.places.disc)  # less than a taxel
     for radius, rise, colour in (
-        (CENTRE, 4e-3, "#ffffff"),
-        (0.72 * CENTRE, 5e-3, touch_colour(touch)),
+        (wide, 4e-3, "#ffffff"),
+        (0.72 * wide, 5e-3, touch_colour(touch)),
     ):
         angle = np.arange(16) * np.pi / 8
         ring = at + radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(16)])
