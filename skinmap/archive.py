@@ -37,6 +37,8 @@ def open_arrays(path: Path) -> Iterator[NpzFile]:
         `skinmap.errors.DAMAGED_ARCHIVE`.
     """
     with path.open("rb") as file:
+        if not zipfile.is_zipfile(file):
+            raise zipfile.BadZipFile("not an .npz archive")
         with zipfile.ZipFile(file) as whole:
             size = sum(entry.file_size for entry in whole.infolist())
             strange = [name for name in whole.namelist() if not _is_array(whole, name)]

@@ -82,11 +82,51 @@ class MissingFileError(SkinError, FileNotFoundError):
     """A file that does not exist."""
 
     def __init__(self, path: Path | str, expected: str) -> None:
-        super().__init__(f"no file {str(path)!r}; expected {expected}")
+        folder = Path(path).is_dir()
+        found = f"{str(path)!r} is a folder" if folder else f"no file {str(path)!r}"
+        super().__init__(f"{found}; expected {expected}")
         self.path, self.expected = Path(path), expected
 
     def __reduce__(self) -> tuple[Any, ...]:  # errors come back from other processes
         return type(self), (self.path, self.expected)
+
+
+KINDS = {
+    "a manifest": (".toml",),
+    "a URDF": (".urdf", ".xacro"),
+    "a model": (".skinmodel",),
+    "a recording": (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3"),
+    "a table": (".csv", ".tsv"),
+    "a mesh": (".stl", ".obj", ".ply", ".off", ".dae", ".glb", ".gltf"),
+    "a picture": (".png", ".jpg", ".svg", ".pdf"),
+    "a text": (".txt", ".md", ".log"),
+    "an array": (".npy",),
+}
+
+
+def check_kind(path: Path, expected: str, *suffixes: str, hint: str = "") -> None:
+    """Refuse a file of another kind by its suffix: "m.stl: a mesh where a model is expected".
+
+    Parameters
+    ----------
+    path : Path
+    expected : str
+        With its article, as in `KINDS`.
+    *suffixes : str
+        That it may have beside those of `KINDS`.
+    hint : str
+        What to type instead.
+
+    Raises
+    ------
+    DataFormatError
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (*suffixes, *KINDS.get(expected, ())):
+        for kind, known in KINDS.items():
+            if suffix in known:
+                ending = f" ({', '.join(KINDS.get(expected, suffixes))})"
+                raise DataFormatError(f"{kind} where {expected}{ending}{hint} is expected", path)
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:

@@ -348,7 +348,7 @@ def command(
         raise click.UsageError("--calibration needs --format contacts")
     if format in (RERUN, CONTACTS):
         if not _is_recording(Path(robot)):
-            raise click.UsageError(f"{format} is for recordings; {robot} is none")
+            raise click.UsageError(f"{format} is for recordings, and {robot} is not one")
         if unrepaired:
             raise click.UsageError("a recording has no --unrepaired")
         _check_ending(output, format)
@@ -368,7 +368,7 @@ def command(
         present(result, _recording_lines, as_json=as_json)
         return
     if format in FOLDERS:
-        raise click.UsageError(f"{format} is for recordings; {robot} is none")
+        raise click.UsageError(f"{format} is for recordings, and {robot} is not one")
     if format == "mjcf":
         if unrepaired:
             raise click.UsageError("mjcf is of a whole robot; leave out --unrepaired")

@@ -16,6 +16,7 @@ from click.core import ParameterSource
 from skinmap.commands.options import (
     MAX_TOUCHES,
     Number,
+    Whole,
     open_robot,
     out_file,
     part_option,
@@ -42,7 +43,7 @@ SENSING: dict[str, click.ParamType[Any]] = {
     "spikes": SHARE, "gaps": Number(0.0, 0.5), "hysteresis": SHARE, "creep": Number(0.0, 10.0),
     "compression": Number(0.0, 10.0), "cross-talk": SHARE, "gain-spread": Number(0.0, 10.0),
     "foam-mm": Number(0.0, 1000.0, min_open=True), "saturation": COUNTS,
-    "bits": click.IntRange(1, 8), "rate": Number(0.0, 10_000.0, min_open=True),
+    "bits": Whole(1, 8), "rate": Number(0.0, 10_000.0, min_open=True),
 }  # fmt: skip
 
 
@@ -179,7 +180,7 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
 )
 @click.option(
     "--subjects",
-    type=click.IntRange(1, MAX_TOUCHES),
+    type=Whole(1, MAX_TOUCHES),
     default=10,
     show_default=True,
     help="Number of simulated people, each with a hand size and habits.",

@@ -13,6 +13,7 @@ import click
 
 from skinmap import __version__
 from skinmap.commands.options import (
+    Whole,
     open_robot,
     out_folder,
     outside_option,
@@ -56,7 +57,7 @@ ALL = "all"
 )
 @click.option(
     "--seeds",
-    type=click.IntRange(1, 1000),
+    type=Whole(1, 1000),
     default=3,
     show_default=True,
     help="Number of repetitions, each with its own touches.",

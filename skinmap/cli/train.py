@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from skinmap.commands.options import (
+    Whole,
     out_file,
     part_option,
     prints,
@@ -177,7 +178,7 @@ class TrainResult:
 @out_file("Model to write.", default="touch.skinmodel")
 @click.option(
     "--with-simulated",
-    type=click.IntRange(1, 1000),
+    type=Whole(1, 1000),
     metavar="N",
     help="Add N simulated touches of each recorded label that the simulator has, on each skin.",
 )

@@ -49,7 +49,10 @@ class Number(click.FloatRange):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """The number of a text."""
-        number = float(click.FLOAT.convert(value, param, ctx))
+        try:
+            number = float(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a number", param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not a number", param, ctx)
         if self.endless and number == math.inf:
@@ -61,6 +64,12 @@ class Number(click.FloatRange):
         low = f"{self.min:g}<{'' if self.min_open else '='}x"
         high = f"<{'' if self.max_open else '='}{self.max:g}"
         return low + high + (" or inf" if self.endless else "")
+
+
+class Whole(click.IntRange):
+    """A whole number within limits, under a name of plain words."""
+
+    name = "whole number"
 
 
 class Written(click.Path):
@@ -205,7 +214,7 @@ def results_of(command: click.Command) -> dict[str, Kinds]:
 MAX_SEED = 4_000_000_000  # scikit-learn's seeds have 32 bits, and repetitions count on from it
 seed_option = click.option(
     "--seed",
-    type=click.IntRange(0, MAX_SEED),
+    type=Whole(0, MAX_SEED),
     default=0,
     show_default=True,
     help="Seed of all randomness.",
@@ -216,7 +225,7 @@ def per_gesture_option(help: str) -> Callable[[F], F]:
     """`--per-gesture`: how many touches of each kind are simulated."""
     return click.option(
         "--per-gesture",
-        type=click.IntRange(1, MAX_TOUCHES),
+        type=Whole(1, MAX_TOUCHES),
         default=20,
         show_default=True,
         help=help,

@@ -37,6 +37,7 @@ from skinmap.errors import (
     OutputError,
     SkinWarning,
     UnknownNameError,
+    check_kind,
 )
 from skinmap.recognition.catalogue import classifiers
 from skinmap.recognition.sets.prediction_sets import set_calibration_from
@@ -203,9 +204,11 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
             if list(classifier.labels) != head["labels"]:
                 raise DataFormatError("its labels are not those of its estimator", path)
     except (DataFormatError, UnknownNameError):
+        check_kind(path, "a model")
         raise
     # A damaged file fails in zip, JSON, numpy or skops, each in its own way.
     except Exception as error:
+        check_kind(path, "a model")
         raise DataFormatError(f"not a Skinmap model: {error}", path) from error
     _warn_of_versions(head["versions"], path)
     return classifier

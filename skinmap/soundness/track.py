@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, MissingFileError, SkinError
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, MissingFileError, SkinError, check_kind
 from skinmap.io.text import check_file
 
 MAX_BYTES = 2**32
@@ -124,6 +124,7 @@ def read_track(path: Path) -> Track:
     elif suffix in TABLES:
         track = _from_table(path)
     else:
+        check_kind(path, "a recording")
         known = ", ".join((*ARRAYS, *TABLES, *STREAMS))
         raise DataFormatError(f"no recording format ends in {suffix!r}; known: {known}", path)
     return check_track(track)

@@ -147,7 +147,7 @@ def test_same_seed_writes_the_same_recording(tmp_path):
         (("simulate", "--gesture", "slap", "--part", "torso", "-o", "x.npz"), "no gesture 'slap'"),
         (("simulate", "--part", "torso", "--fault", "dead=2"), "2.0 is not in the range 0<=x<=1"),
         (("simulate", "--part", "torso", "--fault", "dad=0.1"), "no fault 'dad'; did you mean"),
-        (("simulate", "--part", "torso", "--fault", "dead"), "'' is not a valid float"),
+        (("simulate", "--part", "torso", "--fault", "dead"), "'' is not a number"),
         (("simulate", "--part", "torso", "--dead", "0.1"), "removed: write --fault dead=VALUE"),
         (("inspect", "icub", "--allow-outside"), "removed: set SKINMAP_ALLOW_OUTSIDE=1"),
         (("simulate", "--part", "left_hand", "-o", "/proc/x/y.npz"), "cannot write"),

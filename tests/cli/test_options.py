@@ -177,7 +177,7 @@ def named(option: str) -> dict[str, click.Option]:
     ("option", "metavar", "begins", "fewest"),
     [
         ("--part", "PART", "Only this part of the robot", 15),
-        ("--units", None, "Unit of lengths in ", 7),
+        ("--units", None, "Unit of lengths in ", 6),
         ("--robot", "ROBOT", "Robot ", 10),
         ("--publish", "SPEC", "", 3),
         ("--response", "[PART=]FILE", "Response calibration of a part ", 2),

@@ -17,6 +17,7 @@ from skinmap.cli.evaluate.evaluation import (
     own_settings,
 )
 from skinmap.commands.options import (
+    Whole,
     Written,
     file_option,
     out_folder,
@@ -60,7 +61,7 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
 @part_option
 @click.option(
     "--seeds",
-    type=click.IntRange(1, 1000),
+    type=Whole(1, 1000),
     help="Repetitions.  [default: 5; baxter: 10, physics, time, force: 1]",
 )
 @click.option(

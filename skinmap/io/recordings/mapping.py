@@ -119,6 +119,8 @@ def _mapping(text: str, path: Path) -> Mapping:
         table = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # huge numbers, deep nests are no TOML errors
         raise DataFormatError(f"not a mapping of a recording: {error}", path) from None
+    if isinstance(table.get("robot"), dict):
+        raise DataFormatError("is a manifest, not a mapping of a recording", path)
     fail = partial(DataFormatError, path=path)
     found = checked(table, Mapping, what="the mapping", fail=fail)
     if found.robot.endswith(".toml"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from skinmap.errors import MissingFileError, UnknownNameError
+from skinmap.errors import MissingFileError, UnknownNameError, check_kind
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.recordings.mapping import find_mapping
 from skinmap.io.recordings.touch_files import SUFFIXES, load_recordings
@@ -66,6 +66,7 @@ def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
         return load_recordings(path)
     said = said or FOREIGN.get(suffix)
     if said is None:
+        check_kind(path, "a recording", *readable())
         raise UnknownNameError("recording format for files ending in", path.suffix, readable())
     return recording_readers.get(said)(path)
 

@@ -16,6 +16,7 @@ from skinmap.errors import (
     MissingFileError,
     SkinMismatchError,
     UnknownNameError,
+    check_kind,
 )
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import McapRecording
@@ -101,6 +102,7 @@ def check_suffix(path: Path) -> None:
         Says which there are.
     """
     if path.suffix.lower() not in SUFFIXES:
+        check_kind(path, "a recording", *SUFFIXES)
         raise UnknownNameError("recording format for files ending in", path.suffix, SUFFIXES)
 
 

@@ -22,6 +22,7 @@ from skinmap.errors import (
     ForbiddenPathError,
     MissingFileError,
     UnknownNameError,
+    check_kind,
 )
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.geometry.triangles import TriangleMesh
@@ -118,6 +119,10 @@ def _builtin_manifests() -> dict[str, Path]:
     return {path.stem: path for path in data_folder().glob("*/*.toml")}
 
 
+SHIPPED = " or the name of a robot (`skinmap list robots`)"
+WRITE_ONE = ", as `skinmap new ROBOT.urdf --taxels FILE -o robot.toml` writes it,"
+
+
 def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     """A robot by built-in name or by the path of its manifest; no part is read yet.
 
@@ -153,7 +158,7 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     if str(robot) in builtin:
         return replace(read_manifest(builtin[str(robot)]), origin=str(robot))
     path = Path(robot)
-    if path.suffix == ".toml" or is_file(path):
+    if path.suffix == ".toml" or path.exists():
         return read_manifest(path, allow_outside=allow_outside)
     raise UnknownNameError("robot", str(robot), sorted(builtin))
 
@@ -165,11 +170,8 @@ def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
     try:
         document = tomllib.loads(read_text(path))
     except (ValueError, RecursionError) as error:  # huge numbers and deep nests are no TOML errors
-        if path.suffix.lower() in (".urdf", ".xml", ".xacro"):
-            raise DataFormatError(
-                "a URDF where a manifest (.toml) is expected: write one with "
-                f"`skinmap new {path.name} --taxels FILE -o robot.toml`", path,
-            ) from None  # fmt: skip
+        written = path.suffix.lower() in (".urdf", ".xacro", ".csv")
+        check_kind(path, "a manifest", hint=WRITE_ONE if written else SHIPPED)
         raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
     fail = partial(DataFormatError, path=path)
     told = checked(document, _Manifest, what="the manifest", fail=fail, called=toml_table)

@@ -18,7 +18,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.disk_cache import Ingredient, cached
-from skinmap.errors import DataFormatError
+from skinmap.errors import DataFormatError, check_kind
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.interrupts import import_whole
 from skinmap.io.safe_xml import local_name, read_xml
@@ -153,6 +153,7 @@ def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray
     check_file(path, "a mesh", MAX_MESH_BYTES)
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
+        check_kind(path, "a mesh")
         raise DataFormatError(f"not a mesh; the formats are: {', '.join(MESH_SUFFIXES)}", path)
 
     def parse() -> dict[str, np.ndarray]:
@@ -188,8 +189,10 @@ def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
         raise
     except Exception as error:  # each format has its own kinds of failure
         raise DataFormatError(f"not a mesh that can be read: {error}", path) from error
-    if len(faces) == 0 or not np.isfinite(vertices).all():
-        raise DataFormatError("a mesh without triangles or with NaN in it", path)
+    if len(faces) == 0:
+        raise DataFormatError("a mesh without triangles: empty, cut short or points alone", path)
+    if not np.isfinite(vertices).all():
+        raise DataFormatError("a mesh with NaN or infinity among its vertices", path)
     return vertices, faces
 
 

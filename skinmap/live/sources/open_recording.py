@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, UnknownNameError
+from skinmap.errors import (
+    DataFormatError,
+    MissingFileError,
+    SkinMismatchError,
+    UnknownNameError,
+    check_kind,
+)
 from skinmap.io.recordings.readers import FOREIGN
 from skinmap.io.recordings.recorded_stream import (
     Kind,
@@ -142,6 +148,7 @@ def open_track(
         from skinmap.io.recordings.xdf import read_xdf
 
         return read_xdf(path, robot=robot)
+    check_kind(path, "a recording", *FOREIGN)
     raise UnknownNameError("reader of recordings for", path.name, FORMATS)
 
 
