@@ -15,7 +15,7 @@ from calibration.commands.calibration_options import FILE, Outputs, outputs
 from calibration.commands.results import Calibrated, Spread, judged
 from skinmap.commands.options import Number, open_robot, prints
 from skinmap.commands.progress import progress
-from skinmap.errors import SkinMismatchError
+from skinmap.errors import DataFormatError, SkinMismatchError
 
 if TYPE_CHECKING:
     from calibration.response.load_fit import LoadFit, Pressed
@@ -116,7 +116,8 @@ def load(output: Outputs, **given: Any) -> None:
     EVIDENCE holds `samples (t, n)` in counts and `times (t,)` [s] beside one reference on its own
     clock: `pressure_bar`, `pressure_kpa` or `pressure_pa (u,)` of a chamber or a bag, `mass_kg`
     (with `footprint (k,)`: channels it lies on), `stand` (kilograms of a person who stands on all),
-    or `force_n` of a load cell on `channels (k,)`. `reference_times (u,)` may be absent where both
+    `force_n` of a load cell on `channels (k,)`, or `wrench (u, 6)` of a sensor behind the skin, in
+    the frame of its link (needs --part). `reference_times (u,)` may be absent where both
     have the same nominal rate. CSV: a column `time`, one reference, every other column a channel.
 
     \b
@@ -137,9 +138,10 @@ def work(
     *, evidence: tuple[Path, ...], robot: str, part: str | None, area_mm2: float | None
 ) -> tuple[LoadResult, LoadFit, list[Pressed]]:
     """Fit the pressures of a skin."""
+    from calibration.response.load_by_wrench import fit_wrench
     from calibration.response.load_fit import fit_load
 
-    pressed, marks = [], ""
+    pressed, marks, skin = [], "", None
     for path in evidence:
         pressed.append(_pressed(path, area_mm2))
         count = pressed[-1].samples.shape[1]
@@ -157,12 +159,17 @@ def work(
             )
         marks = fingerprint(skin)
     start = time.process_time()
-    fit = fit_load(
-        pressed,
-        when=max(path.stat().st_mtime for path in evidence),
-        area_mm2=float("nan") if area_mm2 is None else area_mm2,
-        fingerprint=marks,
-    )
+    when = max(path.stat().st_mtime for path in evidence)
+    if any(one.reference.ndim == 2 for one in pressed):
+        if skin is None or len(pressed) > 1:
+            raise DataFormatError(
+                "a wrench is fitted alone and needs --part: its sum goes over the mesh of a part",
+                evidence[0],
+            )
+        fit = fit_wrench(pressed[0], skin, when=when, fingerprint=marks)
+    else:
+        area = float("nan") if area_mm2 is None else area_mm2
+        fit = fit_load(pressed, when=when, area_mm2=area, fingerprint=marks)
     seconds = time.process_time() - start
     found = fit.calibration
     answered = int(found.answered.sum())
@@ -200,7 +207,6 @@ def work(
 def _pressed(path: Path, area_mm2: float | None) -> Pressed:
     """One file as a pressure on its channels."""
     from calibration.response.load_fit import Pressed
-    from skinmap.errors import DataFormatError
     from skinmap.io.recordings.load_evidence import BAR, FORCES, read_evidence
 
     one = read_evidence(path)
@@ -273,6 +279,10 @@ def _picture(fit: LoadFit, one: Pressed) -> bytes:
     from skinmap.clock_lines import reference_at
     from skinmap.report.image import picture_bytes, plain_figure
 
+    if one.reference.ndim == 2:  # a wrench: no taxel has a reference of its own
+        figure = plain_figure((9.0, 4.4))
+        _errors(figure.subplots(), fit)
+        return picture_bytes(figure)
     wanted = reference_at(fit.clocks[0], one.reference, len(one.samples))
     values, low, high = fit.calibration.pressures(one.samples, zero="none")
     own = fit.calibration.answered
@@ -295,8 +305,13 @@ def _picture(fit: LoadFit, one: Pressed) -> bytes:
     left.plot(edges[[0, -1]], edges[[0, -1]], color="#9aa5b1", lw=0.8, ls="--")
     left.set_xlabel("reference [bar]")
     left.set_ylabel("read by taxels [bar]")
-    right.scatter(np.flatnonzero(own), fit.calibration.error[own], s=9, color="#00795c")
-    right.set_xlabel("channel")
-    right.set_ylabel("error, held out [bar]")
-    right.set_ylim(bottom=0)
+    _errors(right, fit)
     return picture_bytes(figure)
+
+
+def _errors(axes: Any, fit: LoadFit) -> None:
+    own = fit.calibration.answered.nonzero()[0]
+    axes.scatter(own, fit.calibration.error[own], s=9, color="#00795c")
+    axes.set_xlabel("channel")
+    axes.set_ylabel("error, held out [bar]")
+    axes.set_ylim(bottom=0)

@@ -208,13 +208,18 @@ def _aligned(one: Pressed) -> tuple[ClockLine, ...]:
         lines = align(own, one.reference, rate=one.rate)
     except InvalidArrayError as error:
         raise InvalidArrayError(f"{one.name}: {error}") from error
+    check_lines(one.name, lines)
+    return lines
+
+
+def check_lines(name: str, lines: tuple[ClockLine, ...]) -> None:
+    """Refuse clocks of a file that do not align."""
     if lines[0].unexplained > UNEXPLAINED:
         raise InvalidArrayError(
-            f"{one.name}: the clocks do not align: at the best lag the skin explains "
+            f"{name}: the clocks do not align: at the best lag the skin explains "
             f"{100 * (1 - lines[0].unexplained):.0f} % of the reference, "
             f"{100 * (1 - UNEXPLAINED):.0f} % are needed"
         )
-    return lines
 
 
 def _saturated(one: Pressed, reference: FloatArray, told: BoolArray) -> BoolArray:

@@ -18,10 +18,9 @@ from skinmap.io.text import check_file
 PRESSURES = {"pressure_bar": 1.0, "pressure_kpa": 1e-2, "pressure_pa": 1e-5}
 FORCES = {"mass_kg": 9.80665, "stand": 9.80665, "force_n": 1.0}
 LATER = {
-    "wrench": "a wrench needs a mount: `skinmap calibrate wrench` fits that; pressures are fitted "
-    "to pressure_bar, mass_kg or force_n",
     "prints": "prints teach areas, not pressures: `skinmap evaluate --protocol prints` reads them",
 }
+WRENCH = "wrench"  # force [N] and moment [N m] of a sensor behind the skin, in the link's frame
 UNITS = {"psi": "bar = psi x 0.0689476", "mmhg": "bar = mmHg x 0.00133322"}
 BAR = 1e-5  # bar in a pascal
 MAX_BAR = 20.0  # above it the unit is wrong: foams of skins are flat by then
@@ -42,7 +41,7 @@ class LoadEvidence:
     kind : str
         Name of the reference; empty without any.
     reference : (u,) float
-        [bar], or [N] for masses and forces; none without any.
+        [bar], or [N] for masses and forces; none without any. A wrench is (u, 6) [N, N m].
     reference_times : (u,) float or None
         [s]; None where the nominal rate is that of the samples.
     channels : (k,) int or None
@@ -68,7 +67,10 @@ class LoadEvidence:
             return self.reference
         first, last = self.reference_times[[0, -1]]
         wanted = np.arange(first, last, 1.0 / self.rate)
-        return np.interp(wanted, self.reference_times, self.reference)
+        if self.reference.ndim == 1:
+            return np.interp(wanted, self.reference_times, self.reference)
+        columns = [np.interp(wanted, self.reference_times, one) for one in self.reference.T]
+        return np.column_stack(columns)
 
 
 def read_evidence(path: Path, *, needed: bool = True) -> LoadEvidence:
@@ -125,17 +127,17 @@ def _with_reference(
     times: FloatArray,
     path: Path,
 ) -> LoadEvidence:
-    reference = _numbers(held, kind, path)
+    reference = _wrench(held[kind], path) if kind == WRENCH else _numbers(held, kind, path)
     own = _numbers(held, "reference_times", path) if "reference_times" in held else None
     _check_reference(reference, own, kind, times, path)
-    scale = PRESSURES.get(kind) or FORCES[kind]
+    scale = PRESSURES.get(kind) or FORCES.get(kind, 1.0)
     if kind in PRESSURES and reference.max() * scale > MAX_BAR:
         raise DataFormatError(
             f"{kind} reaches {reference.max() * scale:.0f} bar: is it psi, mmHg or another unit? "
             f"{', '.join(PRESSURES)} are read",
             path,
         )
-    if reference.min() < -0.5 * np.ptp(reference):
+    if kind != WRENCH and reference.min() < -0.5 * np.ptp(reference):
         raise DataFormatError(f"{kind} falls to {reference.min():.3g}: a load is positive", path)
     channels = _channels(held, samples.shape[1], path)
     if channels is not None and kind in PRESSURES and len(channels) < samples.shape[1]:
@@ -186,7 +188,7 @@ def _unit(name: str) -> str:
 
 def _kind(held: dict[str, NDArray[Any]], path: Path, needed: bool) -> str:
     """The name of the one reference."""
-    found = [name for name in (*PRESSURES, *FORCES, *LATER) if name in held]
+    found = [name for name in (*PRESSURES, *FORCES, WRENCH, *LATER) if name in held]
     if not needed:
         found = [name for name in found if name in PRESSURES]
         return found[0] if len(found) == 1 else ""
@@ -197,7 +199,7 @@ def _kind(held: dict[str, NDArray[Any]], path: Path, needed: bool) -> str:
             )
     if len(found) != 1:
         raise DataFormatError(
-            f"needs one reference of {', '.join((*PRESSURES, *FORCES))}, it has "
+            f"needs one reference of {', '.join((*PRESSURES, *FORCES, WRENCH))}, it has "
             f"{' and '.join(found) or 'none'}; its arrays: {', '.join(held)}",
             path,
         )
@@ -230,6 +232,17 @@ def _check_reference(
             "at least 60 % are needed",
             path,
         )
+
+
+def _wrench(values: NDArray[Any], path: Path) -> FloatArray:
+    if values.dtype.kind not in "uif" or values.ndim != 2 or values.shape[1] != 6:
+        raise DataFormatError(
+            f"wrench must be (u, 6), force [N] and moment [N m], got shape {values.shape}", path
+        )
+    if not np.isfinite(values).all():
+        row = int(np.argmin(np.isfinite(values).all(axis=1)))
+        raise DataFormatError(f"wrench holds NaN or infinity, first in row {row}", path)
+    return np.asarray(values, np.float64)
 
 
 def _channels(held: dict[str, NDArray[Any]], n: int, path: Path) -> IntArray | None:

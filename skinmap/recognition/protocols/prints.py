@@ -213,9 +213,10 @@ def fit_areas(spots: Spots, prints: Prints, person: IntArray) -> AreaModel:
     order = np.argsort(error)
     weight = np.cumsum(np.exp(-error[order]))
     middle = error[order][np.searchsorted(weight, weight[-1] / 2)]
-    # About half of the spread is a person's own, and few people tell little about the next one.
+    # About half of the spread is a person's own, and few people tell little about its size. Errors
+    # of people left out hold what the curves themselves do not know about the next one.
     student = stats.t.ppf((1 + SHARE) / 2, len(people)) / stats.norm.ppf((1 + SHARE) / 2)
-    wider = np.sqrt((1.0 + student**2 * (1.0 + 1.0 / len(people))) / 2.0)
+    wider = np.sqrt((1.0 + student**2) / 2.0)
     below, above = wider * np.quantile(error, [(1 - SHARE) / 2, (1 + SHARE) / 2])
     area = _areas().fit(features, truth + middle)
     offset = _offsets().fit(spots.places[good], prints.centre_mm[good] - spots.centre_mm[good])

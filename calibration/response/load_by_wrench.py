@@ -1,0 +1,144 @@
+"""Gains of taxels from a force/torque sensor behind the skin: force and moment over the mesh.
+
+The sensor feels the sum of pressure times normal over the curved surface, and its moment about the
+origin of the link. A gain for each taxel, held to the gain of all, makes that sum; how strongly it
+is held is chosen on stretches of the recording that are left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import nnls
+
+from calibration.response.load_fit import FOLDS, LEAST_SPAN, LoadFit, Pressed, check_lines
+from skinmap.arrays import FloatArray
+from skinmap.clock_lines import align, reference_at
+from skinmap.errors import InvalidArrayError
+from skinmap.live.contacts.contact_forces import PartForces
+from skinmap.memory_features import FEATURES, MEAN_SECONDS
+from skinmap.skin.skin import Skin
+from skinmap.touch.load_calibration import REST_DOUBT, LoadCalibration
+from skinmap.touch.prepared_skin import PreparedSkin
+
+HELD = (0.003, 0.03, 0.3, 3.0, 30.0)  # tried: of the mean square of a taxel's own force
+PASCALS = 1e5  # a bar
+IDLE = 0.02  # of the range of the force: below it nothing is touched
+PRESSED = 0.1  # of its span: a taxel above it is pressed
+COUNT_NOISE = 0.5  # counts
+
+
+def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str = "") -> LoadFit:
+    """Fit the pressures of a part's taxels to a wrench.
+
+    Parameters
+    ----------
+    one : Pressed
+        Its reference is (u, 6): force [N], moment about the origin of the link [N m], of either
+        sign.
+    skin : Skin
+        Of n taxels, with its mesh.
+
+    Returns
+    -------
+    LoadFit
+        A linear model; taxels that were hardly touched have no pressure.
+
+    Raises
+    ------
+    InvalidArrayError
+        Clocks that do not align, or a wrench that the skin does not explain.
+    """
+    forces = PartForces(PreparedSkin(skin))
+    counts, n = one.samples.astype(np.float64), len(skin)
+    middle = np.median(counts, axis=0)
+    size = np.linalg.norm(one.reference[:, :3] - np.median(one.reference[:, :3], axis=0), axis=1)
+    active = np.abs(counts - middle).sum(axis=1, keepdims=True)
+    try:
+        lines = align(active, size, rate=one.rate)
+    except InvalidArrayError as error:
+        raise InvalidArrayError(f"{one.name}: {error}") from error
+    check_lines(one.name, lines)
+    wrench = np.column_stack([reference_at(lines, c, len(counts)) for c in one.reference.T])
+    known = np.isfinite(wrench).all(axis=1)
+    idle = active[:, 0] <= np.quantile(active, 0.02) + IDLE * np.ptp(active)
+    rest = np.median(counts[idle], axis=0)
+    wrench -= np.median(wrench[idle & known], axis=0)
+    away = counts - rest
+    ends = np.percentile(away, (0.1, 99.9), axis=0)
+    falls = -ends[0].sum() > ends[1].sum()
+    span = np.where(np.abs(ends[0 if falls else 1]) < 1, 1.0, ends[0 if falls else 1])
+    touched = (span < 0) == falls
+    touched &= np.abs(span) >= LEAST_SPAN
+    if not touched.any():
+        raise InvalidArrayError(f"{one.name}: no taxel moves: nothing to lay the wrench on")
+    radius = float(np.sqrt((skin.positions**2).sum(axis=1).mean()))
+    sums = np.hstack([forces.vectors, forces.moments / radius])[touched] * PASCALS
+    # As the calibration will read them, with the lag that steadies whole counts.
+    wide = max(1, round(MEAN_SECONDS * one.rate))
+    total = np.cumsum(np.pad(away[:, touched] * np.sign(span[touched]), ((wide, 0), (0, 0))), 0)
+    felt = ((total[wide:] - total[:-wide]) / wide)[known]
+    told = wrench[known] / [1, 1, 1, *[radius] * 3]
+    fold = np.arange(len(felt)) * FOLDS * 4 // len(felt) % FOLDS
+    parts = [_sums(felt[fold == k], told[fold == k], sums) for k in range(FOLDS)]
+    square, toward = (sum(each) for each in zip(*(part[:2] for part in parts), strict=True))
+    power, rows = float(sum(part[2] for part in parts)), len(felt)
+    common = float(toward.sum() / square.sum())
+    if common < 0:  # the sensor feels the reaction
+        toward, common = -toward, -common
+        parts = [(own, -to, size) for own, to, size in parts]
+    tried = {}
+    for held in HELD:
+        left = 0.0
+        for own, to, part_power in parts:
+            gains = _gains(square - own, toward - to, common, held)
+            left += part_power - 2 * gains @ to + gains @ own @ gains
+        tried[held] = left
+    held = min(tried, key=tried.__getitem__)
+    left = max(tried[held], 0.0)
+    if left > 0.2 * power:
+        raise InvalidArrayError(
+            f"{one.name}: the skin explains {100 * (1 - left / power):.0f} % of the wrench, 80 % "
+            "are needed: is it in the frame of the link, its moment about the link's origin?"
+        )
+    gains = _gains(square, toward, common, held)
+    ridge = held * float(np.mean(np.diag(square)))
+    doubt = np.diag(np.linalg.inv(square + ridge * np.eye(len(gains))))
+    # Neighbouring rows tell the same: a second of them counts as one.
+    spread = np.sqrt(doubt * left / rows * one.rate)
+    pressed = felt > PRESSED * np.abs(span[touched])
+    level = np.sqrt((felt**2 * pressed).sum(axis=0) / np.maximum(pressed.sum(axis=0), 1))
+    away_share = np.hypot(spread, gains * np.sqrt(left / power))
+    error = np.full(n, np.nan)
+    error[touched] = np.hypot(away_share * level, COUNT_NOISE * gains)
+    weights = np.full((n, FEATURES), np.nan)
+    top = np.full(n, float((gains * np.abs(span[touched])).max()))
+    weights[touched] = 0.0
+    weights[touched, 1] = gains * np.abs(span[touched])
+    top[touched] = np.maximum(weights[touched, 1], 1e-3)
+    calibration = LoadCalibration(
+        weights, rest, span, np.zeros(n), top, error,
+        doubt=REST_DOUBT * float(np.median(gains)), rate=one.rate, model="linear",
+        shift=np.zeros(n), zeroed=when, fingerprint=fingerprint,
+    )  # fmt: skip
+    dead = np.ptp(ends, axis=0) < 1
+    return LoadFit(
+        calibration, [lines], {"linear": float(np.median(error[touched]))},
+        np.flatnonzero(dead).tolist(), np.flatnonzero(~touched & ~dead).tolist(),
+        int((spread > 0.5 * gains).sum()),
+    )  # fmt: skip
+
+
+def _sums(
+    felt: FloatArray, told: FloatArray, sums: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Squares (n, n) and products (n,) of the gains' equations, and the wrench's own square."""
+    return (felt.T @ felt) * (sums @ sums.T), ((felt.T @ told) * sums).sum(axis=1), (told**2).sum()
+
+
+def _gains(square: FloatArray, toward: FloatArray, common: float, held: float) -> FloatArray:
+    """Gains (n,) [bar a count], none below 0, held to the gain of all."""
+    ridge = held * float(np.mean(np.diag(square)))
+    own = square + ridge * np.eye(len(square))
+    factor = np.linalg.cholesky(own)
+    found, _ = nnls(factor.T, np.linalg.solve(factor, toward + ridge * common))
+    return np.asarray(found)
