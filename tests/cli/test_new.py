@@ -270,7 +270,7 @@ WRONG = {
     "bot.urdf --taxels taxels.csv --units feet -o b.toml": "'m', 'cm', 'mm', 'in'",
     "bot.urdf --taxels taxels.csv --link forarm -o b.toml": "did you mean 'forearm'",
     "bot.urdf --taxels taxels.csv --link base --link forearm -o b.toml": "2 times for 1 tables",
-    "bot.urdf --taxels three.csv -o b.toml": HEADER,
+    "bot.urdf --taxels three.csv -o b.toml": "only x,y,z are needed",
     "bot.urdf --taxels empty.csv -o b.toml": "no taxel",
     "bot.urdf --taxels nan.csv -o b.toml": "finite",
 }
@@ -283,7 +283,7 @@ def test_a_mistake_is_one_line_and_nothing_is_written(tmp_path, monkeypatch, wor
     table(tmp_path / "taxels.csv", tube(0.05))
     (tmp_path / "bot.toml").write_text("[robot]\n")
     brick(tmp_path / "mesh.stl")
-    (tmp_path / "three.csv").write_text("x,y,z\n1,2,3\n")
+    (tmp_path / "three.csv").write_text("x,y\n1,2\n")
     (tmp_path / "empty.csv").write_text(HEADER + "\n")
     (tmp_path / "nan.csv").write_text(HEADER + "\n0,0,nan,0,0,0,0,0\n")
     before = {file: file.read_bytes() for file in tmp_path.iterdir()}

@@ -29,7 +29,7 @@ def test_write_csv_and_read_csv_give_the_same_bits(tmp_path, rng):
     ("text", "message"),
     [
         ("", r"t\.csv:1: expected the header"),
-        ("a,b\n1,2\n", "expected the header.*zeros for what is not known"),
+        ("a,b\n1,2\n", "expected the header.*only x,y,z are needed"),
         (f"{HEADER}\n", "no taxel"),
         (f"{HEADER}\n1,2,3\n", r"t\.csv:2: expected 8 columns, got 3"),
         (f"{HEADER}\n{ROW}\n5,0,x,0,0,0,0,1\n", r"t\.csv:3: expected a number, got 'x'"),
@@ -43,6 +43,24 @@ def test_read_csv_names_file_and_line(tmp_path, text, message):
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(DataFormatError, match=message):
         read_csv(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "channel", "module"),
+    [
+        ("x,y,z", "0.1,0.2,0.3", 1, 0),
+        ("channel,x,y,z", "4,0.1,0.2,0.3", 4, 0),
+        ("channel,module,x,y,z", "4,7,0.1,0.2,0.3", 4, 7),
+        ("module, X, Y, Z", "7,0.1,0.2,0.3", 1, 7),
+    ],
+)
+def test_columns_beside_the_position_may_be_missing(tmp_path, header, row, channel, module):
+    first = row.replace("0.1", "0.5").replace("4,", "9,")
+    (tmp_path / "t.csv").write_text(f"{header}\n{first}\n{row}\n")
+    table = read_csv(tmp_path / "t.csv")
+    assert (table.channels[1], table.modules[1]) == (channel, module)
+    np.testing.assert_array_equal(table.positions[1], [0.1, 0.2, 0.3])
+    assert not table.normals.any()
 
 
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])

@@ -1,5 +1,8 @@
 """Our own taxel table: CSV with the columns `channel,module,x,y,z,nx,ny,nz`, metres.
 
+Only x, y and z are needed: without a channel taxels are numbered by row, without a module they are
+of module 0, and normals are estimated anyhow.
+
 Calibrated tables have six more, the covariance of each position, which reading leaves aside.
 """
 
@@ -15,6 +18,7 @@ from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.text import MAX_CHANNEL, CsvRows, parse_floats, read_text
 from skinmap.skin.taxels import TaxelTable
 
+POSITION = ("x", "y", "z")
 COLUMNS = ("channel", "module", "x", "y", "z", "nx", "ny", "nz")
 # What a calibration adds: the covariance of each position [m2].
 COVARIANCE = ("cxx", "cyy", "czz", "cxy", "cxz", "cyz")
@@ -43,17 +47,24 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     values = array("d")  # a list of lists would take ten times the file's size
     try:
         header = next(reader, None)
-        names = tuple(cell.strip() for cell in header or ())
-        if names not in (COLUMNS, (*COLUMNS, *COVARIANCE)):
+        names = tuple(cell.strip().lower() for cell in header or ())
+        known = [one for one in (*COLUMNS, *COVARIANCE) if one in names]
+        if list(names) != known or not {*POSITION} <= {*names}:
             came = ",".join(header)[:200] if header is not None else "an empty file"
             raise DataFormatError(
-                f"expected the header {','.join(COLUMNS)} (zeros for unknown values), got {came!r}",
+                f"expected the header {','.join(COLUMNS)} (only x,y,z are needed), got {came!r}",
                 path,
                 1,
             )
+        places = [COLUMNS.index(one) for one in names if one in COLUMNS]
         for row in reader:
-            if row:
-                values.extend(_numbers(row, len(names), path, reader.line_num)[: len(COLUMNS)])
+            if row:  # without a channel: its row; without a module or a normal: zeros
+                whole = [float(len(values) // len(COLUMNS)), *[0.0] * (len(COLUMNS) - 1)]
+                given = _parsed(row, names, path, reader.line_num)
+                for place, number in zip(places, given, strict=False):
+                    whole[place] = number
+                _check_numbers(whole, path, reader.line_num)
+                values.extend(whole)
     except csv.Error as error:
         raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
     if not values:
@@ -67,18 +78,20 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
         raise DataFormatError(str(error), path) from None
 
 
-def _numbers(row: list[str], count: int, path: Path, line: int) -> list[float]:
-    if len(row) != count:
-        raise DataFormatError(f"expected {count} columns, got {len(row)}", path, line)
-    numbers = parse_floats(row, path, line)
-    channel, module = numbers[:2]
+def _parsed(row: list[str], names: tuple[str, ...], path: Path, line: int) -> list[float]:
+    if len(row) != len(names):
+        raise DataFormatError(f"expected {len(names)} columns, got {len(row)}", path, line)
+    return parse_floats(row, path, line)
+
+
+def _check_numbers(whole: list[float], path: Path, line: int) -> None:
+    channel, module = whole[:2]
     if channel != int(channel) or module != int(module) or channel < 0:
         raise DataFormatError(
-            f"channel and module must be whole numbers, got {row[0]} and {row[1]}", path, line
+            f"channel and module must be whole numbers, got {channel:g} and {module:g}", path, line
         )
     if max(channel, abs(module)) > MAX_CHANNEL:
         raise DataFormatError(f"channel or module beyond {MAX_CHANNEL}", path, line)
-    return numbers
 
 
 def write_csv(table: TaxelTable, path: Path) -> None:
