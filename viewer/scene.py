@@ -9,7 +9,7 @@ scene.screenshot("touches.png")
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,8 +35,16 @@ from viewer.drawing.panel.flat_panel import FlatPanel
 from viewer.drawing.skin.lazy_maps import LazyMaps
 from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
 from viewer.drawing.skin.taxel_drawing import check_style
-from viewer.drawing.touches.traces import COURSES, SAMPLES, SECONDS
+from viewer.drawing.touches.traces import (
+    COURSES,
+    SAMPLES,
+    SECONDS,
+    Plot,
+    plot_taxels,
+    plot_touches,
+)
 from viewer.layers import Layer, Layers, check_values
+from viewer.playing.player import Player
 from viewer.playing.recent_moments import History
 
 STILL_SAMPLES = 8  # per pixel, for stills only: too slow for live pictures
@@ -80,7 +88,9 @@ class Scene:
     selection : mapping of str to (k,) int
         Selected taxels by part; parts without any are left out.
     plot : str
-        What the panel plots.
+        What the panel plots, over `plot_seconds` [s].
+    player : Player or None
+        Remembers what is plotted, where one gives the moments.
     canvas : Canvas
         All that is drawn.
     plotter : pyvista.Plotter
@@ -141,7 +151,8 @@ class Scene:
         self.selection: Mapping[str, IntArray] = {}
         self.title: str | None = None
         self.past = History(SECONDS, SAMPLES, spread=True)
-        self.plot = "taxels"
+        self.player: Player | None = None
+        self.plot, self.plot_seconds = "taxels", SECONDS
         self.canvas = Canvas(robot, self.layers, LazyMaps(flat_maps, shown), self.poses, how)
         self.plotter = self.canvas.plotter
         self.panel: FlatPanel | None = self.canvas.panel
@@ -212,7 +223,7 @@ class Scene:
         for part, pressures in felt.items():
             self.layers[part].set_pressures(pressures)
         self.moment, self.touches = moment, touches
-        if np.isfinite(moment.time) and not moment.stale:
+        if self.player is None and np.isfinite(moment.time) and not moment.stale:
             self.past.add(replace(moment, pressures=felt, raw={}))
         self.canvas.status.take(moment)
         self.canvas.changed = True
@@ -274,7 +285,7 @@ class Scene:
         self.canvas.changed = True
 
     def set_plot(self, plot: str) -> None:
-        """Plot the chosen "taxels" in the panel, or "force", "area" or "speed" of the contacts.
+        """Plot the chosen "taxels" in the panel, or one of `COURSES` of the touches.
 
         Raises
         ------
@@ -285,6 +296,18 @@ class Scene:
             raise UnknownNameError("plot", plot, ("taxels", *COURSES))
         self.plot = plot
         self.canvas.changed = True
+
+    def plotted(self) -> Plot | None:
+        """What is plotted, up to the moment shown; None where nothing is to be."""
+        if self.plot == "taxels" and not self.selection:
+            return None
+        part = next(iter(self.selection), "")
+        if self.panel is not None and self.panel.part in self.selection:
+            part = self.panel.part
+        return make_plot(
+            self.past.moments() if self.player is None else self.player,
+            self.moment.time, self.plot_seconds, self.plot, self.selection, part, self.data,
+        )  # fmt: skip
 
     def set_style(self, style: str) -> None:
         """Draw the skin as "discs", one for each taxel, or as a coloured "surface".
@@ -375,6 +398,31 @@ class Scene:
         """Give the window and its memory back."""
         self.canvas.cache.close()
         self.plotter.close()
+
+
+def make_plot(
+    source: Player | Sequence[Moment], now: float, span: float, plot: str,
+    selection: Mapping[str, IntArray], part: str, data: Layers,
+) -> Plot:  # fmt: skip
+    """The chosen taxels of a part, or a course of the touches, over `span` seconds up to a time.
+
+    A player gives what it remembers of them, and the levels of a taxel that is chosen alone.
+    """
+    levels: Mapping[str, float] = {}
+    if isinstance(source, Player):
+        moments: Sequence[Moment] = source.recall(now - span, now)
+        taxels = selection.get(part)
+        if plot == "taxels" and taxels is not None and len(taxels) == 1:
+            levels = source.levels(part, int(taxels[0]))
+    else:
+        moments = [one for one in source if now - span <= one.time <= now]
+    if plot != "taxels":
+        return plot_touches(moments, now, span, plot, selection)  # type: ignore[arg-type]
+    skin = data.skins[part].skin
+    return plot_taxels(
+        moments, now, span, part, selection[part], skin.channels,
+        unfit=data.watch.unfit(part), levels=levels,
+    )  # fmt: skip
 
 
 def check_part(part: str, layers: Mapping[str, SkinLayer]) -> SkinLayer:

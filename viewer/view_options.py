@@ -157,8 +157,12 @@ class Session:
         return default_model() if self.model is None else load_classifier(self.model)
 
     def live(self) -> TouchLoop:
-        """A loop for a player."""
-        return self.touch_loop(stepwise(self.open()), self.classifier())
+        """A loop for a player; of a recording it knows what hangs before the first sample."""
+        loop = self.touch_loop(stepwise(self.open()), self.classifier())
+        if isinstance(loop.source, Seekable):
+            with closing(self.open(hurry=True)) as ahead:
+                loop.learn_rest(ahead, LEARN)
+        return loop
 
     @property
     def repeats(self) -> bool:

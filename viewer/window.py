@@ -115,6 +115,7 @@ class Window:
         view_file: Path | None = None,
     ) -> None:
         self.scene, self.player = scene, player
+        scene.player = player
         self.drawn = 0
         self.punctual = Punctual()
         self._news = False  # whether a sample was taken that no picture on the screen shows

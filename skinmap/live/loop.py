@@ -162,6 +162,7 @@ class TouchLoop(Summary):
         self._last: tuple[float, FloatArray, NDArray[Any]] = (float("nan"), zeros, zeros)
         self._states: tuple[tuple[int, int], dict[str, NDArray[Any]]] = ((-1, -1), {})
         self._stuck = self._gate.rest.stuck
+        self.naming = True
         self.moment: Moment | None = None
 
     def __iter__(self) -> Iterator[Moment]:
@@ -182,6 +183,11 @@ class TouchLoop(Summary):
     def info(self) -> StreamInfo:
         """What the source says of itself."""
         return self.feed.info
+
+    @property
+    def resting(self) -> bool:
+        """Whether nothing is touched, and no touch may go on: what comes is named by itself."""
+        return not self._tracker.tracks and not self._book.lasting
 
     @property
     def labels_given(self) -> int:
@@ -274,6 +280,7 @@ class TouchLoop(Summary):
         if isinstance(self.source, Seekable):
             self._runs.clear()
             self.source.seek(seconds)
+            self._checks.forget()
             self._begin_anew()
 
     def totals(self) -> dict[str, int]:
@@ -307,6 +314,20 @@ class TouchLoop(Summary):
             if (words != "ok").any():
                 found[part] = {state: channels[words == state].tolist() for state in ILL}
         return found
+
+    def levels(self, part: str, taxel: int) -> dict[str, float]:
+        """What a taxel (a dense row) of a part is judged by.
+
+        Returns
+        -------
+        dict of str to float
+            `baseline` and `threshold` [counts of pressure]; where the source sends raw values
+            `raw at rest`, and `gain` [counts/N] where the response is calibrated by loads.
+        """
+        row = self._skin.slices[part].start + taxel
+        rest = self._gate.rest
+        known = {"baseline": float(rest.offset[row]), "threshold": float(rest.begins[row])}
+        return known | self._responses.levels(row)
 
     def dense_info(self) -> StreamInfo:
         """How a publisher of the moments describes their pressures: dense rows of each part."""
@@ -353,11 +374,11 @@ class TouchLoop(Summary):
             self._tracker.update(now, touched[row], None if forces is None else forces[row])
             tracks = self._tracker.tracks
             self._keep_book(now, touched[row])
-            if self._namer is not None:
+            if self._namer is not None and self.naming:
                 self._namer.push(now, touched[row], tracks, self._book.lasting)
             # Which samples come together is the clock's doing: only live ones are named by that.
             due = not live or row == last or row % NAMED == NAMED - 1
-            if self._namer is not None and tracks and due:
+            if self._namer is not None and self.naming and tracks and due:
                 self._namer.name(now, tracks, live=live, speed=self.source.speed)
                 self._keep_book(now)
         if self._gate.rest.stuck is not self._stuck:
@@ -372,7 +393,7 @@ class TouchLoop(Summary):
         return Loads(self._skin, calibrations, self.info.rate)
 
     def _revised(self, entry: Entry) -> Prediction | None:
-        if self._namer is None:
+        if self._namer is None or not self.naming:
             return None
         return self._namer.revise(entry.identity, entry.part, entry.began, entry.seen)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
@@ -12,8 +13,9 @@ from skinmap.errors import SkinError
 from viewer.drawing.frame.camera import focus, preset
 from viewer.drawing.frame.canvas import FOOT
 from viewer.drawing.touches.traces import COURSES
-from viewer.interaction.mouse import Mouse
-from viewer.interaction.overlays import ROOM, Notice, Slider, TextBox
+from viewer.drawing.touches.traces import SPANS as SPANS_PLOTTED
+from viewer.interaction.mouse import Mouse, Pace
+from viewer.interaction.overlays import Notice, Slider, Spans, TextBox
 from viewer.interaction.picking import within
 from viewer.interaction.pointing import Pointing
 from viewer.interaction.saving import Files
@@ -22,6 +24,7 @@ from viewer.layers import LAYERS
 from viewer.playing.player import Player
 from viewer.scene import Scene
 
+SPANS, MANY = 1.0, 300  # between two looks at the touches [s] where there are so many
 SMALL = 0.85  # letters of the help beside those of the rest
 
 
@@ -67,7 +70,7 @@ KEYS = (
     Key("", ", ".join(LAYERS[4:]), {}),
     Key("d", "discs or surface", {"d": ("toggle_style",)}),
     Key("tab", "flat map of the next part", {"Tab": ("next_map",)}),
-    Key("k", "plot taxels, force, area, speed", {"k": ("next_plot",)}),
+    Key("k", "plot taxels, or how touches went", {"k": ("next_plot",)}),
     Key(
         "m p c",
         "choose module, patch; clear",
@@ -99,6 +102,8 @@ MOUSE = (
     ("click", "choose it, shift: its module"),
     ("", "ctrl: patch, both: add"),
     ("map", "drag draws a lasso, shift: add"),
+    ("lanes", "wheel: zoom, drag: move"),
+    ("plot", "wheel: zoom, point: values"),
 )
 WIDE = 11  # letters of the first column
 
@@ -147,9 +152,10 @@ class Controls:
         self.notice = Notice(body, scene.font_px)
         self._help = TextBox(body, round(SMALL * scene.font_px), mono=True)
         self._told: tuple[int, int] = (-1, 0)
-        self._marks: tuple[tuple[float, float, str], ...] = ()
+        self._asked_spans = Pace(SPANS, time.perf_counter)
+        self._marks: Spans = ()
         self._size = (scene.font_px, *body.GetSize())
-        scene.canvas.reserve(ROOM)
+        scene.canvas.reserve(self.slider.room)
 
     # Keys.
 
@@ -247,7 +253,7 @@ class Controls:
         self.following = False
 
     def next_plot(self) -> None:
-        """Plot the chosen taxels, or force, area or speed of the contacts."""
+        """Plot the chosen taxels, or force, pressure, area, ... of the touches."""
         names = ("taxels", *COURSES)
         plot = names[(names.index(self.scene.plot) + 1) % len(names)]
         self.scene.set_plot(plot)
@@ -307,6 +313,30 @@ class Controls:
         panel = self.scene.panel
         return panel is not None and within(panel.renderer, x, y)
 
+    def over_lanes(self, x: float, y: float) -> bool:
+        """Whether the lanes of the time line are there."""
+        return self.slider.over_lanes(x, y)
+
+    def pan(self, pixels: float) -> None:
+        """Move what is seen of the time line."""
+        self.slider.move(pixels)
+        self.changed = True
+
+    def zoom(self, x: float, y: float, factor: float) -> bool:
+        """Zoom the time line or the plot there; False where neither is."""
+        panel = self.scene.panel
+        if self.slider.over_lanes(x, y) or self.slider.holds(x, y):
+            self.slider.zoom(x, factor)
+        elif panel is not None and panel.over_plot(x, y):
+            here = SPANS_PLOTTED.index(self.scene.plot_seconds)
+            place = min(max(here + (1 if factor > 1.0 else -1), 0), len(SPANS_PLOTTED) - 1)
+            self.scene.plot_seconds = SPANS_PLOTTED[place]
+            self.scene.canvas.changed = True
+        else:
+            return False
+        self.changed = True
+        return True
+
     def slide(self, x: float) -> None:
         """Lead the recording to where the slider was dragged."""
         self.player.seek(self.slider.seconds(x))
@@ -330,6 +360,10 @@ class Controls:
     def point(self, x: float, y: float) -> None:
         """The mouse is somewhere."""
         self.pointing.point(x, y)
+        self.slider.point(x, y)
+        panel = self.scene.panel
+        if panel is not None and panel.point(x, y):
+            self.scene.canvas.changed = self.changed = True
 
     def remove(self) -> None:
         """Take everything out of the scene that was put there."""
@@ -346,19 +380,27 @@ class Controls:
         self.changed |= self.pointing.tick(self.player.moment)
         self.changed |= self.notice.over()
         player = self.player
+        plotting = self.scene.plot != "taxels" or bool(self.scene.selection)
+        player.remember(self.scene.plot_seconds if plotting else 0.0)
         spans = self._spans()
+        if player.moment is not None and not self.slider.lanes:
+            # A lane for each part that comes.
+            lanes = (part for part in self.scene.layers if part in player.moment.pressures)
+            self.slider.lanes = tuple(lanes)
+            self.scene.canvas.reserve(self.slider.room)
         self.slider.show(
             player.position, player.span, self.state(), spans, live=not player.seekable
         )
         changed, self.changed = self.changed, False
         return changed
 
-    def _spans(self) -> tuple[tuple[float, float, str], ...]:
-        """Touches on the slider, asked for when there are others."""
+    def _spans(self) -> Spans:
+        """Touches on the lanes, asked for when there are others, not too often where many are."""
         version = (self.player.timeline.version, round(self.player.span[0]))
-        if version != self._told:
+        many = len(self._marks) > MANY
+        if version != self._told and (not many or self._asked_spans.due()):
             self._told = version
-            self._marks = tuple((a, b, tint) for a, b, tint, _ in self.player.spans())  # type: ignore[misc]
+            self._marks = tuple(tuple(one) for one in self.player.spans())  # type: ignore[misc]
         return self._marks
 
     def _fit(self) -> None:
@@ -369,6 +411,7 @@ class Controls:
             return
         self._size = size
         self.slider.scale(font)
+        self.scene.canvas.reserve(self.slider.room)
         self.notice.scale(font)
         self.pointing.scale(font)
         self._help.scale(round(SMALL * font))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from viewer.interaction.controls import Controls
@@ -27,8 +28,8 @@ class Events:
         self._on("LeftButtonReleaseEvent", self._release, passive=True)
         self._on("LeaveEvent", self._leave)
         self._on("ExitEvent", lambda: controls.close())
-        for name in ("MouseWheelForwardEvent", "MouseWheelBackwardEvent"):
-            self._on(name, self._wheel)
+        for name, factor in (("MouseWheelForwardEvent", 0.8), ("MouseWheelBackwardEvent", 1.25)):
+            self._on(name, partial(self._wheel, factor))
         for name in ("RightButtonPressEvent", "MiddleButtonPressEvent"):
             self._on(name, lambda: controls.over_map(*self._place()))
         self._on("ConfigureEvent", self._redraw)
@@ -76,8 +77,10 @@ class Events:
         )
         return taken
 
-    def _wheel(self) -> bool:
-        """The wheel moves the body's camera, never the flat map's."""
+    def _wheel(self, factor: float) -> bool:
+        """The wheel zooms time line and plot, else the body's camera, never the flat map's."""
+        if self.controls.zoom(*self._place(), factor):
+            return True
         if self.controls.over_map(*self._place()):
             return True
         self.controls.lead()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 CLICK = 4.0  # a press that moves less is a click [px]
 
-Doing = Literal["nothing", "turning", "sliding", "lasso"]
+Doing = Literal["nothing", "turning", "sliding", "panning", "lasso"]
 
 
 class Mouse:
@@ -25,7 +25,7 @@ class Mouse:
     def __init__(self, listener: Controls) -> None:
         self.listener = listener
         self.doing: Doing = "nothing"
-        self._from = (0.0, 0.0)
+        self._from, self._last = (0.0, 0.0), 0.0
         self._lasso: Lasso | None = None
 
     def press(self, x: float, y: float) -> bool:
@@ -34,6 +34,8 @@ class Mouse:
         if self.listener.over_slider(x, y):
             self.doing = "sliding"
             self.listener.slide(x)
+        elif self.listener.over_lanes(x, y):
+            self.doing, self._last = "panning", x
         elif self.listener.over_map(x, y):
             self.doing = "lasso"
             self._lasso = Lasso(x, y)
@@ -45,12 +47,15 @@ class Mouse:
         """The mouse moves; True where the camera must not hear of it."""
         if self.doing == "sliding":
             self.listener.slide(x)
+        elif self.doing == "panning":
+            self.listener.pan(x - self._last)
+            self._last = x
         elif self._lasso is not None:
             if self._lasso.to(x, y):
                 self.listener.trace(self._lasso)
         elif self.doing == "nothing":
             self.listener.point(x, y)
-        return self.doing in ("sliding", "lasso")
+        return self.doing in ("sliding", "panning", "lasso")
 
     def release(self, x: float, y: float, *, shift: bool = False, control: bool = False) -> bool:
         """The button comes up: a click chooses a taxel, with shift its module, control its patch.
@@ -61,12 +66,14 @@ class Mouse:
         lasso, self._lasso = self._lasso, None
         self.listener.trace(None)
         still = math.dist(self._from, (x, y)) < CLICK
-        if lasso is not None and lasso.drawn and not still:
+        if doing == "panning" and still:
+            self.listener.slide(x)
+        elif lasso is not None and lasso.drawn and not still:
             self.listener.enclose(lasso, add=shift)
         elif doing in ("turning", "lasso") and still:
             reach: Reach = "module" if shift else "patch" if control else "taxel"
             self.listener.click(x, y, reach, add=shift and control)
-        return doing in ("sliding", "lasso")
+        return doing in ("sliding", "panning", "lasso")
 
     def cancel(self) -> None:
         """Let go of whatever is being done."""

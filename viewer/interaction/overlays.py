@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.arrays import FloatArray
-from viewer.colours import FAINT, INK, PANEL, RIM, rgb
+from viewer.colours import BACKGROUND, FAINT, INK, PANEL, RIM, rgb
 from viewer.drawing.words.shapes import Shape, Shapes, disc, rectangle, tint
-from viewer.drawing.words.text_lines import Line
+from viewer.drawing.words.text_lines import Line, small_font
 
 ASIDE = 1.1  # of the box from what it tells of, in letters
 SECONDS = 4.0  # that a notice stays [s]
@@ -23,10 +25,20 @@ RISE = 0.9  # of the bar above the lower edge, in letters
 THICK = 0.32  # of the bar, in letters
 HANDLE = 0.5  # radius, in letters
 GRIP = 1.0  # how far beside the bar a press still counts, in letters
-ROOM = 3.2  # what the slider needs at the foot of the picture, in letters
+ROOM = 3.2  # what the bar needs at the foot of the picture, in letters
 NOTE = 0.85  # height of its text, in letters
-SPAN = 1.6  # of touches above the bar, in its heights
-Spans = tuple[tuple[float, float, str], ...]  # from, to [s] and colour
+ABOVE = 0.75  # from the bar's middle to the lanes, in letters
+LANE, HIGHEST = 1.5, 6.0  # height of a lane, and of all at most, in letters
+TICKS = 0.9  # height of the ruler's times, in letters
+LANES = "#e9ebee"  # the ground of a lane
+SHORTEST = 0.5  # that the lanes can be zoomed to [s]
+MOST_TICKS = 8
+STEPS = (
+    *(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0),
+    *(3600.0, 7200.0, 10800.0, 14400.0, 21600.0, 43200.0, 86400.0, 172800.0, 604800.0),
+)
+# From, to [s], colour, words, part (every one of a gap) and whether it is a mark.
+Spans = tuple[tuple[float, float, str, str, str, bool], ...]
 
 
 class TextBox(Line):
@@ -136,42 +148,71 @@ class Trace2D(Shapes):
 
 
 class Slider:
-    """A bar from 0 to a duration, drawn in front of a renderer's picture.
+    """A bar from 0 to a duration and a lane for each part above it, in front of a picture.
 
     Parameters
     ----------
     renderer : vtkRenderer
     font_px : int
         Height of the letters [px].
+    lanes : sequence of str
+        Parts, the first one on top.
     """
 
-    def __init__(self, renderer: vtkRenderer, font_px: int) -> None:
-        self.renderer, self.font_px = renderer, font_px
+    def __init__(self, renderer: vtkRenderer, font_px: int, lanes: Sequence[str] = ()) -> None:
+        self.renderer, self.font_px, self.lanes = renderer, font_px, tuple(lanes)
         self.position, self.span = 0.0, (0.0, math.nan)
+        self.zoomed: tuple[float, float] | None = None  # what is seen of it [s]
         self._touches: Spans = ()
         self._drawn: tuple[object, ...] = ()
-        self._shapes = Shapes(renderer)
-        self.actor = self._shapes.actor
-        self.actor.SetVisibility(False)
+        self._laid: tuple[object, ...] = ()
+        self._told = ""
+        self._lanes, self._shapes = Shapes(renderer), Shapes(renderer)
+        self.actors = (self._lanes.actor, self._shapes.actor)
+        for actor in self.actors:
+            actor.SetVisibility(False)
         self._text = Line(renderer, (LEFT, 0.0), round(NOTE * font_px), colour=INK)
+        self._ticks = [Line(renderer, (0.0, 0.0), font_px, colour=FAINT) for _ in range(MOST_TICKS)]
+        for tick in self._ticks:
+            tick.actor.GetTextProperty().SetJustificationToCentered()
         self._text.write("")
+        self.scale(font_px)
 
     def scale(self, font_px: int) -> None:
         """Follow letters of another height [px]."""
         self.font_px = font_px
         self._text.style(round(NOTE * font_px))
-        self._drawn = ()
+        for tick in self._ticks:
+            tick.style(small_font(font_px))
+        self._drawn = self._laid = ()
 
     def remove(self) -> None:
         """Take it out of the renderer."""
-        self._shapes.remove()
-        self.renderer.RemoveViewProp(self._text.actor)
+        for shapes in (self._lanes, self._shapes):
+            shapes.remove()
+        for line in (self._text, *self._ticks):
+            self.renderer.RemoveViewProp(line.actor)
+
+    @property
+    def room(self) -> float:
+        """What it needs at the foot of the picture, in letters."""
+        return ROOM + (self.high + TICKS if self.lanes else 0.0)
+
+    @property
+    def high(self) -> float:
+        """Height of all lanes, in letters."""
+        return min(len(self.lanes) * LANE, HIGHEST)
 
     @property
     def shown(self) -> bool:
         """Whether there is anything to slide through."""
         low, high = self.span
         return math.isfinite(high) and high > low
+
+    @property
+    def view(self) -> tuple[float, float]:
+        """From when to when the bar reaches [s]."""
+        return self.span if self.zoomed is None else self.zoomed
 
     @property
     def bar(self) -> tuple[float, float, float]:
@@ -186,19 +227,68 @@ class Slider:
         grip = GRIP * self.font_px
         return self.shown and left - grip <= x <= right + grip and abs(y - middle) <= grip
 
+    def over_lanes(self, x: float, y: float) -> bool:
+        """Whether a pixel of the window is on the lanes."""
+        left, right, middle = self.bar
+        low = middle + ABOVE * self.font_px
+        return self.shown and left <= x <= right and low <= y <= low + self.high * self.font_px
+
     def seconds(self, x: float) -> float:
-        """The time that a pixel of the window stands for [s], within the recording."""
+        """The time that a pixel of the window stands for [s], within what is seen."""
         left, right, _ = self.bar
         share = min(max((x - left) / (right - left), 0.0), 1.0)
-        low, high = self.span
+        low, high = self.view
         return low + share * (high - low) if self.shown else 0.0
 
     def place(self, seconds: float) -> tuple[float, float]:
         """Pixel of the window where the handle stands at a time [s]."""
         left, right, middle = self.bar
-        low, high = self.span
+        low, high = self.view
         share = min(max((seconds - low) / (high - low), 0.0), 1.0) if self.shown else 0.0
         return left + share * (right - left), middle
+
+    def zoom(self, x: float, factor: float) -> None:
+        """See a shorter or longer time around a pixel of the window."""
+        if not self.shown:
+            return
+        low, high = self.view
+        about, length = self.seconds(x), max((high - low) * factor, SHORTEST)
+        share = (about - low) / (high - low)
+        self._see(about - share * length, length)
+
+    def move(self, pixels: float) -> None:
+        """See what comes before or after, by so many pixels of the window."""
+        left, right, _ = self.bar
+        low, high = self.view
+        self._see(low - pixels / (right - left) * (high - low), high - low)
+
+    def _see(self, low: float, length: float) -> None:
+        first, last = self.span
+        if length >= last - first:
+            self.zoomed = None
+            return
+        low = min(max(low, first), last - length)
+        self.zoomed = (low, low + length)
+
+    def point(self, x: float, y: float) -> None:
+        """Tell of the touch at a pixel of the window, or of its lane."""
+        self._told = ""
+        if not self.over_lanes(x, y) or not self.lanes:
+            return
+        _, _, middle = self.bar
+        rise = (y - middle) / self.font_px - ABOVE
+        part = self.lanes[
+            len(self.lanes) - 1 - min(int(rise / self.high * len(self.lanes)), len(self.lanes) - 1)
+        ]
+        time = self.seconds(x)
+        low, high = self.view
+        near = 2.0 * (high - low) / max(self.bar[1] - self.bar[0], 1.0)
+        here = [
+            one for one in self._touches
+            if one[4] in (part, "") and one[0] - near <= time <= one[1] + near
+        ]  # fmt: skip
+        words = here[-1][3] if here else part.replace("_", " ")
+        self._told = f"{clock(time, high - low)}  {words}"
 
     def show(
         self,
@@ -209,27 +299,76 @@ class Slider:
         *,
         live: bool = False,
     ) -> None:
-        """Draw the bar from one time to another [s], its handle, touches on it, and a note above.
+        """Draw the bar from one time to another [s], its handle, touches on lanes, a note above.
 
         Of what is live, the time is told from its newest sample backwards.
         """
+        if position != self.position and self.zoomed is not None:
+            low, high = self.zoomed
+            if not low <= position <= high:  # it is played, or led, out of what is seen
+                self._see(position - 0.1 * (high - low), high - low)
         self.position, self.span, self._touches = position, span, touches
         if live:  # the bar moves on with each sample: no picture is drawn for that alone
-            clock = "" if note == "" else f"{position - span[1]:.1f} s"
+            self.zoomed = None
+            told = "" if note == "" else f"{position - span[1]:.1f} s"
             ends = (float(round(span[0])), float(round(span[1])))
         else:
-            clock, ends = f"{position:.2f} / {span[1]:.2f} s", span
-        state = (round(position, 1 if live else 3), ends, note, touches, self.renderer.GetSize())
+            told, ends = f"{position:.2f} / {span[1]:.2f} s", span
+        laid = (ends, self.zoomed, id(touches), self.renderer.GetSize())
+        state = (round(position, 1 if live else 3), note, self._told, *laid)
         if state == self._drawn:
             return
         self._drawn = state
-        self.actor.SetVisibility(self.shown)
+        for actor in self.actors:
+            actor.SetVisibility(self.shown)
         rise = (2.6 if self.shown else 1.6) * self.font_px
+        rise += (self.high + TICKS) * self.font_px if self.shown and self.lanes else 0.0
         self._text.actor.SetPosition(LEFT, rise / self.renderer.GetSize()[1])
-        told = (clock if self.shown else "", note)
-        self._text.write("   ".join(text for text in told if text))
-        if self.shown:
-            self._shapes.draw(polygons=self._picture())
+        words = (told if self.shown else "", note, self._told)
+        self._text.write("   ".join(text for text in words if text))
+        if not self.shown:
+            for tick in self._ticks:
+                tick.write("")
+            return
+        if laid != self._laid:
+            self._laid = laid
+            self._lay(live)
+        self._shapes.draw(polygons=self._picture())
+
+    def _lay(self, live: bool) -> None:
+        """Draw lanes, touches and ruler: only where they changed."""
+        x0, y0 = self.renderer.GetOrigin()
+        left, right, middle = self.bar
+        left, right, bottom = left - x0, right - x0, middle - y0 + ABOVE * self.font_px
+        low, high = self.view
+        thick = self.high * self.font_px / max(len(self.lanes), 1)
+        ends = left - 0.7 * self.font_px, right + 0.7 * self.font_px
+        ground = rectangle(ends[0], 0.0, ends[1] - ends[0], self.room * self.font_px)
+        shapes: list[Shape] = [(ground, tint(BACKGROUND))] if self.lanes else []
+        for number in range(len(self.lanes)):
+            ground = rectangle(left, bottom + number * thick, right - left, max(thick - 1.0, 1.0))
+            shapes.append((ground, tint(LANES)))
+        wide = max(round(right - left), 1)
+        for part, rise, share, columns in lane_columns(
+            self._touches, self.lanes, (low, high), wide
+        ):
+            number = len(self.lanes) - 1 - self.lanes.index(part)
+            height = max((thick - 1.0) * share, 1.0)
+            for begin, end, colour in columns:
+                place = bottom + number * thick + rise * (thick - 1.0)
+                shapes.append((rectangle(left + begin, place, end - begin, height), tint(colour)))
+        top = bottom + self.high * self.font_px
+        step = tick_step(high - low)
+        times = np.arange(math.ceil(low / step), math.floor(high / step) + 1) * step
+        for k, tick in enumerate(self._ticks):
+            if live or k >= len(times) or not self.lanes:
+                tick.write("")
+                continue
+            x = left + (times[k] - low) / (high - low) * (right - left)
+            shapes.append((rectangle(x, bottom, 1.0, top - bottom + 2.0), tint(RIM)))
+            tick.write(clock(float(times[k]), high - low))
+            tick.move(float(x), top + 1.05 * small_font(self.font_px))
+        self._lanes.draw(polygons=shapes)
 
     def _picture(self) -> list[Shape]:
         x0, y0 = self.renderer.GetOrigin()
@@ -238,13 +377,60 @@ class Slider:
         x = self.place(self.position)[0] - x0
         thick = THICK * self.font_px
 
-        def bar(start: float, end: float, rise: float, colour: str) -> Shape:
-            bottom = middle + (rise - 0.5) * thick
-            return rectangle(start, bottom, end - start, thick), tint(colour)
+        def bar(start: float, end: float, colour: str) -> Shape:
+            return rectangle(start, middle - 0.5 * thick, end - start, thick), tint(colour)
 
-        shapes = [bar(left, right, 0.0, RIM), bar(left, x, 0.0, FAINT)]
-        for began, ended, colour in self._touches:
-            a, b = (self.place(time)[0] - x0 for time in (began, ended))
-            shapes.append(bar(a, max(b, a + 2.0), SPAN, colour))
-        handle = disc(x, middle, HANDLE * self.font_px, CORNERS)
-        return [*shapes, (handle, tint(INK))]
+        shapes = [bar(left, right, RIM), bar(left, x, FAINT)]
+        if self.lanes:
+            top = (ABOVE + self.high) * self.font_px
+            shapes.append((rectangle(x - 0.5, middle, 1.5, top), tint(INK)))
+        return [*shapes, (disc(x, middle, HANDLE * self.font_px, CORNERS), tint(INK))]
+
+
+def lane_columns(
+    touches: Spans, lanes: Sequence[str], view: tuple[float, float], wide: int
+) -> Iterator[tuple[str, float, float, list[tuple[int, int, str]]]]:
+    """What to draw on each lane of so many pixels, however many touches there are.
+
+    Yields
+    ------
+    (str, float, float, list of (int, int, str))
+        Part, foot and height in shares of the lane, and runs of pixels with their colour: touches
+        on the whole lane, on its upper half where the recording has marks, which stand below.
+    """
+    low, high = view
+    scale = wide / (high - low)
+    tints: dict[str, int] = {}
+    rows: dict[tuple[str, bool], NDArray[np.int64]] = {}
+    for began, ended, colour, _, part, mark in touches:
+        if ended < low or began > high:
+            continue
+        begin = min(max(int((began - low) * scale), 0), wide - 1)
+        end = min(max(int((ended - low) * scale) + 1, begin + 2), wide)
+        number = tints.setdefault(colour, len(tints) + 1)
+        for lane in [part] if part else lanes:
+            if (lane, mark) not in rows:
+                rows[lane, mark] = np.zeros(wide, np.int64)
+            rows[lane, mark][begin:end] = number
+    names, marked = ["", *tints], any(mark for _, mark in rows)
+    for (lane, mark), pixels in rows.items():
+        if lane in lanes:
+            edges = np.flatnonzero(np.diff(pixels, prepend=0, append=0)).tolist()
+            runs = [(a, b, names[pixels[a]]) for a, b in pairwise(edges) if pixels[a]]
+            yield lane, *((0.0, 0.4) if mark else (0.45, 0.55) if marked else (0.0, 1.0)), runs
+
+
+def tick_step(length: float) -> float:
+    """Between two times of a ruler that is so long [s]."""
+    return next((step for step in STEPS if length / step <= MOST_TICKS - 1), STEPS[-1])
+
+
+def clock(seconds: float, length: float) -> str:
+    """A time of a recording, as exact as what is seen is long [s]."""
+    if length < 120.0:
+        return f"{seconds:.{1 if length < 20.0 else 0}f} s"
+    whole = round(seconds)
+    hours, minutes = divmod(whole // 60, 60)
+    if length < 3600.0 and not hours:
+        return f"{minutes}:{whole % 60:02d}"
+    return f"{hours}:{minutes:02d}" + (f":{whole % 60:02d}" if length < 3600.0 else "")

@@ -1,24 +1,39 @@
-"""The whole of a recording on the time line from the start, found beside what is played."""
+"""The whole of a recording on the time line from the start, found beside what is played.
+
+First its marks and gaps, and the seconds in which it is touched: from its own overview, or from all
+its samples. Then the touches with their names, the nearest to what is shown first.
+"""
 
 from __future__ import annotations
 
 import logging
 import math
 import threading
+import time
+from collections.abc import Iterator
 from contextlib import closing
 
 from skinmap.errors import SkinError
-from skinmap.live.sources.source import Seekable
+from skinmap.live.loop import TouchLoop
+from skinmap.live.moment import Moment
+from skinmap.live.sources.playback import Playback
+from skinmap.live.sources.source import SourceEnded
 from skinmap.live.touched_taxels import LEARN, touch_stretches
 from viewer.playing.player import Player
+from viewer.playing.recent_moments import Span, Timeline
 from viewer.view_options import Session
 
 REST = 2e-3  # between two blocks of samples: pictures and names come first [s]
+SHARE = 0.6  # of a core for names while a recording plays: the picture needs the rest
+BLOCK = 10e-3  # worked on without a pause [s]
+APART = 2.0  # touches with a longer pause between them are named one after the other [s]
+BEFORE, AFTER = 1.0, 0.6  # of touches that are worked on too: a pat may go on [s]
+TOGETHER = 30.0  # touches that come without a pause are named in pieces of so long [s]
 logger = logging.getLogger(__name__)
 
 
 def fill_overview(session: Session, player: Player) -> threading.Thread | None:
-    """Find when a recording is touched, in a thread of its own; None for what is none.
+    """Find when a recording is touched, and how, in a thread of its own; None for what is none.
 
     It ends with the recording, or when the player is closed.
     """
@@ -30,20 +45,94 @@ def fill_overview(session: Session, player: Player) -> threading.Thread | None:
 
 
 def _fill(session: Session, player: Player) -> None:
-    pause = threading.Event()
     try:
         source = session.open(hurry=True)
-        if not isinstance(source, Seekable) or not math.isfinite(source.duration):
+        if not isinstance(source, Playback) or not math.isfinite(source.duration):
             source.close()
             return
         with closing(session.touch_loop(source, None)) as loop:
             with closing(session.open(hurry=True)) as ahead:
                 loop.learn_rest(ahead, LEARN)
-            for stretches in touch_stretches(loop):
-                if player.closed:
-                    return
-                if stretches:
-                    player.fill(stretches)
-                pause.wait(REST)
+            _note(source, loop, player)
+            if source.overview is None:
+                _find(loop, player)
+        if not player.closed:
+            loop = session.touch_loop(session.open(hurry=True), session.classifier())
+            with closing(loop), closing(session.open(hurry=True)) as ahead:
+                loop.learn_rest(ahead, LEARN)
+                _name(loop, player)
     except (SkinError, OSError) as error:  # the player, which reads the same, tells it
         logger.info("no overview: %s", error)
+
+
+def _note(source: Playback, loop: TouchLoop, player: Player) -> None:
+    """Note what the recording states by itself."""
+    marks = [Span(*mark, marked=True) for mark in source.marked()]
+    gaps = [Span("", f"no samples for {b - a:.1f} s", a, b) for a, b in source.gaps]
+    overview, parts = source.overview, source.info.parts
+    touched = [] if overview is None else [
+        (part, *own) for part in loop.skins for own in overview.touched(parts.index(part))
+    ]  # fmt: skip
+    with player.marking() as line:
+        line.note([*gaps, *(one for one in marks if one.part in loop.skins)])
+        line.fill(touched)
+
+
+def _find(loop: TouchLoop, player: Player) -> None:
+    """Find when parts are touched, from what is shown to the end, then what is before it."""
+    begin = player.position
+    for first, last in ((begin, math.inf), (0.0, begin)):
+        loop.seek(first)
+        for stretches in touch_stretches(loop):
+            if player.closed:
+                return
+            if stretches:
+                with player.marking() as line:
+                    line.fill(stretches)
+            time.sleep(0.0 if player.paused else REST)
+            if loop.source.position >= last:  # type: ignore[attr-defined]
+                break
+
+
+def _name(loop: TouchLoop, player: Player) -> None:
+    """Name all touches of the time line, always those that are nearest to what is shown."""
+    with player.marking() as line:
+        left = pieces([(one.began, one.ended) for one in line.spans()])
+    origin = loop.source.began  # type: ignore[attr-defined]
+    while left and not player.closed:
+        shown = player.position + origin
+        began, ended = left.pop(min(range(len(left)), key=lambda k: abs(left[k][0] - shown)))
+        found = Timeline()
+        loop.seek(max(began - BEFORE - origin, 0.0))
+        started = time.perf_counter()
+        for moment in _until(loop, ended + AFTER, player):
+            found.see(moment)
+            spent = time.perf_counter() - started
+            if spent > BLOCK:
+                time.sleep(0.0 if player.paused else spent * (1.0 / SHARE - 1.0))
+                started = time.perf_counter()
+        own = [one for one in found.spans() if one.began < one.ended]
+        with player.marking() as line:
+            line.settle(began - BEFORE, ended + AFTER, own)
+
+
+def _until(loop: TouchLoop, end: float, player: Player) -> Iterator[Moment]:
+    """Moments up to a time [s], or until the player is closed."""
+    try:
+        while (moment := loop.step(0.0)) is not None and moment.time <= end:
+            if player.closed:
+                return
+            yield moment
+    except SourceEnded:
+        return
+
+
+def pieces(stretches: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """From when to when touches [s] are named at once: those that follow each other closely."""
+    found: list[tuple[float, float]] = []
+    for began, ended in sorted(stretches):
+        if found and began - found[-1][1] < APART and ended - found[-1][0] < TOGETHER:
+            found[-1] = (found[-1][0], max(found[-1][1], ended))
+        else:
+            found.append((began, ended))
+    return found

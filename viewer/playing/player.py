@@ -13,7 +13,7 @@ import contextlib
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Protocol, Self, runtime_checkable
 
 from skinmap.errors import InvalidArrayError
@@ -21,13 +21,13 @@ from skinmap.live.moment import Moment
 from skinmap.live.sources.source import Block, Relay, Seekable, Source, SourceEnded, is_live
 from viewer.playing.recent_moments import History, Outlet, Past, Timeline
 
-HURRY = 25.0  # speed through samples that are only listened to, where none can be had singly
 PERIOD = 0.02  # between two samples where the source states none [s]
 
 
 WAIT = 0.1  # longest wait of the thread before it looks for requests again [s]
 SPEEDS = (1 / 16, 16.0)  # slowest and quickest
-LEAD = 0.6  # a seek starts so much earlier, unseen: touches are named from their past [s]
+FURTHEST = 20.0  # that a touch is followed back to its first sample [s]
+BEFORE = 1.0  # of a jump's end, worked through at least: where was nothing touched? [s]
 PATIENCE = 3.0  # for the thread to end when it is closed [s]
 
 
@@ -184,17 +184,71 @@ class LoopFeed:
         """The loop's next moment."""
         return self.touches.step(timeout)
 
-    def seek(self, seconds: float) -> None:
-        """Lead the recording."""
-        if self._recording is not None:
-            # The loop's own, where it has one: it lets go of what was touched before.
-            getattr(self.touches, "seek", self._recording.seek)(seconds)
+    def lead(self, seconds: float, before: float) -> tuple[list[Moment], float]:
+        """Lead the recording to a time [s], with the names there that a straight play gives.
+
+        What is touched there is named from its first sample: back to where nothing was touched,
+        `FURTHEST` seconds at most. What is over by then needs no names, which take most of the
+        time.
+
+        Returns
+        -------
+        moments : list of Moment
+            From `before` seconds earlier on, oldest first; the last one is that of the time.
+        named : float
+            From when on their touches have names [s].
+        """
+        if self._recording is None:
+            return [], math.nan
+        self.pace(1.0, halted=False, hurried=True)
+        first, rests, moments = seconds, math.nan, list[Moment]()
+        self._name(False)
+        try:
+            while math.isnan(rests) and seconds - first < FURTHEST:
+                first = max(0.0, first - max(before, 1.0))
+                moments, rests = self._replay(first, seconds)
+                if first == 0.0:
+                    rests = 0.0 if math.isnan(rests) else rests
+        finally:
+            self._name(True)
+        if not moments or not moments[-1].touches:
+            return moments, moments[-1].time if moments else math.nan
+        named, _ = self._replay(first if math.isnan(rests) else rests, seconds)
+        begin = named[0].time if named else math.nan
+        return [one for one in moments if one.time < begin] + named, begin
+
+    def _name(self, names: bool) -> None:
+        if hasattr(self.touches, "naming"):
+            self.touches.naming = names
+
+    def _replay(self, first: float, seconds: float) -> tuple[list[Moment], float]:
+        """Moments from one time to another [s], and where nothing was touched last, if anywhere."""
+        recording = self._recording
+        assert recording is not None
+        # The loop's own, where it has one: it lets go of what was touched before.
+        getattr(self.touches, "seek", recording.seek)(first)
+        start, origin, rests = recording.position, math.nan, math.nan
+        moments: list[Moment] = []
+        with contextlib.suppress(SourceEnded):
+            while True:
+                before = recording.position
+                moment = self.touches.step(0.0)
+                if moment is None:
+                    if recording.position == before:
+                        break  # it gives nothing now
+                    continue
+                origin = moment.time - start if math.isnan(origin) else origin
+                moments.append(moment)
+                if moment.time - origin >= seconds - self.period / 2:
+                    break
+                if getattr(self.touches, "resting", not moment.touches):
+                    rests = moment.time - origin
+        return moments, rests
 
     def pace(self, speed: float, *, halted: bool, hurried: bool) -> None:
         """Set the recording's speed."""
         if self._recording is not None:
-            quick = math.inf if isinstance(self._recording, Stepwise) else HURRY
-            wanted = 0.0 if halted else quick if hurried else speed
+            wanted = 0.0 if halted else math.inf if hurried else speed
             if self._recording.speed != wanted:
                 self._recording.speed = wanted
 
@@ -248,15 +302,17 @@ class MomentFeed:
         self._last, self._next = self._next, None
         return self._last
 
-    def seek(self, seconds: float) -> None:
-        """Go on with the first moment at or after a time."""
+    def lead(self, seconds: float, before: float) -> tuple[list[Moment], float]:
+        """Go on after the first moment at or after a time; moments up to there, and their names."""
         if not self._moments:
-            return
+            return [], math.nan
         start = self._moments[0].time + seconds - self.period / 2
-        later = [moment for moment in self._moments if moment.time >= start]
-        self._iterator = iter(later or self._moments[-1:])
-        self._next = self._last = None
-        self._due = math.nan
+        count = sum(moment.time < start for moment in self._moments) + 1
+        found = [one for one in self._moments[:count] if one.time >= start - before]
+        self._iterator = iter(self._moments[count:])
+        self._next, self._due = None, math.nan
+        self._last = found[-1] if found else None
+        return found or [self._moments[-1]], -math.inf
 
     def pace(self, speed: float, *, halted: bool, hurried: bool) -> None:
         """Set the speed of what comes next."""
@@ -318,8 +374,9 @@ class Player:
         self._origin = math.nan  # time of the recording's beginning, in the moments' clock [s]
         self._paused = paused
         self._speed = 1.0
+        self.before = BEFORE  # what is worked through before a jump's end [s]
         self._asked: float | None = None  # where to go, in the moments' clock [s]
-        self._until: float | None = None  # what comes before is not shown [s]
+        self._named = -math.inf  # what is remembered from before has touches without names [s]
         self._more = 1 if paused else 0  # moments still to be shown while paused
         self._ended = False
         self._error: Exception | None = None
@@ -401,8 +458,8 @@ class Player:
     def position(self) -> float:
         """Of what is shown, from the recording's beginning [s]; 0 before the first moment."""
         if self._asked is not None:
-            return max(0.0, self._asked - self._start)
-        return 0.0 if self.moment is None else max(0.0, self.moment.time - self._start)
+            return max(0.0, self._asked - self.origin)
+        return 0.0 if self.moment is None else max(0.0, self.moment.time - self.origin)
 
     @property
     def span(self) -> tuple[float, float]:
@@ -416,19 +473,20 @@ class Player:
             first, last = self._history.oldest, self._history.newest
         if first is None or last is None:
             return 0.0, 0.0
-        return first.time - self._start, last.time - self._start
+        return first.time - self.origin, last.time - self.origin
 
     def spans(self) -> list[list[object]]:
         """Touches that were seen, as the pages get them: of what is live those of `span`."""
         with self._news:
-            found = self.timeline.spans()
+            found = (*self.timeline.notes(), *self.timeline.spans())
         first = self.span[0]
-        return [s.to_json(self._start) for s in found if s.ended - self._start >= first]
+        return [s.to_json(self.origin) for s in found if s.ended - self.origin >= first]
 
-    def fill(self, stretches: Sequence[tuple[str, float, float]]) -> None:
-        """Note when parts are touched [s] in what was not played yet, in the moments' clock."""
+    @contextlib.contextmanager
+    def marking(self) -> Iterator[Timeline]:
+        """The time line, for another thread to write on while nobody else does."""
         with self._news:
-            self.timeline.fill(stretches)
+            yield self.timeline
 
     def next_touch(self, way: int) -> bool:
         """Go to the beginning of the next touch that is known, or of the one before (-1).
@@ -436,7 +494,8 @@ class Player:
         False where none is known that way.
         """
         with self._news:
-            begun = sorted(span.began - self._start for span in self.timeline.spans())
+            every = (*self.timeline.notes(), *self.timeline.spans())
+            begun = sorted({one.began - self.origin for one in every if one.part})
         here = self.position
         there = [one for one in begun if (one > here + NEAR if way > 0 else one < here - NEAR)]
         return bool(there) and self.seek(there[0] if way > 0 else there[-1])
@@ -468,7 +527,7 @@ class Player:
         with self._news:
             if not self._paused:
                 self._paused = True
-                self._past = Past(self._history.moments())
+                self._past = self._remembered()
         self._wake.set()
 
     def play(self) -> None:
@@ -495,9 +554,9 @@ class Player:
         """Halt, and show `count` samples later (negative: earlier)."""
         self.pause()
         with self._news:
-            goal = self._until if self._asked is None else self._asked
+            goal = self._asked
             if goal is not None and self.seekable:  # on its way: from where it goes
-                last = self._start + self.duration
+                last = self.origin + self.duration
                 return self._ask(min(goal + count * self._feed.period, last))
             if (moment := self._past.step(count)) is not None:
                 self._outlet.show(moment)
@@ -521,13 +580,13 @@ class Player:
         if not self.seekable and not self._feed.paced:
             self.pause()
             with self._news:
-                if (moment := self._past.at(self._start + seconds)) is None:
+                if (moment := self._past.at(self.origin + seconds)) is None:
                     return False
                 self._outlet.show(moment)
             return True
         with self._news:
             inside = min(max(seconds, 0.0), self.duration)
-            return self._ask(self._start + inside)
+            return self._ask(self.origin + inside)
 
     @property
     def speed(self) -> float:
@@ -554,14 +613,15 @@ class Player:
             self.seek(0.0)
 
     @property
-    def _start(self) -> float:
+    def origin(self) -> float:
+        """Time of the recording's beginning in the moments' clock [s]; 0 before the first one."""
         return 0.0 if math.isnan(self._origin) else self._origin
 
     def _ask(self, goal: float) -> bool:
         """Let the thread go to a time of the moments' clock."""
         if not self.seekable:
             return False
-        self._asked = max(goal, self._start)
+        self._asked = max(goal, self.origin)
         self._wake.set()
         return True
 
@@ -581,9 +641,15 @@ class Player:
         """One turn: requests first, then samples."""
         self._wake.clear()
         with self._news:
-            self._obey()
+            goal = None if math.isnan(self._origin) else self._asked
+            single = self._paused and self._more > 0
             halted = self._halted()
-        if halted or self._ended:
+            if goal is None:
+                self._feed.pace(self._speed, halted=halted, hurried=single)
+        if goal is not None:
+            self._lead(goal)
+            return
+        if halted or (self._ended and self._asked is None):
             self._wake.wait(WAIT)
             return
         with contextlib.suppress(SourceEnded):
@@ -593,25 +659,28 @@ class Player:
             return
         with self._news:
             self._ended = self._asked is None
-            if self._until is not None and self._history.newest is not None:
-                self._until = None
-                self._land(self._history.newest)
             self._outlet.tell()
 
     def _halted(self) -> bool:
-        return self._paused and self._feed.halts and self._more == 0 and self._until is None
+        return self._paused and self._feed.halts and self._more == 0 and self._asked is None
 
-    def _obey(self) -> None:
-        """Seek where that was asked for, and set the pace."""
-        if self._asked is not None:
-            first = max(self._start, self._asked - LEAD)
-            self._feed.seek(first - self._start)
-            self._until, self._asked = self._asked, None
+    def _lead(self, goal: float) -> None:
+        """Go to a time of the moments' clock [s], and remember what was before it."""
+        moments, named = self._feed.lead(goal - self.origin, self.before)
+        with self._news:
+            if self._asked == goal:  # else on to where was asked for meanwhile
+                self._asked = None
             self._history.clear()
+            for moment in moments:
+                self._history.add(moment)
+                if moment.time >= named:
+                    self.timeline.see(moment)
+            touched = [one.time for one in moments if one.touches and one.time < named]
+            self._named = touched[-1] if touched else -math.inf
             self._past = Past()
-            self._more, self._ended = 0, False
-        single = self._until is not None or (self._paused and self._more > 0)
-        self._feed.pace(self._speed, halted=self._halted(), hurried=single)
+            self._more, self._ended = int(self._paused and not moments), False
+            if moments:
+                self._land(moments[-1])
 
     def _take_in(self, moment: Moment) -> None:
         with self._news:
@@ -619,13 +688,7 @@ class Player:
                 self._origin = moment.time
             if self._asked is not None:
                 return  # from before the jump that is asked for
-            if self._until is not None:
-                if moment.time < self._until - self._feed.period / 2:
-                    self._history.add(moment)
-                    self.timeline.see(moment)
-                    return
-                self._until = None
-            elif self._paused and self._feed.halts:
+            if self._paused and self._feed.halts:
                 if self._more == 0:
                     return
                 self._more -= 1
@@ -638,5 +701,30 @@ class Player:
     def _land(self, moment: Moment) -> None:
         """Show the newest moment of the history."""
         if self._paused:
-            self._past = Past(self._history.moments())
+            self._past = self._remembered()
         self._outlet.show(moment, fresh=True)
+
+    def _remembered(self) -> Past:
+        """What can be stepped through: moments whose touches have the names of a straight play."""
+        return Past(tuple(one for one in self._history.moments() if one.time > self._named))
+
+    def remember(self, seconds: float) -> None:
+        """Have what came so many seconds before whatever is shown from now on: a plot is open."""
+        with self._news:
+            more, self.before = seconds > self.before, max(seconds, BEFORE)
+            shown, oldest = self.moment, self._history.oldest
+            if not more or shown is None or oldest is None or self._asked is not None:
+                return
+            if oldest.time > max(shown.time - seconds, self.origin) + self._feed.period:
+                self._ask(shown.time)
+
+    def recall(self, first: float, last: float) -> list[Moment]:
+        """Moments that are remembered from one time to another [s, in their clock]."""
+        with self._news:
+            every = self._history.moments()
+        return [one for one in every if first - 1e-9 <= one.time <= last + 1e-9 and not one.stale]
+
+    def levels(self, part: str, taxel: int) -> dict[str, float]:
+        """What is known of a taxel at rest, as `TouchLoop.levels`; nothing without a loop."""
+        levels = getattr(getattr(self._feed, "touches", None), "levels", None)
+        return {} if levels is None else dict(levels(part, taxel))

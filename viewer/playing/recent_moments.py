@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skinmap.arrays import FloatArray
 from skinmap.live.contacts.named_touch import UNNAMED
 from skinmap.live.moment import Moment
-from viewer.colours import class_colour
+from viewer.colours import RIM, class_colour
 
 MINUTE = 60.0  # that is remembered [s]
 MEMORY = 64_000_000  # bytes at most: a minute of the whole iCub at 50 Hz, in float32
 LENGTH = 6000  # moments, however small they are
-MAX_SPANS = 3000  # remembered; the oldest are forgotten first
+MAX_SPANS = 20_000  # remembered; the oldest are forgotten first
 
 MOST = 80  # moments that a file keeps: 8 s at 10 a second, some hundred kilobytes
 EVERY = 0.1  # between two of them at first [s]
@@ -225,18 +226,24 @@ def size(moment: Moment) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """One touch from its first sample to the last that was seen [s], in the moments' clock."""
+    """One touch from its first sample to the last that was seen [s], in the moments' clock.
+
+    `marked` ones are the recording's own; one without a part is a gap in which nothing is known.
+    """
 
     part: str
     label: str
     began: float
     ended: float
+    marked: bool = False
 
     def to_json(self, origin: float) -> list[Any]:
-        """Beginning and end from the origin [s], colour and words."""
-        words = f"{self.label} on {self.part}".replace("_", " ")
+        """Beginning and end from the origin [s], colour, words, part, and whether it is a mark."""
+        words = f"{self.label} on {self.part}" if self.part else self.label
+        words = f"{words}, marked" if self.marked else words
         began, ended = round(self.began - origin, 3), round(self.ended - origin, 3)
-        return [began, ended, class_colour(self.label), words]
+        tint = class_colour(self.label) if self.part else RIM
+        return [began, ended, tint, words.replace("_", " "), self.part, self.marked]
 
 
 class Timeline:
@@ -250,8 +257,10 @@ class Timeline:
 
     def __init__(self) -> None:
         self.version = 0
-        self._spans: list[Span] = []
-        self._open: dict[tuple[str, int], int] = {}  # place of a touch's span in the list
+        self._spans: dict[int, Span] = {}  # by a number of their own
+        self._open: dict[tuple[str, int], int] = {}  # numbers of the touches seen last
+        self._notes: tuple[Span, ...] = ()
+        self._next = 0
 
     @classmethod
     def of(cls, moments: Iterable[Moment]) -> Timeline:
@@ -261,51 +270,77 @@ class Timeline:
             made.see(moment)
         return made
 
+    def note(self, spans: Iterable[Span]) -> None:
+        """Keep the recording's own marks and gaps, instead of those of before."""
+        self._notes = tuple(spans)
+        self.version += 1
+
     def see(self, moment: Moment) -> None:
-        """Take a moment in."""
+        """Take a moment in: what is known later of a touch counts more than what was before."""
         now: dict[tuple[str, int], int] = {}
         for touch in moment.touches:
             key = (touch.part, touch.identity)
-            place = self._open.get(key)
-            if place is None:
-                place = self._place(touch.part, moment.time)
-                if place is None:
-                    place = len(self._spans)
-                    self._spans.append(Span(touch.part, touch.label, moment.time, moment.time))
-                    self.version += 1
-            span = self._spans[place]
-            self.version += span.label != touch.label
-            ended = max(span.ended, moment.time)
-            self._spans[place] = replace(span, label=touch.label, ended=ended)
-            now[key] = place
+            number = self._open.get(key)
+            if number is None or number not in self._spans:
+                number = self._number(touch.part, moment.time)
+                if number is None:
+                    number = self._add(Span(touch.part, touch.label, moment.time, moment.time))
+            span = self._spans[number]
+            if moment.time >= span.ended or span.label == UNNAMED:
+                self.version += span.label != touch.label
+                ended = max(span.ended, moment.time)
+                self._spans[number] = replace(span, label=touch.label, ended=ended)
+            now[key] = number
         self.version += len(self._open.keys() - now.keys())
         self._open = now
-        if (over := len(self._spans) - MAX_SPANS) > 0:
-            del self._spans[:over]
-            self._open = {key: at - over for key, at in now.items() if at >= over}
 
     def fill(self, stretches: Iterable[tuple[str, float, float]]) -> None:
         """Note when parts are touched [s] that were not played yet: names come with playing."""
+        known: dict[str, FloatArray] = {}
         for part, began, ended in stretches:
-            known = any(
-                span.part == part and span.began <= ended and began <= span.ended
-                for span in self._spans
-            )
-            if not known and len(self._spans) < MAX_SPANS:
-                self._spans.append(Span(part, UNNAMED, began, ended))
-                self.version += 1
+            if part not in known:
+                own = [(one.began, one.ended) for one in self._spans.values() if one.part == part]
+                known[part] = np.array(own).reshape(-1, 2)
+            there = known[part]
+            if not ((there[:, 0] <= ended) & (began <= there[:, 1])).any():
+                self._add(Span(part, UNNAMED, began, ended))
 
-    def _place(self, part: str, time: float) -> int | None:
+    def settle(self, began: float, ended: float, found: Iterable[Span]) -> None:
+        """Put touches with names in the place of those without that lie between two times [s]."""
+        lasting = set(self._open.values())
+        for number, one in list(self._spans.items()):
+            inside = one.label == UNNAMED and began <= one.began and one.ended <= ended
+            if inside and number not in lasting:
+                del self._spans[number]
+        for span in found:
+            there = (one for one in self._spans.values() if one.part == span.part)
+            if not any(one.began <= span.ended and span.began <= one.ended for one in there):
+                self._add(span)
+        self.version += 1
+
+    def _add(self, span: Span) -> int:
+        self._next += 1
+        self._spans[self._next] = span
+        self.version += 1
+        while len(self._spans) > MAX_SPANS:
+            del self._spans[next(iter(self._spans))]
+        return self._next
+
+    def _number(self, part: str, time: float) -> int | None:
         """The span that a touch was in when its time was played before."""
         taken = set(self._open.values())
-        for place, span in enumerate(self._spans):
-            if span.part == part and span.began <= time <= span.ended and place not in taken:
-                return place
+        for number, span in self._spans.items():
+            if span.part == part and span.began <= time <= span.ended and number not in taken:
+                return number
         return None
 
     def spans(self) -> tuple[Span, ...]:
-        """All of them, in the order in which they came."""
-        return tuple(self._spans)
+        """Touches that were found, in the order in which they came."""
+        return tuple(self._spans.values())
+
+    def notes(self) -> tuple[Span, ...]:
+        """Marks and gaps of the recording."""
+        return self._notes
 
 
 class Excerpt:

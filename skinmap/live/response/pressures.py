@@ -60,8 +60,20 @@ class PartResponse:
         gain = getattr(response, "gain", None)
         counts = response if gain is None else dataclasses.replace(response, gain=None)
         self.health = getattr(response, "health", np.zeros(0, np.str_))
+        self._response, self._gain = response, gain
         self._counts = _Followed(counts, rate)
         self._loads = None if gain is None else _Followed(response, rate)
+
+    def levels(self, row: int) -> dict[str, float]:
+        """Raw value at rest of a taxel, and its mean gain over the loads it was calibrated with."""
+        found = {}
+        if (baseline := getattr(self._response, "baseline", None)) is not None:
+            found["raw at rest"] = float(baseline[row])
+        if self._gain is not None:
+            curve = self._gain.counts[row, 0]
+            gain = float((curve[-1] - curve[0]) / (self._gain.knots[-1] - self._gain.knots[0]))
+            found |= {"gain": gain} if gain == gain else {}
+        return found
 
     def apply(self, samples: NDArray[Any]) -> tuple[FloatArray, FloatArray | None]:
         """Pressures (t, n) in counts, and loads (t, n) [N] where calibrated."""
@@ -294,6 +306,17 @@ class Responses:
                 if len(response.health):
                     found[name][self._skin.slices[part]] = response.health == name
         return found
+
+    def levels(self, row: int) -> dict[str, float]:
+        """Raw value at rest of a taxel of the joined skin, and its gain, as far as is known."""
+        for part, one in self._own.items():
+            rows = self._skin.slices[part]
+            if rows.start <= row < rows.stop:
+                return one.levels(row - rows.start)
+        place = np.flatnonzero(self._rest == row)
+        if self._baseline is None or not len(place) or not self._baseline.ready[place[0]]:
+            return {}
+        return {"raw at rest": float(self._baseline.baseline[place[0]])}
 
     def apply(self, samples: NDArray[Any]) -> tuple[NDArray[Any], FloatArray | None]:
         """Pressures (t, N) [counts] and forces (t, N) [N] for samples (t, N) in dense rows.

@@ -40,6 +40,10 @@ class SampleChecks:
         self._behind = 0.0  # periods that samples are late by now
         self._good: NDArray[Any] = np.zeros(info.channels, np.float64)
 
+    def forget(self) -> None:
+        """The recording was led elsewhere: the next sample may be the last one once more."""
+        self._last, self._behind = float("nan"), 0.0
+
     def look(self, block: Block) -> Iterator[tuple[bool, FloatArray, NDArray[Any]]]:
         """Runs of good samples: whether the clock began anew, times (k,), values (k, channels)."""
         self._counts.received += len(block)

@@ -106,6 +106,8 @@ def open_recording(
         loop=loop,
         joints=track.joints,
         angles=track.angles,
+        marks=track.touches,
+        overview=None if parts is not None else track.overview,
     )
 
 

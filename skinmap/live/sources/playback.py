@@ -11,8 +11,11 @@ from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, check_finite
 from skinmap.errors import InvalidArrayError
-from skinmap.io.recordings.recorded_stream import Samples
+from skinmap.io.mcap.overview import Overview
+from skinmap.io.recordings.recorded_stream import MarkedTouch, Samples
 from skinmap.live.sources.source import MAX_BLOCK, Block, Seekable, SourceEnded, StreamInfo
+
+GAP = 0.5  # without a sample: something is lost [s]
 
 
 class Playback(Seekable):
@@ -32,6 +35,10 @@ class Playback(Seekable):
         Names of the joints.
     angles : (t, j) float, optional
         Angles of the joints in each sample [rad], NaN where unknown.
+    marks : sequence of MarkedTouch
+        Touches that were marked in it.
+    overview : Overview, optional
+        What is in it second by second.
 
     Notes
     -----
@@ -49,8 +56,11 @@ class Playback(Seekable):
         loop: bool = False,
         joints: Sequence[str] = (),
         angles: FloatArray | None = None,
+        marks: Sequence[MarkedTouch] = (),
+        overview: Overview | None = None,
     ) -> None:
         super().__init__(info)
+        self.marks, self.overview = tuple(marks), overview
         self._values = values
         self._joints = tuple(joints)
         self._angles = np.zeros((0, 0)) if angles is None else np.asarray(angles, np.float64)
@@ -59,6 +69,8 @@ class Playback(Seekable):
             raise InvalidArrayError(f"{len(self._times)} times for {len(values)} samples")
         if (np.diff(self._times) < 0).any():
             raise InvalidArrayError("times must not run backwards")
+        steps = np.diff(self._times)
+        self._step = float(np.median(steps)) if len(steps) else 0.0
         self._changed = threading.Condition()
         self._closed = False
         self._row = 0
@@ -93,6 +105,26 @@ class Playback(Seekable):
     def duration(self) -> float:
         """[s]; the last sample lasts as long as a sample does."""
         return self._end - self._start
+
+    @property
+    def began(self) -> float:
+        """Time of its beginning, in its clock [s]."""
+        return self._start
+
+    @property
+    def gaps(self) -> list[tuple[float, float]]:
+        """Where samples are missing for `GAP` and longer [s], in the recording's clock."""
+        after = np.flatnonzero(np.diff(self._times) > max(GAP, 2 * self._step))
+        pairs = zip(self._times[after].tolist(), self._times[after + 1].tolist(), strict=True)
+        return list(pairs)
+
+    def marked(self) -> list[tuple[str, str, float, float]]:
+        """Part, label, beginning and end [s] of each mark, in the recording's clock."""
+        there = [one for one in self.marks if one.first <= one.last]
+        times = self._times
+        return [
+            (one.part, one.label, float(times[one.first]), float(times[one.last])) for one in there
+        ]
 
     @property
     def position(self) -> float:
@@ -157,8 +189,7 @@ class Playback(Seekable):
     def _end(self) -> float:
         if len(self._times) == 0:
             return 0.0
-        step = float(np.median(np.diff(self._times))) if len(self._times) > 1 else 0.0
-        return float(self._times[-1]) + step
+        return float(self._times[-1]) + self._step
 
     def _time_of(self, row: int) -> float:
         return float(self._times[row]) if row < len(self._times) else self._end

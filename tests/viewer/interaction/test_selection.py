@@ -87,6 +87,9 @@ class Told:
     def over_slider(self, x, y):
         return y < 10
 
+    def over_lanes(self, x, y):
+        return 10 <= y < 20
+
     def over_map(self, x, y):
         return x > 500
 
@@ -104,6 +107,14 @@ def test_mouse_slides_draws_lassos_clicks_and_points():
     assert mouse.move(60, 200), "the handle is held wherever the mouse goes"
     assert mouse.release(60, 200)
     assert told.names() == ["slide", "slide"]
+    told.calls.clear()
+    assert mouse.press(50, 15)
+    assert mouse.move(80, 15), "the lanes are moved"
+    mouse.release(80, 15)
+    mouse.press(90, 15)
+    mouse.release(90, 15)
+    assert told.calls[0] == ("pan", 30)
+    assert told.names() == ["pan", "slide"], "a click goes there"
     told.calls.clear()
     assert mouse.press(600, 100)
     for x, y in ((620, 100), (620, 120), (600, 120)):

@@ -316,10 +316,9 @@ class Canvas:
             taxels = scene.plot == "taxels"
             self.panel.show_selection(scene.selection, plotted=not taxels)
             self.panel.fit(self.font_px)
-            if not taxels:
-                self.panel.show_courses(scene.past.moments(), scene.plot)
-            elif scene.selection:
-                self.panel.show_traces(scene.past.moments(), scene.selection)
+            plot = scene.plotted()
+            if plot is not None:
+                self.panel.plot.show(plot)
 
     def _avoided(self) -> list[Box]:
         """Where labels are better not."""

@@ -11,8 +11,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
-from viewer.colours import FAINT, PANEL, RIM, TRACES, touch_colour
+from viewer.colours import FAINT, PANEL, RIM, touch_colour
 from viewer.colours import faded as pale
 from viewer.drawing.frame.camera import look_down
 from viewer.drawing.frame.polydata import make_lines
@@ -30,7 +29,7 @@ from viewer.drawing.touches.touch_marks import (
     motion_line,
     trail_on,
 )
-from viewer.drawing.touches.traces import TracePlot, courses, round_up, traces
+from viewer.drawing.touches.traces import TracePlot
 from viewer.drawing.words.text_lines import Line, small_font
 from viewer.layers import Layer
 
@@ -38,6 +37,7 @@ SIDE = 0.07  # free at both sides, in widths of the panel
 HEAD = 4.2  # of the panel, above the map [font heights]
 SCALE = 3.2  # below the map, for its scale bar [font heights]
 PLOT, PLOT_SHARE = 10.0, 0.22  # height of the traces [font heights], and at most of the panel's
+LEAST = 9.0  # the same where the panel is low [font heights]
 BARS = (0.1, 0.05, 0.02, 0.01, 0.005)  # lengths of the scale bar [m]
 DOT = 0.9e-3  # largest radius of a dot [m]
 BORDER_RISE = 2e-3  # of the border above the map, over the discs [m]
@@ -178,8 +178,9 @@ class FlatPanel:
         return metres
 
     def _plot_height(self, font_px: int) -> float:
-        """Of the traces [px]."""
-        return min(PLOT * font_px, PLOT_SHARE * float(self.renderer.GetSize()[1]))
+        """Of the traces [px]: room for names and axes in any window."""
+        share = PLOT_SHARE * float(self.renderer.GetSize()[1])
+        return min(PLOT * font_px, max(share, LEAST * font_px))
 
     def _write_around(self, middle: FloatArray, metres: float, low: float) -> None:
         """Caption above the map, a bar of a round length below it, traces and list."""
@@ -232,34 +233,13 @@ class FlatPanel:
         if not self._plotted:
             self.plot.hide()
 
-    def show_courses(self, moments: Sequence[Moment], course: str) -> None:
-        """Draw how the contacts went over the last seconds."""
-        times, values, names, unit = courses(moments, course, len(TRACES))  # type: ignore[arg-type]
-        known = values[np.isfinite(values)]
-        top = round_up(float(known.max())) if len(known) else 1.0
-        title = "largest pressure" if unit == "counts" else course
-        self.plot.show(times, values, names, f"contacts: {title}, {unit}", top=top)
+    def over_plot(self, x: float, y: float) -> bool:
+        """Whether a pixel of the window is on the plot."""
+        x0, y0 = self.renderer.GetOrigin()
+        left, bottom, right, top = self.plot.outer
+        return self._plotted and left <= x - x0 <= right and bottom <= y - y0 <= top
 
-    def show_traces(self, moments: Sequence[Moment], selection: Mapping[str, IntArray]) -> None:
-        """Draw the pressures of the selected taxels over the last seconds.
-
-        Those of the part shown, or of another where none is selected there; of many their mean
-        and their largest.
-        """
-        part = self.part if self.part in selection else next(iter(selection))
-        taxels = selection[part]
-        times, values = traces(moments, part, taxels)
-        title = f"{part.replace('_', ' ')}, counts"
-        if len(taxels) <= len(TRACES):
-            channels = self.layers[part].skin.channels[taxels]
-            names = [f"{channel}" for channel in channels.tolist()]
-            self.plot.show(times, values, names, title + " by channel")
-            return
-        known = np.isfinite(values)
-        count = known.sum(axis=1)
-        mean = np.where(
-            count, np.where(known, values, 0).sum(axis=1) / np.maximum(count, 1), np.nan
-        )
-        most = np.where(count, np.where(known, values, -1).max(axis=1), np.nan)
-        names = ["mean", f"largest of {len(taxels)} taxels"]
-        self.plot.show(times, np.column_stack([mean, most]), names, title)
+    def point(self, x: float, y: float) -> bool:
+        """Tell the values plotted at a pixel of the window; whether that changes the picture."""
+        x0, y0 = self.renderer.GetOrigin()
+        return self.plot.point(x - x0, y - y0)
