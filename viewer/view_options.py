@@ -316,6 +316,8 @@ def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen
         apply_view(scene, look.view, selection)
         for part, taxels in selection.items():
             scene.select(part, taxels)
+    elif not off_screen:
+        scene.framing.mode = "still"  # a camera that turns by itself is asked for (key a)
     if look.layer is not None:
         scene.set_layer(look.layer)
     if look.style is not None:

@@ -239,7 +239,7 @@ def test_missing_display_is_one_line(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     result = CliRunner().invoke(cli, ["view"])
     assert result.exit_code == 2
-    assert "no display here: give --screenshot, --movie, --html or --web" in result.output
+    assert "no display was found: give --screenshot, --movie, --html or --web" in result.output
 
 
 @pytest.mark.parametrize("text", ["{}", "no json", '{"format": "skinmap-view", "version": 9}'])

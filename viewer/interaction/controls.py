@@ -84,7 +84,7 @@ KEYS = (
     ),
     Key("g", "go to the touches", {"g": ("focus",)}),
     Key("r", "the whole robot again", {"r": ("whole",)}),
-    Key("a", "camera and map follow touches", {"a": ("follow",)}),
+    Key("a", "follow touches, or rest", {"a": ("follow",)}),
     Key("v V", "save, load the view", {"v": ("files.save_view",), "V": ("load_view",)}),
     Key("s", "screenshot", {"s": ("files.screenshot",)}),
     Key("o", "movie: start, end", {"o": ("files.toggle_movie",)}),
@@ -275,8 +275,11 @@ class Controls:
             self.say("nothing is touched")
 
     def follow(self) -> None:
-        """Let camera and flat map turn to the touches by themselves."""
-        self.scene.framing.look(self.scene.framing.view, "auto")
+        """Let camera and flat map turn to the touches by themselves, or the camera rest again."""
+        framing = self.scene.framing
+        rests = framing.mode == "auto"
+        framing.look(framing.view, "still" if rests else "auto")
+        self.say("the camera rests" if rests else "camera and map follow the touches")
         self.following = True
 
     def lead(self) -> None:

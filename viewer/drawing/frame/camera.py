@@ -232,14 +232,19 @@ def look_down(renderer: vtkRenderer, middle: FloatArray, metres: float) -> None:
 
 def project(renderer: vtkRenderer, points: FloatArray) -> FloatArray:
     """(n, 2) places of world points (n, 3) [m] in the renderer's picture [px], y upwards."""
+    T = _projection(renderer)
+    x, y, w = T[[0, 1, 3], :3] @ points.T + T[[0, 1, 3], 3:]
+    size = np.array(renderer.GetSize())
+    return np.asarray((np.stack([x, y], axis=1) / w[:, None] + 1.0) / 2.0 * size)
+
+
+def _projection(renderer: vtkRenderer) -> FloatArray:
+    """(4, 4) from world points [m] to the picture, both sides of which are 1 from its middle."""
     width, height = renderer.GetSize()
     matrix = renderer.GetActiveCamera().GetCompositeProjectionTransformMatrix(
         width / height, -1.0, 1.0
     )
-    T = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-    x, y, w = T[[0, 1, 3], :3] @ points.T + T[[0, 1, 3], 3:]
-    size = np.array([width, height])
-    return np.asarray((np.stack([x, y], axis=1) / w[:, None] + 1.0) / 2.0 * size)
+    return np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
 
 
 class Framing:
@@ -331,6 +336,13 @@ class Framing:
         if self._busy is None or old or self._busy.size != size:
             self._busy, self._turned = Coverage(project(self.renderer, self._points()), size), 0
         return self._busy
+
+    def covers(self, place: FloatArray) -> bool:
+        """Whether a ray through a place (2,) of the picture [px] meets the body."""
+        start = np.array(self.renderer.GetActiveCamera().GetPosition())
+        share = 2.0 * place / np.array(self.renderer.GetSize()) - 1.0
+        far = np.linalg.inv(_projection(self.renderer)) @ np.array([*share, 1.0, 1.0])
+        return self._body.blocks(start, far[:3] / far[3])
 
     def hidden(self, target: Target) -> bool:
         """Whether the camera does not see the middle of a target."""

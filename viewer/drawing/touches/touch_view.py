@@ -24,7 +24,7 @@ from viewer.drawing.touches.touch_marks import (
     motion_arrow,
     trail_on,
 )
-from viewer.drawing.words.labels import Box, Label, LabelLayer
+from viewer.drawing.words.labels import Box, Coverage, Label, LabelLayer
 
 LABELS = 8  # at most, of the largest touches: more cannot be read at one look
 
@@ -58,6 +58,8 @@ class TouchView:
         self._touches: tuple[NamedTouch, ...] = ()
         self._anchors = self._tips = np.zeros((0, 3))
         self._hidden: dict[str, bool] = {}
+        self._seen: Coverage | None = None  # the picture that edges were found in
+        self._edges: dict[tuple[int, int], tuple[float, float]] = {}
 
     def show(
         self,
@@ -127,16 +129,33 @@ class TouchView:
             hidden = self._hidden.get(names[row], False) or self._turned_away(row)
             anchor = (float(places[row, 0]), float(places[row, 1]))
             words = caption(self._touches[row])
+            inward = None
             if hidden and busy is not None:  # a line to it would point through the body
-                anchor, words = busy.outline(anchor), f"{words}, behind"
+                centre, anchor, words = (
+                    anchor,
+                    self._edge(anchor, framing, busy),
+                    f"{words}, behind",
+                )
+                inward = (centre[0] - anchor[0], centre[1] - anchor[1])
             colour = tint(touch_colour(self._touches[row]))
-            labels.append(Label(names[row], words, colour, anchor, hidden))
+            labels.append(Label(names[row], words, colour, anchor, hidden, inward))
         reach = self.labels.font_px
         tips = [
             (float(x) - reach, float(y) - reach, float(x) + reach, float(y) + reach)
             for x, y in project(self.renderer, self._tips)
         ]
         self.labels.show(labels, [*avoid, *tips], busy)
+
+    def _edge(
+        self, centre: tuple[float, float], framing: Framing, busy: Coverage
+    ) -> tuple[float, float]:
+        """Where the body's silhouette lies nearest to a hidden centre [px]; kept while it rests."""
+        at = (round(centre[0]), round(centre[1]))
+        if self._seen is not busy:
+            self._seen, self._edges = busy, {}
+        if at not in self._edges:
+            self._edges[at] = busy.outline(centre, framing.covers)
+        return self._edges[at]
 
     def _turned_away(self, row: int) -> bool:
         """Whether the skin under a touch faces away from the camera."""

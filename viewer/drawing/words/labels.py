@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,11 +55,13 @@ class Coverage:
         self._taken = taken[1:, 1:] > 0.0
         self._free: FloatArray | None = None
 
-    def outline(self, point: tuple[float, float]) -> tuple[float, float]:
+    def outline(
+        self, point: tuple[float, float], covers: Callable[[FloatArray], bool] | None = None
+    ) -> tuple[float, float]:
         """Where the outline of what is drawn lies nearest to a point of it [px].
 
         Cells between the points of a surface are not free: those beside a covered one count as
-        covered.
+        covered. `covers` knows of a place (2,) whether something is drawn there, to the pixel.
         """
         if self._free is None:
             padded = np.pad(self._taken, 1)  # scipy.ndimage takes 0.1 s to import
@@ -71,8 +73,15 @@ class Coverage:
             return point
         best = free[np.argmin(((free - point) ** 2).sum(axis=1))]
         way = best + np.linspace(0.0, 1.0, STEPS)[:, None] * (np.array(point) - best)
-        first = int(np.argmax(self.on(way)))
-        return float(way[first, 0]), float(way[first, 1])
+        if covers is None:
+            first = int(np.argmax(self.on(way)))
+            return float(way[first, 0]), float(way[first, 1])
+        first = next((k for k in range(STEPS) if covers(way[k])), STEPS - 1)
+        out, into = way[max(first - 1, 0)], way[first]
+        while np.linalg.norm(into - out) > 1.0:
+            middle = (out + into) / 2
+            out, into = (out, middle) if covers(middle) else (middle, into)
+        return float(into[0]), float(into[1])
 
     def on(self, points: FloatArray) -> BoolArray:
         """(...) whether something is drawn at points (..., 2) [px]."""
@@ -186,7 +195,10 @@ class Label:
     anchor : (float, float)
         [px], y upwards.
     hidden : bool
-        Whether something stands before what it names: its anchor, beside it, is drawn hollow.
+        Whether something stands before what it names.
+    inward : (float, float) or None
+        From the anchor, on the outline of what stands there, to what it names [px]: half a ring is
+        drawn that points there.
     """
 
     key: str
@@ -194,6 +206,7 @@ class Label:
     colour: str
     anchor: tuple[float, float]
     hidden: bool = False
+    inward: tuple[float, float] | None = None
 
 
 class LabelLayer:
@@ -292,13 +305,21 @@ class LabelLayer:
         for label, box in zip(labels, self.boxes, strict=True):
             colour, anchor = rgb(label.colour) * 255, np.array(label.anchor)
             lines.append((np.array([anchor, _nearest(box, anchor)]), colour))
-            shapes.append((disc(*label.anchor, 0.27 * self.font_px), WHITE))
-            shapes.append((disc(*label.anchor, 0.20 * self.font_px), colour))
-            if label.hidden:
-                shapes.append((disc(*label.anchor, 0.11 * self.font_px), WHITE))
+            for radius, tint in ((0.27, WHITE), (0.20, colour), (0.11, WHITE)):
+                if label.inward is not None:
+                    half = 1.6 * radius * self.font_px
+                    shapes.append((half_disc(anchor, half, np.array(label.inward)), tint))
+                elif label.hidden or radius > 0.11:
+                    shapes.append((disc(*label.anchor, radius * self.font_px), tint))
             shapes.append((_rounded(_grown(box, 1.5), corner + 1.5), WHITE))
             shapes.append((_rounded(box, corner), colour))
         self._shapes.draw(lines, shapes)
+
+
+def half_disc(centre: FloatArray, radius: float, way: FloatArray) -> FloatArray:
+    """Outline (k, 2) of the half of a disc that lies in a direction (2,) [px]."""
+    angle = np.arctan2(way[1], way[0]) + np.linspace(-np.pi / 2, np.pi / 2, 12)
+    return np.asarray(centre + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
 def _nearest(box: Box, point: FloatArray) -> FloatArray:

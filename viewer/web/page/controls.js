@@ -205,14 +205,20 @@ export class Controls {
       point: () => this.page.hover.tell(message),
       notice: () => this.say(message.text),
       spans: () => this.timeline.set(message.spans),
-      problem: () => this.words.tell(message.text, () => this.write()),
+      problem: () => {
+        this.words.tell(message.text, () => this.write());
+        if (this.page.layer.table) this.words.showLayer(this.page.layer);
+      },
     };
     kinds[message.kind]?.();
   }
 
   hello({ layers, style, view, scene, size }) {
     if (size) Object.assign($("stage").style, { width: `${size[0]}px`, height: `${size[1]}px` });
-    if (this.scene && this.scene !== scene) location.reload(); // the server came back with another scene
+    if (this.scene && this.scene !== scene) {
+      this.page.outdated = true; // the server came back with another scene
+      location.reload();
+    }
     this.scene = scene;
     if ($("layer").options.length) {
       this.page.askLayer($("layer").value); // connected again: what was chosen stays chosen

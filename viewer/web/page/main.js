@@ -21,6 +21,7 @@ import { Traces } from "./traces.js";
 
 const REST = 300; // after so long without a change all edges are smoothed [ms]
 const WRITE = 100; // from a sample to its words beside the picture [ms]
+const LOOK = 500; // from one look at what stands before a touch to the next [ms]
 const UNKNOWN = 255; // the code of a taxel of which nothing is known
 
 class Page {
@@ -43,6 +44,7 @@ class Page {
     this.fresh = false; // a sample that is not drawn yet
     this.came = 0; // when it did [ms]
     this.lost = false; // the graphics card
+    this.looked = new Map(); // what stands before a touch
     this.delay = 0; // from a sample to its picture, smoothed [ms]
     this.received = 0;
     this.moved = 0; // when the camera or the robot last did [ms]
@@ -110,6 +112,7 @@ class Page {
 
   take(message) {
     const { header, arrays } = message;
+    if (this.outdated) return; // of another robot: the page is about to be loaded anew
     if (!this.sample) this.moved = performance.now(); // the first picture is drawn quickly
     this.sample = message;
     this.received += 1;
@@ -183,6 +186,7 @@ class Page {
 
   askLayer(name) {
     this.link.ask({ do: "layer", to: name });
+    if (name !== this.layer.name) this.controls.words.working(name);
   }
 
   setLayer(layer) {
@@ -209,10 +213,25 @@ class Page {
   }
 
   setPart(name) {
-    this.picture.parts = new Set(name ? [name] : this.header.parts.map((part) => part.name));
+    const all = this.header.parts.map((part) => part.name), other = (name ? 1 : all.length) !== this.picture.parts.size;
+    this.picture.parts = new Set(name ? [name] : all);
     this.picture.forget();
     this.markAll();
+    if (name) this.frame(name);
+    else if (other) this.camera.home();
+    if (name || other) this.cameraMoved();
     this.redraw(true);
+  }
+
+  // Bring a part close, seen from where most of it is seen.
+  frame(name) {
+    const part = this.header.parts.find((one) => one.name === name), [first, count] = part.taxels, model = this.picture.model(part.link);
+    const rows = Array.from({ length: Math.min(count, 200) }, (_, k) => first + Math.floor((k * count) / Math.min(count, 200)));
+    const three = (array, row, width) => array.subarray(width * row, width * row + 3);
+    this.camera.focus(
+      rows.map((row) => place(model, three(this.arrays["taxel.points"], row, 3)).slice(0, 3)),
+      rows.map((row) => turn(model, [...three(this.arrays["taxel.normals"], row, 4)].map((x) => x / 127))),
+    );
   }
 
   // The flat map of a part; one that was asked for by name stays.
@@ -276,12 +295,24 @@ class Page {
     const touches = shown.map((touch, k) => {
       const model = this.picture.model(this.header.parts.find((part) => part.name === touch.part).link);
       const [x, y] = this.camera.project(place(model, touch.centre));
-      const hidden = dot(turn(model, touch.normal), this.camera.direction) < 0;
       const key = touch.identity >= 0 ? `${touch.identity}` : `${touch.part}/${k}`;
-      return { key, text: this.sample.header.stale ? `${touch.text}, last heard` : touch.text, colour: touch.colour, at: [x * width, y * height], hidden };
+      const hidden = dot(turn(model, touch.normal), this.camera.direction) < 0 || this.covered(key, x, y);
+      const text = `${touch.text}${hidden ? ", behind" : ""}${this.sample.header.stale ? ", last heard" : ""}`;
+      return { key, text, colour: touch.colour, at: [x * width, y * height], hidden };
     });
     const inside = touches.filter(({ at: [x, y] }) => x >= 0 && y >= 0 && x <= width && y <= height);
     this.labels.show(inside, { width, height, taken: $("bar").offsetTop - 12 });
+  }
+
+  // Whether something stands before the skin there, in shares of the picture: looked at now and then.
+  covered(key, x, y) {
+    const { canvas } = this.picture, now = performance.now(), known = this.looked.get(key);
+    if (known && known.version === this.camera.version && now - known.at < LOOK) return known.covered;
+    if (now - this.moved < REST) return known?.covered ?? false;
+    if (this.looked.size > 64) this.looked.clear();
+    const covered = this.picture.taxelAt(x * canvas.width, y * canvas.height, this.camera) < 0;
+    this.looked.set(key, { covered, at: now, version: this.camera.version });
+    return covered;
   }
 
   partOf(number) {

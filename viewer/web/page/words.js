@@ -11,6 +11,7 @@ const TELL = 800; // from a change of the touches to its being told [ms]
 const NOTICE = 4000; // that a notice stays [ms]
 const TOLD = 8000; // how long a problem stands there [ms]
 const LATE = 100; // older pictures of a live source are marked [ms]
+const WORK = 200; // that a layer may take before its being made is told [ms]
 const SILENT = 500; // from one look at the clock to the next while nothing comes [ms]
 const css = ([r, g, b]) => `rgb(${r} ${g} ${b})`;
 
@@ -78,7 +79,14 @@ export class Words {
     $("status").className = warn ? "warn" : "";
   }
 
+  // A layer that is not there at once is being made.
+  working(name) {
+    clearTimeout(this.slow);
+    this.slow = setTimeout(() => ($("bar-title").textContent = `${name} is being made ...`), WORK);
+  }
+
   showLayer(layer) {
+    clearTimeout(this.slow);
     $("bar-title").textContent = layer.title;
     $("bar-unit").textContent = layer.unit;
     this.missing = layer.missing;
