@@ -141,6 +141,9 @@ def command(
 ) -> None:
     """Find the neighbourhood shapes that repeat over all parts asked for.
 
+    With --out two pictures: the structures, and under each of them its codewords of simulated
+    touches with the word that each taxel votes for.
+
     \b
     Example:  skinmap structures icub --part right_leg_upper --rotations 6 --out pictures
     """
@@ -152,10 +155,12 @@ def command(
     )
 
     def write(stage: Path) -> Iterator[str]:
-        from skinmap.report.structure_figures import structures_figure
+        from skinmap.report.structure_figures import codewords_figure, structures_figure
 
         structures_figure(skins, found, stage / "structures.png")
         yield "structures.png"
+        codewords_figure(skins, found, stage / "codewords.png")
+        yield "codewords.png"
 
     present(result, _lines, as_json=as_json, out=out, write=write)
 

@@ -11,10 +11,13 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.neighbours.structures import Structures
 from skinmap.report.image import MM, plain_figure, save_figure
+from skinmap.touch.histograms.codebook import COUNTS, Codebook, learn_codebook, patterns
 from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.simulation.simulator import simulate
 
 GREY = "#b4bac1"
 COLUMNS = 12
+TOUCHES, SAMPLES = 6, 400  # of each gesture, and of what they read: for codewords
 CELL = np.array([2.1, 2.5])  # of a structure, in its reaches: wide, high with its words
 
 
@@ -40,6 +43,74 @@ def structures_figure(skins: Mapping[str, PreparedSkin], found: Structures, path
         _draw_members(axis, skin.flat.uv * MM, labels, palette)
         axis.set_title(name, fontsize=9, pad=2, y=1.0)
     save_figure(figure, path)
+
+
+def codewords_figure(
+    skins: Mapping[str, PreparedSkin], found: Structures, path: Path, *, seed: int = 0
+) -> None:
+    """The commonest structures with their codewords below them, and what each taxel votes for.
+
+    Codewords are learnt from simulated touches of the largest part; one of these is drawn with its
+    pressures, the pressure of the codeword that each taxel votes for, and that word's number.
+    """
+    name = max(skins, key=lambda one: len(skins[one]))
+    start = sum(len(skins[one]) for one in list(skins)[: list(skins).index(name)])
+    own = slice(start, start + len(skins[name]))
+    touches = simulate(skins[name].skin, rng=seed, per_gesture=TOUCHES)
+    touched = touches.pressures[(touches.pressures > 0).any(axis=1)]
+    chosen = np.random.default_rng(seed).permutation(len(touched))[:SAMPLES]
+    samples = np.zeros((len(chosen), len(found.labels)), np.uint8)
+    samples[:, own] = touched[chosen]
+    book = learn_codebook([(found, samples)], rng=seed)
+    widest = samples[[np.count_nonzero(samples > COUNTS / 10.0, axis=1).argmax()]] / COUNTS
+    word, heart = np.zeros(len(found.labels), np.int64), np.zeros(len(found.labels))
+    for s in range(len(book.prototypes)):
+        seen, members = patterns(found, s, widest)[0], found.labels == s
+        gap = ((seen[:, None] - book.words[s]) ** 2).sum(axis=2)
+        word[members] = np.where(np.isnan(gap), np.inf, gap).argmin(axis=1)
+        heart[members] = book.words[s, word[members], 0]
+    figure = plain_figure((13.0, 9.0))
+    top, bottom = figure.subfigures(2, 1, height_ratios=[5.2, 3.8])
+    _draw_words(top.subplots(), found, book)
+    top.suptitle(
+        f"codewords (rows) of the commonest structures (columns), of {len(samples)} simulated "
+        f"samples of {name}; dark: pressed",
+        fontsize=11,
+    )
+    heads = ("a touch: pressure", "its codewords: pressure of the middle", "number of the codeword")
+    uv = skins[name].flat.uv * MM
+    for axis, head, values in zip(
+        bottom.subplots(1, 3), heads, (widest[0], heart, word), strict=True
+    ):
+        shown = values[own]
+        colours = "magma_r" if values is not word else "tab10"
+        most = 1.0 if values is not word else 9.5
+        axis.scatter(
+            *uv.T, s=16, edgecolors=GREY, linewidths=0.3, c=shown, cmap=colours, vmin=0.0, vmax=most
+        )
+        axis.set_title(head, fontsize=9)
+        axis.set_aspect("equal")
+        axis.set_axis_off()
+    save_figure(figure, path)
+
+
+def _draw_words(axis: Any, found: Structures, book: Codebook) -> None:
+    """Draw the words of the commonest structures, each as its middle and its neighbours."""
+    shapes = found.prototypes
+    common = np.argsort(-found.counts, kind="stable")[:COLUMNS]
+    reach = 1.15 * float(np.linalg.norm(shapes.offsets, axis=2).max(initial=1e-3)) * MM
+    for column, s in enumerate(common.tolist()):
+        around = np.concatenate([[[0.0, 0.0]], shapes.offsets[s][shapes.filled[s]] * MM])
+        for row, word in enumerate(book.words[s]):
+            if np.isnan(word).all():
+                continue
+            x, y = (around + np.array([2.7 * column, -2.1 * row]) * reach).T
+            levels = word[: len(around)]
+            axis.scatter(x, y, s=30, c=levels, cmap="magma_r", vmin=0.0, vmax=1.0,
+                         edgecolors=GREY, linewidths=0.5)  # fmt: skip
+        axis.text(2.7 * column * reach, 1.2 * reach, f"{s}: {found.counts[s]}", ha="center")
+    axis.set_aspect("equal")
+    axis.set_axis_off()
 
 
 def structure_colours(n: int) -> FloatArray:

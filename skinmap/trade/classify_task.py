@@ -31,6 +31,7 @@ TIMED = 32  # of those that are named, so many again for the time
 HISTOGRAM = "histogram"
 QUICK = (DEFAULT, HISTOGRAM, "paper", "histogram-chi2")
 ONE_SKIN = ("raw-intersection",)  # knows taxels by their number
+IMAGES = ("bovw", "cnn")
 # Knobs of histograms, each varied alone.
 VARIED: dict[str, tuple[Value, ...]] = {
     "radius_mm": (6.0, 11.0),
@@ -58,7 +59,9 @@ class ClassifyTask:
     work = "naming one touch"
     truth = "simulated touches named wrong, on touches (of several parts: on a part) held out"
     knobs = (
-        Knob("classifier", (*QUICK, *ONE_SKIN, "bovw"), DEFAULT, "the classifier of a touch"),
+        Knob(
+            "classifier", (*QUICK, *ONE_SKIN, "bovw", "cnn"), DEFAULT, "the classifier of a touch"
+        ),
         Knob("radius_mm", (6.0, 8.0, 11.0), 8.0, "of a neighbourhood whose shape is a structure"),
         Knob("words", (4, 8, 16), 8, "codewords of a structure"),
         Knob("rotations", (1, 6), 6, "turns that leave a structure the same"),
@@ -73,6 +76,8 @@ class ClassifyTask:
             found += [{"classifier": HISTOGRAM, knob: value} for value in values]
         if find_spec("mahotas"):
             found += [{"classifier": "bovw", "image_size": size} for size in SIZES]
+        if find_spec("torch"):  # the paper's network trains for minutes: `evaluate` has it
+            found.append({"classifier": "cnn"})
         return found
 
     def prepare(self, robot: Robot, parts: tuple[str, ...], *, seed: int) -> Touches:

@@ -142,7 +142,7 @@ def test_tables_are_printed_for_people(recording):
             "two patches, got torso; give",
         ),
         (["--protocol", "baxter", "--classifier", "oracle"], "no method 'oracle'"),
-        (["--protocol", "baxter", "--set", "images=9"], "Expected `int` >= 40"),
+        (["--protocol", "baxter", "--set", "images=9"], "Expected `int` >= 90"),
         (["--protocol", "baxter", "--set", "network=huge"], "Invalid enum value 'huge'"),
         (["--protocol", "baxter", "--set", "sweep=yes"], "settings of baxter: images, network"),
         (["--protocol", "physics", "--set", "folds"], "settings of physics: none"),

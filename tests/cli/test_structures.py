@@ -53,7 +53,7 @@ def test_pictures_are_written_beside_the_numbers(tmp_path):
     assert result.exit_code == 0, result.output
     assert "distance geodesic" in result.output
     files = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert files == ["structures.png"]
+    assert files == ["codewords.png", "structures.png"]
     for path in (tmp_path / "out").iterdir():
         assert path.read_bytes().startswith(b"\x89PNG")
         assert path.name in result.output

@@ -140,9 +140,10 @@ def command(
     \b
     Settings (--set NAME=VALUE):
       kaspar       places=anywhere|habitual  where people touch
+                   places=grips              grips at habitual places, pokes anywhere
                    sampling=random|paper     every 50th and 10th sample, as published
                    sweep=no|yes              sweep r and k (always with --out)
-      baxter       images=1800               images, 40 or more
+      baxter       images=1800               images, 90 or more
                    network=small|paper       paper takes 6 minutes a training,
                                              and tries 7 rates in 5 folds a split
       cross-patch  train_robot=ROBOT         train on this robot, test on --robot

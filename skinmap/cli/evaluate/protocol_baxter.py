@@ -24,7 +24,7 @@ from skinmap.report.table import Table
 class Baxter(Own):
     """How many images there are, and which network."""
 
-    images: Annotated[int, Meta(ge=40, le=MAX_TOUCHES)] = 1800
+    images: Annotated[int, Meta(ge=90, le=MAX_TOUCHES)] = 1800
     network: Literal["small", "paper"] = "small"
 
 

@@ -16,12 +16,13 @@ from skinmap.recognition.protocols.results import KasparResult, SweepRow
 from skinmap.report.image import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
+from skinmap.touch.simulation.subjects import Places
 
 
 class Kaspar(Own):
     """Where people touch, and whether r and k are swept."""
 
-    places: Literal["anywhere", "habitual"] = "anywhere"
+    places: Places = "anywhere"
     sampling: Literal["random", "paper"] = "random"
     sweep: bool = False
 

@@ -91,7 +91,7 @@ def evaluate_kaspar(
         Samples of each gesture; the paper's by default.
     percents : sequence of int
         Shares of them that are drawn and cross-validated.
-    places : {"anywhere", "habitual"}
+    places : {"anywhere", "habitual", "grips"}
         Where people touch.
     sampling : {"random", "paper"}
         How the shares are drawn: at random, or every 50th and every 10th sample.

@@ -34,6 +34,7 @@ from skinmap.touch.simulation.hands import Body, Draw, oblique, rolled
 from skinmap.touch.simulation.moving_touches import Ground, bed_press, lay
 from skinmap.touch.simulation.sensing import Sensing, Sensors
 from skinmap.touch.simulation.subjects import (
+    GRIPS,
     HABIT_SHIFT,
     HABIT_TURN,
     HABITS,
@@ -163,8 +164,9 @@ def simulate(
         Names from `things.STILL` and `TIME`; the four of the first paper by default.
     subjects : int
         How many people touch, each with a hand size, force, pace and habits.
-    places : {"anywhere", "habitual"}
-        Wherever a touch fits, or near the places and angles that people keep to.
+    places : {"anywhere", "habitual", "grips"}
+        Wherever a touch fits; near the places and angles that people keep to; or grips there and
+        all else anywhere.
     sensing : Sensing, optional
         How the taxels answer; drawn as the variety says by default.
     variety : float
@@ -276,6 +278,8 @@ def place(
         uv = stage.maps.around(source)
         shift = rng.normal(0.0, 0.3 * stage.spacing, 2) + _middle(pads)
         turned = uv @ plane_turns(angle).T + shift
+        if subject.left:
+            turned[:, 1] *= -1.0
         if covered_share(pads, turned, stage.spacing) < enough:
             continue
         if bodies:
@@ -326,7 +330,8 @@ def _spot(
     stage: Stage, name: str, subject: Subject, places: Places, rng: np.random.Generator
 ) -> tuple[int, float]:
     """Taxel and angle to touch at."""
-    if places == "anywhere" or name not in stage.habits:
+    free = places == "anywhere" or (places == "grips" and name not in GRIPS)
+    if free or name not in stage.habits:
         return int(rng.integers(len(stage.skin))), float(rng.uniform(0.0, 2.0 * np.pi))
     # Now and then people leave their habit; a gesture that does not fit there must get away.
     habit = stage.habits[name][subject.habit if rng.random() < 0.8 else int(rng.integers(HABITS))]

@@ -14,7 +14,8 @@ ALL_HANDS = (0.65, 1.13)
 HABITS = 3  # habitual places of a gesture on a part
 HABIT_SHIFT = 8e-3  # how near a subject comes to them, standard deviation [m]
 HABIT_TURN = 0.25  # and with the angle of the hand [rad]
-Places = Literal["anywhere", "habitual"]
+Places = Literal["anywhere", "habitual", "grips"]  # grips: these alone at habitual places
+GRIPS = ("three_finger", "whole_hand")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +34,8 @@ class Subject:
         How slowly, 1 = as most.
     habit : int
         Which habitual place, 0..HABITS-1.
+    left : bool
+        Whether a left hand touches: the mirror image of a right one.
     """
 
     number: int
@@ -40,6 +43,7 @@ class Subject:
     force: float
     pace: float
     habit: int
+    left: bool = False
 
 
 def draw_subjects(
