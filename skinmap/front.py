@@ -63,9 +63,9 @@ def gestures() -> tuple[str, ...]:
     >>> "poke" in skinmap.gestures()
     True
     """
-    from skinmap.touch.simulation.gestures import GESTURES
+    from skinmap.touch.simulation.simulator import EVERY
 
-    return tuple(GESTURES)
+    return EVERY
 
 
 def flatteners() -> tuple[str, ...]:

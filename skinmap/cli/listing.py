@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
 
 import click
 
 from skinmap.commands.options import open_robot, prints, robot_argument
 from skinmap.errors import UnknownNameError
+from skinmap.registry import Registry
 from skinmap.report.present import present
+from skinmap.summary import listed
 
 GROUP = "skinmap.listings"  # names that packages above the core have: layers of the viewer
 
@@ -25,28 +28,112 @@ class Listing:
         Kind of the listed names.
     names
         All there are, those of plug-ins too.
+    about
+        A line on each; empty of a plug-in's.
     """
 
     kind: str
     names: list[str]
+    about: list[str]
 
 
-def _robots(_: str) -> tuple[str, ...]:
-    from skinmap.io.robots.manifest import builtin_robots
+# A line on each name of the core; of robots and parts it is made.
+ABOUT = {
+    "contact-geometry": "lengths, areas and counts of contacts, RBF machine (the default)",
+    "histogram": "histograms of structures, as in the first paper, made to carry over",
+    "paper": "the first paper to the letter",
+    "raw-rbf": "bare values of one part, RBF machine (for comparison)",
+    "raw-intersection": "bare values of one part, intersection kernel (for comparison)",
+    "histogram-chi2": "histograms, additive chi2 map",
+    "histogram-sqrt": "histograms, square roots",
+    "bovw": "bags of visual words on contact images, as in the second paper",
+    "cnn": "a network on contact images, as in the second paper",
+    "tutte": "each vertex in the middle of its neighbours",
+    "harmonic": "least Dirichlet energy; may flip",
+    "lscm": "conformal, least squares",
+    "bff": "conformal, the border keeps its lengths",
+    "arap": "as rigid as possible",
+    "slim": "least symmetric Dirichlet energy, by libigl",
+    "dirichlet": "least symmetric Dirichlet energy from the best start",
+    "bijective": "no two places of the skin on one place of the map",
+    "fast": "bff",
+    "balanced": "arap (the default)",
+    "accurate": "least symmetric Dirichlet energy, by size of the patch",
+    "auto": "chosen within a budget of time or error",
+    "poke": "one fingertip",
+    "full_finger": "a finger lying flat",
+    "three_finger": "three fingertips",
+    "whole_hand": "a palm with its fingers",
+    "elbow": "a person's elbow",
+    "forearm": "a person's forearm",
+    "ball": "a soft ball",
+    "edge": "the edge of a hand",
+    "cylinder": "a round bar, lying",
+    "several_fingers": "two, four or five fingertips",
+    "grasp": "three or four fingers and the thumb against them",
+    "hard_ball": "a hard ball",
+    "rod": "a thin bar, lying",
+    "ring": "the rim of a cup",
+    "corner": "a corner",
+    "table_edge": "the edge of a table",
+    "plate": "a flat plate",
+    "gripper": "two jaws of a gripper",
+    "link": "another link of a robot",
+    "shoulder": "a person's shoulder",
+    "stroke": "a hand that moves one way",
+    "pat": "a flat hand, again and again",
+    "tap": "a fingertip, again and again",
+    "rub": "to and fro",
+    "slide": "a contact pushed along",
+    "twist": "a contact that turns",
+    "squeeze": "pressed harder and softer",
+    "hold": "still for seconds",
+    "sim": "simulated touches; sim:GESTURE, sim:raw",
+    "lsl": "a stream of LabStreamingLayer, lsl:NAME",
+    "mujoco": "a robot with its skin in MuJoCo, mujoco:FILE",
+    "zenoh": "zenoh:[PORT][/TOPIC]",
+    "zmq": "zmq:PORT or zmq:HOST:PORT",
+    "pressure": "counts, 0 at rest to 255",
+    "raw": "values as the sensors send them",
+    "binary": "touched or not",
+    "structures": "neighbourhoods that repeat",
+    "uncertainty": "error of calibrated places",
+    "distortion": "strain of the flat map",
+    "health": "stuck, noisy, dead or mute taxels",
+    "patches": "connected pieces of skin",
+    "touched": "how often each taxel was touched, in a recording",
+}
 
-    return builtin_robots()
+
+def _robots(_: str) -> dict[str, str]:
+    from skinmap.io.robots.manifest import builtin_robots, load_robot
+
+    return {name: f"parts {listed(load_robot(name).parts)}" for name in builtin_robots()}
 
 
-def _classifiers(_: str) -> tuple[str, ...]:
-    from skinmap.recognition.catalogue import classifiers
+def _parts(robot: str) -> dict[str, str]:
+    found, names = open_robot(robot, ())
+    return {name: f"on link {found.part(name).link} of {found.name}" for name in names}
 
-    return classifiers.names()
+
+def _described(place: str) -> Callable[[str], dict[str, str]]:
+    """Names at "module:attribute", a registry or a sequence of names, each with its line."""
+
+    def names(_: str) -> dict[str, str]:
+        found: Any = EntryPoint(place, place, GROUP).load()
+        every = found.names() if isinstance(found, Registry) else found
+        return {name: ABOUT.get(name, "") for name in every}
+
+    return names
 
 
-KINDS: dict[str, Callable[[str], tuple[str, ...]]] = {
+KINDS: dict[str, Callable[[str], dict[str, str]]] = {
     "robots": _robots,
-    "parts": lambda robot: open_robot(robot, ())[0].parts,
-    "classifiers": _classifiers,
+    "parts": _parts,
+    "classifiers": _described("skinmap.recognition.catalogue:classifiers"),
+    "methods": _described("skinmap.flat.methods:flatteners"),
+    "gestures": _described("skinmap.touch.simulation.simulator:EVERY"),
+    "sources": _described("skinmap.live.sources.open_source:sources"),
 }
 
 
@@ -55,12 +142,15 @@ KINDS: dict[str, Callable[[str], tuple[str, ...]]] = {
 @robot_argument
 @prints(Listing)
 def command(kind: str, robot: str, as_json: bool) -> None:
-    """List the names of a KIND: robots, parts (of ROBOT), classifiers or layers.
+    """List names that commands take, with a line on each.
+
+    KIND is robots, parts (of ROBOT), classifiers, methods (of flattening), gestures, sources or
+    layers (of the viewer).
 
     \b
     Example:  skinmap list parts kaspar
     """
-    present(work(kind, robot), lambda result: result.names, as_json=as_json)
+    present(work(kind, robot), _lines, as_json=as_json)
 
 
 def work(kind: str, robot: str) -> Listing:
@@ -72,8 +162,14 @@ def work(kind: str, robot: str) -> Listing:
         A kind that nothing lists, or no such robot.
     """
     above = {point.name: point for point in entry_points(group=GROUP)}
-    if kind in KINDS:
-        return Listing(kind=kind, names=list(KINDS[kind](robot)))
-    if kind in above:
-        return Listing(kind=kind, names=list(above[kind].load()))
-    raise UnknownNameError("kind of names", kind, [*KINDS, *above])
+    if kind not in KINDS and kind not in above:
+        raise UnknownNameError("kind of names", kind, [*KINDS, *above])
+    read = KINDS[kind] if kind in KINDS else _described(above[kind].value)
+    found = read(robot)
+    return Listing(kind=kind, names=list(found), about=list(found.values()))
+
+
+def _lines(result: Listing) -> Iterator[str]:
+    width = max(map(len, result.names), default=0)
+    for name, line in zip(result.names, result.about, strict=True):
+        yield f"{name:{width}}  {line}".rstrip()

@@ -172,7 +172,7 @@ def build_surface(
         return surface_from_faces(skin, faces)
     if method not in MESHING:
         raise UnknownNameError("meshing method", method, MESHING)
-    if 0 < len(skin) < 3:
+    if 0 < len(skin.positions) < 3:
         none = np.zeros(0, np.int64)
         return SurfaceMesh(skin, none.reshape(0, 3), np.arange(len(skin)), none)
     if skin.pieces is not None:

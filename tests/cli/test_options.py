@@ -76,13 +76,18 @@ def test_a_robot_that_is_gone_is_named(own, tmp_path):
         (("robots",), {"icub", "kaspar", "baxter-forearm", "ur10e-cyskin"}),
         (("parts", "kaspar"), {"torso", "left_hand"}),
         (("classifiers",), {"contact-geometry", "histogram"}),
+        (("methods",), {"balanced", "auto"}),
+        (("gestures",), {"poke", "squeeze"}),
+        (("sources",), {"sim", "lsl"}),
         (("layers",), set(LAYERS)),
     ],
 )
 def test_list_names_what_commands_take(words, expected):
     names = json.loads(run("list", *words, "--json").stdout)["names"]
     assert expected <= set(names)
-    assert run("list", *words).stdout.split() == names
+    lines = run("list", *words).stdout.splitlines()
+    assert [line.split()[0] for line in lines] == names
+    assert all(len(line.split()) > 1 for line in lines)  # with a line on each
 
 
 def test_list_of_an_unknown_kind_names_the_kinds():

@@ -55,7 +55,7 @@ def test_read_csv_names_file_and_line(tmp_path, text, message):
     ],
 )
 def test_columns_beside_the_position_may_be_missing(tmp_path, header, row, channel, module):
-    first = row.replace("0.1", "0.5").replace("4,", "9,")
+    first = row.replace("0.1", "0.5").replace("4,", "2,")
     (tmp_path / "t.csv").write_text(f"{header}\n{first}\n{row}\n")
     table = read_csv(tmp_path / "t.csv")
     assert (table.channels[1], table.modules[1]) == (channel, module)

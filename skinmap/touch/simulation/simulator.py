@@ -214,11 +214,14 @@ def simulate(
     return player.recording()
 
 
+EVERY = (*STILL, *TIME)  # names of gestures
+
+
 def check_gestures(names: Sequence[str]) -> None:
     """Refuse gestures that do not exist, and no gesture at all."""
     for name in names:
         if name not in BODIES and name not in TIME:
-            raise UnknownNameError("gesture", name, [*STILL, *TIME])
+            raise UnknownNameError("gesture", name, EVERY)
 
 
 def touch_loads(stage: Stage, pads: Sequence[Pad], uv: FloatArray) -> FloatArray:
